@@ -1,0 +1,1 @@
+"""The linear lattice between impacts, and what drives it. Knows nothing of impacts."""

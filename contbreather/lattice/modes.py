@@ -1,0 +1,393 @@
+"""What the linear lattice answers between impacts: its band, and means over its modes.
+
+Every mean we need is a function of ``w^2`` with simple poles at whole numbers, for example
+``tan(pi w/2)/w = (4/pi) sum over odd s of 1/(s^2 - w^2)``. The pole next to the band is kept
+exact (it alone diverges as gamma -> 1/4), the others are expanded in powers of ``w^2``: their
+sums are zeta functions, and the terms fall like ``9^-j``. So a mean costs one square root and
+one short polynomial, is at machine precision for every gamma in [0, 1/4), and needs no limit
+at w -> 0. A lattice enters only through the mean of ``z q/(1 - z q)``, ``q = sin^2(theta/2)``,
+and the moments of ``q``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import zeta
+
+from contbreather.errors import BadInput
+
+TERMS = 18  # 9^-18 < 1e-17: more terms would be below rounding
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+def check_gamma(gamma: float) -> float:
+    """Return ``gamma`` as a float, or say why no breather can live at this coupling.
+
+    Raises
+    ------
+    BadInput
+        If gamma is not a number in [0, 1/4): at 1/4 the band reaches the forcing frequency 1.
+    """
+    try:
+        number = float(gamma)
+    except (TypeError, ValueError):
+        number = math.nan
+    if 0.0 <= number < 0.25:
+        return number
+    raise BadInput(
+        f"gamma = {gamma!r}: the coupling must be a number with 0 <= gamma < 1/4, so that the "
+        "band [0, 2 sqrt(gamma)] stays below the forcing frequency 1; choose gamma in that range."
+    )
+
+
+class _Series(NamedTuple):
+    """A mean as ``constant + sum of weight * excess(x/s^2) + polynomial(x)``, x = 4 gamma."""
+
+    constant: float
+    first: float  # weight of the pole at w = 1
+    second: float  # weight of the pole at w = 2
+    powers: tuple[float, ...]  # coefficients of x^1, x^2, ...
+    slopes: tuple[float, ...]  # those of the derivative: 1*c1, 2*c2, ...
+
+
+def _series(
+    constant: float, first: float, second: float, tail: FloatArray, moments: FloatArray
+) -> _Series:
+    powers = tail * moments[1:]
+    slopes = powers * np.arange(1, TERMS + 1)
+    # reversed once here, so that Horner runs straight through the tuple
+    return _Series(
+        constant, first, second, tuple(powers[::-1].tolist()), tuple(slopes[::-1].tolist())
+    )
+
+
+class _Means(NamedTuple):
+    chi: _Series
+    eta: _Series
+    sigma: _Series
+    psi: _Series
+
+
+@lru_cache(maxsize=128)
+def _means(sites: int | None) -> _Means:
+    """Expansions of the four means; ``sites=None`` is the infinite chain."""
+    moments = q_moments(sites, 0)
+    j = np.arange(1, TERMS + 1)
+    odd = 4.0**-j * zeta(2 * j, 1.5)  # sum over 3, 5, 7... of s^-2j
+    odd2 = 0.25 * 4.0**-j * zeta(2 * j + 2, 1.5)  # the same of s^-(2j+2)
+    even = 4.0**-j * zeta(2 * j, 2.0)  # sum over 4, 6, 8... of s^-2j
+    f = 4.0 / math.pi
+    return _Means(
+        chi=_series(math.pi / 2, f, 0.0, f * odd2, moments),
+        eta=_series(0.0, f, 0.0, f * odd, moments),
+        sigma=_series(1 / math.pi, f / 2, -f / 2, f / 2 * (odd - even), moments),
+        psi=_series(2 / math.pi, 0.0, -f, -f * even, moments),
+    )
+
+
+@lru_cache(maxsize=1024)
+def q_moments(sites: int | None, n: int) -> FloatArray:
+    """``<q^j cos(n theta)>`` for j = 0..TERMS with ``q = sin^2(theta/2)``; read-only.
+
+    ``(2 - 2 cos theta)^j`` has the Fourier coefficients ``(-1)^n binomial(2j, j + n)``; on a
+    ring the ones N apart fall together.
+    """
+    values = np.empty(TERMS + 1)
+    for j in range(TERMS + 1):
+        if sites is None:
+            orders = [n] if abs(n) <= j else []
+        else:
+            orders = [m for m in range(-j, j + 1) if (m - n) % sites == 0]
+        total = sum((-1) ** (m % 2) * math.comb(2 * j, j + m) for m in orders)
+        values[j] = total / 4**j  # whole numbers up to the last division
+    values.setflags(write=False)
+    return values
+
+
+class Lattice(Protocol):
+    """The seam: a lattice answers for its modes and knows nothing of impacts.
+
+    Means are over the modes w(theta) = 2 sqrt(gamma) |sin(theta/2)| of a chain driven at site 0.
+    Every method refuses a gamma outside [0, 1/4) with `BadInput`.
+    """
+
+    def chi(self, gamma: float) -> float: ...
+    def eta(self, gamma: float) -> float: ...
+    def sigma(self, gamma: float) -> float: ...
+    def psi(self, gamma: float) -> float: ...
+    def dchi(self, gamma: float) -> float: ...
+    def deta(self, gamma: float) -> float: ...
+    def dsigma(self, gamma: float) -> float: ...
+    def dpsi(self, gamma: float) -> float: ...
+    def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray: ...
+    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]: ...
+
+
+class _TranslationInvariant:
+    """The four means, for any lattice that can give `_excess` and its slope."""
+
+    _expansions: _Means
+
+    def _excess(self, z: float) -> float:
+        raise NotImplementedError
+
+    def _dexcess(self, z: float) -> float:
+        raise NotImplementedError
+
+    def _mean(self, gamma: float, series: _Series) -> float:
+        if not 0.0 <= gamma < 0.25:
+            check_gamma(gamma)
+        x = 4.0 * gamma
+        total = 0.0
+        for c in series.powers:
+            total = total * x + c
+        total = total * x + series.constant
+        if series.first:
+            total += series.first * self._excess(x)
+        if series.second:
+            total += series.second * self._excess(0.25 * x)
+        return total
+
+    def _slope(self, gamma: float, series: _Series) -> float:
+        if not 0.0 <= gamma < 0.25:
+            check_gamma(gamma)
+        x = 4.0 * gamma
+        total = 0.0
+        for c in series.slopes:
+            total = total * x + c
+        if series.first:
+            total += series.first * self._dexcess(x)
+        if series.second:
+            total += 0.25 * series.second * self._dexcess(0.25 * x)
+        return 4.0 * total
+
+    def chi(self, gamma: float) -> float:
+        """``<tan(pi w/2)/w>``, eq. (10): displacement of site 0 at the impact per unit p."""
+        return self._mean(float(gamma), self._expansions.chi)
+
+    def eta(self, gamma: float) -> float:
+        """``<w tan(pi w/2)>``: the restoring acceleration at the impact per unit p."""
+        return self._mean(float(gamma), self._expansions.eta)
+
+    def sigma(self, gamma: float) -> float:
+        """``<w/sin(pi w)>``: the harmonic pitchfork is at ``a = p sqrt(q^2 + 4 sigma^2)``."""
+        return self._mean(float(gamma), self._expansions.sigma)
+
+    def psi(self, gamma: float) -> float:
+        """``<w cot(pi w/2)>``: the pitchfork of any forcing is at ``b = (1+k)^2 psi/2``."""
+        return self._mean(float(gamma), self._expansions.psi)
+
+    def dchi(self, gamma: float) -> float:
+        """Derivative of `chi` with respect to gamma."""
+        return self._slope(float(gamma), self._expansions.chi)
+
+    def deta(self, gamma: float) -> float:
+        """Derivative of `eta` with respect to gamma."""
+        return self._slope(float(gamma), self._expansions.eta)
+
+    def dsigma(self, gamma: float) -> float:
+        """Derivative of `sigma` with respect to gamma."""
+        return self._slope(float(gamma), self._expansions.sigma)
+
+    def dpsi(self, gamma: float) -> float:
+        """Derivative of `psi` with respect to gamma."""
+        return self._slope(float(gamma), self._expansions.psi)
+
+
+@dataclass(frozen=True)
+class InfiniteChain(_TranslationInvariant):
+    """The infinite chain with nearest-neighbour coupling, eq. (1).
+
+    Examples
+    --------
+    >>> round(InfiniteChain().chi(0.12), 13)
+    2.0678739703938
+    """
+
+    @property
+    def _expansions(self) -> _Means:  # type: ignore[override]
+        return _INFINITE
+
+    def _excess(self, z: float) -> float:
+        r = math.sqrt(1.0 - z)
+        return z / (r * (1.0 + r))
+
+    def _dexcess(self, z: float) -> float:
+        rr = 1.0 - z
+        return 0.5 / (rr * math.sqrt(rr))
+
+    def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray:
+        """``<1/(w^2 - s^2)> = -1/sqrt(s^2 (s^2 - 4 gamma))``, the branch with -1/s^2 far away.
+
+        Parameters
+        ----------
+        gamma : float
+            Coupling in [0, 1/4).
+        s : array_like of complex
+            Anywhere off the band: Im s != 0 or |s| > 2 sqrt(gamma).
+
+        Returns
+        -------
+        ndarray of complex, the shape of ``s``.
+
+        Raises
+        ------
+        BadInput
+            Where s is real and in the band, the mean does not exist there.
+
+        Examples
+        --------
+        >>> complex(InfiniteChain().resolvent(0.0, 2.0)).real
+        -0.25
+        """
+        gamma = check_gamma(gamma)
+        s2 = np.square(np.asarray(s, dtype=complex))
+        if np.any((s2.imag == 0.0) & (s2.real <= 4.0 * gamma) & (s2.real >= 0.0)):
+            raise BadInput(
+                f"the mean <1/(w^2 - s^2)> does not exist for real s in the band "
+                f"[0, {2 * math.sqrt(gamma):.6g}] of gamma = {gamma}; move s off the real axis."
+            )
+        # 1 - 4 gamma/s^2 is negative only on the band, so the principal root is the right one
+        return np.asarray(-1.0 / (s2 * np.sqrt(1.0 - 4.0 * gamma / s2)))
+
+    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Nodes, weights and frequencies of the trapezoid rule for means over the band.
+
+        Good to rounding for ``cos(n theta)`` with n <= reach times anything whose nearest
+        singularity is w = 1; evenness in theta leaves [0, pi].
+
+        Returns
+        -------
+        theta, weight, w : ndarray, shape (M,)
+        """
+        gamma = check_gamma(gamma)
+        r = math.sqrt(1.0 - 4.0 * gamma)
+        width = 2.0 * math.atanh(min(r, 1.0 - 1e-12))  # strip of analyticity about the real axis
+        half = 8 + (int(40.0 / width) + int(reach) + 1) // 2
+        theta = np.linspace(0.0, math.pi, half + 1)
+        weight = np.full(half + 1, 1.0 / half)
+        weight[[0, -1]] *= 0.5
+        return theta, weight, 2.0 * math.sqrt(gamma) * np.sin(0.5 * theta)
+
+
+@dataclass(frozen=True)
+class Ring(_TranslationInvariant):
+    """A ring of ``sites`` sites: the same chain closed on itself.
+
+    One site is a single oscillator (the coupling drops out); on two sites both neighbours are
+    the same one, so its stiffness matrix is ``gamma [[2, -2], [-2, 2]]``.
+
+    Examples
+    --------
+    >>> abs(Ring(200).chi(0.12) - InfiniteChain().chi(0.12)) < 1e-15
+    True
+    """
+
+    sites: int
+
+    def __post_init__(self) -> None:
+        whole = isinstance(self.sites, int | np.integer) and not isinstance(self.sites, bool)
+        if not whole or self.sites < 1:
+            raise BadInput(
+                f"sites = {self.sites!r}: a ring needs a whole number of sites, at least 1."
+            )
+        object.__setattr__(self, "sites", int(self.sites))
+        object.__setattr__(self, "_expansions", _means(self.sites))
+
+    def _excess(self, z: float) -> float:
+        r = math.sqrt(1.0 - z)
+        odd = self.sites % 2
+        if z > 0.5:  # T/r with T = tanh or coth stays exact where 1/r and the correction cancel
+            t = math.tanh(self.sites * math.atanh(r))
+            return (t if odd else 1.0 / t) / r - 1.0
+        e = (z / (1.0 + r) ** 2) ** self.sites
+        if odd:
+            e = -e
+        return (z / (1.0 + r) + 2.0 * e / (1.0 - e)) / r
+
+    def _dexcess(self, z: float) -> float:
+        r = math.sqrt(1.0 - z)
+        n = self.sites
+        if n % 2 and n * r < 1.0:  # the closed form cancels to order r^2; so few modes, sum them
+            q, c, weight = _quarter_waves(n)
+            return float(np.dot(weight, q / ((1.0 - z) + z * c) ** 2))
+        rho = z / (1.0 + r) ** 2
+        e = rho**n
+        gap = 1.0 - e if e < 0.5 else -math.expm1(-2.0 * n * math.atanh(r))
+        sign = 1.0
+        if n % 2:
+            gap, sign = 1.0 + e, -1.0
+        t = (2.0 - gap) / gap
+        slope = sign * 4.0 * n * rho ** (n - 1) / ((1.0 + r) * gap) ** 2
+        return (t + r * slope) / (2.0 * r**3)
+
+    def frequencies(self, gamma: float) -> FloatArray:
+        """``w_j = 2 sqrt(gamma) |sin(pi j/N)|``, j = 0..N-1."""
+        gamma = check_gamma(gamma)
+        j = np.arange(self.sites)
+        # sin(pi j/N) and sin(pi (N-j)/N) must be the same number: degenerate pairs stay so
+        return 2.0 * math.sqrt(gamma) * np.sin(np.pi * np.minimum(j, self.sites - j) / self.sites)
+
+    def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray:
+        """``(1/N) sum of 1/(w_j^2 - s^2)`` in closed form; see `InfiniteChain.resolvent`.
+
+        Real s inside the band is allowed, except the frequencies themselves.
+
+        Raises
+        ------
+        BadInput
+            If s is a frequency of the ring.
+
+        Examples
+        --------
+        >>> complex(Ring(1).resolvent(0.2, 0.5)).real
+        -4.0
+        """
+        gamma = check_gamma(gamma)
+        s2 = np.square(np.asarray(s, dtype=complex))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = 4.0 * gamma / s2
+            r = np.sqrt(1.0 - z)
+            e = (-z / (1.0 + r) ** 2) ** self.sites
+            value = np.asarray(-(1.0 + e) / ((1.0 - e) * r * s2))
+        if not np.all(np.isfinite(value)):
+            raise BadInput(
+                f"the mean <1/(w^2 - s^2)> has a pole at each frequency of the ring of "
+                f"{self.sites} sites (0 among them); move s off them."
+            )
+        return value
+
+    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The ring's own modes, those at theta and -theta counted together; ``reach`` is free.
+
+        Returns
+        -------
+        theta, weight, w : ndarray, shape (N//2 + 1,)
+        """
+        gamma = check_gamma(gamma)
+        half = self.sites // 2
+        j = np.arange(half + 1)
+        weight = np.where((j == 0) | (2 * j == self.sites), 1.0, 2.0) / self.sites
+        return (
+            2.0 * np.pi * j / self.sites,
+            weight,
+            2.0 * math.sqrt(gamma) * np.sin(np.pi * j / self.sites),
+        )
+
+
+@lru_cache(maxsize=32)
+def _quarter_waves(sites: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """sin^2 and cos^2 of theta/2 over the modes of a ring, with their weights."""
+    theta, weight, _ = Ring(sites).nodes(0.0)
+    return np.sin(0.5 * theta) ** 2, np.cos(0.5 * theta) ** 2, weight
+
+
+_INFINITE = _means(None)
