@@ -1,0 +1,324 @@
+"""The source keeps to the floors drawn in docs/architecture.md."""
+
+from __future__ import annotations
+
+import ast
+import graphlib
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import contbreather
+
+PACKAGE = Path(contbreather.__file__).parent
+DRAWING = PACKAGE.parent / "docs" / "architecture.md"
+FRONT_DESK = "contbreather"
+MEANINGLESS = {"utils", "util", "helpers", "helper", "common", "core", "misc", "tools"}
+ENGINE_MAY_LOAD = {"numpy", "scipy"}
+ENGINE_MAY_LOAD_LATE = ENGINE_MAY_LOAD | {"networkx", "rich", "xarray"}
+LONGEST_FUNCTION = 60
+
+
+@dataclass(frozen=True)
+class Import:
+    """One import statement: who, whom, where, and whether it runs when the module is loaded."""
+
+    source: str
+    target: str
+    line: int
+    at_load: bool
+
+    def __str__(self) -> str:
+        return f"{self.source}:{self.line} imports {self.target}"
+
+
+# --- reading the source ---------------------------------------------------------------------
+
+
+def modules(package: Path) -> dict[str, ast.Module]:
+    trees = {}
+    for path in sorted(package.rglob("*.py")):
+        parts = [package.name, *path.relative_to(package).with_suffix("").parts]
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        trees[name] = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+    return trees
+
+
+def is_type_checking(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+
+
+def statements(node: ast.AST, at_load: bool = True) -> Iterator[tuple[ast.AST, bool]]:
+    for child in ast.iter_child_nodes(node):
+        late = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef) or is_type_checking(child)
+        yield child, at_load
+        yield from statements(child, at_load and not late)
+
+
+def absolute(node: ast.ImportFrom, source: str, is_package: bool) -> str:
+    if not node.level:
+        return node.module or ""
+    parts = source.split(".") + ([] if not is_package else [""])
+    return ".".join([*parts[: -node.level], *filter(None, [node.module])])
+
+
+def imports(trees: dict[str, ast.Module], packages: set[str]) -> list[Import]:
+    """Every import of every module; `from package import submodule` counts as the submodule."""
+    found = []
+    for source, tree in trees.items():
+        for node, at_load in statements(tree):
+            if isinstance(node, ast.Import):
+                targets = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                base = absolute(node, source, source in packages)
+                inner = [f"{base}.{alias.name}" for alias in node.names]
+                targets = sorted({full if full in trees else base for full in inner})
+            else:
+                continue
+            found += [Import(source, target, node.lineno, at_load) for target in targets]
+    return found
+
+
+def package_names(package: Path) -> set[str]:
+    return {
+        ".".join([package.name, *path.parent.relative_to(package).parts])
+        for path in package.rglob("__init__.py")
+    }
+
+
+def imports_of(package: Path) -> list[Import]:
+    return imports(modules(package), package_names(package))
+
+
+# --- reading the drawing --------------------------------------------------------------------
+
+
+def drawn(text: str) -> tuple[dict[str, int], set[str]]:
+    """The floor of each name, and the names that are only planned (in parentheses)."""
+    floors, planned = {}, set()
+    for line in re.findall(r"^floor .*$", text, flags=re.MULTILINE):
+        head, *_ = re.split(r"\s{3,}", line.removeprefix("floor ").strip().replace("   ", " ", 1))
+        number, *names = head.split()
+        for name in names:
+            floors[name.strip("()")] = int(number)
+            if name.startswith("("):
+                planned.add(name.strip("()"))
+    return floors, planned
+
+
+FLOORS, PLANNED = drawn(DRAWING.read_text(encoding="utf-8"))
+
+
+def room(module: str) -> str:
+    """The name in the drawing that a module belongs to: `contbreather.lattice.modes` -> lattice."""
+    return module.split(".")[1]
+
+
+def inside(module: str) -> bool:
+    return module.split(".")[0] == FRONT_DESK
+
+
+# --- the rules, each as the list of sentences that say where it is broken ---------------------
+
+
+def upward(found: list[Import], floors: dict[str, int]) -> list[str]:
+    top = max(floors.values())
+    broken = []
+    for one in found:
+        if one.source == FRONT_DESK or not inside(one.target):
+            continue
+        here = floors[room(one.source)]
+        there = top if one.target == FRONT_DESK else floors[room(one.target)]
+        if there > here:
+            broken.append(f"{one}: floor {here} reaches up to floor {there}")
+    return broken
+
+
+def circles(found: list[Import]) -> list[str]:
+    graph: dict[str, set[str]] = {}
+    for one in found:
+        if one.at_load and inside(one.target) and one.source != FRONT_DESK:
+            graph.setdefault(one.source, set()).add(one.target)
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        return [" <- ".join(error.args[1])]
+    return []
+
+
+def outside_the_engine(found: list[Import]) -> list[str]:
+    own = {"contbreather.continuation", "contbreather.errors"}
+    broken = []
+    for one in found:
+        if not one.source.startswith("contbreather.continuation"):
+            continue
+        allowed = ENGINE_MAY_LOAD if one.at_load else ENGINE_MAY_LOAD_LATE
+        if inside(one.target):
+            allowed_here = ".".join(one.target.split(".")[:2]) in own
+        else:
+            first = one.target.split(".")[0]
+            allowed_here = first in allowed or first in sys.stdlib_module_names
+        if not allowed_here:
+            broken.append(str(one))
+    return broken
+
+
+def code_lines(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines from `def` to the end, the docstring not counted."""
+    end = function.end_lineno or function.lineno
+    body = function.body[0]
+    documented = ast.get_docstring(function, clean=False) is not None
+    docstring = (body.end_lineno or body.lineno) - body.lineno + 1 if documented else 0
+    return end - function.lineno + 1 - docstring
+
+
+# --- the tests --------------------------------------------------------------------------------
+
+
+def test_no_module_imports_from_a_higher_floor() -> None:
+    assert upward(imports_of(PACKAGE), FLOORS) == []
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    assert circles(imports_of(PACKAGE)) == []
+
+
+def test_the_engine_needs_numpy_and_scipy_only() -> None:
+    assert outside_the_engine(imports_of(PACKAGE)) == []
+
+
+def test_every_module_stands_on_a_drawn_floor_and_every_drawn_one_exists() -> None:
+    there = {room(name) for name in modules(PACKAGE) if name != FRONT_DESK}
+    assert there == set(FLOORS) - PLANNED
+
+
+def test_file_names_say_what_is_inside() -> None:
+    names = {part for module in modules(PACKAGE) for part in module.split(".")}
+    assert names & MEANINGLESS == set()
+
+
+def test_no_function_is_longer_than_sixty_lines() -> None:
+    long = [
+        f"{name}.{node.name}: {code_lines(node)} lines"
+        for name, tree in modules(PACKAGE).items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and code_lines(node) > LONGEST_FUNCTION
+    ]
+    assert long == []
+
+
+def test_the_front_desk_computes_nothing() -> None:
+    tree = modules(PACKAGE)[FRONT_DESK]
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom):
+            assert node.module in {"__future__", "typing"}
+        elif is_type_checking(node):
+            assert all(isinstance(one, ast.ImportFrom) for one in node.body)
+        elif isinstance(node, ast.Assign):
+            assert not any(isinstance(one, ast.Call | ast.BinOp) for one in ast.walk(node))
+        else:
+            assert isinstance(node, ast.FunctionDef | ast.Expr)
+
+
+def test_type_checkers_are_told_the_same_table_as_python() -> None:
+    tree = modules(PACKAGE)[FRONT_DESK]
+    told = {
+        alias.asname: node.module
+        for block in tree.body
+        if is_type_checking(block)
+        for node in block.body
+        for alias in node.names
+    }
+    assert told == contbreather._HOME
+
+
+@pytest.mark.parametrize("name", contbreather._HOME)
+def test_public_name_is_found_where_the_table_says(name: str) -> None:
+    home = import_module(contbreather._HOME[name])
+    assert getattr(contbreather, name) is getattr(home, name)
+
+
+def test_unknown_public_name_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(AttributeError, match=r"no attribute 'symetric'; it has .*BadInput"):
+        contbreather.symetric  # noqa: B018
+
+
+def test_public_names_are_listed() -> None:
+    assert set(contbreather.__all__) <= set(dir(contbreather))
+    namespace: dict[str, object] = {}
+    exec("from contbreather import *", namespace)
+    assert set(contbreather.__all__) - {"__version__"} <= set(namespace)
+
+
+# --- the rules can fail: each on a package with one fault planted -----------------------------
+
+
+def planted(root: Path, **files: str) -> Path:
+    package = root / FRONT_DESK
+    for name, text in {"__init__": "", **files}.items():
+        path = package / Path(*name.split("__SLASH__")).with_suffix(".py")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        path.with_name("__init__.py").touch()
+    return package
+
+
+PLANTED_FLOORS = {"errors": 0, "continuation": 1, "lattice": 2, "cli": 7}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from contbreather.lattice import modes",
+        "from contbreather.lattice.modes import chi",
+        "import contbreather.lattice.modes",
+        "from ..lattice import modes",
+        "def late():\n    from contbreather import lattice",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from ..lattice.modes import chi",
+        "import contbreather as cb",
+        "from contbreather import symmetric",
+    ],
+)
+def test_planted_upward_import_is_seen(tmp_path: Path, text: str) -> None:
+    files = {"continuation__SLASH__trace": text, "lattice__SLASH__modes": "chi = 2.0"}
+    package = planted(tmp_path, **files)
+    assert len(upward(imports_of(package), PLANTED_FLOORS)) == 1
+
+
+def test_downward_import_is_allowed(tmp_path: Path) -> None:
+    text = "from ..errors import BadInput\nfrom contbreather.continuation import trace\nimport sys"
+    files = {"lattice__SLASH__modes": text, "errors": "", "continuation__SLASH__trace": ""}
+    assert upward(imports_of(planted(tmp_path, **files)), PLANTED_FLOORS) == []
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_planted_circle_is_seen_unless_one_import_is_late(tmp_path: Path, late: bool) -> None:
+    back = "def late():\n    from . import modes" if late else "from . import modes"
+    files = {"lattice__SLASH__modes": "from .green import g", "lattice__SLASH__green": back}
+    assert len(circles(imports_of(planted(tmp_path, **files)))) == (0 if late else 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "broken"),
+    [
+        ("import numpy, scipy.linalg, math", 0),
+        ("import networkx", 1),
+        ("def late():\n    import networkx", 0),
+        ("def late():\n    import sympy", 1),
+        ("from contbreather.lattice import modes", 1),
+    ],
+)
+def test_planted_dependency_of_the_engine_is_seen(tmp_path: Path, text: str, broken: int) -> None:
+    files = {"continuation__SLASH__trace": text, "lattice__SLASH__modes": ""}
+    assert len(outside_the_engine(imports_of(planted(tmp_path, **files)))) == broken
+
+
+def test_drawing_is_read_as_drawn() -> None:
+    text = "floor 2   cli  (explorer)     words that say why\nfloor 0   errors   more words\n"
+    assert drawn(text) == ({"cli": 2, "explorer": 2, "errors": 0}, {"explorer"})

@@ -1,0 +1,38 @@
+"""`import contbreather` loads what its first use needs and nothing more.
+
+Time depends on the machine and is measured by tests/benchmarks; what is loaded does not.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+import contbreather
+
+HEAVY = ("matplotlib", "sympy", "networkx", "rich", "cyclopts", "numba", "xarray", "pandas")
+FIRST_USE = ("symmetric", "trace")
+
+
+def loaded_by(statement: str) -> set[str]:
+    """Top-level names in `sys.modules` of a fresh interpreter after `statement`."""
+    code = f"{statement}\nimport sys\nprint(*{{name.split('.')[0] for name in sys.modules}})"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return set(run.stdout.split())
+
+
+def test_import_alone_loads_nothing_beyond_the_standard_library() -> None:
+    # what the interpreter itself loads at its start (editable installs, .pth files) is not ours
+    own = loaded_by("import contbreather") - loaded_by("import __future__, typing")
+    assert own == {"contbreather"}
+
+
+@pytest.mark.parametrize("name", [name for name in FIRST_USE if name in contbreather.__all__])
+def test_first_use_loads_no_heavy_package(name: str) -> None:
+    assert loaded_by(f"import contbreather; contbreather.{name}").isdisjoint(HEAVY)
+
+
+def test_heavy_packages_would_be_noticed() -> None:
+    assert "networkx" in loaded_by("import networkx")
