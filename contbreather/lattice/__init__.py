@@ -1,1 +1,20 @@
 """The linear lattice between impacts, and what drives it. Knows nothing of impacts."""
+
+from __future__ import annotations
+
+from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, Samples, Symbolic
+from contbreather.lattice.green import propagate
+from contbreather.lattice.modes import InfiniteChain, Lattice, Ring, check_gamma
+
+__all__ = [
+    "Forcing",
+    "Fourier",
+    "Harmonic",
+    "InfiniteChain",
+    "Lattice",
+    "Ring",
+    "Samples",
+    "Symbolic",
+    "check_gamma",
+    "propagate",
+]

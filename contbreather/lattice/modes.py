@@ -14,15 +14,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import zeta
 
 from contbreather.errors import BadInput
-
-TERMS = 18  # 9^-18 < 1e-17: more terms would be below rounding
+from contbreather.lattice.green import TERMS, flight
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -103,9 +102,9 @@ def q_moments(sites: int | None, n: int) -> FloatArray:
     values = np.empty(TERMS + 1)
     for j in range(TERMS + 1):
         if sites is None:
-            orders = [n] if abs(n) <= j else []
+            orders = range(n, n + 1) if abs(n) <= j else range(0)
         else:
-            orders = [m for m in range(-j, j + 1) if (m - n) % sites == 0]
+            orders = range(-j + (n + j) % sites, j + 1, sites)
         total = sum((-1) ** (m % 2) * math.comb(2 * j, j + m) for m in orders)
         values[j] = total / 4**j  # whole numbers up to the last division
     values.setflags(write=False)
@@ -129,12 +128,21 @@ class Lattice(Protocol):
     def dpsi(self, gamma: float) -> float: ...
     def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray: ...
     def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]: ...
+    def distance(self, n: int) -> int: ...
+    def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
+    def moments(self, n: int) -> FloatArray: ...
+    def response(self, gamma: float, n: int, s: ArrayLike) -> tuple[FloatArray, ...]: ...
 
 
 class _TranslationInvariant:
     """The four means, for any lattice that can give `_excess` and its slope."""
 
     _expansions: _Means
+
+    if TYPE_CHECKING:
+
+        def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
+        def moments(self, n: int) -> FloatArray: ...
 
     def _excess(self, z: float) -> float:
         raise NotImplementedError
@@ -168,6 +176,29 @@ class _TranslationInvariant:
         if series.second:
             total += 0.25 * series.second * self._dexcess(0.25 * x)
         return 4.0 * total
+
+    def response(self, gamma: float, n: int, s: ArrayLike) -> tuple[FloatArray, ...]:
+        """Site n between two impacts of site 0, per unit p: its v, v' and v''.
+
+        ``v_n(s) = <cos(n theta) sin(w (pi/2 - s))/(w cos(pi w/2))>``, s = t - phi in [0, pi];
+        eq. (9) without its series, good to rounding up to and at the impacts.
+
+        Parameters
+        ----------
+        gamma : float
+            Coupling in [0, 1/4).
+        n : int
+            Site, counted from the one that impacts.
+        s : array_like
+            Times since the impact, in [0, pi].
+
+        Returns
+        -------
+        tuple of three ndarrays, the shape of ``s``
+        """
+        answer = flight(float(self.first_harmonic(gamma, n)), self.moments(n), gamma)
+        y = np.asarray(s, dtype=float) - 0.5 * math.pi
+        return answer.value(y), answer.slope(y), answer.curvature(y)
 
     def chi(self, gamma: float) -> float:
         """``<tan(pi w/2)/w>``, eq. (10): displacement of site 0 at the impact per unit p."""
@@ -223,6 +254,21 @@ class InfiniteChain(_TranslationInvariant):
     def _dexcess(self, z: float) -> float:
         rr = 1.0 - z
         return 0.5 / (rr * math.sqrt(rr))
+
+    def distance(self, n: int) -> int:
+        """How many bonds from site n to the impacting site 0."""
+        return abs(int(n))
+
+    def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """``<cos(n theta)/(1 - w^2)>``: the answer of site n to the frequency of the forcing."""
+        gamma = check_gamma(gamma)
+        r = math.sqrt(1.0 - 4.0 * gamma)
+        xi = -4.0 * gamma / (1.0 + r) ** 2  # (A3): from one site to the next
+        return np.asarray(xi ** np.abs(np.asarray(n)) / r)
+
+    def moments(self, n: int) -> FloatArray:
+        """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
+        return q_moments(None, abs(int(n)))
 
     def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray:
         """``<1/(w^2 - s^2)> = -1/sqrt(s^2 (s^2 - 4 gamma))``, the branch with -1/s^2 far away.
@@ -328,6 +374,28 @@ class Ring(_TranslationInvariant):
         t = (2.0 - gap) / gap
         slope = sign * 4.0 * n * rho ** (n - 1) / ((1.0 + r) * gap) ** 2
         return (t + r * slope) / (2.0 * r**3)
+
+    def distance(self, n: int) -> int:
+        """How many bonds from site n to the impacting site 0, the shorter way round."""
+        n = int(n) % self.sites
+        return min(n, self.sites - n)
+
+    def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """``(1/N) sum of cos(n theta)/(1 - w^2)``: the chain's, from both sides and all laps."""
+        gamma = check_gamma(gamma)
+        m = np.asarray(n) % self.sites
+        m = np.minimum(m, self.sites - m)
+        r = math.sqrt(1.0 - 4.0 * gamma)
+        rho = 4.0 * gamma / (1.0 + r) ** 2
+        if self.sites % 2:
+            lap, sign = 1.0 + rho**self.sites, -1.0
+        else:
+            lap, sign = -math.expm1(-2.0 * self.sites * math.atanh(r)) if r < 1.0 else 1.0, 1.0
+        return np.asarray((-1.0) ** m * (rho**m + sign * rho ** (self.sites - m)) / (r * lap))
+
+    def moments(self, n: int) -> FloatArray:
+        """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
+        return q_moments(self.sites, self.distance(n))
 
     def frequencies(self, gamma: float) -> FloatArray:
         """``w_j = 2 sqrt(gamma) |sin(pi j/N)|``, j = 0..N-1."""
