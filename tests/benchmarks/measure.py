@@ -1,0 +1,106 @@
+"""What a row of the table is, and how its time is taken."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+ONE_THREAD = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line: what was measured, beside what, and whether the aim is met.
+
+    `ratio` is given where the aim is a ratio (or the comparison one of time); `met` is None
+    where there is no aim. `note` carries the evidence that both sides computed the same thing.
+    """
+
+    what: str
+    figure: str
+    compares_with: str
+    ratio: float | None = None
+    aim: str = ""
+    met: bool | None = None
+    note: str = ""
+
+
+class Absent(Exception):
+    """What a row needs is not on this machine; the sentence says what."""
+
+
+def best_of(run: Callable[[], Any], repeat: int = 3) -> float:
+    """Shortest time of `run` in seconds: on a shared machine the least disturbed one."""
+    times = []
+    for _ in range(repeat):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def each(run: Callable[[Any], Any], fresh: Iterable[Any]) -> float:
+    """Seconds a call, over items none of which has been seen before: no cache can help.
+
+    The median: one interruption by another process is not the program's time.
+    """
+    times = []
+    for item in fresh:
+        start = time.perf_counter()
+        run(item)
+        times.append(time.perf_counter() - start)
+    return sorted(times)[len(times) // 2]
+
+
+def process(
+    command: Sequence[str | Path], *, cwd: Path = ROOT, env: dict[str, str] | None = None
+) -> tuple[float, str]:
+    """Wall time and standard output of a whole process; Absent if it cannot be run."""
+    full = {**os.environ, **ONE_THREAD, **(env or {})}
+    start = time.perf_counter()
+    try:
+        run = subprocess.run(
+            [str(part) for part in command],
+            cwd=cwd,
+            env=full,
+            capture_output=True,
+            text=True,
+            stdin=subprocess.DEVNULL,
+            check=False,
+        )
+    except FileNotFoundError as error:
+        raise Absent(f"{command[0]} is not installed") from error
+    seconds = time.perf_counter() - start
+    if run.returncode:
+        last = (run.stderr.strip() or run.stdout.strip() or "no output").splitlines()[-1]
+        raise Absent(f"{Path(command[0]).name} ended with status {run.returncode}: {last}")
+    return seconds, run.stdout
+
+
+def python(code: str, *, executable: str = sys.executable, **settings: Any) -> tuple[float, str]:
+    """`process` for a few lines of Python with this source tree on its path."""
+    env = {"PYTHONPATH": str(ROOT), **settings.pop("env", {})}
+    return process([executable, "-c", code], env=env, **settings)
+
+
+def micro(seconds: float) -> str:
+    return f"{seconds * 1e6:.3g} µs"
+
+
+def span(seconds: float) -> str:
+    """Seconds in the unit that suits them."""
+    if seconds < 1e-3:
+        return micro(seconds)
+    return f"{seconds * 1e3:.3g} ms" if seconds < 1 else f"{seconds:.3g} s"

@@ -1,0 +1,120 @@
+"""Whole processes: the zone diagram, the first run after installation, the cost of the import."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+from .measure import ROOT, Row, process, python, span
+
+TIMED = """
+import time
+start = time.perf_counter()
+{statement}
+print(time.perf_counter() - start)
+"""
+ZONES = """
+import numpy, scipy.linalg, scipy.optimize, contbreather as cb, time
+cb.zones, cb.symmetric, cb.trace
+start = time.perf_counter()
+zones = cb.zones(k=(0.8, 0.4))
+print(time.perf_counter() - start)
+"""
+REFERENCE = "import numpy, scipy.linalg, scipy.optimize"
+OURS = {
+    "import contbreather": "import contbreather",
+    "import contbreather and touch symmetric, trace": (
+        "import contbreather; contbreather.symmetric; contbreather.trace"
+    ),
+}
+
+
+def import_seconds(statement: str, runs: int = 15) -> float:
+    """Shortest time of an import inside a fresh interpreter (its own start not counted)."""
+    code = TIMED.format(statement=statement)
+    return min(float(python(code)[1]) for _ in range(runs))
+
+
+def import_rows() -> list[Row]:
+    reference = import_seconds(REFERENCE)
+    table = []
+    for what, statement in OURS.items():
+        seconds = import_seconds(statement)
+        ratio = seconds / reference
+        table.append(
+            Row(
+                what,
+                span(seconds),
+                f"`{REFERENCE}`: {span(reference)}",
+                ratio,
+                "≤ 1.3",
+                ratio <= 1.3,
+            )
+        )
+    return table
+
+
+def zones_row() -> Row:
+    seconds = min(float(python(ZONES)[1]) for _ in range(3))
+    return Row(
+        what="zones for k = 0.8 and 0.4, first call of a process, after imports",
+        figure=span(seconds),
+        compares_with="the clock",
+        aim="< 2 s",
+        met=seconds < 2,
+    )
+
+
+def installed(folder: Path) -> Path:
+    """A copy of the source, installed as the README does it, in an environment of its own."""
+    ignore = shutil.ignore_patterns(".venv", ".git", "__pycache__", ".*_cache")
+    source = Path(shutil.copytree(ROOT, folder / "source", ignore=ignore))
+    process([sys.executable, "-m", "venv", folder / "venv"])
+    pip = folder / "venv" / "bin" / "pip"
+    process([pip, "install", "--quiet", "--disable-pip-version-check", source], cwd=folder)
+    return folder / "venv"
+
+
+def zones_process(environment: Path, folder: Path, run: int) -> float:
+    """`contbreather zones` as a whole process with this folder's own caches."""
+    home = folder / "home"
+    home.mkdir(exist_ok=True)
+    caches = {"HOME": home, "XDG_CACHE_HOME": home / "cache", "MPLCONFIGDIR": home / "mpl"}
+    env = {**{name: str(path) for name, path in caches.items()}, "PYTHONPATH": ""}
+    output = folder / f"zones{run}.png"
+    command = [environment / "bin" / "contbreather", "zones", "-o", output]
+    return process([*command, "--csv", output.with_suffix(".csv")], cwd=folder, env=env)[0]
+
+
+def first_run_rows() -> list[Row]:
+    table = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        environment = installed(folder)
+        for what, emptied in (
+            ("as pip leaves it", False),
+            ("no compiled file in the environment either", True),
+        ):
+            if emptied:
+                for cache in list(environment.rglob("__pycache__")):
+                    shutil.rmtree(cache)
+            shutil.rmtree(folder / "home", ignore_errors=True)
+            first, second, third = (zones_process(environment, folder, run) for run in (1, 2, 3))
+            ratio = first / min(second, third)
+            table.append(
+                Row(
+                    what=f"first `contbreather zones` after installation, {what}",
+                    figure=span(first),
+                    compares_with=f"the second, whole process: {span(min(second, third))}",
+                    ratio=ratio,
+                    aim="≤ 2",
+                    met=ratio <= 2,
+                )
+            )
+    return table
+
+
+def rows() -> list[Row]:
+    return [*import_rows(), zones_row(), *first_run_rows()]

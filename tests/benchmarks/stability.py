@@ -1,0 +1,100 @@
+"""Stability of a breather against the paper's route, on one BLAS thread."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .measure import Row, best_of, each, span
+from .paper_route import Breather, furthest
+
+AT = {"a": 0.5, "gamma": 0.08, "k": 0.8}
+
+
+def fresh(count: int, seed: float) -> list[dict[str, float]]:
+    """Parameters near `AT`, all different and different for each `seed`."""
+    return [{**AT, "gamma": AT["gamma"] + 1e-5 * (i + seed)} for i in range(count)]
+
+
+def breathers(count: int, seed: float) -> list[Any]:
+    import contbreather as cb
+
+    return [cb.symmetric(**at) for at in fresh(count, seed)]
+
+
+def baseline(sites: int, repeat: int) -> float:
+    return best_of(lambda: Breather(sites=sites, **AT).multipliers(), repeat)
+
+
+def multipliers_time(sites: int, count: int) -> float:
+    warm, *rest = breathers(count + 1, seed=0.1 + sites / 1e4)
+    warm.multipliers(sites=sites)
+    return each(lambda b: b.multipliers(sites=sites), rest)
+
+
+def agreement(sites: int) -> str:
+    import contbreather as cb
+
+    ours = cb.symmetric(**AT, lattice=cb.Ring(sites)).multipliers(sites=sites)
+    reference = Breather(sites=sites, **AT).multipliers()
+    apart = max(furthest(ours, reference), furthest(reference, ours))
+    return f"all {ours.size} multipliers agree to {apart:.0e}"
+
+
+def against(what: str, ours: float, paper: float, sites: int, aim: float, note: str = "") -> Row:
+    ratio = paper / ours
+    return Row(
+        what=what,
+        figure=span(ours),
+        compares_with=f"the paper's route at N = {sites}: {span(paper)}",
+        ratio=ratio,
+        aim=f"≥ {aim:g} times faster",
+        met=ratio >= aim,
+        note=note,
+    )
+
+
+def rows_at_400(paper: float) -> list[Row]:
+    breathers(1, seed=0.7)[0].stability()
+    verdict = each(lambda b: b.stability(), breathers(200, seed=0.3))
+    points = fresh(200, seed=0.5)
+    import contbreather as cb
+
+    whole = each(lambda at: cb.symmetric(**at).stability(), points)
+    every = multipliers_time(400, count=20)
+    return [
+        against("stability() of a new point, infinite chain", verdict, paper, 400, 1000),
+        against("closure and stability() of a new point", whole, paper, 400, 1000),
+        against("all multipliers, N = 400", every, paper, 400, 30, agreement(400)),
+    ]
+
+
+def row_at_1600() -> Row:
+    paper = baseline(1600, repeat=1)
+    ours = multipliers_time(1600, count=5)
+    return against("all multipliers, N = 1600", ours, paper, 1600, 200)
+
+
+def row_growth() -> Row:
+    sizes = np.array([400, 800, 1600, 3200])
+    times = [multipliers_time(int(sites), count=5) for sites in sizes]
+    exponent = float(np.polyfit(np.log(sizes), np.log(times), 1)[0])
+    return Row(
+        what="all multipliers, growth of the time with N",
+        figure=f"N^{exponent:.2f}",
+        compares_with="its own time at N = 400, 800, 1600, 3200: " + ", ".join(map(span, times)),
+        aim="≤ N^2.1",
+        met=exponent <= 2.1,
+    )
+
+
+def rows(long: bool) -> list[Row]:
+    paper = baseline(400, repeat=3)
+    table = [Row("the paper's route, N = 400", span(paper), "baseline of the rows below")]
+    table += [*rows_at_400(paper), row_growth()]
+    if long:
+        table.append(row_at_1600())
+    else:
+        table.append(Row("all multipliers, N = 1600", "not run", "ask for it with --long"))
+    return table
