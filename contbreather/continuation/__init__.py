@@ -1,0 +1,26 @@
+"""Floor 1: curves H(z) = 0 and everything that walks them. Knows nothing of breathers."""
+
+from .boundary import boundary
+from .branch import Branch, Point, Stop
+from .events import Event, Locus, branch_point, cusp, fold, hopf, user
+from .problem import Problem
+from .steps import Steps
+from .trace import trace, walk
+
+__all__ = [
+    "Branch",
+    "Event",
+    "Locus",
+    "Point",
+    "Problem",
+    "Steps",
+    "Stop",
+    "boundary",
+    "branch_point",
+    "cusp",
+    "fold",
+    "hopf",
+    "trace",
+    "user",
+    "walk",
+]

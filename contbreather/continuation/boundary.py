@@ -1,0 +1,102 @@
+"""Events as curves in two parameters: the same walk on a longer problem."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from ..errors import BadInput
+from .adjoin import adjoined
+from .branch import Branch, Point
+from .events import Event
+from .steps import Steps
+from .trace import Within, trace
+
+
+def boundary(
+    point: Point,
+    pair: tuple[str, str],
+    *,
+    within: Within | None = None,
+    towards: str = "both",
+    events: Iterable[Event] | None = None,
+    steps: Steps | None = None,
+    progress: bool | None = None,
+) -> Branch:
+    """Follow a special point as a curve in two parameters.
+
+    Parameters
+    ----------
+    point : Point
+        A special point of a branch (``branch.first("PF")``) or of another boundary.
+    pair : tuple of two str
+        The two free parameters; `towards` refers to the first.
+    within, towards, steps, progress
+        As for `trace`.
+    events : iterable of Event, optional
+        Events of the original problem to look for on the curve; all its own by default, apart
+        from the kind that is traced. They are labelled with both kinds, ``"PF-GR"``.
+
+    Returns
+    -------
+    Branch
+        With the unknowns of the problem, those of the locus (a null vector, an angle, a time) and
+        both parameters as columns.
+
+    Raises
+    ------
+    BadInput
+        If the point is not special, its event cannot be traced, or `pair` is not two parameters.
+
+    Examples
+    --------
+    The folds of ``h + mu x - x^3 = 0`` lie on the cusp curve ``4 mu^3 = 27 h^2``:
+
+    >>> import contbreather as cb, numpy as np
+    >>> cusp = cb.Problem(lambda x, p: np.array([p["h"] + p["mu"] * x[0] - x[0] ** 3]),
+    ...                   start={"x": 1.0}, params={"mu": 1.0, "h": 0.0})
+    >>> fold = cb.trace(cusp, "h", within={"x": (-2, 2)}, events=[cb.fold()]).first("LP")
+    >>> line = boundary(fold, ("mu", "h"), within={"mu": (-1, 2)})
+    >>> bool(np.allclose(4 * line["mu"] ** 3, 27 * line["h"] ** 2))
+    True
+    """
+    if len(pair) != 2 or pair[0] == pair[1]:
+        raise BadInput(f"a boundary needs two different parameters, got {pair}")
+    event = _traceable(point)
+    ground = point.ground
+    base = ground.problem
+    for name in pair:
+        if name not in base.params:
+            raise BadInput(f"{name!r} is no parameter here; it has {list(base.params)}")
+    locus = event.locus(ground)  # type: ignore[misc]  # _traceable made sure of it
+    longer = adjoined(base, locus, released=pair[1], free=pair[0])
+    given = base.events if events is None else tuple(events)
+    met = [_met(event.kind, other) for other in given if other.kind != event.kind]
+    longer = replace(
+        longer,
+        events=(*locus.events, *met),
+        record=base.record,
+        label=f"{event.kind} boundary",
+    )
+    return trace(longer, pair[0], within=within, towards=towards, steps=steps, progress=progress)
+
+
+def _traceable(point: Point) -> Event:
+    """The event to trace from a special point; at a meeting of two, the one that was met."""
+    if point.event is None:
+        raise BadInput(f"{point!r} is no special point: nothing to trace as a boundary")
+    event = point.event.met or point.event
+    if event.locus is None:
+        raise BadInput(f"{point.label or event.kind} has no locus to trace in two parameters")
+    return event
+
+
+def _met(kind: str, event: Event) -> Event:
+    """An event of the original problem as one on the boundary of another: PF-GR."""
+    return Event(
+        f"{kind}-{event.kind}",
+        lambda point: event.test(point.ground),
+        terminal=event.terminal,
+        positive=event.positive,
+        met=event,
+    )

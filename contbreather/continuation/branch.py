@@ -1,0 +1,292 @@
+"""What a walk leaves behind: points, and branches of them."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from .problem import Curve, Problem
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from .events import Event
+
+Array = NDArray[np.float64]
+
+
+class Stop(enum.Enum):
+    """Why a branch ended; the value is the sentence a user reads."""
+
+    BOUND = "reached the edge of the window"
+    EVENT = "ended at a terminal event"
+    CLOSED = "closed: the curve came back to its start"
+    MOST = "took as many steps as allowed; raise Steps.most to go on"
+    NO_CONVERGENCE = "Newton's iteration failed down to the smallest step"
+    RIM = "reached the rim of the domain of the equations"
+    INTERRUPTED = "interrupted; the points up to here are kept"
+    ONGOING = "still under way"
+
+    @property
+    def failed(self) -> bool:
+        """Whether the numerics gave up, rather than the curve being at its end."""
+        return self in (Stop.NO_CONVERGENCE, Stop.RIM)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Point:
+    """A solution on a curve: values by name, and what is special about it.
+
+    Parameters
+    ----------
+    curve : Curve
+        The problem and its free parameters.
+    z : ndarray, shape (n + 1,)
+        Unknowns, then the free parameter.
+    tangent : ndarray, shape (n + 1,)
+        Unit tangent in the direction of the walk.
+    arclength : float
+        Distance from the start of the walk.
+    residual : float
+        Largest entry of the equations here; at a located event that of its locus too.
+    kind, label : str
+        ``"PF"`` and ``"PF1"`` at a special point, empty elsewhere.
+    event : Event, optional
+        What was found here; `boundary` continues it.
+    bracket : tuple of float, optional
+        Arclengths between which the event was seen.
+    located : bool
+        Whether location converged and verification agreed; False keeps the point but says so.
+    detail : dict
+        What the location found besides: a null vector, an angle, a time, a reason.
+    """
+
+    curve: Curve
+    z: Array
+    tangent: Array
+    arclength: float
+    residual: float
+    kind: str = ""
+    label: str = ""
+    event: Event | None = None
+    bracket: tuple[float, float] | None = None
+    located: bool = True
+    detail: Mapping[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Any:
+        slots = self.curve.slots
+        if name in slots:
+            value = self.z[slots[name]]
+            return float(value) if value.ndim == 0 else value
+        problem = self.curve.problem
+        if name in problem.params:
+            return float(problem.params[name])
+        if name in problem.record:
+            return problem.record[name](self.ground)
+        raise BadInput(f"no {name!r} at this point; it has {[*problem.names, *problem.record]}")
+
+    @property
+    def x(self) -> Array:
+        """The unknowns as one array."""
+        return self.z[: self.curve.size]
+
+    @property
+    def params(self) -> dict[str, float]:
+        """All parameters here."""
+        return self.curve.params(self.z)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """All unknowns and parameters by name."""
+        return {name: self[name] for name in self.curve.problem.names}
+
+    @property
+    def problem(self) -> Problem:
+        """The problem with its start and parameters moved here."""
+        return self.curve.problem.at(**self.values)
+
+    @property
+    def ground(self) -> Point:
+        """On a boundary: this point as one of the original problem, without tangent."""
+        together = self.curve.problem.adjoined
+        if together is None:
+            return self
+        z, _ = together.split(self.x, self.params)
+        return replace(self, curve=together.base, z=z, tangent=np.empty(0))
+
+    @property
+    def solution(self) -> Any:
+        """What this point is to the user of its problem, a `Breather` for instance."""
+        interpret = self.ground.curve.problem.interpret
+        if interpret is None:
+            raise BadInput("this problem says no more of a point than its values")
+        return interpret(self.ground)
+
+    def jacobian(self) -> Array:
+        """Derivative of the equations, shape ``(n, n + 1)``: unknowns, then the free parameter."""
+        return self.curve.jacobian(self.z)
+
+    def __repr__(self) -> str:
+        shown = {name: value for name, value in self.values.items() if np.ndim(value) == 0}
+        values = ", ".join(f"{name}={value:.10g}" for name, value in shown.items())
+        status = "" if self.located else ", not located"
+        return f"Point({self.label + ': ' if self.label else ''}{values}{status})"
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """Points along a curve, in order, with the special ones among them.
+
+    ``branch["a"]`` is a column (an unknown, a parameter, a recorded number, or ``"arclength"``),
+    ``branch[17]`` a `Point`, ``branch.special`` the labelled points, ``branch.first("PF")`` one of
+    them. ``stop`` says why it ended where it does, ``began`` why where it starts; ``reason`` adds
+    what the equations said. ``doubtful`` keeps candidates that failed their verification.
+    """
+
+    points: tuple[Point, ...]
+    stop: Stop
+    began: Stop | None = None
+    reason: str = ""
+    doubtful: tuple[Point, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __iter__(self) -> Iterator[Point]:
+        return iter(self.points)
+
+    @property
+    def curve(self) -> Curve:
+        return self.points[0].curve
+
+    @property
+    def problem(self) -> Problem:
+        return self.curve.problem
+
+    @property
+    def free(self) -> str:
+        """The parameter the walk was in."""
+        return self.curve.free[0]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all columns."""
+        return (*self.problem.names, *self.problem.record, "arclength", "residual")
+
+    @property
+    def special(self) -> tuple[Point, ...]:
+        """The labelled points, in order along the branch."""
+        return tuple(point for point in self.points if point.kind)
+
+    def __getitem__(self, key: str | int) -> Any:
+        if isinstance(key, str):
+            return self._column(key)
+        return self.points[key]
+
+    def _column(self, name: str) -> Array:
+        if name in ("arclength", "residual"):
+            return np.array([getattr(point, name) for point in self.points])
+        slots, problem = self.curve.slots, self.problem
+        if name in slots:
+            return np.stack([point.z for point in self.points])[:, slots[name]]
+        if name in problem.params:
+            return np.full(len(self.points), float(problem.params[name]))
+        if name in problem.record:
+            return np.array([problem.record[name](point.ground) for point in self.points])
+        raise BadInput(f"no column {name!r}; this branch has {list(self.names)}")
+
+    def first(self, kind: str) -> Point:
+        """The first special point of a kind (``"PF"``) or with a label (``"PF2"``)."""
+        for point in self.special:
+            if kind in (point.kind, point.label):
+                return point
+        raise BadInput(f"no {kind!r} on this branch; it has {[p.label for p in self.special]}")
+
+    def join(self, other: Branch) -> Branch:
+        """This branch followed by another that starts where this one ends, relabelled."""
+        if not np.allclose(self.points[-1].z, other.points[0].z, rtol=0, atol=1e-8):
+            raise BadInput("branches join where one ends and the other starts; these do not meet")
+        seam = other.points[0] if other.points[0].event is not None else self.points[-1]
+        if seam.kind in ("EP", "MX"):
+            seam = replace(seam, kind="", label="")
+        shift = self.points[-1].arclength - other.points[0].arclength
+        moved = (_shifted(point, shift) for point in other.points[1:])
+        points = (*self.points[:-1], replace(seam, arclength=self.points[-1].arclength), *moved)
+        return replace(
+            self,
+            points=labelled(points),
+            stop=other.stop,
+            reason=" / ".join(filter(None, (self.reason, other.reason))),
+            doubtful=self.doubtful + tuple(_shifted(p, shift) for p in other.doubtful),
+        )
+
+    def reversed(self) -> Branch:
+        """The same points walked the other way."""
+        end = self.points[-1].arclength
+        turned = tuple(_turned(point, end) for point in reversed(self.points))
+        return replace(
+            self,
+            points=labelled(turned),
+            stop=self.began or Stop.BOUND,
+            began=self.stop,
+            doubtful=tuple(_turned(point, end) for point in reversed(self.doubtful)),
+        )
+
+    def table(self) -> Table:
+        """A rich table with a line for each special point."""
+        from rich.table import Table
+
+        scalars = [name for name, value in self.points[0].values.items() if np.ndim(value) == 0]
+        moving = [n for n in scalars if n in self.curve.slots] + list(self.problem.record)
+        table = Table(title=self.describe(), title_justify="left", caption_justify="left")
+        for heading in ("label", *moving, "arclength", "residual"):
+            table.add_column(heading, justify="left" if heading == "label" else "right")
+        for point in self.special:
+            name = point.label if point.located else f"{point.label}?"
+            numbers = [f"{point[column]:.12g}" for column in moving]
+            table.add_row(name, *numbers, f"{point.arclength:.6g}", f"{point.residual:.1e}")
+        return table
+
+    def describe(self) -> str:
+        """One sentence: what was walked, how far, and why it ended."""
+        fixed = ", ".join(
+            f"{n} = {v:.10g}" for n, v in self.problem.params.items() if n not in self.curve.free
+        )
+        title = f"{self.problem.label or 'branch'} in {self.free}"
+        head = f"{title} ({fixed})" if fixed else title
+        end = f"{self.stop.value}{': ' + self.reason if self.reason else ''}"
+        return f"{head}: {len(self)} points; {end}"
+
+    def __rich__(self) -> Table:
+        return self.table()
+
+    def __repr__(self) -> str:
+        return f"<Branch {self.describe()}; special {[point.label for point in self.special]}>"
+
+
+def labelled(points: tuple[Point, ...]) -> tuple[Point, ...]:
+    """Number the special points of each kind in their order: PF1, PF2, ..."""
+    count: dict[str, int] = {}
+    numbered = []
+    for point in points:
+        if point.kind:
+            count[point.kind] = count.get(point.kind, 0) + 1
+            point = replace(point, label=f"{point.kind}{count[point.kind]}")
+        numbered.append(point)
+    return tuple(numbered)
+
+
+def _shifted(point: Point, shift: float) -> Point:
+    bracket = point.bracket and (point.bracket[0] + shift, point.bracket[1] + shift)
+    return replace(point, arclength=point.arclength + shift, bracket=bracket)
+
+
+def _turned(point: Point, end: float) -> Point:
+    bracket = point.bracket and (end - point.bracket[1], end - point.bracket[0])
+    return replace(point, tangent=-point.tangent, arclength=end - point.arclength, bracket=bracket)

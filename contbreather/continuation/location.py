@@ -1,0 +1,381 @@
+"""Finding the events on one step of a walk: seen as a change of a test, located on the curve."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from .adjoin import adjoined
+from .branch import Point
+from .events import Event
+from .newton import Solution, Undefined, newton, solve
+from .problem import OUT_OF_DOMAIN, Curve
+
+Array = NDArray[np.float64]
+Value = float | int
+
+_SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
+_ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
+_BESIDE = 0.1  # how far off the cubic a located event may lie, relative to the step
+_ROUNDS = 4  # how often a step is looked through again, at the events found so far
+_AT_END = 1e-9  # a test this small, relative to its change over the step, vanishes at the end
+
+
+class Segment:
+    """The curve between two neighbouring points of a walk: u = 0 at the first, 1 at the last."""
+
+    def __init__(self, first: Point, last: Point, tolerance: float) -> None:
+        self.curve: Curve = first.curve
+        self.first, self.last = first, last
+        self.length = last.arclength - first.arclength
+        self.tolerance = tolerance
+        chord = last.z - first.z
+        dual = self.curve.dual(chord)
+        self._row = dual / dual.dot(chord)  # row . (z - z_first) is u
+        self._known: dict[float, Point] = {0.0: first, 1.0: last}
+
+    def guess(self, u: float) -> tuple[Array, Array]:
+        """Position and unit tangent on the cubic through both ends."""
+        z0, z1 = self.first.z, self.last.z
+        d0, d1 = self.length * self.first.tangent, self.length * self.last.tangent
+        v = 1 - u
+        z = v * v * (1 + 2 * u) * z0 + u * v * v * d0 + u * u * (1 + 2 * v) * z1 - u * u * v * d1
+        slope = 6 * u * v * (z1 - z0) + v * (1 - 3 * u) * d0 + u * (3 * u - 2) * d1
+        return z, self.curve.normalised(slope)
+
+    def provisional(self, u: float) -> Point:
+        """The point on the cubic, not corrected: close enough to see the sign of a test."""
+        z, tangent = self.guess(u)
+        return self._point(u, z, tangent, math.nan)
+
+    def at(self, u: float) -> Point:
+        """The point of the curve at u, solved for."""
+        if u not in self._known:
+            guess, slope = self.guess(u)
+            equations, jacobian = self.curve.equations, self.curve.jacobian
+            found = newton(equations, jacobian, guess, row=self._row, tolerance=self.tolerance)
+            if not found.converged:
+                raise Undefined("Newton's iteration failed between two points of the curve")
+            self._known[u] = self._on_curve(u, found, slope)
+        return self._known[u]
+
+    def settled(self, found: Solution, *, regular: bool) -> tuple[float, Point]:
+        """A polished solution and its u. Its tangent is solved for where the curve is regular;
+        at a branch point, where that is impossible, the cubic tells it."""
+        u = float(self._row.dot(found.z - self.first.z))
+        guess, slope = self.guess(min(max(u, 0.0), 1.0))
+        off = found.z - guess
+        if math.sqrt(off.dot(self.curve.dual(off))) > _BESIDE * self.length:
+            raise Undefined("the location ended on another curve")
+        if regular:
+            return u, self._on_curve(u, found, slope)
+        return u, self._point(u, found.z, slope, found.residual)
+
+    def _on_curve(self, u: float, found: Solution, slope: Array) -> Point:
+        return self._point(u, found.z, tangent_at(self.curve, found.z, slope), found.residual)
+
+    def _point(self, u: float, z: Array, tangent: Array, residual: float) -> Point:
+        return Point(self.curve, z, tangent, self.first.arclength + u * self.length, residual)
+
+
+def tangent_at(curve: Curve, z: Array, along: Array) -> Array:
+    """Unit tangent at z, on the side of `along`; a null vector where the bordered matrix fails."""
+    size = z.size
+    matrix = np.empty((size, size))
+    matrix[:-1], matrix[-1] = curve.jacobian(z), curve.dual(along)
+    right = np.zeros(size)
+    right[-1] = 1.0
+    tangent = solve(matrix, right)
+    if tangent is None or not math.isfinite(tangent.sum()):
+        tangent = np.linalg.svd(matrix[:-1])[2][-1]
+        tangent = math.copysign(1.0, float(tangent.dot(matrix[-1]))) * tangent
+    return curve.normalised(tangent)
+
+
+@dataclass
+class Trail:
+    """The values of one test along one step, by u, and what they gave away."""
+
+    event: Event
+    values: dict[float, Value]
+    done: set[tuple[float, float]] = field(default_factory=set)  # brackets that were dealt with
+
+    def changes(self) -> list[tuple[float, float]]:
+        """Neighbouring places between which the test changes sign, or jumps."""
+        known = sorted(u for u, value in self.values.items() if not math.isnan(value))
+        pairs = zip(known, known[1:], strict=False)
+        return [p for p in pairs if p not in self.done and self._differ(*p)]
+
+    def _differ(self, left: float, right: float) -> bool:
+        a, b = self.values[left], self.values[right]
+        if isinstance(a, int | np.integer) and isinstance(b, int | np.integer):
+            return bool(a != b)  # bool is an int too
+        return a != 0 and (b == 0 or (a < 0) != (b < 0))
+
+    @property
+    def jumps(self) -> bool:
+        return isinstance(self.values[1.0], int | np.integer)
+
+    def settle(self, u: float, left: float, right: float) -> None:
+        """Remember an event at u: the test keeps its sign up to it, and the other one after it."""
+        low, high = max(u - _ASIDE, left), min(u + _ASIDE, right)
+        self.values[low], self.values[high] = self.values[left], self.values[right]
+        self.done.add((low, high))
+
+
+@dataclass(frozen=True)
+class Found:
+    """The events on one step, in order, and the candidates that failed their verification."""
+
+    points: tuple[Point, ...]
+    doubtful: tuple[Point, ...]
+    after: tuple[Value, ...]  # the tests at the end of the step, 0 where an event was found there
+
+
+def find(
+    segment: Segment, events: Sequence[Event], before: Sequence[Value], *, first: bool, last: bool
+) -> Found:
+    """All events on one step of a walk.
+
+    `before` are the tests at its start. With `first` (`last`) an event at the very start (end),
+    where rounding decides the sign of its test, counts as well.
+    """
+    middle = segment.provisional(0.5)
+    trails = []
+    for event, value in zip(events, before, strict=True):
+        values = {0.0: value, 0.5: _quietly(event, middle), 1.0: event.test(segment.last)}
+        trails.append(Trail(event, values))
+    located: list[Point] = []
+    for trail in trails:
+        located += _at_ends(segment, trail, first, last)
+        _probe(segment, trail)
+    for _ in range(_ROUNDS):
+        fresh = [point for trail in trails for point in _search(segment, trail)]
+        located += fresh
+        if not fresh:
+            break
+        _look_at(segment, trails, fresh)
+    located.sort(key=lambda point: point.arclength)
+    good = tuple(point for point in located if point.located)
+    doubtful = tuple(point for point in located if not point.located)
+    at_end = {id(p.event) for p in good if p.arclength >= segment.last.arclength * (1 - 1e-15)}
+    after = tuple(0 if id(t.event) in at_end else t.values[1.0] for t in trails)
+    return Found(good, doubtful, after)
+
+
+def _quietly(event: Event, point: Point) -> Value:
+    try:
+        return event.test(point)
+    except OUT_OF_DOMAIN:
+        return math.nan  # the provisional point may lie where the test has no value
+
+
+def _at_ends(segment: Segment, trail: Trail, first: bool, last: bool) -> Iterator[Point]:
+    """Events at the very start or end of the walk, within rounding."""
+    if trail.jumps:
+        return
+    start, end = trail.values[0.0], trail.values[1.0]
+    change = abs(end - start)
+    if first and abs(start) <= _AT_END * change:
+        trail.values[0.0] = 0
+        yield _at_end(segment, trail.event, 0.0)
+    elif last and abs(end) <= _AT_END * change:
+        trail.values[1.0] = math.copysign(math.ulp(0.0), start)  # found already, no change left
+        yield _at_end(segment, trail.event, 1.0)
+
+
+def _at_end(segment: Segment, event: Event, u: float) -> Point:
+    polished = _polish(segment, event, u, u, u)
+    low, high, point = polished or (u, u, segment.at(u))
+    return _special(point, event, (low, high), segment)
+
+
+def _probe(segment: Segment, trail: Trail) -> None:
+    """Look where a test that keeps its sign may dip through zero and back within the step."""
+    if trail.jumps or trail.changes():
+        return
+    places = [0.0, 0.5, 1.0]
+    for _ in range(4):
+        values = [float(trail.values[u]) for u in places]
+        if not all(math.isfinite(value) and value != 0 for value in values):
+            return
+        vertex, depth = _parabola(places, values)
+        nearest = min(values, key=abs)
+        if not places[0] < vertex < places[2] or depth / nearest > 0.3:
+            return
+        if min(abs(vertex - u) for u in places) < 1e-6:
+            return
+        trail.values[vertex] = _quietly(trail.event, segment.provisional(vertex))
+        if trail.changes():
+            return
+        around = sorted([*places, vertex])
+        lowest = min(range(1, 3), key=lambda i: abs(trail.values[around[i]]))
+        places = around[lowest - 1 : lowest + 2]
+
+
+def _parabola(u: list[float], f: list[float]) -> tuple[float, float]:
+    """Place and value of the vertex of the parabola through three points."""
+    slope = (f[1] - f[0]) / (u[1] - u[0])
+    bend = ((f[2] - f[1]) / (u[2] - u[1]) - slope) / (u[2] - u[0])
+    if bend == 0:
+        return math.inf, math.inf
+    vertex = 0.5 * (u[0] + u[1] - slope / bend)
+    return vertex, f[0] + (vertex - u[0]) * (slope + bend * (vertex - u[1]))
+
+
+def _search(segment: Segment, trail: Trail) -> Iterator[Point]:
+    """Locate each change of one test that was not dealt with yet."""
+    look = _look(segment, trail.event)
+    for left, right in trail.changes():
+        try:
+            for u in (left, right):  # the middle was provisional: make sure of its value
+                if 0 < u < 1:
+                    trail.values[u] = look(u)
+            if (left, right) in trail.changes():
+                yield from _located(segment, trail, left, right)
+        except Undefined as error:
+            trail.settle(0.5 * (left + right), left, right)
+            point = segment.provisional(0.5 * (left + right))
+            reason = f"{trail.event.kind} seen but not located: {error}"
+            point = replace(point, detail={"reason": reason})
+            yield _special(point, trail.event, (left, right), segment)
+
+
+def _look(segment: Segment, event: Event) -> Callable[[float], Value]:
+    """The test along the step. Next to a branch point the corrector may end on the other curve,
+    so that an event with its own polish is looked for on the cubic."""
+    if event.polish is not None:
+        return lambda u: event.test(segment.provisional(u))
+    return lambda u: event.test(segment.at(u))
+
+
+def _located(segment: Segment, trail: Trail, left: float, right: float) -> Iterator[Point]:
+    finder = _jump if trail.jumps else _zero
+    for low, high, point in finder(segment, trail, left, right):
+        u = 0.5 * (low + high)
+        trail.settle(u, left, right)
+        yield _special(point, trail.event, (low, high), segment)
+
+
+def _look_at(segment: Segment, trails: Sequence[Trail], fresh: Sequence[Point]) -> None:
+    """What happens at one event tells about the others: evaluate every test there."""
+    for point in fresh:
+        u = (point.arclength - segment.first.arclength) / segment.length
+        if not 0 < u < 1:
+            continue
+        for trail in trails:
+            if trail.event is not point.event and u not in trail.values:
+                trail.values[u] = _quietly(trail.event, point)
+
+
+# --- zeros and jumps --------------------------------------------------------------------------
+
+Place = tuple[float, float, Point]  # bracket and point
+
+
+def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator[Place]:
+    """The zero of a float test in a bracket."""
+    a, b = float(trail.values[left]), float(trail.values[right])
+    if b == 0:
+        yield right, right, segment.at(right)
+        return
+    event = trail.event
+    polished = _polish(segment, event, left + (right - left) * a / (a - b), left, right)
+    if polished is not None:
+        yield polished
+        return
+    u = brentq(_look(segment, event), left, right, xtol=1e-15, rtol=1e-14)
+    polished = _polish(segment, event, u, left, right)
+    point = polished[2] if polished else segment.at(u)
+    if polished is not None:
+        yield polished
+    elif abs(event.test(point)) > 1e-6 * (abs(a) + abs(b)):
+        reason = f"the test of {event.kind} changes sign without a zero: it jumps or has a pole"
+        yield u, u, replace(point, detail={"reason": reason}, located=False)
+    else:
+        width = 1e-14
+        yield u - width, u + width, point
+
+
+def _jump(segment: Segment, trail: Trail, left: float, right: float) -> Iterator[Place]:
+    """Each jump of an integer test in a bracket: by its locus once that agrees, else bisection."""
+    event = trail.event
+    middle = 0.5 * (left + right)
+    if right - left < 0.3:
+        polished = _polish(segment, event, middle, left, right)
+        if polished is not None:
+            yield polished
+            return
+    if right - left < _SHARP:
+        yield left, right, segment.at(middle)
+        return
+    trail.values[middle] = event.test(segment.at(middle))
+    for low, high in ((left, middle), (middle, right)):
+        if trail.values[low] != trail.values[high]:
+            yield from _jump(segment, trail, low, high)
+            trail.done.add((low, high))
+
+
+def _polish(
+    segment: Segment, event: Event, u: float, left: float, right: float
+) -> Place | None:
+    """Newton's iteration on problem and locus together, if it ends inside the bracket at a place
+    where the test does change."""
+    if event.locus is None and event.polish is None:
+        return None
+    try:
+        near = segment.provisional(u) if event.polish else segment.at(u)
+        found, detail = event.polish(near) if event.polish else _on_locus(event, near)
+        if not found.converged:
+            return None
+        place, point = segment.settled(found, regular=event.polish is None)
+        if not left - _ASIDE <= place <= right + _ASIDE:
+            return None
+        low, high = place - _ASIDE, place + _ASIDE
+        if event.polish is None and not _changes_across(segment, event, low, high):
+            return None
+    except (Undefined, *OUT_OF_DOMAIN):
+        return None  # the locus has no value here: location goes on without it
+    return low, high, replace(point, detail=detail)
+
+
+def _changes_across(segment: Segment, event: Event, low: float, high: float) -> bool:
+    before, after = event.test(segment.at(low)), event.test(segment.at(high))
+    if isinstance(before, int | np.integer):
+        return bool(before != after)
+    return before * after <= 0
+
+
+def _on_locus(event: Event, near: Point) -> tuple[Solution, Mapping[str, Any]]:
+    """Solve the problem and the conditions of the event for everything at once."""
+    assert event.locus is not None
+    locus = event.locus(near)
+    problem = adjoined(near.problem, locus, near.curve.free[0])
+    curve = Curve(problem, ())
+    found = newton(curve.equations, curve.jacobian, problem.x)
+    n = near.curve.size
+    names = {name: problem.slots[name] for name in locus.extra}
+    detail = {name: _plain(found.z[at]) for name, at in names.items()}
+    z = np.append(found.z[:n], found.z[-1])
+    return replace(found, z=z), detail
+
+
+def _plain(value: Any) -> Any:
+    return float(value) if np.ndim(value) == 0 else value
+
+
+def _special(point: Point, event: Event, bracket: tuple[float, float], segment: Segment) -> Point:
+    """The point with its kind, once it has been verified."""
+    start, length = segment.first.arclength, segment.length
+    around = (start + bracket[0] * length, start + bracket[1] * length)
+    point = replace(point, kind=event.kind, event=event, bracket=around)
+    reason = point.detail.get("reason") or (event.verify(point) if event.verify else "")
+    if reason:
+        return replace(point, located=False, detail={**point.detail, "reason": reason})
+    return point

@@ -1,0 +1,56 @@
+"""How long a walk may step, how far it may go, and how exactly it solves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..errors import BadInput
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Sizes that govern one walk along a curve.
+
+    Parameters
+    ----------
+    first : float
+        Arclength of the first step.
+    smallest : float
+        A step that would have to be shorter ends the branch, with the reason.
+    largest : float
+        No step is longer.
+    most : int
+        Number of steps after which the branch ends, in each direction.
+    tolerance : float
+        A Newton iteration has converged when its last correction is at most
+        ``tolerance * (1 + |z|)``; being quadratic it is then far more exact than that.
+    growth : float
+        A step is at most this many times its predecessor.
+
+    Examples
+    --------
+    >>> Steps(largest=0.01).growth
+    1.5
+    """
+
+    first: float = 0.01
+    smallest: float = 1e-9
+    largest: float = 0.1
+    most: int = 2000
+    tolerance: float = 1e-9
+    growth: float = 1.5
+
+    def __post_init__(self) -> None:
+        sizes = (self.smallest, self.first, self.largest, self.tolerance, self.growth)
+        if not all(math.isfinite(size) and size > 0 for size in sizes):
+            raise BadInput(f"every size in {self} must be finite and positive")
+        if not self.smallest <= self.first <= self.largest:
+            raise BadInput(
+                f"steps must be ordered smallest <= first <= largest, "
+                f"got {self.smallest:g}, {self.first:g}, {self.largest:g}"
+            )
+        if self.growth <= 1:
+            raise BadInput(f"growth must exceed 1, got {self.growth:g}")
+        if self.most < 1:
+            raise BadInput(f"most must be at least 1 step, got {self.most}")

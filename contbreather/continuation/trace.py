@@ -1,0 +1,439 @@
+"""The one loop that walks curves, and the doors to it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from .branch import Branch, Point, Stop, labelled
+from .events import Event
+from .location import Found, Segment, Value, find, tangent_at
+from .newton import Solution, Undefined, newton, solve
+from .problem import Curve, Problem
+from .progress import Progress
+from .steps import Steps
+
+Array = NDArray[np.float64]
+Within = Mapping[str, tuple[float, float]]
+
+# The shape of one step: how far the tangent may turn, and how far the curve may stray from the
+# cubic through both ends, as a fraction of the step. Together they leave no room for a feature of
+# the curve to hide inside a step.
+_TURN = 0.45
+_AIM = 0.15
+_STRAY = 0.02
+_FINE = 1e-7  # relative distance at which a curve has come back to its start
+
+
+class Startable(Protocol):
+    """Anything that knows the problem it solves: a `Breather`, a `Point`."""
+
+    @property
+    def problem(self) -> Problem: ...
+
+
+@dataclass(frozen=True)
+class End:
+    """Why a walk ended, and what failed its verification on the way."""
+
+    stop: Stop
+    reason: str = ""
+    doubtful: tuple[Point, ...] = ()
+
+
+def trace(
+    start: Problem | Startable,
+    free: str,
+    *,
+    within: Within | None = None,
+    towards: str = "both",
+    events: Iterable[Event] | None = None,
+    steps: Steps | None = None,
+    progress: bool | None = None,
+) -> Branch:
+    """Follow the curve of solutions through a start, with one parameter free.
+
+    Parameters
+    ----------
+    start : Problem, Breather or Point
+        Where to begin. A start that is no solution is moved onto one at the same parameters, or
+        refused with its residual.
+    free : str
+        Name of the free parameter. Folds in it are passed without notice.
+    within : dict, optional
+        ``{name: (low, high)}`` for any unknown or parameter: the branch ends exactly there.
+    towards : {'both', 'up', 'down'}
+        Direction in which `free` changes at first.
+    events : iterable of Event, optional
+        What to look for; the problem's own events by default, ``()`` for none.
+    steps : Steps, optional
+        Step sizes and tolerance.
+    progress : bool, optional
+        Show progress on standard error; by default on long walks at a terminal only.
+
+    Returns
+    -------
+    Branch
+        Points in order of the walk, for ``towards='both'`` from the lower end to the upper.
+
+    Raises
+    ------
+    BadInput
+        For unknown names, empty windows, a start outside its window.
+    NotConverged
+        If the start is no solution and none is near.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> circle = Problem(lambda x, p: np.array([x[0]**2 + p["mu"]**2 - 1]),
+    ...                  start={"x": 1.0}, params={"mu": 0.0})
+    >>> trace(circle, "mu").stop.name
+    'CLOSED'
+    """
+    if towards not in ("both", "up", "down"):
+        raise BadInput(f"towards must be 'both', 'up' or 'down', got {towards!r}")
+    with Progress(progress, free) as shown:
+        sides = ("down", "up") if towards == "both" else (towards,)
+        branches = []
+        for side in sides:
+            walker = walk(start, free, within=within, towards=side, events=events, steps=steps)
+            branches.append(_gathered(walker, shown))
+            if branches[0].stop is Stop.CLOSED:
+                return branches[0]
+            if branches[-1].stop is Stop.INTERRUPTED:
+                break
+    if len(branches) == 1:
+        return _with_ends(branches[0])
+    return _with_ends(branches[0].reversed().join(branches[1]))
+
+
+def _gathered(walker: Generator[Point, None, End], shown: Progress) -> Branch:
+    """Run a walk to its end; an interruption keeps what there is."""
+    points: list[Point] = []
+    end = End(Stop.INTERRUPTED)
+    try:
+        while True:
+            try:
+                # where the equations overflow the branch ends, with its reason
+                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                    points.append(next(walker))
+            except StopIteration as stopped:
+                end = stopped.value
+                break
+            shown.advance(points[-1])
+    except KeyboardInterrupt:
+        if not points:
+            raise
+    return Branch(labelled(tuple(points)), end.stop, None, end.reason, end.doubtful)
+
+
+def _with_ends(branch: Branch) -> Branch:
+    """Label both ends: EP, or MX where the numerics gave up."""
+    points = list(branch.points)
+    for i, stop in ((0, branch.began), (-1, branch.stop)):
+        if not points[i].kind:
+            kind = "MX" if stop is not None and stop.failed else "EP"
+            points[i] = replace(points[i], kind=kind)
+    return replace(branch, points=labelled(tuple(points)))
+
+
+def walk(
+    start: Problem | Startable,
+    free: str,
+    *,
+    within: Within | None = None,
+    towards: str = "up",
+    events: Iterable[Event] | None = None,
+    steps: Steps | None = None,
+) -> Generator[Point, None, End]:
+    """Walk a curve in one direction, yielding each point as it is found: `trace` by hand.
+
+    Arguments as for `trace`; ``towards`` is ``'up'`` or ``'down'``. Special points come in their
+    places, with a kind. The generator returns an `End`.
+
+    Examples
+    --------
+    >>> import numpy as np, itertools
+    >>> line = Problem(lambda x, p: np.array([x[0] - p["mu"]]), {"x": 0.0}, {"mu": 0.0})
+    >>> [round(point["mu"], 3) for point in itertools.islice(walk(line, "mu"), 2)]
+    [0.0, 0.007]
+    """
+    problem = start if isinstance(start, Problem) else start.problem
+    walker = Walker(problem, free, within, towards, events, steps or Steps())
+    return walker.run()
+
+
+class Failed(Exception):
+    """No further step can be made; carries the reason."""
+
+    def __init__(self, stop: Stop, reason: str = "") -> None:
+        super().__init__(reason)
+        self.stop = stop
+        self.reason = reason
+
+
+@dataclass(frozen=True)
+class Step:
+    """One accepted step: its end, the size to try next, and whether the walk ends here."""
+
+    point: Point
+    next_size: float
+    stop: Stop | None = None
+
+
+class Walker:
+    """One walk in one direction: what stays the same on it, and its loop `run`."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        free: str,
+        within: Within | None,
+        towards: str,
+        events: Iterable[Event] | None,
+        steps: Steps,
+    ) -> None:
+        if towards not in ("up", "down"):
+            raise BadInput(f"a walk goes towards 'up' or 'down', got {towards!r}")
+        Curve(problem, (free,)).check()
+        problem, found = problem.solve(tolerance=steps.tolerance)
+        self.curve = Curve(problem, (free,))
+        self.steps = steps
+        self.events: Sequence[Event] = problem.events if events is None else tuple(events)
+        self.bounds = _bounds(self.curve, within)
+        self.origin = self._origin(found, 1.0 if towards == "up" else -1.0)
+
+    def _origin(self, found: Solution, direction: float) -> Point:
+        along = np.zeros(self.curve.start.size)
+        along[-1] = direction
+        tangent = tangent_at(self.curve, self.curve.start, along)
+        return Point(self.curve, self.curve.start, tangent, 0.0, found.residual)
+
+    def run(self) -> Generator[Point, None, End]:
+        """Step, look for events, yield: until the curve, the window or the numerics end."""
+        point, size, tests = self.origin, self.steps.first, self._first_tests()
+        bend = np.zeros_like(point.z)
+        doubtful: list[Point] = []
+        end = Failed(Stop.MOST)
+        for count in range(self.steps.most):
+            try:
+                step = self.advance(point, bend, size)
+                if count > 2 and self._returns(point, step.point):
+                    step = replace(step, point=self._closing(point), stop=Stop.CLOSED)
+                found = self._events_on(point, step, tests, first=count == 0)
+                line, stop = self._line_up(point, step, found, first=count == 0)
+            except Failed as failed:
+                end = failed
+                break
+            doubtful += found.doubtful
+            yield from line
+            if stop is not None:
+                return End(stop, "", tuple(doubtful))
+            bend = (step.point.tangent - point.tangent) / (step.point.arclength - point.arclength)
+            point, size, tests = step.point, step.next_size, found.after
+        if point is self.origin:
+            yield point
+        return End(end.stop, end.reason, tuple(doubtful))
+
+    # --- one step ---
+
+    def advance(self, point: Point, bend: Array, size: float) -> Step:
+        """The next point, with as many halvings of the step as it takes."""
+        failed = Failed(Stop.NO_CONVERGENCE)
+        size = min(size, self.steps.largest)
+        while size >= self.steps.smallest:
+            try:
+                return self._attempt(point, bend, size)
+            except Undefined as error:
+                failed = Failed(Stop.RIM, str(error))
+            except Failed as reason:
+                if reason.stop is Stop.BOUND:
+                    raise
+                failed = reason
+            size /= 2
+        raise failed
+
+    def _attempt(self, point: Point, bend: Array, size: float) -> Step:
+        curve = self.curve
+        predicted = point.z + size * point.tangent + (0.5 * size * size) * bend
+        landing = self._crossed(point.z, predicted)
+        if landing is None:
+            found = self._correct(predicted, curve.dual(point.tangent))
+            landing = self._crossed(point.z, found.z)
+        if landing is not None:
+            found = self._land(point, predicted, *landing)
+        last = self._accepted(point, found, size)
+        turn = _angle(curve, point.tangent, last.tangent)
+        effort = 1.0 if found.iterations == 4 else (0.7 if found.iterations > 4 else math.inf)
+        factor = min(_AIM / max(turn, 1e-12), effort, self.steps.growth)
+        return Step(last, size * max(factor, 0.5), None if landing is None else Stop.BOUND)
+
+    def _correct(self, predicted: Array, row: Array) -> Solution:
+        found = newton(
+            self.curve.equations,
+            self.curve.jacobian,
+            predicted,
+            row=row,
+            tolerance=self.steps.tolerance,
+            most=8,
+        )
+        if not found.converged:
+            raise Failed(Stop.NO_CONVERGENCE, f"residual {found.residual:.2g}")
+        return found
+
+    def _crossed(self, before: Array, after: Array) -> tuple[int, float] | None:
+        """The first bound that a step crosses, as (slot, bound)."""
+        first, nearest = None, math.inf
+        for slot, low, high in self.bounds:
+            bound = low if after[slot] < low else high if after[slot] > high else None
+            if bound is None:
+                continue
+            if abs(before[slot] - bound) <= 4 * math.ulp(bound or 1e-16):
+                raise Failed(Stop.BOUND)
+            fraction = (bound - before[slot]) / (after[slot] - before[slot])
+            if fraction < nearest:
+                first, nearest = (slot, bound), fraction
+        return first
+
+    def _land(self, point: Point, predicted: Array, slot: int, bound: float) -> Solution:
+        """The solution exactly on a bound, instead of a step across it."""
+        fraction = (bound - point.z[slot]) / (predicted[slot] - point.z[slot])
+        guess = point.z + min(fraction, 1.0) * (predicted - point.z)
+        guess[slot] = bound
+        found = self._correct(guess, np.eye(1, guess.size, slot)[0])
+        z = found.z.copy()
+        z[slot] = bound  # Newton's linear condition holds to rounding; make it exact
+        if any(not low <= z[i] <= high for i, low, high in self.bounds):
+            raise Failed(Stop.NO_CONVERGENCE, "two bounds within one step")
+        return replace(found, z=z)
+
+    def _accepted(self, point: Point, found: Solution, size: float) -> Point:
+        """The new point if the step is one smooth piece of curve, short against its features."""
+        curve = self.curve
+        chord = found.z - point.z
+        length = math.sqrt(chord.dot(curve.dual(chord)))
+        if not 0 < length <= 2 * size:
+            raise Failed(Stop.NO_CONVERGENCE, "the corrector left the neighbourhood of the step")
+        tangent = tangent_at(curve, found.z, point.tangent)
+        last = Point(curve, found.z, tangent, point.arclength + length, found.residual)
+        if (
+            _angle(curve, point.tangent, tangent) > _TURN
+            or _angle(curve, point.tangent, chord / length) > _TURN
+        ):
+            raise Failed(Stop.NO_CONVERGENCE, "the curve turns too sharply")
+        if self._strays(point, last, length):
+            raise Failed(Stop.NO_CONVERGENCE, "the curve is not smooth at the smallest step")
+        return last
+
+    def _strays(self, point: Point, last: Point, length: float) -> bool:
+        """Whether the curve halfway is off the cubic through both ends: one residual tells."""
+        middle = 0.5 * (point.z + last.z) + (length / 8) * (point.tangent - last.tangent)
+        size = middle.size
+        matrix = np.empty((size, size))
+        matrix[:-1], matrix[-1] = self.curve.jacobian(middle), self.curve.dual(point.tangent)
+        right = np.zeros(size)
+        right[:-1] = self.curve.equations(middle)
+        off = solve(matrix, right)
+        if off is None:
+            return False  # a branch point halfway: the residual says nothing there
+        return math.sqrt(off.dot(self.curve.dual(off))) > _STRAY * length
+
+    # --- events and ends ---
+
+    def _first_tests(self) -> tuple[Value, ...]:
+        values = tuple(event.test(self.origin) for event in self.events)
+        for event, value in zip(self.events, values, strict=True):
+            if event.positive and value < -1e-9:
+                raise BadInput(
+                    f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
+                    "positive values are meant; start elsewhere"
+                )
+        return values
+
+    def _events_on(
+        self, point: Point, step: Step, tests: Sequence[Value], *, first: bool
+    ) -> Found:
+        if not self.events:
+            return Found((), (), ())
+        segment = Segment(point, step.point, self.steps.tolerance)
+        last = step.stop is Stop.BOUND
+        try:
+            return find(segment, self.events, tests, first=first, last=last)
+        except Undefined as error:
+            raise Failed(Stop.RIM, f"while locating an event: {error}") from error
+
+    def _line_up(
+        self, point: Point, step: Step, found: Found, *, first: bool
+    ) -> tuple[list[Point], Stop | None]:
+        """What to yield for this step, in order, and whether the walk ends with it."""
+        near = 1e-8 * (step.point.arclength - point.arclength)
+        starts = [p for p in found.points if p.arclength <= point.arclength + near]
+        line = (starts or [point]) if first else []
+        for special in found.points[len(starts) :]:
+            line.append(special)
+            if special.event is not None and special.event.terminal:
+                return line, Stop.EVENT
+        if self._beyond(found):
+            if starts:
+                return line, Stop.EVENT
+            raise Failed(Stop.NO_CONVERGENCE, "the end of the meaningful region was not located")
+        if not (line and abs(line[-1].arclength - step.point.arclength) <= near):
+            line.append(step.point)
+        return line, step.stop
+
+    def _beyond(self, found: Found) -> bool:
+        return any(e.positive and v < 0 for e, v in zip(self.events, found.after, strict=False))
+
+    def _returns(self, point: Point, last: Point) -> bool:
+        """Whether the step passes the start of the walk, in the direction it set out."""
+        row = self.curve.dual(self.origin.tangent)
+        before, after = row.dot(point.z - self.origin.z), row.dot(last.z - self.origin.z)
+        if not before < 0 <= after or row.dot(last.tangent) < 0.5:
+            return False
+        segment = Segment(point, last, self.steps.tolerance)
+        gap = segment.guess(before / (before - after))[0] - self.origin.z
+        if math.sqrt(gap.dot(gap)) > 0.1 * segment.length:
+            return False
+        near = self._correct(self.origin.z + gap, row)
+        gap = near.z - self.origin.z
+        return math.sqrt(gap.dot(gap)) <= _FINE * (1 + math.sqrt(near.z.dot(near.z)))
+
+    def _closing(self, point: Point) -> Point:
+        chord = self.origin.z - point.z
+        length = math.sqrt(chord.dot(self.curve.dual(chord)))
+        return replace(self.origin, arclength=point.arclength + length)
+
+
+def _angle(curve: Curve, one: Array, other: Array) -> float:
+    """Angle between unit vectors, from their difference: exact for small angles too."""
+    gap = one - other
+    return 2 * math.asin(min(1.0, 0.5 * math.sqrt(gap.dot(curve.dual(gap)))))
+
+
+def _bounds(curve: Curve, within: Within | None) -> list[tuple[int, float, float]]:
+    """The window and the domain of the problem, as (slot, low, high) of what can change."""
+    problem = curve.problem
+    problem.check_names(within or ())
+    bounds = []
+    for name in {**problem.domain, **(within or {})}:
+        low, high = (within or {}).get(name, (-math.inf, math.inf))
+        domain = problem.domain.get(name, (-math.inf, math.inf))
+        low, high = max(low, domain[0]), min(high, domain[1])
+        value = problem.start.get(name, problem.params.get(name))
+        if not low < high:
+            raise BadInput(f"the window of {name!r} is empty: ({low:g}, {high:g})")
+        if np.ndim(value) != 0:
+            raise BadInput(f"{name!r} is an array: a window needs a single number")
+        if not low <= float(value) <= high:
+            raise BadInput(f"the start has {name}={float(value):g}, outside ({low:g}, {high:g})")
+        slot = curve.slots.get(name)
+        if isinstance(slot, int):
+            bounds.append((slot, low, high))
+    return bounds
