@@ -13,14 +13,54 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test compares the two
+    from contbreather.continuation import Branch as Branch
+    from contbreather.continuation import Event as Event
+    from contbreather.continuation import Point as Point
+    from contbreather.continuation import Problem as Problem
+    from contbreather.continuation import Steps as Steps
+    from contbreather.continuation import Stop as Stop
+    from contbreather.continuation import boundary as boundary
+    from contbreather.continuation import branch_point as branch_point
+    from contbreather.continuation import cusp as cusp
+    from contbreather.continuation import fold as fold
+    from contbreather.continuation import hopf as hopf
+    from contbreather.continuation import trace as trace
+    from contbreather.continuation import user as user
+    from contbreather.continuation import walk as walk
     from contbreather.errors import BadInput as BadInput
     from contbreather.errors import ContbreatherError as ContbreatherError
     from contbreather.errors import NoSolution as NoSolution
     from contbreather.errors import NotConverged as NotConverged
+    from contbreather.lattice import Fourier as Fourier
+    from contbreather.lattice import Harmonic as Harmonic
+    from contbreather.lattice import InfiniteChain as InfiniteChain
+    from contbreather.lattice import Ring as Ring
+    from contbreather.lattice import Samples as Samples
+    from contbreather.lattice import Symbolic as Symbolic
 
 __version__ = "0.1.0"
 
 _HOME = {
+    "InfiniteChain": "contbreather.lattice",
+    "Ring": "contbreather.lattice",
+    "Harmonic": "contbreather.lattice",
+    "Fourier": "contbreather.lattice",
+    "Symbolic": "contbreather.lattice",
+    "Samples": "contbreather.lattice",
+    "Problem": "contbreather.continuation",
+    "Steps": "contbreather.continuation",
+    "Event": "contbreather.continuation",
+    "Point": "contbreather.continuation",
+    "Branch": "contbreather.continuation",
+    "Stop": "contbreather.continuation",
+    "trace": "contbreather.continuation",
+    "walk": "contbreather.continuation",
+    "boundary": "contbreather.continuation",
+    "fold": "contbreather.continuation",
+    "branch_point": "contbreather.continuation",
+    "cusp": "contbreather.continuation",
+    "hopf": "contbreather.continuation",
+    "user": "contbreather.continuation",
     "BadInput": "contbreather.errors",
     "ContbreatherError": "contbreather.errors",
     "NoSolution": "contbreather.errors",
