@@ -145,14 +145,15 @@ class Branch:
 
     ``branch["a"]`` is a column (an unknown, a parameter, a recorded number, or ``"arclength"``),
     ``branch[17]`` a `Point`, ``branch.special`` the labelled points, ``branch.first("PF")`` one of
-    them. ``stop`` says why it ended where it does, ``began`` why where it starts; ``reason`` adds
-    what the equations said. ``doubtful`` keeps candidates that failed their verification.
+    them. ``stop`` says why it ended where it does, ``began`` why where it starts (None where the
+    walk set out); ``reason`` and ``began_reason`` add what the equations said. ``doubtful`` keeps candidates that failed their verification.
     """
 
     points: tuple[Point, ...]
     stop: Stop
     began: Stop | None = None
     reason: str = ""
+    began_reason: str = ""
     doubtful: tuple[Point, ...] = ()
 
     def __len__(self) -> int:
@@ -222,7 +223,7 @@ class Branch:
             self,
             points=labelled(points),
             stop=other.stop,
-            reason=" / ".join(filter(None, (self.reason, other.reason))),
+            reason=other.reason,
             doubtful=self.doubtful + tuple(_shifted(p, shift) for p in other.doubtful),
         )
 
@@ -235,6 +236,8 @@ class Branch:
             points=labelled(turned),
             stop=self.began or Stop.BOUND,
             began=self.stop,
+            reason=self.began_reason,
+            began_reason=self.reason,
             doubtful=tuple(_turned(point, end) for point in reversed(self.doubtful)),
         )
 

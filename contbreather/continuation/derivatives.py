@@ -56,4 +56,6 @@ def agree(one: Array, other: Array, tolerance: float = 1e-6) -> bool:
     """Whether two Jacobians are the same up to what differences can tell."""
     if one.shape != other.shape or not (np.isfinite(one).all() and np.isfinite(other).all()):
         return False
-    return bool(np.abs(one - other).max(initial=0.0) <= tolerance * (1 + np.abs(other).max(initial=0.0)))
+    return bool(
+        np.abs(one - other).max(initial=0.0) <= tolerance * (1 + np.abs(other).max(initial=0.0))
+    )

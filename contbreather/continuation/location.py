@@ -322,9 +322,7 @@ def _jump(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
             trail.done.add((low, high))
 
 
-def _polish(
-    segment: Segment, event: Event, u: float, left: float, right: float
-) -> Place | None:
+def _polish(segment: Segment, event: Event, u: float, left: float, right: float) -> Place | None:
     """Newton's iteration on problem and locus together, if it ends inside the bracket at a place
     where the test does change."""
     if event.locus is None and event.polish is None:

@@ -131,7 +131,7 @@ def _gathered(walker: Generator[Point, None, End], shown: Progress) -> Branch:
     except KeyboardInterrupt:
         if not points:
             raise
-    return Branch(labelled(tuple(points)), end.stop, None, end.reason, end.doubtful)
+    return Branch(labelled(tuple(points)), end.stop, reason=end.reason, doubtful=end.doubtful)
 
 
 def _with_ends(branch: Branch) -> Branch:
@@ -357,9 +357,7 @@ class Walker:
                 )
         return values
 
-    def _events_on(
-        self, point: Point, step: Step, tests: Sequence[Value], *, first: bool
-    ) -> Found:
+    def _events_on(self, point: Point, step: Step, tests: Sequence[Value], *, first: bool) -> Found:
         if not self.events:
             return Found((), (), ())
         segment = Segment(point, step.point, self.steps.tolerance)
@@ -401,7 +399,8 @@ class Walker:
         gap = segment.guess(before / (before - after))[0] - self.origin.z
         if math.sqrt(gap.dot(gap)) > 0.1 * segment.length:
             return False
-        near = self._correct(self.origin.z + gap, row)
+        # across the start only: along the curve Newton's linear condition keeps the place
+        near = self._correct(self.origin.z + gap - row.dot(gap) * self.origin.tangent, row)
         gap = near.z - self.origin.z
         return math.sqrt(gap.dot(gap)) <= _FINE * (1 + math.sqrt(near.z.dot(near.z)))
 
