@@ -1,0 +1,165 @@
+"""Lattice sums over the aliased frequencies nu + 2m, m != 0: the smooth part of G.
+
+Sampled once per half period, a frequency s cannot be told from s + 2m. So the mean G of the half
+map's resolvent is a sum of the lattice's resolvent ``g(s) = <1/(w^2 - s^2)>`` over all aliases
+``s_m = nu + 2m``. Only ``s_0 = nu`` can lie in the band; the others make up
+
+    R = (1/pi) sum' s_m g(s_m),  B = -(1/pi) sum' g(s_m),  C = (1/pi) (1 + sum' (1 + s_m^2 g(s_m)))
+
+(sums over m != 0), which are analytic for |Re nu| <= 1 and real for real nu. The six nearest
+aliases are exact; the rest, |s_m| >= 7, is expanded in 1/s_m^2 and then in nu, where the sums
+over m are Hurwitz zeta functions: a polynomial in nu^2 with coefficients depending on gamma.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import comb, zeta
+
+from contbreather.lattice.modes import q_moments
+
+Array = NDArray[Any]  # real on the real axis, complex off it
+
+EXACT = 3  # aliases m = -3..3 are exact
+ORDERS = 11  # of 4 gamma/s^2 <= 1/49: 49^-11 is below rounding
+POWERS = 13  # of (nu/7)^2 <= 2/49 for |nu|^2 <= 2
+
+_SHIFTS = 2.0 * np.array([m for m in range(-EXACT, EXACT + 1) if m != 0])
+
+
+class Regular(NamedTuple):
+    """R, B, C of the module's docstring, shaped like nu."""
+
+    R: Array
+    B: Array
+    C: Array
+
+
+@lru_cache(maxsize=1)
+def _tables() -> NDArray[np.float64]:
+    """``[3, POWERS, ORDERS]``: the tails of R/nu, B, C as coefficients of nu^2k <w^2j>."""
+    j = np.arange(ORDERS)
+    k = np.arange(POWERS)[:, None]
+    first = EXACT + 1.0
+
+    def tail(power: Array, order: Array) -> Array:
+        # sum over |m| > EXACT of s_m^-power: the coefficient of nu^order
+        n = power + order
+        return 2.0 / math.pi * comb(n - 1, order) * 2.0**-n * zeta(np.maximum(n, 2), first)
+
+    b = tail(2 * j + 2, 2 * k)
+    r = tail(2 * j + 1, 2 * k + 1)
+    c = np.zeros_like(b)
+    c[:, 1:] = -tail(2 * j[1:], 2 * k)  # the term j = 0 is the 1 that is added to s^2 g
+    return np.stack([r, b, c])
+
+
+@lru_cache(maxsize=256)
+def tail_coefficients(gamma: float, sites: int | None) -> tuple[Array, Array]:
+    """Coefficients in nu^2 of the tails of (R/nu, B, C), ``[3, POWERS]``, and their d/dgamma."""
+    j = np.arange(ORDERS)
+    q = q_moments(sites, 0)[:ORDERS]
+    x = 4.0 * gamma
+    moments = q * x**j
+    slopes = np.zeros(ORDERS)
+    slopes[1:] = 4.0 * j[1:] * q[1:] * x ** (j[1:] - 1)
+    return _tables() @ moments, _tables() @ slopes
+
+
+class Alias(NamedTuple):
+    """``h = -s^2 g(s)`` at some frequencies, and its derivatives with respect to s and gamma."""
+
+    h: Array
+    h_s: Array
+    h_gamma: Array
+
+
+def alias(gamma: float, s: Array, sites: int | None = None) -> Array:
+    """``h = -s^2 g(s)``, g the resolvent of the chain (``sites=None``) or ring, off the band."""
+    z = 4.0 * gamma / (s * s)
+    r = np.sqrt(1.0 - z)
+    if sites is None:
+        return np.asarray(1.0 / r)
+    e = (-z / (1.0 + r) ** 2) ** sites
+    return np.asarray((1.0 + e) / ((1.0 - e) * r))
+
+
+def alias_slopes(gamma: float, s: Array, sites: int | None = None, r: Array | None = None) -> Alias:
+    """`alias` with derivatives; ``r`` overrides the root ``sqrt(1 - 4 gamma/s^2)`` (on the arc)."""
+    s2 = s * s
+    z = 4.0 * gamma / s2
+    if r is None:
+        r = np.sqrt(1.0 - z)
+    h = 1.0 / r
+    rr = 1.0 - z
+    h_s, h_gamma = -h * z / (s * rr), 2.0 * h / (s2 * rr)
+    if sites is None:
+        return Alias(np.asarray(h), np.asarray(h_s), np.asarray(h_gamma))
+    if sites == 1:  # a single oscillator knows no coupling: g = -1/s^2
+        return Alias(np.ones_like(s), np.zeros_like(s), np.zeros_like(s))
+    e = (-z / (1.0 + r) ** 2) ** sites
+    kappa = (1.0 + e) / (1.0 - e)
+    slope = 2.0 * sites * e / ((1.0 - e) ** 2 * r)  # d kappa / d ln(e^(r/sites))
+    slope_gamma = slope / gamma if gamma > 0.0 else np.zeros_like(slope)
+    return Alias(
+        np.asarray(h * kappa),
+        np.asarray(h_s * kappa - 2.0 * h * slope / s),
+        np.asarray(h_gamma * kappa + h * slope_gamma),
+    )
+
+
+def _polynomials(coefficients: Array, x: Array) -> Array:
+    """Rows of ``coefficients`` as polynomials in x, by Horner; shape (rows, *x.shape)."""
+    columns = coefficients.reshape(*coefficients.shape, *(1,) * x.ndim)
+    total = columns[:, -1] + 0.0 * x
+    for k in range(coefficients.shape[1] - 2, -1, -1):
+        total = total * x + columns[:, k]
+    return total
+
+
+def regular(gamma: float, nu: Array, sites: int | None = None) -> Regular:
+    """R, B, C at ``|Re nu| <= 1, |Im nu| <= 1`` (real arithmetic for real nu)."""
+    s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
+    h = alias(gamma, s, sites)
+    hs = h / s
+    tail = _polynomials(tail_coefficients(gamma, sites)[0], nu * nu)
+    return Regular(
+        nu * tail[0] - hs.sum(0) / math.pi,
+        tail[1] + (hs / s).sum(0) / math.pi,
+        tail[2] + (1.0 + (1.0 - h).sum(0)) / math.pi,
+    )
+
+
+def regular_slopes(
+    gamma: float, nu: Array, sites: int | None = None
+) -> tuple[Regular, Regular, Regular]:
+    """`regular` with its derivatives with respect to nu and to gamma."""
+    s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
+    h, h_s, h_gamma = alias_slopes(gamma, s, sites)
+    coefficients, in_gamma = tail_coefficients(gamma, sites)
+    x = nu * nu
+    r, b, c = _polynomials(coefficients, x)
+    steps = np.arange(1, POWERS)
+    r_x, b_x, c_x = _polynomials(coefficients[:, 1:] * steps, x)
+    r_g, b_g, c_g = _polynomials(in_gamma, x)
+    value = Regular(
+        nu * r - (h / s).sum(0) / math.pi,
+        b + (h / (s * s)).sum(0) / math.pi,
+        c + (1.0 + (1.0 - h).sum(0)) / math.pi,
+    )
+    in_nu = Regular(
+        r + 2.0 * x * r_x - ((h_s - h / s) / s).sum(0) / math.pi,
+        2.0 * nu * b_x + ((h_s - 2.0 * h / s) / (s * s)).sum(0) / math.pi,
+        2.0 * nu * c_x - h_s.sum(0) / math.pi,
+    )
+    by_gamma = Regular(
+        nu * r_g - (h_gamma / s).sum(0) / math.pi,
+        b_g + (h_gamma / (s * s)).sum(0) / math.pi,
+        c_g - h_gamma.sum(0) / math.pi,
+    )
+    return value, in_nu, by_gamma

@@ -1,0 +1,206 @@
+"""On the band of the infinite chain: the curve D(mu) traces there, and where it meets zero.
+
+For mu = exp(i pi nu) on the arc, 0 < nu < 2 sqrt(gamma), R, B, C are real and the in-band alias is
+``g = -i/v``, ``v = nu sqrt(4 gamma - nu^2)``. We follow ``F = v D``, bounded on the closed arc:
+
+    F = (v D_r + L_i/pi) + i (v D_i - L_r/pi),
+    D_r = d^2 - c^2 R^2 + B beta,  D_i = 2 c d R,  beta = b - c^2 C,
+    L_r = -(2 c^2 nu R + beta + c^2 nu^2 B),  L_i = 2 c d nu.
+
+F = 0 is a Neimark-Sacker point. Eliminating beta leaves one real equation for its angle, with
+the letter q = 2 d/c of (13),
+
+    (R + nu B)^2 - q (nu/(pi v) - pi v R B) - q^2/4 = 0,   b = c^2 (C - 2 nu R - nu^2 B - pi q v R),
+
+so at given gamma and k the Neimark-Sacker points are roots in one variable, each with an explicit
+b. Band angles are sampled as nu = 2 sqrt(gamma) sin(alpha), which resolves the square root at the
+edge; R, B, C on a fixed grid in alpha depend on gamma alone and are remembered.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize_scalar
+
+from contbreather.errors import BadInput
+from contbreather.lattice.modes import check_gamma
+from contbreather.stability.aliases import regular, regular_slopes
+
+Array = NDArray[Any]
+
+GRID = 40  # intervals of the remembered grid in alpha; refinement does the rest
+
+
+class Arc(NamedTuple):
+    """Samples on the band: alpha in [0, pi/2], nu, v = nu sqrt(4 gamma - nu^2), R, B, C."""
+
+    alpha: Array
+    nu: Array
+    v: Array
+    R: Array
+    B: Array
+    C: Array
+
+
+def sample(gamma: float, alpha: Array) -> Arc:
+    """R, B, C at ``nu = 2 sqrt(gamma) sin(alpha)``."""
+    sine = np.sin(alpha)
+    nu = 2.0 * math.sqrt(gamma) * sine
+    return Arc(alpha, nu, 4.0 * gamma * sine * np.cos(alpha), *regular(gamma, nu))
+
+
+@lru_cache(maxsize=64)
+def grid(gamma: float) -> Arc:
+    """`sample` on the fixed grid; what a branch in a, k or b uses again and again."""
+    arc = sample(gamma, np.linspace(0.0, 0.5 * math.pi, GRID + 1))
+    for column in arc:
+        column.setflags(write=False)
+    return arc
+
+
+def curve(arc: Arc, k: float, b: float) -> Array:
+    """F = v D on the arc, the limit from |mu| > 1."""
+    _, nu, v, R, B, C = arc
+    c, d = 1.0 + k, 0.5 * (1.0 - k)
+    cc = c * c
+    beta = b - cc * C
+    real = v * (d * d - cc * R * R + B * beta) + (2.0 * c * d / math.pi) * nu
+    imag = 2.0 * c * d * v * R + (cc * nu * (2.0 * R + nu * B) + beta) / math.pi
+    return np.asarray(real + 1j * imag)
+
+
+class OnArc(NamedTuple):
+    """(Re, Im) of F = nu sqrt(4 gamma - nu^2) D at an angle in the band, and its derivatives.
+
+    Each is an array of shape (2,) (or (2, ...) for an array of angles).
+    """
+
+    value: Array
+    d_nu: Array
+    d_gamma: Array
+    d_k: Array
+    d_b: Array
+
+
+def on_arc(gamma: float, nu: float, k: float, b: float) -> OnArc:
+    """The two equations of a Neimark-Sacker point of the infinite chain, with their Jacobian.
+
+    F has the zeros of D, the limit from |mu| > 1 at mu = exp(i pi nu), but no poles at the ends
+    of the band.
+
+    Parameters
+    ----------
+    gamma, k, b : float
+        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
+    nu : float
+        Angle/pi, with 0 < nu < 2 sqrt(gamma).
+
+    Raises
+    ------
+    BadInput
+        If nu is not inside the band.
+
+    Examples
+    --------
+    >>> angle, b = neimark_sacker(0.1, 0.8)[0]
+    >>> bool(abs(on_arc(0.1, angle, 0.8, b).value).max() < 1e-14)
+    True
+    """
+    gamma = check_gamma(gamma)
+    x = np.asarray(nu, dtype=float)
+    if not np.all((x > 0.0) & (x * x < 4.0 * gamma)):
+        raise BadInput(
+            f"nu = {nu}: the band of gamma = {gamma} has angles between 0 and "
+            f"{2 * math.sqrt(gamma):.6g} (times pi); choose one of them."
+        )
+    value, in_nu, in_gamma = regular_slopes(gamma, x)
+    R, B, C = value
+    c, d = 1.0 + k, 0.5 * (1.0 - k)
+    beta = b - c * c * C
+    root = np.sqrt(4.0 * gamma - x * x)
+    v = x * root
+    D_r, D_i = d * d - (c * R) ** 2 + B * beta, 2.0 * c * d * R
+    minus_L = 2.0 * c * c * x * R + beta + c * c * x * x * B
+    two_cd = 2.0 * c * d
+
+    def total(dv: Any, dx: Any, dc: Any, dd: Any, db: Any, dR: Any, dB: Any, dC: Any) -> Array:
+        d_beta = db - 2.0 * c * dc * C - c * c * dC
+        dD_r = 2.0 * (d * dd - c * R * (dc * R + c * dR)) + dB * beta + B * d_beta
+        dD_i = 2.0 * (dc * d * R + c * dd * R + c * d * dR)
+        dL = (
+            2.0 * c * dc * x * (2.0 * R + x * B)
+            + c * c * (2.0 * dx * R + 2.0 * x * dR + 2.0 * x * dx * B + x * x * dB)
+            + d_beta
+        )
+        dL_i = 2.0 * (dc * d * x + c * dd * x + c * d * dx)
+        return np.array([dv * D_r + v * dD_r + dL_i / math.pi, dv * D_i + v * dD_i + dL / math.pi])
+
+    return OnArc(
+        np.array([v * D_r + two_cd * x / math.pi, v * D_i + minus_L / math.pi]),
+        total(root - x * x / root, 1.0, 0.0, 0.0, 0.0, *in_nu),
+        total(2.0 * x / root, 0.0, 0.0, 0.0, 0.0, *in_gamma),
+        total(0.0, 0.0, 1.0, -0.5, 0.0, 0.0, 0.0, 0.0),
+        total(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+    )
+
+
+
+def _angle_equation(gamma: float, arc: Arc, q: float) -> Array:
+    """(v/nu) times the equation for a Neimark-Sacker angle: negative at both ends of the band."""
+    alpha, nu, v, R, B, _ = arc
+    root = 2.0 * math.sqrt(gamma) * np.cos(alpha)  # = v/nu
+    square = (R + nu * B) ** 2 - 0.25 * q * q
+    return np.asarray(root * square - q * (1.0 / math.pi - math.pi * v * root * R * B))
+
+
+class NeimarkSacker(NamedTuple):
+    """One Neimark-Sacker point at given gamma and k: its angle/pi and the b it needs."""
+
+    nu: float
+    b: float
+
+
+def neimark_sacker(gamma: float, k: float) -> tuple[NeimarkSacker, ...]:
+    """All Neimark-Sacker points of the infinite chain at this coupling and restitution.
+
+    They are roots in one variable, the angle, each with an explicit b: no seed is needed. Sorted
+    by angle; none, or two (at k = 1 none: the arc is neutral there).
+
+    Examples
+    --------
+    >>> [round(point.nu, 4) for point in neimark_sacker(0.0969710, 0.8)]
+    [0.4769, 0.5581]
+    """
+    gamma = check_gamma(gamma)
+    q = (1.0 - k) / (1.0 + k)
+    if gamma == 0.0 or q <= 0.0:
+        return ()
+
+    def equation(alpha: float) -> float:
+        return float(_angle_equation(gamma, sample(gamma, np.asarray(alpha)), q))
+
+    alpha = grid(gamma).alpha
+    values = _angle_equation(gamma, grid(gamma), q)
+    top = int(values.argmax())
+    if values[top] <= 0.0:  # a pair of roots between two nodes?
+        near = (alpha[max(top - 1, 0)], alpha[min(top + 1, GRID)])
+        best = minimize_scalar(lambda x: -equation(x), bounds=near, options={"xatol": 1e-9})
+        if best.fun >= 0.0:
+            return ()
+        place = int(np.searchsorted(alpha, best.x))
+        alpha = np.insert(alpha, place, best.x)
+        values = np.insert(values, place, -best.fun)
+    up = np.flatnonzero((values[:-1] > 0.0) != (values[1:] > 0.0))
+    roots = [brentq(equation, alpha[i], alpha[i + 1], xtol=1e-15, rtol=1e-15) for i in up]
+    return tuple(_point(gamma, k, q, float(root)) for root in roots)
+
+
+def _point(gamma: float, k: float, q: float, alpha: float) -> NeimarkSacker:
+    _, nu, v, R, B, C = sample(gamma, np.asarray(alpha))
+    b = (1.0 + k) ** 2 * (C - nu * (2.0 * R + nu * B) - math.pi * q * v * R)
+    return NeimarkSacker(float(nu), float(b))

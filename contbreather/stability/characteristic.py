@@ -1,0 +1,275 @@
+"""The characteristic function D(mu): its zeros are the multipliers the impact makes.
+
+The half map QS differs from the free propagator Q = exp(pi A) in one 2x2 block, so mu is a
+multiplier exactly where ``det(1 + (S0 - 1) G(mu)) = 0`` with ``G = <(1 - mu Q_w^-1)^-1>``, a mean
+over the modes. With ``G11 = G22`` and ``c = 1 + k`` it is ``D = (1 - c G11)^2 + G12 (b - c^2 G21)``.
+We write mu = exp(i pi nu), so |mu| > 1 means Im nu < 0, and G as a sum over aliases nu + 2m
+(`contbreather.stability.aliases`). The alias m = 0, ``g = <1/(w^2 - nu^2)>``, enters D linearly,
+
+    D = (d + i c R)^2 + B (b - c^2 C) + (g/pi) L,   d = (1 - k)/2,
+    L = 2 i c nu (d + i c R) - (b - c^2 C) - c^2 nu^2 B,
+
+its square cancels: no accuracy is lost next to the band edges. On the band of the infinite chain
+D is the limit from |mu| > 1; its continuation through the band has the sign of g reversed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.errors import BadInput
+from contbreather.lattice.modes import InfiniteChain, Ring, check_gamma
+from contbreather.stability.aliases import Regular, alias_slopes, regular, regular_slopes
+
+Array = NDArray[Any]
+
+NEAR = 1.0  # |Im nu| up to which aliases are summed; beyond, 24 modes are the infinite chain
+MODES = 24  # the trapezoid rule's error is exp(-1.76 * 24) where |Im nu| >= 1
+
+
+class Modes(NamedTuple):
+    """Frequencies w (those at theta and -theta together), their weights, cos and sin of pi w."""
+
+    w: Array
+    weight: Array
+    cosine: Array
+    sine_over_w: Array
+    w_sine: Array
+
+
+def sites_of(lattice: object) -> int | None:
+    """None for the infinite chain, N for a ring."""
+    if isinstance(lattice, InfiniteChain):
+        return None
+    if isinstance(lattice, Ring):
+        return lattice.sites
+    raise BadInput(f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites).")
+
+
+def modes(gamma: float, sites: int) -> Modes:
+    """The even modes of a ring: all of them that the impacting site sees."""
+    _, weight, w = Ring(sites).nodes(gamma)
+    sine = np.sin(np.pi * w)
+    # np.sinc(w) = sin(pi w)/(pi w) has its limit at w = 0
+    return Modes(w, weight, np.cos(np.pi * w), np.pi * np.sinc(w), w * sine)
+
+
+def mode_sums(mu: Array, modes: Modes) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """G11, G12, G21 and their derivatives in mu, as plain sums: any mu that is no mode's own."""
+    z = np.asarray(mu)[..., None]
+    large = np.abs(z) > 1.0
+    t = np.where(large, 1.0 / np.where(large, z, 1.0), z)  # |t| <= 1
+    q = 1.0 / (1.0 - 2.0 * t * modes.cosine + t * t)
+    scale = np.where(large, t * t, 1.0) * q  # = 1/(1 - 2 mu cos + mu^2)
+    slope = 2.0 * (modes.cosine - z) * scale
+    first = scale * (1.0 - z * modes.cosine)
+    other = -z * scale
+    first_mu = first * slope - modes.cosine * scale
+    other_mu = -scale * (1.0 + z * slope)
+    s, t21 = modes.sine_over_w * modes.weight, -modes.w_sine * modes.weight
+    return (
+        first @ modes.weight,
+        other @ s,
+        other @ t21,
+        first_mu @ modes.weight,
+        other_mu @ s,
+        other_mu @ t21,
+    )
+
+
+def determinant(mu: Array, modes: Modes, k: float, b: float) -> tuple[Array, Array]:
+    """D and dD/dmu by `mode_sums`: exact on a ring, and for |mu| far from 1 on the chain."""
+    g11, g12, g21, g11_mu, g12_mu, g21_mu = mode_sums(mu, modes)
+    c = 1.0 + k
+    a, f = 1.0 - c * g11, b - c * c * g21
+    value = a * a + g12 * f
+    return value, -2.0 * c * a * g11_mu + g12_mu * f - c * c * g12 * g21_mu
+
+
+class _Alias0(NamedTuple):
+    g: Array
+    g_nu: Array
+    g_gamma: Array
+
+
+def in_band(gamma: float, nu: Array) -> Array:
+    return (nu.imag == 0.0) & (nu.real**2 < 4.0 * gamma)
+
+
+def _alias0(gamma: float, nu: Array, sites: int | None, continued: bool = False) -> _Alias0:
+    """``g(nu) = <1/(w^2 - nu^2)>`` and slopes; inside the band the limit from Im nu < 0.
+
+    ``continued``: also above the band, Im nu > 0, what comes through it from below.
+    """
+    z = 4.0 * gamma / (nu * nu)
+    r = np.sqrt(1.0 - z)
+    if sites is None:
+        band = in_band(gamma, nu)
+        r = np.where(band, -1j * np.copysign(np.sqrt(np.abs(z - 1.0)), nu.real), r)
+        if continued:
+            r = np.where((nu.imag > 0.0) & (nu.real**2 < 4.0 * gamma), -r, r)
+    h, h_nu, h_gamma = alias_slopes(gamma, nu, sites, r)
+    s2 = nu * nu
+    return _Alias0(-h / s2, (2.0 * h / nu - h_nu) / s2, -h_gamma / s2)
+
+
+def _strip(nu: ArrayLike) -> Array:
+    """nu as complex array with Re nu in (-1, 1]: D has period 2."""
+    values = np.array(nu, dtype=complex)
+    outside = (values.real > 1.0) | (values.real <= -1.0)
+    if np.any(outside):
+        values = np.where(outside, values - 2.0 * np.ceil((values.real - 1.0) / 2.0), values)
+    return values
+
+
+def _finite(value: Array, gamma: float, lattice: object) -> Array:
+    if np.all(np.isfinite(value)):
+        return value
+    raise BadInput(
+        f"D has a pole at mu = 1 (nu = 0) and at the band's edges, on a ring at each mode "
+        f"(gamma = {gamma}, {lattice}): ask beside it."
+    )
+
+
+def G(gamma: float, nu: ArrayLike, lattice: object = InfiniteChain()) -> Array:  # noqa: B008
+    """Mean resolvent ``G = <(1 - mu Q_w^-1)^-1>`` of the half period, mu = exp(i pi nu).
+
+    Parameters
+    ----------
+    gamma : float
+        Coupling in [0, 1/4).
+    nu : array_like of complex
+        |mu| > 1 where Im nu < 0. Real nu inside the infinite chain's band: the limit from there.
+    lattice : InfiniteChain or Ring
+
+    Returns
+    -------
+    ndarray of complex, shape ``(*nu.shape, 2, 2)``; absolute error about 1e-15 times its size.
+
+    Raises
+    ------
+    BadInput
+        At a pole: mu = 1, a band edge, a mode of the ring.
+
+    Examples
+    --------
+    >>> chi = 2 * G(0.12, 1.0)[0, 1].real  # G12 at mu = -1, eq. (10)
+    >>> round(chi, 12)
+    2.067873970394
+    """
+    gamma = check_gamma(gamma)
+    sites = sites_of(lattice)
+    values = _strip(nu)
+    flat = values.ravel()
+    out = np.empty((flat.size, 2, 2), dtype=complex)
+    far = np.abs(flat.imag) > NEAR
+    if np.any(far):
+        g11, g12, g21, *_ = mode_sums(np.exp(1j * np.pi * flat[far]), _few_modes(gamma, sites))
+        out[far] = np.moveaxis(np.array([[g11, g12], [g21, g11]]), 2, 0)
+    s = flat[~far]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        g = _alias0(gamma, s, sites).g
+        R, B, C = regular(gamma, s, sites)
+        g11 = 0.5 - 1j * (R + s * g / math.pi)
+        out[~far] = np.moveaxis(
+            np.array([[g11, B - g / math.pi], [C + s * s * g / math.pi, g11]]), 2, 0
+        )
+    return _finite(out.reshape(*values.shape, 2, 2), gamma, lattice)
+
+
+def _few_modes(gamma: float, sites: int | None) -> Modes:
+    return modes(gamma, MODES if sites is None else min(sites, MODES))
+
+
+def D(
+    gamma: float,
+    nu: ArrayLike,
+    k: float,
+    b: float,
+    lattice: object = InfiniteChain(),  # noqa: B008
+) -> Array:
+    """Characteristic function: zero where mu = exp(i pi nu) is a multiplier of QS.
+
+    Only multipliers of even modes: the odd ones are ``exp(+-i pi w)`` exactly. D -> 1 as
+    |mu| -> infinity. Parameters and errors as for `G`; k and b are those of `saltation`.
+
+    Examples
+    --------
+    >>> abs(D(0.0, 1j, 0.8, 1.0) - D(0.0, 1j, 0.8, 1.0, Ring(1))) < 1e-15
+    np.True_
+    """
+    return D_slope(gamma, nu, k, b, lattice)[0]
+
+
+def D_slope(
+    gamma: float,
+    nu: ArrayLike,
+    k: float,
+    b: float,
+    lattice: object = InfiniteChain(),  # noqa: B008
+) -> tuple[Array, Array]:
+    """D and its analytic derivative dD/dnu; see `D`."""
+    gamma = check_gamma(gamma)
+    sites = sites_of(lattice)
+    values = _strip(nu)
+    flat = values.ravel()
+    value, slope = np.empty_like(flat), np.empty_like(flat)
+    far = np.abs(flat.imag) > NEAR
+    if np.any(far):
+        mu = np.exp(1j * np.pi * flat[far])
+        value[far], slope_mu = determinant(mu, _few_modes(gamma, sites), k, b)
+        slope[far] = 1j * np.pi * mu * slope_mu
+    near = ~far
+    if np.any(near):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value[near], slope[near] = _near(gamma, flat[near], k, b, sites)
+    _finite(value, gamma, lattice)
+    return value.reshape(values.shape), slope.reshape(values.shape)
+
+
+class Split(NamedTuple):
+    """``D = smooth + (g/pi) L``: both parts and their slopes in nu; g is the in-band alias."""
+
+    smooth: Array
+    L: Array
+    smooth_nu: Array
+    L_nu: Array
+
+
+def split(nu: Array, k: float, b: float, value: Regular, slope: Regular) -> Split:
+    R, B, C = value
+    R_nu, B_nu, C_nu = slope
+    c, d = 1.0 + k, 0.5 * (1.0 - k)
+    c2 = c * c
+    beta, a, a_nu = b - c2 * C, d + 1j * c * R, 1j * c * R_nu
+    return Split(
+        a * a + B * beta,
+        2j * c * nu * a - beta - c2 * nu * nu * B,
+        2.0 * a * a_nu + B_nu * beta - c2 * B * C_nu,
+        2j * c * (a + nu * a_nu) + c2 * (C_nu - 2.0 * nu * B - nu * nu * B_nu),
+    )
+
+
+def continued_slope(gamma: float, nu: Array, k: float, b: float) -> tuple[Array, Array]:
+    """D of the infinite chain and dD/dnu, continued from the outside through the band.
+
+    For |Im nu| <= 1. Equal to `D_slope` outside and on the circle; a zero just inside is a
+    resonance, a multiplier-to-be. Neither finite nor checked at the poles.
+    """
+    return _near(gamma, nu, k, b, None, continued=True)
+
+
+def _near(
+    gamma: float, nu: Array, k: float, b: float, sites: int | None, continued: bool = False
+) -> tuple[Array, Array]:
+    g, g_nu, _ = _alias0(gamma, nu, sites, continued)
+    value, slope, _ = regular_slopes(gamma, nu, sites)
+    part = split(nu, k, b, value, slope)
+    return (
+        part.smooth + g * part.L / math.pi,
+        part.smooth_nu + (g_nu * part.L + g * part.L_nu) / math.pi,
+    )

@@ -1,0 +1,25 @@
+"""The impact's effect on small perturbations, eq. (19): one 2x2 block, at the impacting site."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def saltation(k: float, b: float) -> NDArray[np.float64]:
+    """The 2x2 block ``[[-k, 0], [b, -k]]`` of (19) acting on (u_0, u_0'); all else is identity."""
+    return np.array([[-k, 0.0], [b, -k]])
+
+
+def saltation_entry(acceleration: float, w_minus: float, k: float) -> float:
+    """``b = (1 + k) u_0''/u_0'``, both just before the impact, eq. (19).
+
+    For the symmetric breather ``w_minus = 2p/(1+k)`` and ``acceleration = f''(phi) - p eta``, so
+    that ``b = (1+k)^2 [f''(phi) - p eta]/(2p)``.
+
+    Examples
+    --------
+    >>> saltation_entry(-0.25, 0.5, 0.8)
+    -0.9
+    """
+    return (1.0 + k) * acceleration / w_minus

@@ -1,0 +1,229 @@
+"""How many multipliers of QS lie strictly outside the circle: a winding number, no N, no threshold.
+
+D is analytic outside, D -> 1 far away; so on the infinite chain the count is the turning of D along
+the unit circle, by symmetry along its upper half. There, in turn,
+
+- next to mu = 1, D has a pole whose sign is that of ``beta0 = b - c^2 psi/2`` (zero: pitchfork);
+- on the band, F = v D (`contbreather.stability.arc`) is a bounded curve from ``i beta0/pi`` to a
+  point in the right half plane; it is sampled, and refined where it moves by much of its modulus;
+- between the band and mu = -1, ``Im D = 2 c d R`` has one sign (R < 0 there): no turning but what
+  the signs at its two ends say, and D(-1) is real (zero: fold).
+
+Summed up: ``count = [beta0 > 0] + [D(-1) < 0] + 2 pairs``, where ``pairs`` is how often F crosses the
+negative real axis upwards, less how often downwards. At k = 1 exactly, D is real between the band
+and -1 and may have zeros there, on the circle: the formula counts some of them, namely those that
+come out for k < 1; they are found and taken off, for they are neutral.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice.modes import InfiniteChain, check_gamma
+from contbreather.stability.aliases import regular
+from contbreather.stability.arc import Arc, curve, grid, sample
+from contbreather.stability.characteristic import D, sites_of
+
+Array = NDArray[Any]
+
+TURN = 0.6  # largest step of F between neighbouring samples, relative to its modulus
+DEPTH = 48  # halvings of one grid interval: down to 1e-16 in alpha
+ROUNDING = 1e-13  # of F's own terms: closer than that to zero, a count is not certain
+MOST = 2**20  # samples on a circle, when a ring's count asks for more there is no telling
+
+
+@dataclass(frozen=True)
+class Count:
+    """Multipliers strictly outside the circle: a count, and how sure it is.
+
+    ``distance`` is the smallest modulus met, relative to the size of the terms that cancel there;
+    it happens at ``mu = exp(i pi nu)``. Where it is below rounding, a multiplier sits on the
+    circle: the parameters are a bifurcation, and ``certain`` is False.
+    """
+
+    count: int
+    certain: bool
+    distance: float
+    nu: float
+
+    def __int__(self) -> int:
+        return self.count
+
+
+def check_kb(k: float, b: float) -> tuple[float, float]:
+    """k and b as floats, or say what they must be."""
+    k, b = float(k), float(b)
+    if not 0.0 <= k <= 1.0:
+        raise BadInput(f"k = {k}: a restitution coefficient lies between 0 and 1.")
+    if not math.isfinite(b):
+        raise BadInput(f"b = {b}: the entry of the saltation matrix must be a finite number.")
+    return k, b
+
+
+def _steep(F: Array) -> Array:
+    """Intervals across which F moves by much of its modulus, and their neighbours."""
+    size = np.abs(F)
+    steep = np.abs(F[1:] - F[:-1]) > TURN * np.minimum(size[1:], size[:-1])
+    wide = steep.copy()
+    wide[1:] |= steep[:-1]
+    wide[:-1] |= steep[1:]
+    return wide
+
+
+def resolved_arc(gamma: float, k: float, b: float) -> tuple[Arc, Array]:
+    """Samples on the band so close that F = v D turns by less than a radian between them."""
+    arc = grid(gamma)
+    F = curve(arc, k, b)
+    if gamma == 0.0:
+        return arc, F
+    for _ in range(DEPTH):
+        steep = np.flatnonzero(_steep(F))
+        steep = steep[arc.alpha[steep + 1] - arc.alpha[steep] > 1e-15]
+        if steep.size == 0:
+            break
+        middle = sample(gamma, 0.5 * (arc.alpha[steep] + arc.alpha[steep + 1]))
+        F = np.insert(F, steep + 1, curve(middle, k, b))
+        arc = Arc(*(np.insert(old, steep + 1, new) for old, new in zip(arc, middle, strict=True)))
+    return arc, F
+
+
+def _crossings(F: Array) -> int:
+    """Crossings of the negative real axis, upwards less downwards, of a resolved curve."""
+    above = F.imag > 0.0
+    i = np.flatnonzero(above[1:] != above[:-1])
+    if i.size == 0:
+        return 0
+    start, end = F[i], F[i + 1]
+    t = start.imag / (start.imag - end.imag)
+    left = start.real + t * (end.real - start.real) < 0.0
+    up = np.where(above[i + 1], 1, -1)
+    return int(np.sum(up[left]))
+
+
+def _ends(gamma: float, k: float, b: float) -> tuple[float, float, float, float]:
+    """beta0 and D(-1), each with the size of its terms."""
+    chain = InfiniteChain()
+    c, d = 1.0 + k, 0.5 * (1.0 - k)
+    pitch, chi, fold = 0.5 * c * c * chain.psi(gamma), chain.chi(gamma), 0.5 * c * c * chain.eta(gamma)
+    return (
+        b - pitch,
+        abs(b) + abs(pitch),
+        d * d + 0.5 * chi * (b + fold),
+        d * d + 0.5 * chi * (abs(b) + fold),
+    )
+
+
+def _neutral(gamma: float, b: float) -> int:
+    """Zeros of D between the band and mu = -1 for k = 1, where D is real."""
+    edge = 2.0 * math.sqrt(gamma)
+
+    def value(t: Array) -> Array:  # t D, bounded at the band's edge, where D grows like 1/t
+        nu = edge + (1.0 - edge) * t * t
+        R, B, C = regular(gamma, nu)
+        beta = b - 4.0 * C
+        pole = (4.0 * nu * (2.0 * R + nu * B) + beta) / np.sqrt((1.0 - edge) * (nu + edge))
+        return np.asarray(t * (B * beta - 4.0 * R * R) + pole / (math.pi * nu))
+
+    t = np.linspace(0.0, 1.0, 65)[int(gamma == 0.0) :]  # at gamma = 0 the edge is the pole itself
+    y = value(t)
+    for _ in range(8):  # look closer where |y| has a minimum: a pair of zeros may hide there
+        low = np.flatnonzero((np.abs(y[1:-1]) < np.abs(y[:-2])) & (np.abs(y[1:-1]) < np.abs(y[2:])))
+        new = np.unique(np.concatenate([0.5 * (t[low] + t[low + 1]), 0.5 * (t[low + 1] + t[low + 2])]))
+        place = np.searchsorted(t, new)
+        t, y = np.insert(t, place, new), np.insert(y, place, value(new))
+    return int(np.sum((y[1:] > 0.0) != (y[:-1] > 0.0)))
+
+
+def _chain_count(gamma: float, k: float, b: float) -> Count:
+    beta0, beta0_size, fold, fold_size = _ends(gamma, k, b)
+    arc, F = resolved_arc(gamma, k, b)
+    count = int(beta0 > 0.0) + int(fold < 0.0) + 2 * _crossings(F)
+    if k == 1.0:
+        # the formula has turned from arg(-L) at the band's edge straight to arg D(-1)
+        count -= _neutral(gamma, b) + int(fold < 0.0) - int(F[-1].imag < 0.0)
+    size = np.abs(F[1:-1]) / (abs(b) + 1.0)  # the terms of F are of order b and 1
+    i = int(size.argmin())
+    distances = (abs(beta0) / beta0_size, float(size[i]), abs(fold) / fold_size)
+    nearest = int(np.argmin(distances))
+    where = (0.0, float(arc.nu[i + 1]), 1.0)[nearest]
+    return Count(count, distances[nearest] > ROUNDING, distances[nearest], where)
+
+
+def _circle_count(gamma: float, k: float, b: float, lattice: object, radius: float) -> Count:
+    """Turning of D along a circle outside all its poles."""
+    depth = -math.log(radius) / math.pi
+    sites = sites_of(lattice) or 1
+    edge = 2.0 * math.sqrt(gamma)
+    band = edge * np.sin(np.linspace(0.0, 0.5 * math.pi, 2 * sites + 33))
+    x = np.concatenate([band, np.linspace(edge, 1.0, 33)[1:]])
+    values = D(gamma, x + 1j * depth, k, b, lattice)
+    for _ in range(DEPTH):
+        steep = np.flatnonzero(_steep(values))
+        steep = steep[x[steep + 1] - x[steep] > 1e-15]
+        if steep.size == 0 or x.size > MOST:
+            break
+        middle = 0.5 * (x[steep] + x[steep + 1])
+        values = np.insert(values, steep + 1, D(gamma, middle + 1j * depth, k, b, lattice))
+        x = np.insert(x, steep + 1, middle)
+    if x.size > MOST:
+        raise NotConverged(
+            f"D turns too fast on the circle of radius {radius} to count its zeros outside "
+            f"({lattice}): take a radius farther from 1."
+        )
+    turning = float(np.sum(np.angle(values[1:] / values[:-1])))
+    size = np.abs(values) / (abs(b) + 1.0)
+    i = int(size.argmin())
+    return Count(round(-turning / math.pi), bool(size[i] > ROUNDING), float(size[i]), float(x[i]))
+
+
+def unstable_count(
+    gamma: float,
+    k: float,
+    b: float,
+    lattice: object = InfiniteChain(),  # noqa: B008
+    *,
+    radius: float = 1.0,
+) -> Count:
+    """Number of isolated multipliers of QS outside a circle, a complex pair counting two.
+
+    Parameters
+    ----------
+    gamma, k, b : float
+        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
+    lattice : InfiniteChain or Ring
+    radius : float
+        Count ``|mu| > radius``. 1 on the infinite chain: the exact question of stability, answered
+        on the unit circle itself. A ring has multipliers on that circle, so it needs a radius
+        above 1; the paper's rule ``|mu|^2 > 1.005`` has radius ``sqrt(1.005)``.
+
+    Returns
+    -------
+    Count
+
+    Raises
+    ------
+    BadInput
+        For gamma outside [0, 1/4), k outside [0, 1], a radius below 1, or 1 on a ring.
+
+    Examples
+    --------
+    >>> unstable_count(0.1144, 0.8, 0.236).count, unstable_count(0.1144, 0.8, 0.235).count
+    (0, 2)
+    """
+    gamma = check_gamma(gamma)
+    k, b = check_kb(k, b)
+    sites = sites_of(lattice)
+    if radius == 1.0 and sites is None:
+        return _chain_count(gamma, k, b)
+    if not 1.0 < radius < math.inf:
+        raise BadInput(
+            f"radius = {radius}: multipliers are counted outside a circle of radius 1 (infinite "
+            "chain only, a ring has its band on that circle) or more."
+        )
+    return _circle_count(gamma, k, b, lattice, float(radius))
