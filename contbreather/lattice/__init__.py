@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, Samples, Symbolic
+from contbreather.lattice.expression import Symbolic
+from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, Samples
 from contbreather.lattice.green import propagate
 from contbreather.lattice.modes import InfiniteChain, Lattice, Ring, check_gamma
 

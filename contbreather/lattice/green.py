@@ -1,9 +1,9 @@
 """Forced response and propagator: how the lattice moves while nothing hits a wall.
 
-The answer of site n to the impacts of site 0 is ``<cos(n theta) sin(w (pi/2 - s))/(w cos(pi w/2))>``
-over half a period. The harmonic that drives the band's edge, cos s, is kept exact; everything
-else is a power series in ``w^2`` whose coefficients are polynomials of the time from mid flight,
-``y = s - pi/2``:
+The answer of site n to the impacts of site 0, over half a period, is
+``<cos(n theta) sin(w (pi/2 - s))/(w cos(pi w/2))>``. The harmonic that drives the band's edge,
+cos s, is kept exact; everything else is a power series in ``w^2`` whose coefficients are
+polynomials of the time from mid flight, ``y = s - pi/2``:
 
     ``v_n = (4/pi) [ -g sin y + sum over j of <w^(2j) cos(n theta)> P_j(y) ]``,
     ``P_j(y) = sum over i of (-1)^i y^(2i+1)/(2i+1)! W_ij``,
@@ -31,7 +31,7 @@ POWERS = 13  # odd powers of y: (pi/2)^27/27! < 1e-22
 
 
 @lru_cache(maxsize=1)
-def _weights() -> FloatArray:
+def response_weights() -> FloatArray:
     """``(4/pi) (-1)^i W_ij/(2i+1)!``, shape (POWERS, TERMS + 1)."""
     order = 2.0 * np.arange(1, TERMS + 1) + 1.0
     # 1 - beta(s) = 3^-s - 5^-s + 7^-s ...: without the cancellation of the difference
@@ -106,7 +106,7 @@ def flight(first_harmonic: float, moments: FloatArray, gamma: float) -> Flight:
     >>> round(answer.value(-math.pi / 2) - chain.chi(0.12), 14)
     0.0
     """
-    powers = _weights() @ (moments * (4.0 * gamma) ** np.arange(TERMS + 1))
+    powers = response_weights() @ (moments * (4.0 * gamma) ** np.arange(TERMS + 1))
     return Flight(4.0 / math.pi * first_harmonic, tuple(powers.tolist()))
 
 

@@ -1,0 +1,323 @@
+"""Does a solution of (11) keep off the walls where it must not touch them?
+
+Three things can go wrong: a neighbour reaches a wall (15), site 0 meets a wall between its impacts
+(B3), the far field, which follows the forcing alone, reaches it. Each has a margin: a float
+that is positive inside, zero at the limit and continuous in all parameters.
+
+Beyond a dozen sites the answer of the lattice is one harmonic, ``c_n cos(t - phi)``, whose
+amplitude shrinks and changes sign from site to site. The largest displacement is a convex function
+of that amplitude, so the first two such sites and the far field bound all the others.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.symmetric import Breather
+from contbreather.lattice import Lattice
+from contbreather.lattice.green import POWERS, TERMS, response_weights
+
+FloatArray = NDArray[np.float64]
+HALF_PI = 0.5 * math.pi
+NEAR = 13  # (0.03)^12 < 1e-18: the third harmonic has died out two sites earlier
+CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
+
+
+@dataclass(frozen=True)
+class Admissibility:
+    """What keeps a solution from being a breather, or by how much it is one.
+
+    Attributes
+    ----------
+    ok : bool
+        All margins are positive.
+    max_neighbour : float
+        Largest |u_1| over a period, eq. (15); 0 if there is no neighbour.
+    margin : float
+        The least of the margins below.
+    reason : str
+        A sentence: what is closest to its limit, or beyond it.
+    site, time : int or None, float
+        Where and when that is; None stands for the far field.
+    neighbours : float
+        ``1 - max |u_n|`` over all n != 0; 1 if there are none.
+    centre : float
+        `centre_margin`, site 0 between its impacts.
+    far : float
+        ``1 - a max |f|`` on a lattice without end, else 1.
+    """
+
+    ok: bool
+    max_neighbour: float
+    margin: float
+    reason: str
+    site: int | None
+    time: float
+    neighbours: float
+    centre: float
+    far: float
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+
+class _Grid(NamedTuple):
+    """Times of one flight, with the powers of y that `Flight` needs there."""
+
+    s: FloatArray
+    sine: FloatArray  # sin y
+    powers: FloatArray  # y^(2i+1), shape (POWERS, M)
+
+
+@lru_cache(maxsize=16)
+def _grid(size: int) -> _Grid:
+    s = math.pi * np.arange(size) / size
+    y = s - HALF_PI
+    return _Grid(s, np.sin(y), y ** (2.0 * np.arange(POWERS)[:, None] + 1.0))
+
+
+@lru_cache(maxsize=64)
+def _distances(lattice: Lattice) -> tuple[NDArray[np.int64], FloatArray]:
+    """Distances of the sites to look at, and what makes flights of powers of 4 gamma."""
+    found = sorted({lattice.distance(n) for n in range(1, NEAR + 1)} - {0})
+    moments = np.array([lattice.moments(n) for n in found]).reshape(len(found), 1, TERMS + 1)
+    return np.array(found, dtype=np.int64), response_weights() * moments
+
+
+def _profiles(breather: Breather) -> tuple[NDArray[np.int64], FloatArray, _Grid]:
+    """u_n over one flight for the sites that matter, shape (sites, M)."""
+    grid = _grid(max(64, 16 * breather.forcing.highest))
+    sites, weights = _distances(breather.lattice)
+    x = 4.0 * breather.gamma
+    powers = weights @ (x ** np.arange(TERMS + 1))
+    first = 4.0 / math.pi * breather.lattice.first_harmonic(breather.gamma, sites)
+    driven = breather.a * breather.forcing.f(breather.phi + grid.s)
+    return sites, driven + breather.p * (powers @ grid.powers - first[:, None] * grid.sine), grid
+
+
+def admissibility(breather: Breather) -> Admissibility:
+    """Whether, and by how much, a solution of (11) keeps off all walls it must not touch.
+
+    Parameters
+    ----------
+    breather : Breather
+        Any solution of (11), on any lattice, with any forcing.
+
+    Returns
+    -------
+    Admissibility
+        Truthy when admissible. With k = 0 site 0 leaves its wall with velocity 0: then its
+        acceleration must point inwards, or it sticks, and the centre's margin says so.
+
+    Examples
+    --------
+    >>> from contbreather.breathers.symmetric import symmetric
+    >>> verdict = admissibility(symmetric(0.5, 0.12, 0.4))
+    >>> verdict.ok, round(verdict.max_neighbour, 12)
+    (True, 0.667948289045)
+    """
+    peaks = _neighbour_peaks(breather)
+    site, (time, highest) = max(peaks.items(), key=lambda item: item[1][1], default=(1, (0.0, 0.0)))
+    centre_time, centre = _centre(breather)
+    endless = breather.lattice.sites is None
+    far = 1.0 - breather.a * breather.forcing.peak() if endless else 1.0
+    candidates: list[tuple[float, int | None, float]] = [
+        (1.0 - highest, site, time),
+        (centre, 0, centre_time),
+        (far, None, breather.phi),
+    ]
+    margin, where, when = min(candidates, key=lambda item: item[0])
+    return Admissibility(
+        ok=margin > 0.0,
+        max_neighbour=peaks[1][1] if peaks else 0.0,
+        margin=margin,
+        reason=_reason(breather, margin, where, when),
+        site=where,
+        time=when,
+        neighbours=1.0 - highest,
+        centre=centre,
+        far=far,
+    )
+
+
+def _reason(breather: Breather, margin: float, site: int | None, time: float) -> str:
+    if site is None:
+        reach = f"the far field follows the forcing and reaches |u| = {1.0 - margin:.6g}"
+    elif site > 0:
+        reach = f"site {site} reaches |u| = {1.0 - margin:.6g} at t = {time:.6g}"
+    elif breather.k == 0.0 and time == breather.phi:
+        way = "inwards" if margin > 0.0 else "into the wall, so it sticks"
+        reach = f"after its impact with k = 0 site 0 is pushed {way}"
+    elif time in (breather.phi, breather.phi + math.pi):
+        speed = breather.w_minus * (breather.k if time == breather.phi else 1.0)
+        reach = f"the impact of site 0 itself, at velocity {speed:.6g}"
+    else:
+        there = breather.displacement(0, time)
+        reach = f"site 0 between its impacts is at u = {there:.6g} at t = {time:.6g}"
+    if margin > 0.0:
+        return f"every site keeps off its walls; closest to the limit: {reach}."
+    rule = {None: "|a f| <= 1", 0: "(B3)"}.get(site, "(15)")
+    return f"no breather: {reach}; {rule} is broken."
+
+
+# ------------------------------------------------------------------------------- neighbours
+
+
+def neighbour_peak(breather: Breather) -> tuple[float, float]:
+    """When and how high the nearest neighbour climbs: ``(t, max over t of |u_1|)``.
+
+    The time is in [phi, phi + 2 pi) and the one of the two at which u_1 is positive, so grazing is
+    ``u_1(t) = 1, u_1'(t) = 0``; both are met to machine precision. ``(phi, 0)`` without neighbours.
+
+    Examples
+    --------
+    >>> from contbreather.breathers.symmetric import symmetric
+    >>> b = symmetric(0.5, 0.12, 0.4)
+    >>> t, height = neighbour_peak(b)
+    >>> round(height, 12), abs(b.velocity(1, t)) < 1e-14
+    (0.667948289045, True)
+    """
+    sites, profiles, grid = _profiles(breather)
+    if not sites.size:
+        return breather.phi, 0.0
+    return _polish_row(breather, 1, profiles[0], _estimates(profiles[:1])[0], grid)
+
+
+def _neighbour_peaks(breather: Breather) -> dict[int, tuple[float, float]]:
+    """Highest points of site 1 and of every other site that could top all, polished."""
+    sites, profiles, grid = _profiles(breather)
+    if not sites.size:
+        return {}
+    estimates = _estimates(profiles)
+    tops = estimates.max(axis=1)
+    slack = CLOSE * max(1.0, float(tops.max()))
+    wanted = [i for i in range(sites.size) if i == 0 or tops[i] >= tops.max() - slack]
+    return {
+        int(sites[i]): _polish_row(breather, int(sites[i]), profiles[i], estimates[i], grid)
+        for i in wanted
+    }
+
+
+def _estimates(profiles: FloatArray) -> FloatArray:
+    """Heights of the crests of |u| by a parabola through three points of the grid; 0 elsewhere."""
+    u = np.abs(profiles)  # of period pi, by antisymmetry
+    before, after = np.roll(u, 1, axis=1), np.roll(u, -1, axis=1)
+    crest = (u >= before) & (u >= after)
+    bend = np.where(crest, 2.0 * u - before - after, 1.0)
+    lift = np.divide((after - before) ** 2, 8.0 * bend, out=np.zeros_like(u), where=bend > 0.0)
+    return np.where(crest, u + lift, 0.0)
+
+
+def _polish_row(
+    breather: Breather, n: int, profile: FloatArray, estimate: FloatArray, grid: _Grid
+) -> tuple[float, float]:
+    step = math.pi / grid.s.size
+    top = float(estimate.max())
+    best = (breather.phi, -1.0)
+    for i in np.flatnonzero(estimate >= top - CLOSE * max(1.0, top)):
+        t, height = _polish(breather, n, float(grid.s[i]), step)
+        if profile[i] < 0.0:
+            t += math.pi
+        if height > best[1]:
+            best = (breather.phi + t % (2.0 * math.pi), height)
+    return best
+
+
+def _polish(breather: Breather, n: int, s: float, step: float) -> tuple[float, float]:
+    """Extremum of u_n within a grid step of ``s``: Newton, kept in by bisection."""
+    flight, a, p, phi = breather.flight(n), breather.a, breather.p, breather.phi
+    forcing = breather.forcing
+
+    def flown(s: float) -> tuple[float, float]:
+        # a grid step may reach over the impact, into the next flight with the other sign
+        over = math.floor(s / math.pi)
+        return s - over * math.pi - HALF_PI, (-p if over % 2 else p)
+
+    def slope(s: float) -> float:
+        y, sign = flown(s)
+        return float(a * forcing.df(phi + s) + sign * flight.slope(y))
+
+    low, high = s - step, s + step
+    rising = slope(low)
+    for _ in range(60):
+        y, sign = flown(s)
+        tilt = float(a * forcing.df(phi + s) + sign * flight.slope(y))
+        bend = float(a * forcing.d2f(phi + s) + sign * flight.curvature(y))
+        if tilt == 0.0:
+            break
+        low, high = (s, high) if (tilt > 0.0) == (rising > 0.0) else (low, s)
+        last, s = s, s - tilt / bend if bend else low
+        if not low <= s <= high:
+            s = 0.5 * (low + high)
+        if abs(s - last) <= 4e-16 * (1.0 + abs(s)):
+            break
+    y, sign = flown(s)
+    return s, abs(float(a * forcing.f(phi + s) + sign * flight.value(y)))
+
+
+# ----------------------------------------------------------------------------------- centre
+
+
+def centre_margin(breather: Breather) -> float:
+    """How far site 0 keeps off its walls between its impacts, (B3), regular at both of them.
+
+    The least of ``(1 - u_0^2)/((s + k) s (pi - s))`` over the flight, times its value of the
+    denominator at mid flight. The impacts at s = 0 and s = pi are divided out; s + k does it for
+    k = 0 too, where u_0 leaves its wall quadratically (and the margin turns into the inward
+    acceleration: 0 where it would stick). So it is continuous for all k in [0, 1].
+    """
+    return _centre(breather)[1]
+
+
+def _centre(breather: Breather) -> tuple[float, float]:
+    """Time and value of the centre's margin."""
+    b, pi = breather, math.pi
+    s = _centre_grid(max(64, 16 * b.forcing.highest))
+    own = b.flight(0).value(s - HALF_PI)
+    ratio = (1.0 - (b.a * b.forcing.f(b.phi + s) + b.p * own) ** 2) / ((s + b.k) * s * (pi - s))
+    # the two ends, by de l'Hospital
+    left = 2.0 * b.w_minus / pi if b.k > 0.0 else -b.acceleration / pi
+    right = 2.0 * b.w_minus / (pi * (pi + b.k))
+    i = int(np.argmin(ratio))
+    low = float(s[i - 1]) if i else 0.1 * float(s[0])
+    high = float(s[i + 1]) if i + 1 < s.size else pi - 0.1 * (pi - float(s[i]))
+    inner = _deepest(b, float(s[i]), float(ratio[i]), (low, high))
+    worst, when = min(inner, (left, 0.0), (right, pi))
+    return b.phi + when, worst * 0.25 * pi * pi * (HALF_PI + b.k)
+
+
+@lru_cache(maxsize=16)
+def _centre_grid(size: int) -> FloatArray:
+    """The grid without its impact, and finer towards it: for small k the flight starts flat."""
+    step = math.pi / size
+    return np.concatenate([step * 0.5 ** np.arange(6, 0, -1), step * np.arange(1, size)])
+
+
+def _deepest(
+    breather: Breather, s: float, value: float, within: tuple[float, float]
+) -> tuple[float, float]:
+    """The minimum next to ``s`` of the ratio in `centre_margin`, and where: Newton."""
+    b, pi, flight, k = breather, math.pi, breather.flight(0), breather.k
+    best, low, high = (value, s), *within
+    for _ in range(8):
+        y, t = s - HALF_PI, b.phi + s
+        u = b.a * b.forcing.f(t) + b.p * flight.value(y)
+        v = b.a * b.forcing.df(t) + b.p * flight.slope(y)
+        w = b.a * b.forcing.d2f(t) + b.p * flight.curvature(y)
+        n, n1, n2 = 1.0 - u * u, -2.0 * u * v, -2.0 * (v * v + u * w)
+        d = (s + k) * s * (pi - s)
+        d1 = (2.0 * s + k) * (pi - s) - (s + k) * s
+        d2 = 2.0 * (pi - s) - 2.0 * (2.0 * s + k)
+        best = min(best, (n / d, s))
+        tilt, bend = n1 * d - n * d1, n2 * d - n * d2
+        step = tilt / bend if bend > 0.0 else 0.0
+        if abs(step) <= 1e-14:
+            break
+        s = min(max(s - step, low), high)
+    return best

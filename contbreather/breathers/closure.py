@@ -1,0 +1,300 @@
+"""The two equations (11) of the symmetric breather: their residual, slopes and all their roots.
+
+Unknowns are ``(p, phi)``: half the momentum of an impact and the phase lag. With ``f`` the forced
+response at unit amplitude and ``q = (1 - k)/(1 + k)``
+
+    ``p chi(gamma) + a f(phi) - 1 = 0``   (the impact is on the wall),
+    ``a f'(phi) - p q = 0``               (the reset law).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+
+FloatArray = NDArray[np.float64]
+EPS = float(np.finfo(float).eps)
+
+
+def restitution_ratio(k: float) -> float:
+    """``q = (1 - k)/(1 + k)``: the loss at an impact.
+
+    Raises
+    ------
+    BadInput
+        If k is not a number in [0, 1].
+    """
+    try:
+        number = float(k)
+    except (TypeError, ValueError):
+        number = math.nan
+    if 0.0 <= number <= 1.0:
+        return (1.0 - number) / (1.0 + number)
+    raise BadInput(
+        f"k = {k!r}: the restitution coefficient must be a number with 0 <= k <= 1 "
+        "(0 sticks, 1 loses nothing); choose k in that range."
+    )
+
+
+def check_amplitude(a: float) -> float:
+    """Return ``a`` as a float; `BadInput` unless it is finite and positive."""
+    try:
+        number = float(a)
+    except (TypeError, ValueError):
+        number = math.nan
+    if 0.0 < number < math.inf:
+        return number
+    raise BadInput(
+        f"a = {a!r}: the amplitude of the forcing must be a finite number > 0; "
+        "its sign belongs into the forcing."
+    )
+
+
+@dataclass(frozen=True)
+class Closure:
+    """Equations (11) for one forcing and one lattice, ready for a continuation.
+
+    ``x = (p, phi)``; ``params`` names a, gamma, k and any parameters of the forcing (those left
+    out keep the forcing's own value). Each method raises `BadInput` outside the domain: gamma
+    outside [0, 1/4), k outside [0, 1], anything not finite.
+
+    Examples
+    --------
+    >>> from contbreather.breathers.symmetric import symmetric
+    >>> b = symmetric(0.5, 0.12, 0.4)
+    >>> here = {"a": 0.5, "gamma": 0.12, "k": 0.4}
+    >>> bool(abs(Closure().residual([b.p, b.phi], here)).max() < 1e-15)
+    True
+    """
+
+    forcing: Forcing = field(default_factory=Harmonic)
+    lattice: Lattice = field(default_factory=InfiniteChain)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_own", tuple(self.forcing.params.items()))
+
+    @property
+    def params(self) -> tuple[str, ...]:
+        """The names this closure can be continued in."""
+        return ("a", "gamma", "k", *self.forcing.params)
+
+    def residual(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
+        """Both equations, shape (2,)."""
+        p, phi, a, gamma, k, f = self._unpack(x, params)
+        q = (1.0 - k) / (1.0 + k)
+        return np.array((p * self.lattice.chi(gamma) + a * f.f(phi) - 1.0, a * f.df(phi) - p * q))
+
+    def jacobian(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
+        """Derivatives with respect to ``(p, phi)``, shape (2, 2)."""
+        _, phi, a, gamma, k, f = self._unpack(x, params)
+        q = (1.0 - k) / (1.0 + k)
+        return np.array(((self.lattice.chi(gamma), a * f.df(phi)), (-q, a * f.d2f(phi))))
+
+    def sensitivity(self, x: FloatArray, params: Mapping[str, float], name: str) -> FloatArray:
+        """Derivatives with respect to the parameter ``name``, shape (2,)."""
+        p, phi, a, gamma, k, f = self._unpack(x, params)
+        if name == "a":
+            return np.array((f.f(phi), f.df(phi)))
+        if name == "gamma":
+            return np.array((p * self.lattice.dchi(gamma), 0.0))
+        if name == "k":
+            return np.array((0.0, 2.0 * p / (1.0 + k) ** 2))
+        if name not in f.params:
+            raise BadInput(
+                f"unknown parameter {name!r}: this breather has {', '.join(self.params)}."
+            )
+        return np.array((a * f.f_param(name, phi, 0), a * f.f_param(name, phi, 1)))
+
+    def _unpack(
+        self, x: FloatArray, params: Mapping[str, float]
+    ) -> tuple[float, float, float, float, float, Forcing]:
+        p, phi = float(x[0]), float(x[1])
+        a, gamma, k = float(params["a"]), float(params["gamma"]), float(params["k"])
+        if not (0.0 <= k <= 1.0 and math.isfinite(a) and math.isfinite(p) and math.isfinite(phi)):
+            restitution_ratio(k)
+            raise BadInput(f"a = {a}, p = {p}, phi = {phi}: the closure needs finite numbers.")
+        if not 0.0 <= gamma < 0.25:
+            self.lattice.chi(gamma)  # says it
+        own = self._own  # type: ignore[attr-defined]
+        if not own:
+            return p, phi, a, gamma, k, self.forcing
+        values = tuple([(name, params.get(name, value)) for name, value in own])
+        if values == own:
+            return p, phi, a, gamma, k, self.forcing
+        return p, phi, a, gamma, k, _forcing_at(self.forcing, values)
+
+
+@lru_cache(maxsize=256)
+def _forcing_at(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Forcing:
+    # residual, Jacobian and sensitivities ask for the same few forcings in turn
+    return forcing.at(**dict(values))
+
+
+def roots(
+    a: float, gamma: float, k: float, forcing: Forcing, lattice: Lattice
+) -> tuple[tuple[float, float], ...]:
+    """All ``(p, phi)`` with p > 0 that solve (11), by descending p; phi in [-pi, pi].
+
+    A double root (the fold) is listed once.
+
+    Raises
+    ------
+    NoSolution
+        If there is none; below the fold the sentence names the smallest a.
+    """
+    a, q = check_amplitude(a), restitution_ratio(k)
+    chi = lattice.chi(gamma)
+    if isinstance(forcing, Harmonic):
+        found = _harmonic_roots(a, chi, q)
+    else:
+        found = _general_roots(a, chi, q, forcing)
+    if found:
+        return tuple(sorted(found, reverse=True))
+    smallest = smallest_amplitude(gamma, k, forcing, lattice)
+    where = f"gamma = {gamma}, k = {k}, {forcing.describe()}"
+    if a < smallest:
+        raise NoSolution(
+            f"no breather at a = {a!r} ({where}): it is below the fold, eq. (14); "
+            f"the smallest a is {smallest!r}."
+        )
+    raise NoSolution(f"no breather with p > 0 at a = {a!r} ({where}); try a smaller a.")
+
+
+def smallest_amplitude(
+    gamma: float, k: float, forcing: Forcing | None = None, lattice: Lattice | None = None
+) -> float:
+    """The fold, eq. (14), for any forcing: ``a_min = q / max of (chi f' + q f)``.
+
+    Eliminating p from (11) leaves ``a (chi f' + q f) = q`` for phi alone.
+
+    Examples
+    --------
+    >>> round(smallest_amplitude(0.1, 0.8), 12)
+    0.057029037182
+    """
+    forcing = Harmonic() if forcing is None else forcing
+    chi = (InfiniteChain() if lattice is None else lattice).chi(gamma)
+    q = restitution_ratio(k)
+    if isinstance(forcing, Harmonic):
+        return q / math.hypot(chi, q)
+    crests = _crests(_reduced(forcing, chi, q))
+    return q / max(chi * forcing.df(phi) + q * forcing.f(phi) for phi in crests)
+
+
+def _harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]:
+    """(13), with its phase on the right branch and free of cancellation.
+
+    Both roots share ``h^2 = chi^2 + q^2`` and ``r^2 = a^2 h^2 - q^2``, which vanishes at the fold.
+    """
+    h = math.hypot(chi, q)
+    gap = a * h - q
+    if gap < -4.0 * EPS * q:
+        return []
+    r = math.sqrt(max(gap, 0.0) * (a * h + q))
+    hh = h * h
+    p = (chi + r) / hh
+    found = [(p, math.atan2(-p * q, (q * q - chi * r) / hh))]
+    p = (1.0 - a) * (1.0 + a) / (chi + r)  # = (chi - r)/h^2
+    if r > 0.0 and p > 0.0:
+        found.append((p, math.atan2(-p * q, (q * q + chi * r) / hh)))
+    return found
+
+
+def _general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tuple[float, float]]:
+    """Between two neighbouring extrema the reduced equation is monotone: one root or none."""
+
+    def reduced(phi: float) -> float:
+        return a * (chi * forcing.df(phi) + q * forcing.f(phi)) - q
+
+    def steepness(phi: float) -> float:
+        return a * (chi * forcing.d2f(phi) + q * forcing.df(phi))
+
+    crests = _crests(_reduced(forcing, chi, q))
+    heights = [reduced(phi) for phi in crests]
+    phases = []
+    for i, (phi, height) in enumerate(zip(crests, heights, strict=True)):
+        slack = 8.0 * EPS * (a * abs(chi * forcing.df(phi)) + a * q * abs(forcing.f(phi)) + q)
+        if abs(height) <= slack:  # a double root: rounding must not decide whether it exists
+            heights[i] = 0.0
+            phases.append(phi)
+    for i, left in enumerate(crests):
+        right = crests[i + 1] if i + 1 < len(crests) else crests[0] + 2.0 * math.pi
+        if heights[i] * heights[(i + 1) % len(crests)] < 0.0:
+            phases.append(_crossing(reduced, steepness, left, right))
+    found = []
+    for phi in phases:
+        p = (1.0 - a * forcing.f(phi)) / chi
+        if p > 0.0:
+            found.append((p, math.remainder(phi, 2.0 * math.pi)))
+    return found
+
+
+def _crossing(
+    value: Callable[[float], float], slope: Callable[[float], float], left: float, right: float
+) -> float:
+    x = float(brentq(value, left, right, xtol=1e-14, rtol=4.0 * EPS))
+    steepness = slope(x)
+    step = value(x) / steepness if steepness else 0.0
+    return x - step if abs(step) < 1e-9 else x
+
+
+def _reduced(forcing: Forcing, chi: float, q: float) -> tuple[tuple[int, float, float], ...]:
+    """``chi f' + q f`` as harmonics (m, cosine, sine)."""
+    return tuple((m, q * c + chi * m * s, q * s - chi * m * c) for m, c, s in forcing.harmonics)
+
+
+def _crests(harmonics: tuple[tuple[int, float, float], ...]) -> list[float]:
+    """All extrema of a trigonometric polynomial in [-pi, pi), by its companion matrix.
+
+    Roots off the unit circle give spurious angles; as points between which to look they do
+    no harm, so none is thrown away and no tolerance decides.
+    """
+    highest = max(m for m, _, _ in harmonics)
+    slope = {m: (m * s, -m * c) for m, c, s in harmonics}
+    largest = max(math.hypot(c, s) for c, s in slope.values())
+    # a last coefficient that is nearly nothing would spoil the matrix; Newton restores it below
+    kept = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
+    reach = 1e-3
+    if max(kept) > 64:
+        start = np.linspace(-math.pi, math.pi, 32 * highest, endpoint=False)
+        reach = 2.0 * math.pi / (32 * highest)
+    else:
+        # odd harmonics only: with Z = z^2 the matrix has half the size
+        top = max(kept)
+        poly = np.zeros(top + 1, dtype=complex)
+        for m in kept:
+            c, s = slope[m]
+            poly[(top - m) // 2] += 0.5 * complex(c, -s)
+            poly[(top + m) // 2] += 0.5 * complex(c, s)
+        half = 0.5 * np.angle(np.roots(poly))
+        start = np.concatenate([half, half + math.pi])
+    found = [_settled(phi, harmonics, reach) for phi in start.tolist()]
+    distinct: list[float] = []
+    for phi in sorted(math.remainder(phi, 2.0 * math.pi) for phi in found):
+        if not distinct or phi - distinct[-1] > 1e-9:
+            distinct.append(phi)
+    return distinct
+
+
+def _settled(phi: float, harmonics: Iterable[tuple[int, float, float]], reach: float) -> float:
+    """A few Newton steps to the extremum next to ``phi``; ``phi`` itself if there is none."""
+    x = phi
+    for _ in range(4):
+        slope = curvature = 0.0
+        for m, c, s in harmonics:
+            cos, sin = math.cos(m * x), math.sin(m * x)
+            slope += m * (s * cos - c * sin)
+            curvature -= m * m * (c * cos + s * sin)
+        if curvature == 0.0:
+            break
+        x -= slope / curvature
+    return x if abs(x - phi) < reach else phi

@@ -1,0 +1,295 @@
+"""The symmetric breather: site 0 hits its walls in turn, at t = phi and t = phi + pi.
+
+Eqs. (3) to (13), for any antisymmetric forcing and any lattice that answers `Lattice`. Between
+impacts everything is in closed form in time (see `contbreather.lattice.green`); no Fourier series
+of (9) or (12) is summed anywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.breathers.closure import (
+    EPS,
+    Closure,
+    check_amplitude,
+    restitution_ratio,
+    roots,
+    smallest_amplitude,
+)
+from contbreather.errors import BadInput
+from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, Ring, check_gamma
+from contbreather.lattice.green import Flight, flight
+
+FloatArray = NDArray[np.float64]
+
+__all__ = ["Breather", "Closure", "smallest_amplitude", "symmetric", "symmetric_roots"]
+
+
+@lru_cache(maxsize=4096)
+def flight_of(lattice: Lattice, gamma: float, distance: int) -> Flight:
+    """One site between impacts, per unit p; kept, because profiles ask for it again and again."""
+    return flight(float(lattice.first_harmonic(gamma, distance)), lattice.moments(distance), gamma)
+
+
+@dataclass(frozen=True)
+class Breather:
+    """What a point of a branch is physically. Built by `symmetric`, or from a point's values.
+
+    Attributes
+    ----------
+    a, gamma, k : float
+        Amplitude of the forcing, coupling, restitution coefficient.
+    p, phi : float
+        Half the momentum of an impact, and its phase lag: the roots of (11).
+    forcing : Forcing
+    lattice : Lattice
+    """
+
+    a: float
+    gamma: float
+    k: float
+    p: float
+    phi: float
+    forcing: Forcing = field(default_factory=Harmonic)
+    lattice: Lattice = field(default_factory=InfiniteChain)
+
+    def __post_init__(self) -> None:
+        check_gamma(self.gamma)
+        restitution_ratio(self.k)
+        check_amplitude(self.a)
+        if not (math.isfinite(self.p) and math.isfinite(self.phi) and self.p > 0.0):
+            raise BadInput(
+                f"p = {self.p!r}, phi = {self.phi!r}: a breather needs a finite phase and an "
+                "impact with p > 0; use symmetric(a, gamma, k) to find them."
+            )
+
+    # ------------------------------------------------------------------ what follows from (11)
+
+    @property
+    def q(self) -> float:
+        """``(1 - k)/(1 + k)``."""
+        return restitution_ratio(self.k)
+
+    @property
+    def chi(self) -> float:
+        """Eq. (10)."""
+        return self.lattice.chi(self.gamma)
+
+    @property
+    def period(self) -> float:
+        return 2.0 * math.pi
+
+    @property
+    def w_minus(self) -> float:
+        """Velocity of site 0 just before it hits the wall at +1: ``2 p/(1 + k)``."""
+        return 2.0 * self.p / (1.0 + self.k)
+
+    @property
+    def acceleration(self) -> float:
+        """Acceleration of site 0 just before (and after) that impact: ``a f''(phi) - p eta``."""
+        return float(self.a * self.forcing.d2f(self.phi) - self.p * self.lattice.eta(self.gamma))
+
+    @property
+    def b(self) -> float:
+        """Off-diagonal entry of the saltation matrix (19): ``(1 + k) acceleration/w_minus``."""
+        return 0.5 * (1.0 + self.k) ** 2 * self.acceleration / self.p
+
+    @property
+    def residual(self) -> float:
+        """Largest error of (11); rounding, unless the breather was put together by hand."""
+        here = {"a": self.a, "gamma": self.gamma, "k": self.k}
+        closure = Closure(self.forcing, self.lattice)
+        return float(np.max(np.abs(closure.residual(np.array([self.p, self.phi]), here))))
+
+    # ------------------------------------------------------------------------------- profile
+
+    def displacement(self, n: ArrayLike, t: ArrayLike) -> Any:
+        """Where site ``n`` is at time ``t``, eq. (12) in closed form.
+
+        Parameters
+        ----------
+        n : int or array_like of int
+            Site, 0 being the one that impacts; on a ring modulo its number of sites.
+        t : float or array_like
+            Any real times; n and t are broadcast against each other.
+
+        Returns
+        -------
+        float or ndarray
+
+        Examples
+        --------
+        >>> b = symmetric(0.5, 0.12, 0.4)
+        >>> round(b.displacement(0, b.phi), 14)
+        1.0
+        """
+        return self._profile(n, t, velocity=False)
+
+    def velocity(self, n: ArrayLike, t: ArrayLike) -> Any:
+        """How fast site ``n`` is at time ``t``; at an impact, the value just after it.
+
+        Parameters and shapes as in `displacement`. A time within rounding of an impact counts as
+        the impact.
+
+        Examples
+        --------
+        >>> b = symmetric(0.5, 0.12, 0.4)
+        >>> round(b.velocity(0, b.phi) / b.w_minus, 14)
+        -0.4
+        """
+        return self._profile(n, t, velocity=True)
+
+    def state(self, sites: int, t: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Displacements and velocities of all sites of a ring at time ``t``.
+
+        A ring closes (11) with its own chi, so a breather of the infinite chain does not solve a
+        ring. If this breather does not live on ``Ring(sites)`` already, the ring's own breather
+        at the same a, gamma, k and forcing is taken (of several roots the one nearest in (p, phi)):
+        a state that a simulation of the ring repeats exactly.
+
+        Returns
+        -------
+        u, v : ndarray, shape (sites,)
+            Site 0 first; at an impact the velocities just after it.
+
+        Raises
+        ------
+        NoSolution
+            If the ring has no breather there.
+        """
+        own = self.on(Ring(sites))
+        n = np.arange(int(sites))
+        return own.displacement(n, t), own.velocity(n, t)
+
+    def on(self, lattice: Lattice) -> Breather:
+        """This breather on another lattice: same a, gamma, k, forcing, the nearest root of (11)."""
+        if lattice == self.lattice:
+            return self
+        found = symmetric_roots(self.a, self.gamma, self.k, forcing=self.forcing, lattice=lattice)
+        return min(
+            found,
+            key=lambda b: math.hypot(b.p - self.p, math.remainder(b.phi - self.phi, 2.0 * math.pi)),
+        )
+
+    def flight(self, n: int) -> Flight:
+        """Site n between two impacts per unit p, as a function of ``t - phi - pi/2``."""
+        return flight_of(self.lattice, self.gamma, self.lattice.distance(n))
+
+    def _profile(self, n: ArrayLike, t: ArrayLike, *, velocity: bool) -> Any:
+        times = np.asarray(t, dtype=float)
+        if not np.all(np.isfinite(times)):
+            raise BadInput("a time is not finite; give real times.")
+        sites, times = np.broadcast_arrays(_whole(n), times)
+        y, sign = self._phase(times)
+        own = np.empty(times.shape)
+        # one closed form for each distance from the impacting site
+        near = np.abs(sites)
+        for m in np.unique(near):
+            at = near == m
+            answer = self.flight(int(m))
+            own[at] = answer.slope(y[at]) if velocity else answer.value(y[at])
+        driven = self.forcing.df(times) if velocity else self.forcing.f(times)
+        total = self.a * driven + self.p * sign * own
+        return float(total) if total.ndim == 0 else total
+
+    def _phase(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Time from the middle of the flight, in [-pi/2, pi/2), and the sign of that flight."""
+        since = t - self.phi
+        flights = np.floor(since / math.pi)
+        s = since - flights * math.pi
+        # phi + pi in floating point is not quite an impact; it is meant to be one
+        late = math.pi - s <= 4.0 * EPS * (math.pi + np.abs(t) + abs(self.phi))
+        flights = np.where(late, flights + 1.0, flights)
+        s = np.where(late, 0.0, np.maximum(s, 0.0))
+        return s - 0.5 * math.pi, np.where(flights % 2.0 == 0.0, 1.0, -1.0)
+
+    # ------------------------------------------------------ PLACE FOR: admissibility() (15), (B3)
+    # ------------------------------------------------------ PLACE FOR: stability(), multipliers()
+    # ------------------------------------------------------ PLACE FOR: problem() (continuation)
+
+
+def _whole(n: ArrayLike) -> NDArray[np.int64]:
+    sites = np.asarray(n)
+    if sites.dtype.kind not in "iu":
+        raise BadInput(f"n = {n!r}: sites are whole numbers, 0 being the one that impacts.")
+    return sites.astype(np.int64)
+
+
+def symmetric(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | None = None,
+    lattice: Lattice | None = None,
+) -> Breather:
+    """The symmetric on-site breather, eqs. (11) to (13).
+
+    Of several solutions the one with the largest p: for `Harmonic` forcing the upper sign of
+    (13), the only one that can be stable.
+
+    Parameters
+    ----------
+    a : float
+        Amplitude of the forcing, at least the fold (14).
+    gamma : float
+        Coupling in [0, 1/4).
+    k : float
+        Restitution coefficient in [0, 1].
+    forcing : Forcing, optional
+        `Harmonic` unless given.
+    lattice : Lattice, optional
+        `InfiniteChain` unless given.
+
+    Returns
+    -------
+    Breather
+        A solution of (11). Whether it keeps off the walls between its impacts is a question of
+        its own: `admissibility`.
+
+    Raises
+    ------
+    BadInput
+        gamma, k or a outside its range.
+    NoSolution
+        a below the fold; the sentence names the smallest a.
+
+    Examples
+    --------
+    >>> b = symmetric(a=0.5, gamma=0.12, k=0.4)
+    >>> round(b.p, 12), round(b.phi, 12)
+    (0.680056001966, -2.519293143359)
+    """
+    return symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice)[0]
+
+
+def symmetric_roots(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | None = None,
+    lattice: Lattice | None = None,
+) -> tuple[Breather, ...]:
+    """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Fourier
+    >>> two = Fourier.from_response(cos={1: 1.0, 3: 0.3})
+    >>> len(symmetric_roots(0.3, 0.12, 0.7, forcing=two))
+    4
+    """
+    forcing = Harmonic() if forcing is None else forcing
+    lattice = InfiniteChain() if lattice is None else lattice
+    gamma, a = check_gamma(gamma), check_amplitude(a)
+    restitution_ratio(k)
+    found = roots(a, gamma, float(k), forcing, lattice)
+    return tuple(Breather(a, gamma, float(k), p, phi, forcing, lattice) for p, phi in found)
