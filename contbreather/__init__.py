@@ -13,6 +13,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test compares the two
+    from contbreather.breathers import Breather as Breather
+    from contbreather.breathers import symmetric as symmetric
+    from contbreather.breathers import symmetric_roots as symmetric_roots
     from contbreather.continuation import Branch as Branch
     from contbreather.continuation import Event as Event
     from contbreather.continuation import Point as Point
@@ -41,6 +44,9 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
 __version__ = "0.1.0"
 
 _HOME = {
+    "Breather": "contbreather.breathers",
+    "symmetric": "contbreather.breathers",
+    "symmetric_roots": "contbreather.breathers",
     "InfiniteChain": "contbreather.lattice",
     "Ring": "contbreather.lattice",
     "Harmonic": "contbreather.lattice",
