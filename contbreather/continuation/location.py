@@ -58,6 +58,8 @@ class Segment:
         """The point of the curve at u, solved for."""
         if u not in self._known:
             guess, slope = self.guess(u)
+            # the cubic runs a little ahead or behind: Newton keeps to the plane it starts in
+            guess += (u - self._row.dot(guess - self.first.z)) / self._row.dot(slope) * slope
             equations, jacobian = self.curve.equations, self.curve.jacobian
             found = newton(equations, jacobian, guess, row=self._row, tolerance=self.tolerance)
             if not found.converged:
