@@ -63,15 +63,15 @@ def grid(gamma: float) -> Arc:
     return arc
 
 
-def curve(arc: Arc, k: float, b: float) -> Array:
-    """F = v D on the arc, the limit from |mu| > 1."""
+def curve(arc: Arc, k: float, b: float) -> tuple[Array, Array]:
+    """F = v D on the arc, and v times the continuation of D from inside the circle (g -> -g)."""
     _, nu, v, R, B, C = arc
     c, d = 1.0 + k, 0.5 * (1.0 - k)
     cc = c * c
     beta = b - cc * C
-    real = v * (d * d - cc * R * R + B * beta) + (2.0 * c * d / math.pi) * nu
-    imag = 2.0 * c * d * v * R + (cc * nu * (2.0 * R + nu * B) + beta) / math.pi
-    return np.asarray(real + 1j * imag)
+    smooth = v * (d * d - cc * R * R + B * beta + 2j * c * d * R)
+    pole = (2.0 * c * d * nu + 1j * (cc * nu * (2.0 * R + nu * B) + beta)) / math.pi
+    return smooth + pole, smooth - pole
 
 
 class OnArc(NamedTuple):

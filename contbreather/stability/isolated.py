@@ -19,7 +19,7 @@ from contbreather.stability.winding import check_kb, resolved_arc, unstable_coun
 
 Array = NDArray[Any]
 
-STEPS = 40
+STEPS = 40  # Newton steps allowed; 12 where a few good starts are tried first
 ROUGH = 1e-9  # Newton's last step in nu for a root to count as found
 ON_CIRCLE = 1e-13  # |Im nu| of a zero that may be on the circle
 APART = 1e-7  # roots closer than this in nu are one
@@ -27,7 +27,7 @@ DEPTHS = (0.01, 0.05, 0.15, 0.4, 1.0)  # -Im nu of the starts: |mu| from 1.03 to
 
 
 def _starts(gamma: float, k: float, b: float, more: int) -> Array:
-    arc, F = resolved_arc(gamma, k, b)
+    arc, F, _ = resolved_arc(gamma, k, b)
     real = np.log(np.array([1.001, 1.03, 1.1, 1.3, 2.0, 4.0, 16.0, 4.0 + 4.0 * abs(b)])) / math.pi
     across = np.linspace(0.0, 1.0, 6 * more)[:, None]
     depth = np.array(DEPTHS)
@@ -73,10 +73,10 @@ def _step(gamma: float, k: float, b: float, nu: Array) -> Array:
         return value / (slope + value * factors)
 
 
-def _newton(gamma: float, k: float, b: float, nu: Array) -> Array:
+def _newton(gamma: float, k: float, b: float, nu: Array, steps: int = STEPS) -> Array:
     """Zeros with 0 <= Re nu <= 1 reached from the starts ``nu``, with repetitions."""
     found: list[Array] = []
-    for _ in range(STEPS):
+    for _ in range(steps):
         step = _step(gamma, k, b, nu)
         size = np.abs(step)
         done = size < ROUGH
@@ -116,7 +116,7 @@ def _polish(gamma: float, k: float, b: float, nu: Array) -> Array:
 
 def _outside(gamma: float, k: float, b: float, more: int) -> Array:
     """Multipliers outside the circle or on it, the largest first, conjugates together."""
-    nu = _distinct(_newton(gamma, k, b, _starts(gamma, k, b, more)))
+    nu = _distinct(_newton(gamma, k, b, _starts(gamma, k, b, more), STEPS if more else 12))
     nu = _polish(gamma, k, b, _on_axis(nu))
     nu = nu[nu.imag < ON_CIRCLE]
     nu = nu[np.argsort(nu.imag)]

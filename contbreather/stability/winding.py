@@ -76,21 +76,30 @@ def _steep(F: Array) -> Array:
     return wide
 
 
-def resolved_arc(gamma: float, k: float, b: float) -> tuple[Arc, Array]:
-    """Samples on the band so close that F = v D turns by less than a radian between them."""
+def resolved_arc(
+    gamma: float, k: float, b: float, *, inside: bool = False
+) -> tuple[Arc, Array, Array]:
+    """Samples on the band so close that F = v D turns by less than a radian between them.
+
+    Also v times D continued from the inside; with ``inside`` that, too, is resolved.
+    """
     arc = grid(gamma)
-    F = curve(arc, k, b)
+    out, into = curve(arc, k, b)
     if gamma == 0.0:
-        return arc, F
+        return arc, out, into
     for _ in range(DEPTH):
-        steep = np.flatnonzero(_steep(F))
+        wide = _steep(out)
+        if inside:
+            wide |= _steep(into)
+        steep = np.flatnonzero(wide)
         steep = steep[arc.alpha[steep + 1] - arc.alpha[steep] > 1e-15]
         if steep.size == 0:
             break
         middle = sample(gamma, 0.5 * (arc.alpha[steep] + arc.alpha[steep + 1]))
-        F = np.insert(F, steep + 1, curve(middle, k, b))
-        arc = Arc(*(np.insert(old, steep + 1, new) for old, new in zip(arc, middle, strict=True)))
-    return arc, F
+        new = curve(middle, k, b)
+        out, into = np.insert(out, steep + 1, new[0]), np.insert(into, steep + 1, new[1])
+        arc = Arc(*(np.insert(old, steep + 1, x) for old, x in zip(arc, middle, strict=True)))
+    return arc, out, into
 
 
 def _crossings(F: Array) -> int:
@@ -142,7 +151,7 @@ def _neutral(gamma: float, b: float) -> int:
 
 def _chain_count(gamma: float, k: float, b: float) -> Count:
     beta0, beta0_size, fold, fold_size = _ends(gamma, k, b)
-    arc, F = resolved_arc(gamma, k, b)
+    arc, F, _ = resolved_arc(gamma, k, b)
     count = int(beta0 > 0.0) + int(fold < 0.0) + 2 * _crossings(F)
     if k == 1.0:
         # the formula has turned from arg(-L) at the band's edge straight to arg D(-1)

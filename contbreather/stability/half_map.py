@@ -1,0 +1,271 @@
+"""All 2N multipliers of the half map QS on a ring, without an eigenproblem.
+
+The ring's mirror symmetry splits QS. Odd modes never see the impact: ``exp(+-i pi w)``. The even
+sector is diagonal plus rank two, its multipliers are the zeros of D
+(`contbreather.stability.characteristic`) with the ring's own resolvent. With
+``nu = 2 sqrt(gamma) sin(theta/2)`` the in-band alias is ``g = -cot(N theta/2)/(2 gamma sin theta)``,
+so D = 0 reads
+
+    exp(i N theta) = S = (V + i L)/(V - i L),   V = 2 pi gamma sin(theta) (smooth part of D):
+
+a wave of wave number theta, scattered once at the impacting site (S as in
+`contbreather.stability.scattering`), closes on itself around the ring. Nearly all roots lie next
+to real theta and are found there together by Newton's method, each in O(1) whatever N. The few
+that are left are the roots of the polynomial that remains when all others are divided out. In the
+end D must be *the* product over all zeros and poles; if it is not, the even sector is solved dense.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice.modes import Ring, check_gamma
+from contbreather.stability.aliases import Regular, regular_slopes
+from contbreather.stability.characteristic import D_slope, Modes, determinant, modes, split
+from contbreather.stability.saltation import saltation
+from contbreather.stability.winding import check_kb, resolved_arc
+
+Array = NDArray[Any]
+
+STEPS = 14  # Newton steps for a wave; 4 or 5 are usual
+SPARE = 6  # coefficients beyond the remainder's degree, which must vanish
+RADIUS = 2.0  # circle on which polynomials are compared: outside the band, near all else
+SOUND = 1e-9  # largest defect of the product over zeros and poles; a wrong zero makes 1/N or more
+
+
+def dense_half_map(sites: int, gamma: float, k: float, b: float) -> Array:
+    """QS as a matrix, (18)-(20) without the square; the reference for everything else here.
+
+    Q = exp(pi A) is written down from the ring's modes, with the limit at w = 0.
+
+    Returns
+    -------
+    ndarray, shape (2 N, 2 N)
+        Acting on (u_0 .. u_N-1, u'_0 .. u'_N-1), site 0 impacts.
+
+    Examples
+    --------
+    >>> round(float(np.linalg.det(dense_half_map(5, 0.1, 0.8, 0.3))), 12)  # k^2
+    0.64
+    """
+    w = Ring(sites).frequencies(check_gamma(gamma))
+    rows = np.stack([np.cos(np.pi * w), np.pi * np.sinc(w), -w * np.sin(np.pi * w)])
+    first = np.fft.ifft(rows, axis=1).real  # circulants: the entry of sites n apart
+    apart = (np.arange(sites)[:, None] - np.arange(sites)) % sites
+    cosine, sine_over_w, w_sine = first[:, apart]
+    half = np.block([[cosine, sine_over_w], [w_sine, cosine]])
+    impact = [0, sites]
+    half[:, impact] = half[:, impact] @ saltation(k, b)
+    return half
+
+
+# --- waves: the roots next to real theta ---------------------------------------------------
+
+
+def _wave_starts(gamma: float, k: float, b: float, sites: int) -> Array:
+    """theta where N theta - arg S passes a multiple of 2 pi, moved off the axis by ln|S|/N."""
+    arc, out, into = resolved_arc(gamma, k, b, inside=True)
+    theta = 2.0 * arc.alpha
+    phase = sites * theta - np.unwrap(np.angle(into * out.conj()))
+    turns = np.floor(phase / (2.0 * math.pi))
+    passed = np.abs(np.diff(turns)).astype(int)
+    i = np.repeat(np.arange(passed.size), passed)
+    nth = np.arange(i.size) - np.repeat(np.cumsum(passed) - passed, passed)
+    level = np.minimum(turns[i], turns[i + 1]) + 1.0 + nth
+    t = (2.0 * math.pi * level - phase[i]) / (phase[i + 1] - phase[i])
+    with np.errstate(divide="ignore"):
+        growth = np.log(np.abs(into)) - np.log(np.abs(out))
+    growth = np.clip(growth[i] + t * (growth[i + 1] - growth[i]), -4.0, 4.0)
+    return theta[i] + t * (theta[i + 1] - theta[i]) - 1j * growth / sites
+
+
+def _wave_step(gamma: float, k: float, b: float, sites: int, theta: Array, own: int | None) -> Array:
+    """Newton's step for ``N theta + i log S = 0 (mod 2 pi)``."""
+    edge = 2.0 * math.sqrt(gamma)
+    nu, nu_theta = edge * np.sin(0.5 * theta), 0.5 * edge * np.cos(0.5 * theta)
+    value, slope, _ = regular_slopes(gamma, nu, own)
+    part = split(nu, k, b, value, slope)
+    scale = 2.0 * math.pi * gamma
+    sine, cosine = np.sin(theta), np.cos(theta)
+    V = scale * sine * part.smooth
+    V_theta = scale * (cosine * part.smooth + sine * part.smooth_nu * nu_theta)
+    iL, iL_theta = 1j * part.L, 1j * part.L_nu * nu_theta
+    plus, minus = V + iL, V - iL
+    phi = sites * theta + 1j * np.log(plus / minus)
+    phi -= 2.0 * math.pi * np.round(phi.real / (2.0 * math.pi))
+    return phi / (sites + 1j * ((V_theta + iL_theta) / plus - (V_theta - iL_theta) / minus))
+
+
+def _waves(gamma: float, k: float, b: float, sites: int) -> Array:
+    """Distinct multipliers in the open upper half plane found from real theta."""
+    # for one wave around the ring at |s| >= 1, beyond the band, the ring is an infinite chain?
+    reach = ((1.0 - math.sqrt(1.0 - 4.0 * gamma)) / (1.0 + math.sqrt(1.0 - 4.0 * gamma))) ** sites
+    own = None if reach < 1e-20 else sites
+    theta = _wave_starts(gamma, k, b, sites)
+    found: list[Array] = []
+    for _ in range(STEPS):
+        with np.errstate(all="ignore"):
+            step = _wave_step(gamma, k, b, sites, theta, own)
+        size = sites * np.abs(step)
+        theta = theta - step * np.minimum(1.0, math.pi / np.maximum(size, 1e-300))
+        done = size < 1e-7  # converges quadratically: the step just taken was the last needed
+        found.append(theta[done])
+        theta = theta[~done & np.isfinite(size)]
+        if theta.size == 0:
+            break
+    root = np.concatenate(found)
+    root = np.abs(root.real) + 1j * root.imag
+    beyond = root.real > math.pi  # theta and 2 pi - theta are the same nu
+    root[beyond] = 2.0 * math.pi - root[beyond]
+    # V vanishes at theta = pi, where S = -1: for odd N a solution, but no zero of D
+    root = root[np.abs(root - math.pi) * sites > 1e-5]
+    root = root[np.argsort(root.real)]
+    far = np.abs(np.diff(root)) * sites > 1e-5
+    root = root[np.concatenate([[True], far])] if root.size else root
+    mu = np.exp(2j * math.pi * math.sqrt(gamma) * np.sin(0.5 * root))
+    # real ones stand alone, they are left to the remainder
+    return mu[(root.real * sites > 1e-5) & (mu.imag > 1e-12 * math.sqrt(gamma))]
+
+
+# --- the rest ------------------------------------------------------------------------------
+
+
+def _remainder(waves: Array, all_modes: Modes, k: float, b: float, degree: int, count: int) -> Array:
+    """Coefficients times RADIUS^j of ``D prod(mu - pole)/prod(mu - wave)``, by its values."""
+    mu = RADIUS * np.exp(2j * math.pi * np.arange(count) / count)
+    half = mu[: count // 2 + 1, None]  # the others are their conjugates
+    value = determinant(half[:, 0], all_modes, k, b)[0]
+    below = half * half - 2.0 * half * waves.real + np.abs(waves) ** 2
+    above = half * half - 2.0 * half * all_modes.cosine + 1.0
+    extra = above.shape[1] - below.shape[1]
+    value = value * np.prod(above[:, extra:] / below, axis=1) * np.prod(above[:, :extra], axis=1)
+    values = np.concatenate([value, value[1 : (count + 1) // 2][::-1].conj()])
+    return np.fft.fft(values).real / count
+
+
+def _polish(gamma: float, k: float, b: float, ring: Ring, few: Modes, mu: Array) -> Array:
+    """Newton's method on D for single roots: in nu next to the circle, in mu far from it."""
+    mu = mu.astype(complex)
+    depth = np.abs(np.log(np.maximum(np.abs(mu), 1e-300)))
+    far = depth > 3.0
+    for _ in range(4):
+        if np.any(far):
+            value, slope = determinant(mu[far], few, k, b)
+            mu[far] -= value / slope
+        if not np.all(far):
+            nu = -1j * np.log(mu[~far]) / math.pi
+            value, slope = D_slope(gamma, nu, k, b, ring)
+            mu[~far] = np.exp(1j * math.pi * (nu - value / slope))
+    real = np.abs(mu.imag) < 1e-14 * np.abs(mu)
+    return np.where(real, mu.real, mu)
+
+
+def _defect(roots: Array, all_modes: Modes, k: float, b: float) -> float:
+    """How far D is from the product over all its zeros and poles, on a circle around them."""
+    mu = 1.1 * RADIUS * np.exp(1j * math.pi * (np.arange(6) + 0.3) / 6.0)[:, None]
+    value = determinant(mu[:, 0], all_modes, k, b)[0]
+    poles = np.exp(1j * math.pi * all_modes.w)
+    pole = np.concatenate([poles, poles.conj()])
+    # paired by angle the factors are near 1, and the product does not overflow
+    pole, root = pole[np.argsort(np.angle(pole))], roots[np.argsort(np.angle(roots))]
+    scale = np.maximum(np.abs(mu), np.abs(root))
+    ratio = ((mu - pole) / scale) / ((mu - root) / scale)
+    return float(np.max(np.abs(value * np.prod(ratio, axis=1) - 1.0)))
+
+
+def _even_roots(gamma: float, k: float, b: float, ring: Ring) -> Array | None:
+    """Zeros of D by waves and remainder, or None where they do not pass the checks."""
+    sites = ring.sites
+    all_modes = modes(gamma, sites)
+    total = 2 * all_modes.w.size
+    waves = _waves(gamma, k, b, sites)
+    degree = total - 2 * waves.size
+    if degree < 0 or degree > 40:
+        return None
+    coefficients = _remainder(waves, all_modes, k, b, degree, degree + 1 + SPARE)
+    size = float(np.abs(coefficients).max())
+    if np.abs(coefficients[degree + 1 :]).max() > SOUND * size:
+        return None  # a wave is wrong or counted twice: what remains is no polynomial
+    rest = np.roots((coefficients[: degree + 1] / RADIUS ** np.arange(degree + 1))[::-1])
+    if rest.size != degree:
+        return None
+    rest = _polish(gamma, k, b, ring, modes(gamma, min(sites, 24)), rest)
+    roots = np.concatenate([rest, waves, waves.conj()])
+    if not np.all(np.isfinite(roots)) or _defect(roots, all_modes, k, b) > SOUND:
+        return None
+    return roots
+
+
+def _dense_even_roots(gamma: float, k: float, b: float, ring: Ring) -> Array:
+    """The even sector in its modes, about N x N, by a dense eigenvalue solver."""
+    all_modes = modes(gamma, ring.sites)
+    at_impact = np.sqrt(all_modes.weight)
+    size = at_impact.size
+    half = np.zeros((2 * size, 2 * size))
+    own = np.arange(size)
+    half[own, own] = half[size + own, size + own] = all_modes.cosine
+    half[own, size + own] = all_modes.sine_over_w
+    half[size + own, own] = -all_modes.w_sine
+    columns = np.zeros((2 * size, 2))
+    columns[:size, 0] = columns[size:, 1] = at_impact
+    kick = columns @ (saltation(k, b) - np.eye(2)) @ columns.T
+    return np.linalg.eigvals(half + half @ kick)
+
+
+def even_multipliers(ring: Ring, gamma: float, k: float, b: float) -> Array:
+    """The multipliers of the even sector, N + 2 (N even) or N + 1 of them; see `half_multipliers`."""
+    gamma = check_gamma(gamma)
+    k, b = check_kb(k, b)
+    if gamma == 0.0 or ring.sites == 1:  # a single oscillator, and others that feel nothing
+        single = np.linalg.eigvals(dense_half_map(1, 0.0, k, b)).astype(complex)
+        return np.concatenate([single, np.ones(2 * (ring.sites // 2))])
+    roots = _even_roots(gamma, k, b, ring)
+    return _dense_even_roots(gamma, k, b, ring) if roots is None else roots
+
+
+def half_multipliers(ring: Ring, gamma: float, k: float, b: float) -> Array:
+    """All 2 N multipliers of the half map QS on a ring: those of the even sector, then the odd.
+
+    Parameters
+    ----------
+    ring : Ring
+    gamma, k, b : float
+        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
+
+    Returns
+    -------
+    ndarray of complex, shape (2 N,)
+        Absolute accuracy 1e-13; in time proportional to N.
+
+    Raises
+    ------
+    BadInput
+        For gamma outside [0, 1/4) or k outside [0, 1].
+
+    Examples
+    --------
+    >>> mu = half_multipliers(Ring(400), 0.11, 0.8, -0.3385)
+    >>> mu.size, round(float(np.abs(mu).max()), 2)
+    (800, 1.05)
+    """
+    even = even_multipliers(ring, gamma, k, b)
+    j = np.arange(1, (ring.sites + 1) // 2)
+    odd = np.exp(2j * math.pi * math.sqrt(gamma) * np.sin(np.pi * j / ring.sites))
+    return np.concatenate([even, odd, odd.conj()])
+
+
+def multipliers(ring: Ring, gamma: float, k: float, b: float) -> Array:
+    """All 2 N Floquet multipliers over the period 2 pi, eq. (20): squares of `half_multipliers`."""
+    return half_multipliers(ring, gamma, k, b) ** 2
+
+
+def largest(ring: Ring, gamma: float, k: float, b: float) -> complex:
+    """The multiplier of QS with the largest modulus (at least 1: on a ring the odd modes stay)."""
+    mu = even_multipliers(ring, gamma, k, b)
+    top = complex(mu[np.abs(mu).argmax()])
+    return top if abs(top) >= 1.0 or ring.sites < 3 else 1.0 + 0.0j
