@@ -78,7 +78,8 @@ def show(table: list[Row]) -> None:
 
     drawn = Table(title="contbreather: speed, as ratios taken in one run", show_lines=True)
     for head in ("what", "figure", "compares with", "ratio", "aim", "met", "same result?"):
-        drawn.add_column(head, justify="right" if head == "ratio" else "left", overflow="fold")
+        short = head in {"ratio", "aim", "met"}
+        drawn.add_column(head, no_wrap=short, ratio=None if short else 1)
     for row in table:
         ratio = "" if row.ratio is None else f"{row.ratio:.3g}"
         met = {True: "yes", False: "NO", None: ""}[row.met]

@@ -1,0 +1,57 @@
+"""What the README promises about setting up is what the project and its checks do."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import contbreather
+
+ROOT = Path(contbreather.__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+CHECKS = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+
+
+def command(name: str) -> str:
+    """The one line of the code block that follows the marker of a README command."""
+    found = re.findall(rf"^<!-- command: {name} -->\n```sh\n(.*)\n```$", README, flags=re.MULTILINE)
+    assert len(found) == 1
+    return str(found[0])
+
+
+def test_each_set_up_is_one_line_that_makes_its_environment() -> None:
+    for name in ("zones", "test"):
+        assert command(name).startswith("python3 -m venv .venv && .venv/bin/pip install ")
+
+
+def test_first_command_draws_the_zones_and_second_runs_the_tests() -> None:
+    assert command("zones").endswith("&& .venv/bin/contbreather zones")
+    assert command("test").endswith('-e ".[test]" && .venv/bin/python -m pytest')
+
+
+def test_checks_read_the_test_command_from_the_readme(tmp_path: Path) -> None:
+    """`.ci/run`'s own reading of the README gives the line that a person would copy."""
+    reader = re.search(r"^readme_command\(\) \{\n.*?^\}$", CHECKS, flags=re.MULTILINE | re.DOTALL)
+    assert reader
+    script = f"{reader[0]}\nreadme_command test\nreadme_command zones"
+    run = subprocess.run(["bash", "-c", script], cwd=ROOT, capture_output=True, text=True)
+    assert run.stdout.splitlines() == [command("test"), command("zones")]
+
+
+def test_checks_can_be_executed() -> None:
+    assert os.access(ROOT / ".ci" / "run", os.X_OK)
+
+
+@pytest.mark.parametrize("extra", ["test", "dev", "docs"])
+def test_extra_that_the_readme_or_the_checks_name_exists(extra: str) -> None:
+    assert PROJECT["project"]["optional-dependencies"][extra]
+
+
+def test_typed_marker_is_there() -> None:
+    assert (ROOT / "contbreather" / "py.typed").exists()
