@@ -9,6 +9,7 @@ from ..errors import BadInput
 from .adjoin import adjoined
 from .branch import Branch, Point
 from .events import Event
+from .newton import Undefined
 from .steps import Steps
 from .trace import Within, trace
 
@@ -68,7 +69,10 @@ def boundary(
     for name in pair:
         if name not in base.params:
             raise BadInput(f"{name!r} is no parameter here; it has {list(base.params)}")
-    locus = event.locus(ground)  # type: ignore[misc]  # _traceable made sure of it
+    try:
+        locus = event.locus(ground)  # type: ignore[misc]  # _traceable made sure of it
+    except Undefined as error:
+        raise BadInput(f"{point.label or event.kind} cannot be traced on: {error}") from error
     longer = adjoined(base, locus, released=pair[1], free=pair[0])
     given = base.events if events is None else tuple(events)
     met = [_met(event.kind, other) for other in given if other.kind != event.kind]

@@ -15,11 +15,14 @@ _IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small 
 _RELATIVE = np.finfo(float).eps ** 0.2  # best step of the five-point formula
 
 
-def differences(function: Function, z: Array) -> Array:
-    """Five-point central differences, one column for each entry of `z`; about 1e-12 relative."""
+def differences(function: Function, z: Array, *, finer: float = 1.0) -> Array:
+    """Five-point central differences, one column for each entry of `z`; about 1e-12 relative.
+
+    `finer` divides the step: two results that differ tell what the differences are worth.
+    """
     columns = []
     for i in range(z.size):
-        h = _RELATIVE * max(1.0, abs(z[i]))
+        h = _RELATIVE * max(1.0, abs(z[i])) / finer
         columns.append(directional(function, z, np.eye(1, z.size, i)[0] * h) / h)
     return np.stack(columns, axis=-1)
 

@@ -1,0 +1,375 @@
+"""What happens to a symmetric breather on its branch: LP, PF, NS, GR, each with its locus.
+
+The closure equations (11) are blind to pitchfork and Neimark-Sacker points, so each event brings a
+test of its own. The loci are exact: one scalar for a fold and for a pitchfork, two equations and
+the unknown angle for a Neimark-Sacker point, two and the unknown time for grazing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.admissibility import Admissibility, admissibility
+from contbreather.breathers.symmetric import Breather, flight_of
+from contbreather.continuation import Event, Locus, Point
+from contbreather.continuation.newton import Undefined
+from contbreather.continuation.problem import Curve
+from contbreather.errors import BadInput
+from contbreather.lattice import InfiniteChain, Ring
+from contbreather.stability.arc import on_arc
+from contbreather.stability.characteristic import D
+from contbreather.stability.winding import resolved_arc, unstable_count
+
+Array = NDArray[np.float64]
+Scalar = Callable[[Breather], float]
+Slope = Callable[[Breather, str], float]
+
+_ZERO = 1e-8  # a located event's own scalar, relative to the terms in it
+
+
+def saddle_node() -> Event:
+    """LP: two breathers meet, eq. (14). The determinant of the closure's Jacobian vanishes.
+
+    ``chi a f''(phi) + q a f'(phi) = 0``; there the half map QS has the multiplier -1.
+    """
+    return Event("LP", _on_breather(_fold), locus=_scalar_locus(_fold, _fold_slope))
+
+
+def pitchfork() -> Event:
+    """PF: the symmetry u(t + pi) = -u(t) breaks; the half map QS has the multiplier +1.
+
+    ``a f''(phi) = 2 p sigma(gamma)``, exact on any lattice and for any forcing. The multiplier is
+    the end of the band, so no eigenvalue is followed.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", events=[pitchfork()], towards="up",
+    ...                   within={"a": (0, 0.9)})
+    >>> round(branch.first("PF")["a"], 12)
+    0.777632425944
+    """
+    return Event(
+        "PF",
+        _on_breather(_pitchfork),
+        locus=_scalar_locus(_pitchfork, _pitchfork_slope),
+        verify=_verify_pitchfork,
+    )
+
+
+def neimark_sacker(
+    *, on: InfiniteChain | Ring | None = None, threshold: float = 1.005
+) -> Event:
+    """NS: a complex pair of multipliers leaves the unit circle.
+
+    Parameters
+    ----------
+    on : InfiniteChain or Ring, optional
+        Of the infinite chain unless given: the point where an isolated pair comes out of the
+        continuous spectrum, exact and without a threshold. On a ring some multipliers are always
+        at or outside the circle, so there the paper's rule is followed.
+    threshold : float
+        On a ring: the modulus over the whole period 2 pi that a pair must pass, 1.005 in the
+        paper.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> branch = cb.trace(cb.symmetric(0.2, 0.08, 0.8), "gamma", events=[neimark_sacker()],
+    ...                   towards="up", within={"gamma": (0, 0.1)})
+    >>> round(branch.first("NS")["gamma"], 7)
+    0.096971
+    """
+    if on is None or isinstance(on, InfiniteChain):
+        return Event("NS", _on_breather(_pairs), locus=_arc_locus, verify=_verify_angle)
+    if not (math.isfinite(threshold) and threshold > 1):
+        raise BadInput(
+            f"threshold = {threshold}: on a ring multipliers sit on the unit circle; a modulus "
+            "above 1 is wanted, 1.005 in the paper"
+        )
+    return Event(
+        "NS",
+        _on_breather(lambda breather: _ring_pairs(breather, on, threshold)),
+        locus=lambda point: _circle_locus(point, on, threshold),
+    )
+
+
+def grazing() -> Event:
+    """GR: a site comes to touch a wall that it must not touch; the branch ends there.
+
+    A neighbour (15), site 0 between its impacts (B3), or the far field ``|a f| <= 1``.
+    """
+    return Event(
+        "GR",
+        _on_breather(lambda breather: admissibility(breather).margin),
+        terminal=True,
+        positive=True,
+        locus=_grazing_locus,
+    )
+
+
+def _on_breather(test: Callable[[Breather], float]) -> Callable[[Point], float]:
+    return lambda point: test(point.solution)
+
+
+def _breather(curve: Curve, z: Array) -> Breather:
+    breather: Breather = Point(curve, z, np.empty(0), 0.0, 0.0).solution
+    return breather
+
+
+def _names(curve: Curve) -> tuple[str, ...]:
+    """What the columns of a derivative belong to: p, phi and the freed parameters."""
+    return (*curve.problem.start, *curve.free)
+
+
+# --- fold and pitchfork: one scalar, nothing unknown --------------------------------------------
+
+
+def _driven(breather: Breather, order: int, name: str, t: float) -> float:
+    """Derivative of ``a f^(order)(t)`` in a parameter of the forcing or in a."""
+    f = breather.forcing
+    if name == "a":
+        return float((f.f, f.df, f.d2f)[order](t))
+    return breather.a * f.f_param(name, t, order) if name in f.params else 0.0
+
+
+def _fold(breather: Breather) -> float:
+    f, phi = breather.forcing, breather.phi
+    return breather.a * (breather.chi * f.d2f(phi) + breather.q * f.df(phi))
+
+
+def _fold_slope(breather: Breather, name: str) -> float:
+    a, f, phi = breather.a, breather.forcing, breather.phi
+    if name == "phi":
+        return a * (breather.chi * f.d3f(phi) + breather.q * f.d2f(phi))
+    if name == "gamma":
+        return breather.lattice.dchi(breather.gamma) * a * f.d2f(phi)
+    if name == "k":
+        return -2.0 * a * f.df(phi) / (1.0 + breather.k) ** 2
+    return breather.chi * _driven(breather, 2, name, phi) + breather.q * _driven(
+        breather, 1, name, phi
+    )
+
+
+def _pitchfork(breather: Breather) -> float:
+    """2p/c^2 times ``b - c^2 psi/2``, which is D(1) without its pole; eta + psi = 2 sigma."""
+    sigma = breather.lattice.sigma(breather.gamma)
+    return breather.a * breather.forcing.d2f(breather.phi) - 2.0 * breather.p * sigma
+
+
+def _pitchfork_slope(breather: Breather, name: str) -> float:
+    lattice, gamma = breather.lattice, breather.gamma
+    if name == "p":
+        return -2.0 * lattice.sigma(gamma)
+    if name == "phi":
+        return breather.a * breather.forcing.d3f(breather.phi)
+    if name == "gamma":
+        return -2.0 * breather.p * lattice.dsigma(gamma)
+    return _driven(breather, 2, name, breather.phi)
+
+
+def _scalar_locus(value: Scalar, slope: Slope) -> Callable[[Point], Locus]:
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        return np.array([value(_breather(curve, z))])
+
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        breather = _breather(curve, z)
+        return np.array([[slope(breather, name) for name in _names(curve)]])
+
+    locus = Locus({}, conditions, derivative)
+    return lambda point: locus
+
+
+def _verify_pitchfork(point: Point) -> str:
+    breather: Breather = point.solution
+    size = abs(breather.acceleration) + breather.p
+    if abs(_pitchfork(breather)) > _ZERO * size:
+        return f"a f'' - 2 p sigma = {_pitchfork(breather):.2g} is not zero"
+    if abs(_fold(breather)) < _ZERO * size:
+        return "a fold of the closure, not a pitchfork"
+    return ""
+
+
+# --- Neimark-Sacker on the infinite chain -------------------------------------------------------
+
+
+def _b_slope(breather: Breather, name: str) -> float:
+    """Derivative of the entry b of the saltation matrix (19)."""
+    c, p, a, phi = 1.0 + breather.k, breather.p, breather.a, breather.phi
+    half = c * c / (2.0 * p)
+    if name == "p":
+        return -half * a * breather.forcing.d2f(phi) / p
+    if name == "phi":
+        return half * a * breather.forcing.d3f(phi)
+    if name == "gamma":
+        return -0.5 * c * c * breather.lattice.deta(breather.gamma)
+    if name == "k":
+        return 2.0 * breather.b / c
+    return half * _driven(breather, 2, name, phi)
+
+
+def _pairs(breather: Breather) -> int:
+    """Complex pairs of isolated multipliers outside the unit circle."""
+    gamma, k, b = breather.gamma, breather.k, breather.b
+    chain = InfiniteChain()
+    c, d = 1.0 + k, 0.5 * (1.0 - k)
+    beyond_one = b > 0.5 * c * c * chain.psi(gamma)
+    beyond_minus_one = d * d + 0.5 * chain.chi(gamma) * (b + 0.5 * c * c * chain.eta(gamma)) < 0
+    return (unstable_count(gamma, k, b).count - beyond_one - beyond_minus_one) // 2
+
+
+def _arc_locus(point: Point) -> Locus:
+    breather: Breather = point.solution
+    arc, F, _ = resolved_arc(breather.gamma, breather.k, breather.b)
+    if arc.nu.size < 4 or breather.gamma == 0.0:
+        raise Undefined("at gamma = 0 there is no band for a pair to come out of")
+    distance = abs(F / np.gradient(F, arc.alpha))[1:-1]
+    nu = float(arc.nu[1 + int(distance.argmin())])
+    return Locus({"nu": nu}, _arc_conditions, _arc_derivative)
+
+
+def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
+    breather = _breather(curve, z)
+    return np.asarray(on_arc(breather.gamma, extra[0], breather.k, breather.b).value)
+
+
+def _arc_derivative(curve: Curve, z: Array, extra: Array) -> Array:
+    breather = _breather(curve, z)
+    F = on_arc(breather.gamma, extra[0], breather.k, breather.b)
+    direct = {"gamma": F.d_gamma, "k": F.d_k}
+    columns = [
+        F.d_b * _b_slope(breather, name) + direct.get(name, 0.0) for name in _names(curve)
+    ]
+    return np.stack([*columns, F.d_nu], axis=-1)
+
+
+def _verify_angle(point: Point) -> str:
+    nu = point.detail.get("nu")
+    if nu is None:
+        return "the pair was seen to come out, but its angle could not be solved for"
+    return ""
+
+
+# --- Neimark-Sacker by the paper's rule on a ring -----------------------------------------------
+
+
+def _ring_pairs(breather: Breather, ring: Ring, threshold: float) -> int:
+    """Complex pairs of QS on the ring outside ``sqrt(threshold)``: (QS)^2 beyond the threshold."""
+    gamma, k, b = breather.gamma, breather.k, breather.b
+    count = unstable_count(gamma, k, b, ring, radius=math.sqrt(threshold)).count
+    ends = D(gamma, np.array([0.0, 1.0]) + 1j * _depth(threshold), k, b, ring).real
+    return int(count - np.count_nonzero(ends < 0)) // 2
+
+
+def _depth(threshold: float) -> float:
+    """Im nu of the circle ``|exp(i pi nu)|^2 = threshold``."""
+    return -0.5 * math.log(threshold) / math.pi
+
+
+def _circle_locus(point: Point, ring: Ring, threshold: float) -> Locus:
+    """A multiplier of the ring on the circle of the threshold."""
+    depth = 1j * _depth(threshold)
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        breather = _breather(curve, z)
+        value = complex(D(breather.gamma, extra[0] + depth, breather.k, breather.b, ring))
+        return np.array([value.real, value.imag])
+
+    breather: Breather = point.solution
+    nu = np.linspace(0.0, 1.0, 16 * ring.sites + 1)[1:-1]
+    value = D(breather.gamma, nu + depth, breather.k, breather.b, ring)
+    nearest = int(abs(value / np.gradient(value, nu)).argmin())
+    return Locus({"nu": float(nu[nearest])}, conditions)
+
+
+# --- grazing --------------------------------------------------------------------------------------
+
+
+def _grazing_locus(point: Point) -> Locus:
+    """``u_n = 1, u_n' = 0`` at an unknown time, for the site that is closest to its walls."""
+    breather: Breather = point.solution
+    worst: Admissibility = admissibility(breather)
+    site, t = worst.site, worst.time
+    if site is None:
+        t = _crest(breather)
+        wall = math.copysign(1.0, breather.forcing.f(t))
+    else:
+        wall = math.copysign(1.0, breather.displacement(site, t))
+    if site == 0 and not 1e-9 < t - breather.phi < math.pi - 1e-9:
+        raise Undefined("the impact of site 0 itself loses its velocity: no grazing to follow")
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        u, v, _ = _motion(_breather(curve, z), site, float(extra[0]))
+        return np.array([wall * u - 1.0, wall * v])
+
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        breather = _breather(curve, z)
+        t = float(extra[0])
+        rows = [_motion_slope(breather, site, t, name) for name in _names(curve)]
+        _, v, acceleration = _motion(breather, site, t)
+        return wall * np.array([*rows, (v, acceleration)]).T
+
+    return Locus({"t": t}, conditions, derivative, events=(_other_grazing(site),))
+
+
+def _other_grazing(site: int | None) -> Event:
+    """Where one site grazes, the others must still keep off their walls."""
+
+    def test(point: Point) -> float:
+        margins = admissibility(point.solution)
+        own = "far" if site is None else "neighbours" if site else "centre"
+        return min(getattr(margins, name) for name in ("neighbours", "centre", "far") if name != own)
+
+    met = Event("GR", lambda point: test(point), locus=_grazing_locus)
+    return Event("GR-GR", test, terminal=True, positive=True, met=met)
+
+
+def _crest(breather: Breather) -> float:
+    """When |f| is largest."""
+    t = np.linspace(0.0, math.pi, max(64, 16 * breather.forcing.highest), endpoint=False)
+    return float(t[int(abs(breather.forcing.f(t)).argmax())])
+
+
+def _phase(breather: Breather, t: float) -> tuple[float, float]:
+    """Time from the middle of the flight, and its sign."""
+    flights = math.floor((t - breather.phi) / math.pi)
+    sign = -1.0 if flights % 2 else 1.0
+    return t - breather.phi - (flights + 0.5) * math.pi, sign
+
+
+def _motion(breather: Breather, site: int | None, t: float) -> tuple[float, float, float]:
+    """Displacement, velocity, acceleration of a site (None: the far field), once differentiable
+    in everything: no special case at an impact."""
+    a, f = breather.a, breather.forcing
+    driven = (a * f.f(t), a * f.df(t), a * f.d2f(t))
+    if site is None:
+        return driven
+    y, sign = _phase(breather, t)
+    flight, p = breather.flight(site), sign * breather.p
+    u, v, acceleration = flight.value(y), flight.slope(y), flight.curvature(y)
+    return driven[0] + p * u, driven[1] + p * v, driven[2] + p * acceleration
+
+
+def _motion_slope(breather: Breather, site: int | None, t: float, name: str) -> tuple[float, float]:
+    """Derivative of displacement and velocity at a fixed time."""
+    if site is None or name not in ("p", "phi", "gamma"):
+        return _driven(breather, 0, name, t), _driven(breather, 1, name, t)
+    y, sign = _phase(breather, t)
+    flight = breather.flight(site)
+    if name == "p":
+        return sign * flight.value(y), sign * flight.slope(y)
+    p = sign * breather.p
+    if name == "phi":
+        return -p * flight.slope(y), -p * flight.curvature(y)
+    # the flight is a short series in gamma without a derivative of its own; the difference
+    # serves Newton's matrix only, never a result
+    gamma, lattice = breather.gamma, breather.lattice
+    low, high = max(gamma - 1e-6, 0.0), min(gamma + 1e-6, 0.5 * (gamma + 0.25))
+    distance = lattice.distance(site)
+    before, after = flight_of(lattice, low, distance), flight_of(lattice, high, distance)
+    step = (high - low) / p
+    return (after.value(y) - before.value(y)) / step, (after.slope(y) - before.slope(y)) / step

@@ -1,0 +1,62 @@
+"""A breather as a problem of the engine: closure, domain, events, and what to record of it."""
+
+from __future__ import annotations
+
+from math import inf
+
+from contbreather.breathers.closure import Closure
+from contbreather.breathers.events import grazing, neimark_sacker, pitchfork, saddle_node
+from contbreather.breathers.symmetric import Breather
+from contbreather.continuation import Event, Point, Problem
+from contbreather.lattice import Lattice, Ring
+from contbreather.stability.winding import unstable_count
+
+# An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
+# forcing that is at a = 1, where the far field grazes.
+DOMAIN = {"gamma": (0.0, 0.25), "k": (0.0, 1.0), "a": (0.0, inf), "p": (1e-12, inf)}
+PAPER = 1.005  # threshold of the paper's rule, on rings
+
+
+def problem_of(breather: Breather) -> Problem:
+    """The closure (11) with the breather as its start, and all its events.
+
+    Columns: p, phi; a, gamma, k and the parameters of the forcing; ``unstable``, the number of
+    multipliers of QS outside the circle, computed when asked for.
+    """
+    forcing, lattice = breather.forcing, breather.lattice
+    closure = Closure(forcing, lattice)
+
+    def interpret(point: Point) -> Breather:
+        values = point.params
+        own = {name: values[name] for name in forcing.params}
+        p, phi = float(point.z[0]), float(point.z[1])
+        driven = forcing.at(**own) if own else forcing
+        return Breather(values["a"], values["gamma"], values["k"], p, phi, driven, lattice)
+
+    return Problem(
+        closure.residual,
+        {"p": breather.p, "phi": breather.phi},
+        {"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
+        jacobian=closure.jacobian,
+        sensitivity=closure.sensitivity,
+        events=events_on(lattice),
+        record={"unstable": lambda point: unstable(point.solution)},
+        domain=DOMAIN,
+        interpret=interpret,
+        label="symmetric breather",
+    )
+
+
+def events_on(lattice: Lattice) -> tuple[Event, ...]:
+    """All events of a symmetric breather; on a ring Neimark-Sacker by the paper's rule."""
+    on = lattice if isinstance(lattice, Ring) else None
+    return (saddle_node(), pitchfork(), neimark_sacker(on=on, threshold=PAPER), grazing())
+
+
+def unstable(breather: Breather) -> int:
+    """Multipliers of QS outside the circle: isolated ones on the infinite chain, those beyond the
+    paper's threshold on a ring."""
+    radius = PAPER**0.5 if isinstance(breather.lattice, Ring) else 1.0
+    return unstable_count(
+        breather.gamma, breather.k, breather.b, breather.lattice, radius=radius
+    ).count

@@ -1,0 +1,246 @@
+"""Zones of existence and stability in two parameters, as in Fig. 2, found without a seed.
+
+Branches in one parameter are traced at a comb of values of the other; each event on them that lies
+on no curve known so far is traced as a boundary, to the ends of the region where breathers exist.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.admissibility import admissibility
+from contbreather.breathers.problem import events_on, problem_of
+from contbreather.breathers.symmetric import Breather, symmetric
+from contbreather.continuation import Branch, Event, Point, Steps, boundary, trace
+from contbreather.continuation.progress import Progress
+from contbreather.errors import BadInput, NoSolution, NotConverged
+from contbreather.lattice import Forcing, InfiniteChain, Lattice
+
+Array = NDArray[np.float64]
+
+KINDS = ("LP", "GR", "PF", "NS")
+# Names of the three parameters, their windows, and the comb of values on which branches are traced.
+# At gamma = 1/4 everything ends in one point; 0.2499 is as near as numbers are vouched for.
+WINDOWS = {"gamma": (0.0, 0.2499), "a": (0.0, math.inf), "k": (0.0, 1.0)}
+COMBS = {
+    "gamma": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.235, 0.245),
+    "k": (0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
+    "a": (0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
+}
+PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
+FEWEST = 60  # points on a curve
+SAME = 1e-3  # an event this close to a traced curve lies on it
+
+
+@dataclass(frozen=True, eq=False)
+class Zones:
+    """The curves that bound existence and stability of the symmetric breather in one plane.
+
+    Attributes
+    ----------
+    fixed : tuple of (str, float)
+        The third parameter and its value.
+    pair : tuple of str
+        The two parameters of the plane, abscissa first.
+    curves : dict
+        ``{"LP": (branch, ...), "GR": ..., "PF": ..., "NS": ...}``; each branch is a boundary.
+    """
+
+    fixed: tuple[str, float]
+    pair: tuple[str, str]
+    curves: Mapping[str, tuple[Branch, ...]]
+
+    def __iter__(self) -> Iterator[tuple[str, Branch]]:
+        for kind in KINDS:
+            for branch in self.curves[kind]:
+                yield kind, branch
+
+    @property
+    def special(self) -> tuple[Point, ...]:
+        """Where curves meet: PF-GR, NS-LP, NS-GR, ... (each as seen from both)."""
+        return tuple(p for _, branch in self for p in branch.special if "-" in p.kind)
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{kind}: {len(self.curves[kind])}" for kind in KINDS)
+        return f"<Zones in {self.pair} at {self.fixed[0]} = {self.fixed[1]:g}; {counts}>"
+
+
+def zones(
+    *,
+    k: float | None = None,
+    gamma: float | None = None,
+    a: float | None = None,
+    forcing: Forcing | None = None,
+    lattice: Lattice | None = None,
+    within: Mapping[str, tuple[float, float]] | None = None,
+    progress: bool | None = None,
+) -> Zones:
+    """All curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
+
+    Parameters
+    ----------
+    k, gamma, a : float
+        Exactly one: the plane is that of the other two, ``(gamma, a)`` for the paper's Fig. 2.
+    forcing : Forcing, optional
+        `Harmonic` unless given.
+    lattice : Lattice, optional
+        The infinite chain unless given. On a `Ring` the NS curves follow the paper's rule.
+    within : dict, optional
+        Windows of the two parameters, narrower than the defaults.
+    progress : bool, optional
+        As for `trace`.
+
+    Returns
+    -------
+    Zones
+        LP (lower limit of existence), GR (upper limit, or site 0 grazing for small k), PF and NS
+        (limits of stability), each to the end of the region where breathers exist.
+
+    Raises
+    ------
+    BadInput
+        If not exactly one parameter is fixed, or the window contains no breather.
+
+    Examples
+    --------
+    >>> diagram = zones(k=0.8, within={"gamma": (0.0, 0.1)})
+    >>> {kind: len(diagram.curves[kind]) for kind in ("LP", "GR", "PF", "NS")}
+    {'LP': 1, 'GR': 1, 'PF': 1, 'NS': 1}
+    """
+    given = {name: v for name, v in {"k": k, "gamma": gamma, "a": a}.items() if v is not None}
+    if len(given) != 1:
+        raise BadInput(
+            f"zones need exactly one of k, gamma and a fixed, got {given or 'none'}; "
+            "zones(k=0.8) draws the plane (gamma, a)"
+        )
+    ((name, value),) = given.items()
+    search = _Search(name, float(value), forcing, lattice or InfiniteChain(), within or {})
+    with Progress(progress, search.pair[0]) as shown:
+        return search.run(shown)
+
+
+class _Search:
+    """One zone diagram in the making."""
+
+    def __init__(
+        self,
+        name: str,
+        value: float,
+        forcing: Forcing | None,
+        lattice: Lattice,
+        within: Mapping[str, tuple[float, float]],
+    ) -> None:
+        self.name, self.value, self.pair = name, value, PAIRS[name]
+        self.forcing, self.lattice = forcing, lattice
+        for other in within:
+            if other not in self.pair:
+                raise BadInput(f"no window for {other!r}: the plane is that of {self.pair}")
+        self.within = {n: _narrowed(n, within.get(n)) for n in self.pair}
+        self.events = tuple(_ending(event) for event in events_on(lattice))
+        self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
+
+    def run(self, shown: Progress) -> Zones:
+        found = False
+        for x in _comb(self.pair[0], self.within):
+            for branch in self._branches(x):
+                found = True
+                shown.advance(branch[-1])
+                for point in branch.special:
+                    if point.kind in KINDS and point.located:
+                        self._follow(point)
+        if not found:
+            raise BadInput(
+                f"no breather within {self.within} at {self.name} = {self.value:g}; widen the window"
+            )
+        curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
+        return Zones((self.name, self.value), self.pair, curves)
+
+    def _branches(self, x: float) -> Iterator[Branch]:
+        """Branches of admissible breathers in the second parameter, at one value of the first."""
+        free = self.pair[1]
+        covered: list[tuple[float, float]] = []
+        for y in _comb(free, self.within):
+            if any(low <= y <= high for low, high in covered):
+                continue
+            breather = self._breather(x, y)
+            if breather is None:
+                continue
+            branch = trace(
+                problem_of(breather), free, within={free: self.within[free]}, events=self.events,
+                steps=Steps(first=0.02, largest=0.2), progress=False,
+            )
+            covered.append((float(branch[free].min()), float(branch[free].max())))
+            yield branch
+
+    def _breather(self, x: float, y: float) -> Breather | None:
+        values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
+        try:
+            found = symmetric(**values, forcing=self.forcing, lattice=self.lattice)
+        except NoSolution:
+            return None
+        return found if admissibility(found).ok else None
+
+    def _follow(self, point: Point) -> None:
+        """Trace an event as a boundary, unless it lies on one already; then what ends it."""
+        kind = (point.event.met or point.event).kind if point.event else point.kind
+        if any(_on_curve(branch, point, self.pair) for branch in self.curves[kind]):
+            return
+        largest = 0.02
+        branch = self._boundary(point, largest)
+        while len(branch) < FEWEST and largest > 1e-6:
+            largest = min(0.5 * largest, float(branch["arclength"][-1]) / (1.2 * FEWEST))
+            branch = self._boundary(point, largest)
+        self.curves[kind].append(branch)
+        for end in branch.special:
+            if end.kind == "GR-GR":  # another site takes over: the limit of existence goes on
+                self._follow(end)
+
+    def _boundary(self, point: Point, largest: float) -> Branch:
+        return boundary(
+            point,
+            self.pair,
+            within=self.within,
+            events=self.events,
+            steps=Steps(first=min(0.005, largest), largest=largest),
+            progress=False,
+        )
+
+
+def _ending(event: Event) -> Event:
+    """A fold ends the zone: what lies behind it is the other breather, unstable throughout."""
+    return replace(event, terminal=True) if event.kind == "LP" else event
+
+
+def _narrowed(name: str, window: tuple[float, float] | None) -> tuple[float, float]:
+    low, high = WINDOWS[name]
+    if window is None:
+        return low, high
+    low, high = max(low, float(window[0])), min(high, float(window[1]))
+    if not low < high:
+        raise BadInput(f"the window {window} of {name!r} leaves nothing of {WINDOWS[name]}")
+    return low, high
+
+
+def _comb(name: str, within: Mapping[str, tuple[float, float]]) -> Iterable[float]:
+    """Values inside the window, at least seven."""
+    low, high = within[name]
+    inside = [value for value in COMBS[name] if low <= value <= high]
+    if len(inside) >= 7:
+        return inside
+    return np.linspace(low, min(high, COMBS[name][-1]), 9)[1:-1].tolist()
+
+
+def _on_curve(branch: Branch, point: Point, pair: tuple[str, str]) -> bool:
+    """Whether a point lies on a traced curve, in the unknowns too: p tells breathers apart."""
+    names = (*pair, "p")
+    here = np.array([point[name] for name in names])
+    nodes = np.stack([branch[name] for name in names], axis=-1)
+    start, chord = nodes[:-1], np.diff(nodes, axis=0)
+    along = np.sum((here - start) * chord, axis=-1) / np.sum(chord * chord, axis=-1)
+    foot = start + np.clip(along, 0, 1)[:, None] * chord
+    return bool(np.linalg.norm(here - foot, axis=-1).min() < SAME)
