@@ -1,0 +1,239 @@
+"""Every way to give a forcing ends in the same f; what breaks the symmetry is refused."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contbreather.errors import BadInput
+from contbreather.lattice import Fourier, Harmonic, Samples, Symbolic
+
+TWO = Fourier.from_response(cos={1: 1.0, 3: 0.3})
+GRID = 2 * np.pi * np.arange(64) / 64
+FORCINGS = {
+    "harmonic": Harmonic(),
+    "two harmonics": TWO,
+    "phases": Fourier(cos={1: -1.0, 5: 0.4}, sin={1: 0.2, 3: -1.1}),
+    "polynomial formula": Symbolic("-cos(t) - c*sin(t + d)**3", c=2.0, d=0.4),
+    "analytic formula": Symbolic("-cos(t)/(1 + e*cos(2*t))", e=0.5),
+    "bessel": Symbolic("besselj(1, x*cos(t))", x=2.5),
+    "samples": Samples(-np.cos(GRID) + 0.7 * np.sin(5 * GRID)),
+    "many": Fourier(cos={m: (-1.0) ** m * 0.6**m for m in range(1, 32, 2)}),
+}
+TIMES = np.array([-7.3, -0.2, 0.0, 0.4, 1.9, 3.3, 12.0])
+
+
+@pytest.fixture(params=FORCINGS)
+def forcing(request):
+    return FORCINGS[request.param]
+
+
+def test_each_derivative_is_the_slope_of_the_one_below(forcing):
+    h = 1e-5
+    for lower, upper in ((forcing.f, forcing.df), (forcing.df, forcing.d2f)):
+        slope = (lower(TIMES + h) - lower(TIMES - h)) / (2 * h)
+        scale = forcing.highest**2 * max(1.0, np.abs(upper(GRID)).max())
+        np.testing.assert_allclose(upper(TIMES), slope, atol=1e-9 * scale)
+    slope = (forcing.d2f(TIMES + h) - forcing.d2f(TIMES - h)) / (2 * h)
+    np.testing.assert_allclose(
+        forcing.d3f(TIMES), slope, atol=1e-8 * forcing.highest**2 * np.abs(slope).max()
+    )
+
+
+def test_f_is_antisymmetric_and_has_no_constant(forcing):
+    scale = forcing.peak()
+    for function in (forcing.f, forcing.df, forcing.d2f, forcing.d3f):
+        size = max(scale, np.abs(function(GRID)).max()) * forcing.highest
+        np.testing.assert_allclose(
+            function(TIMES + math.pi), -function(TIMES), atol=4e-15 * size, rtol=0
+        )
+
+
+def test_floats_give_floats_and_agree_with_arrays(forcing):
+    for function in (forcing.f, forcing.df, forcing.d2f, forcing.d3f):
+        single = [function(float(t)) for t in TIMES]
+        assert all(type(value) is float for value in single)
+        size = np.abs(function(GRID)).max() * forcing.highest
+        np.testing.assert_allclose(function(TIMES), single, rtol=0, atol=4e-15 * size)
+        assert function(TIMES.reshape(1, 7)).shape == (1, 7)
+
+
+def test_peak_is_the_largest_displacement_of_the_far_field(forcing):
+    dense = np.abs(forcing.f(np.linspace(0.0, math.pi, 200001))).max()
+    assert dense <= forcing.peak() * (1 + 1e-15)
+    assert forcing.peak() == pytest.approx(dense, rel=1e-7)
+
+
+def test_derivatives_in_each_own_parameter_are_finite_differences(forcing):
+    h = 1e-6
+    for name, value in forcing.params.items():
+        up, down = forcing.at(**{name: value + h}), forcing.at(**{name: value - h})
+        for order, pick in enumerate(("f", "df", "d2f")):
+            slope = (getattr(up, pick)(0.7) - getattr(down, pick)(0.7)) / (2 * h)
+            assert forcing.f_param(name, 0.7, order) == pytest.approx(slope, abs=1e-7)
+
+
+def test_forcings_are_values(forcing):
+    assert forcing == forcing.at(**forcing.params)
+    assert hash(forcing) == hash(forcing.at(**forcing.params))
+    assert forcing.describe().startswith("F =")
+    with pytest.raises(AttributeError):
+        forcing.anything = 1
+
+
+# ------------------------------------------------------------- different roads to the same f
+
+
+def test_a_cosine_is_the_same_given_in_every_way():
+    t = TIMES
+    ways = [
+        Harmonic(),
+        Fourier(cos={1: -1.0}),
+        Fourier.from_response(cos={1: 1.0}),
+        Symbolic("-cos(t)"),
+        Symbolic("-cos(t)*(sin(t)**2 + cos(t)**2)"),
+        Symbolic("-b*cos(t)", b=1.0),
+        Samples(-np.cos(GRID)),
+        Samples(-np.cos(GRID[::4])),
+    ]
+    for way in ways:
+        np.testing.assert_allclose(way.f(t), np.cos(t), atol=2e-15)
+        np.testing.assert_allclose(way.d2f(t), -np.cos(t), atol=2e-15)
+        assert way.highest == 1
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, -0.8])
+def test_formulas_that_are_no_polynomials_are_found_to_rounding(e):
+    """f by Fourier integrals at 30 digits."""
+    forcing = Symbolic("-cos(t)/(1 + e*cos(2*t))", e=e)
+    with mp.workdps(30):
+
+        def force(t):
+            return -mp.cos(t) / (1 + mp.mpf(e) * mp.cos(2 * t))
+
+        t = mp.mpf("0.7")
+        # f = double integral of F: from pi/2, where both vanish by symmetry
+        exact = mp.quad(lambda s: (t - s) * force(s), [mp.pi / 2, t])
+        exact += (t - mp.pi / 2) * mp.quad(force, [0, mp.pi / 2])
+        assert abs(forcing.f(0.7) - float(exact)) < 2e-15 * max(1, forcing.peak())
+        assert abs(forcing.d2f(0.7) - float(force(0.7))) < 2e-14
+    assert "verified symbolically" in forcing.describe()
+
+
+def test_bessel_forcing_has_the_harmonics_of_jacobi_and_anger():
+    """J1(x cos t) = 2 sum over odd ... ; its first harmonic is 2 J0(x/2) J1(x/2)."""
+    x = 2.5
+    c1 = 2 * mp.besselj(0, x / 2) * mp.besselj(1, x / 2)
+    order, c, s = Symbolic("besselj(1, x*cos(t))", x=x).harmonics[0]
+    assert (order, s) == (1, pytest.approx(0.0, abs=1e-15))
+    assert c == pytest.approx(-float(c1), abs=2e-15)
+
+
+def test_a_sympy_expression_is_as_good_as_its_text():
+    import sympy
+
+    t, c = sympy.symbols("t c")
+    assert Symbolic(-sympy.cos(t) - c * sympy.cos(3 * t), c=2.7) == Symbolic(
+        "-c*cos(3*t) - cos(t)", c=2.7
+    )
+
+
+def test_what_only_numbers_can_verify_is_said_to_be_verified_numerically():
+    """Half a period written in decimals: true to rounding, but nothing sympy could prove."""
+    forcing = Symbolic("-cos(t)/(2 + cos(t) + cos(t + 3.141592653589793))")
+    assert "verified numerically" in forcing.describe()
+    np.testing.assert_allclose(forcing.f(TIMES), 0.5 * np.cos(TIMES), atol=1e-15)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.dictionaries(
+        st.integers(0, 4).map(lambda i: 2 * i + 1), st.floats(-2, 2), min_size=1, max_size=4
+    ),
+    st.dictionaries(st.integers(0, 4).map(lambda i: 2 * i + 1), st.floats(-2, 2), max_size=3),
+)
+def test_samples_of_any_fourier_forcing_give_it_back(cos, sin):
+    if max(map(abs, [*cos.values(), *sin.values()])) < 1e-3:
+        cos = {1: -1.0}
+    forcing = Fourier(cos, sin)
+    back = Samples(forcing.d2f(GRID))
+    np.testing.assert_allclose(back.f(TIMES), forcing.f(TIMES), atol=1e-13)
+
+
+def test_a_coefficient_that_is_zero_stays_a_parameter():
+    forcing = Fourier(cos={1: -1.0, 3: 0.0})
+    assert forcing.params == {"c1": -1.0, "c3": 0.0}
+    assert forcing.highest == 1
+    assert forcing.at(c3=-2.7).f(0.4) == pytest.approx(TWO.f(0.4), abs=1e-15)
+
+
+# ----------------------------------------------------------------------------------- refusals
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Fourier(cos={2: 1.0}), "odd harmonics"),
+        (lambda: Fourier(cos={0: 1.0}), "odd harmonics"),
+        (lambda: Fourier(sin={-1: 1.0}), "odd harmonics"),
+        (lambda: Fourier(cos={1.5: 1.0}), "odd harmonics"),
+        (lambda: Fourier(cos={1: math.nan}), "no finite number"),
+        (lambda: Fourier(cos={1: "x"}), "no finite number"),
+        (lambda: Fourier(), "is zero"),
+        (lambda: Fourier(cos={1: 0.0}), "is zero"),
+        (lambda: TWO.at(c5=1.0), "unknown forcing parameter 'c5'.*c1, c3"),
+        (lambda: TWO.f_param("s1", 0.0), "unknown forcing parameter 's1'"),
+        (lambda: Harmonic().at(c1=1.0), "unknown forcing parameter 'c1'.*none"),
+        (lambda: Harmonic().f_param("c1", 0.0), "unknown forcing parameter"),
+        (lambda: Samples(np.cos(GRID)).at(c=1.0), "unknown forcing parameter"),
+        (lambda: Samples(np.cos(GRID)).f_param("c", 0.0), "unknown forcing parameter"),
+        (lambda: Samples(np.cos(2 * GRID)), "not antisymmetric"),
+        (lambda: Samples(np.cos(GRID) + 1e-6), "not antisymmetric"),
+        (lambda: Samples(np.cos(GRID[:63])), "even number"),
+        (lambda: Samples([1.0, 0.0, -1.0, 0.0]), "at least 8"),
+        (lambda: Samples(np.sign(np.cos(GRID + 0.01))), "do not resolve"),
+        (lambda: Samples(np.cos(17 * GRID)), "do not resolve"),
+        (lambda: Samples(np.zeros(16)), "is zero"),
+        (lambda: Samples([np.nan] * 16), "finite numbers"),
+        (lambda: Samples("abc"), "finite numbers"),
+        (lambda: Samples([[1.0] * 8] * 2), "one row"),
+        (lambda: Symbolic("cos(2*t)"), "even harmonic 2"),
+        (lambda: Symbolic("1 + cos(t)"), "even harmonic 0"),
+        (lambda: Symbolic("cos(t/3)"), "not antisymmetric"),
+        (lambda: Symbolic("Abs(cos(t))"), "not antisymmetric"),
+        (lambda: Symbolic("t"), "not antisymmetric"),
+        (lambda: Symbolic("cos(t)/(1 + 0.1*cos(t))"), "not antisymmetric"),
+        (lambda: Symbolic("sign(cos(t))"), "not resolved"),
+        (lambda: Symbolic("sqrt(cos(t))"), "not a finite real number"),
+        (lambda: Symbolic("log(t)"), "not a finite real number"),
+        (lambda: Symbolic("cos(t)/0"), "not finite"),
+        (lambda: Symbolic("0*cos(t)"), "zero or not finite"),
+        (lambda: Symbolic("c*cos(t)"), "needs a value for c"),
+        (lambda: Symbolic("cos(t)", c=1.0), "unknown forcing parameter c"),
+        (lambda: Symbolic("c*cos(t)", c=math.inf), "no finite number"),
+        (lambda: Symbolic("a*cos(t)", a=1.0), "taken"),
+        (lambda: Symbolic("gamma*cos(t)"), "taken"),
+        (lambda: Symbolic("cos(t"), "no formula"),
+        (lambda: Symbolic("cos(t, t)"), "cannot read"),
+        (lambda: Symbolic("__import__('os').getcwd()"), "no forcing may"),
+        (lambda: Symbolic("[cos(t)]"), "no forcing may"),
+        (lambda: Symbolic("c*cos(t)", c=1.0).at(d=1.0), "unknown forcing parameter 'd'"),
+        (lambda: Symbolic("c*cos(t)", c=1.0).f_param("d", 0.0), "unknown forcing parameter 'd'"),
+        (lambda: Symbolic("sin(t)*cos(t)*cos(w*t)", w=3.0), "d/dw"),
+    ],
+)
+def test_what_cannot_drive_a_symmetric_breather_is_refused_with_its_reason(make, says):
+    with pytest.raises(BadInput, match=says):
+        make()
+
+
+def test_sampled_formulas_are_checked_between_their_samples():
+    """cos(33 t) looks like cos(t) on 32 points; it must be seen all the same."""
+    forcing = Symbolic("-cos(t) + 0.01*cos(33*t)/(1 + e*cos(2*t))", e=0.0)
+    assert forcing.highest == 33
+    assert forcing.d2f(0.0) == pytest.approx(-0.99, abs=1e-14)

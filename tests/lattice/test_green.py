@@ -1,0 +1,125 @@
+"""The forced response in closed form against the sum over modes and the equation of motion."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from contbreather.lattice import InfiniteChain, Ring, propagate
+from contbreather.lattice.green import flight
+
+CHAIN = InfiniteChain()
+NEAR = 1e-9
+TIMES = [0.0, NEAR, 0.4, 1.7, math.pi - NEAR, math.pi]
+
+
+def mode_sum(gamma, n, s, sites):
+    """v, v', v'' at 30 digits over the modes of a ring, the impacts in floating point pi."""
+    with mp.workdps(30):
+        root, s = 2 * mp.sqrt(mp.mpf(gamma)), mp.mpf(s)
+        total = [mp.mpf(0)] * 3
+        for j in range(sites):
+            w, wave = root * mp.sin(mp.pi * j / sites), mp.cos(2 * mp.pi * n * j / sites)
+            y, c = mp.pi / 2 - s, mp.cos(mp.pi * w / 2)
+            total[0] += wave * (mp.sin(w * y) / (w * c) if w else y)
+            total[1] -= wave * mp.cos(w * y) / c
+            total[2] -= wave * w * mp.sin(w * y) / c
+        return [x / sites for x in total]
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.07, 0.2499])
+@pytest.mark.parametrize("sites", [1, 2, 3, 10, 11])
+@pytest.mark.parametrize("n", [0, 1, 4])
+def test_response_of_a_ring_is_the_sum_over_its_modes(gamma, sites, n):
+    for s in TIMES:
+        got = Ring(sites).response(gamma, n, s)
+        exact = mode_sum(gamma, n, s, sites)
+        scale = float(Ring(sites).first_harmonic(gamma, 0))
+        assert max(abs(float(x) - y) for x, y in zip(got, exact, strict=True)) < 3e-15 * scale
+
+
+@pytest.mark.parametrize(
+    ("gamma", "n"), [(0.12, 0), (0.12, 1), (0.12, 10), (0.12, 300), (0.2499, 2), (0.2499, 300)]
+)
+def test_response_of_the_chain_is_that_of_a_ring_too_long_to_go_round(gamma, n):
+    r = math.sqrt(1 - 4 * gamma)
+    laps = int(38 / (2 * math.atanh(r))) + 2 * n
+    for s in (0.0, NEAR, 2.0):
+        got = CHAIN.response(gamma, n, s)
+        exact = mode_sum(gamma, n, s, laps)
+        assert max(abs(float(x) - y) for x, y in zip(got, exact, strict=True)) < 1e-15 / r
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(0.0, 0.2499), st.integers(1, 30), st.floats(0.0, math.pi))
+def test_response_obeys_the_equation_of_motion_between_impacts(gamma, n, s):
+    for lattice in (CHAIN, Ring(7)):
+        v = {m: lattice.response(gamma, m, s) for m in (n - 1, n, n + 1)}
+        force = gamma * (v[n - 1][0] + v[n + 1][0] - 2 * v[n][0])
+        assert abs(v[n][2] - force) < 1e-15 / math.sqrt(1 - 4 * gamma)
+
+
+@pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(6)])
+def test_response_turns_over_after_half_a_period_and_the_impact_takes_two(lattice):
+    for n in (0, 1, 2):
+        v, slope, _ = (x.tolist() for x in lattice.response(0.2, n, [0.0, math.pi]))
+        assert v[1] == pytest.approx(-v[0], abs=1e-14)
+        hit = lattice.distance(n) == 0
+        assert -slope[1] - slope[0] == pytest.approx(2.0 if hit else 0.0, abs=1e-14)
+    assert lattice.response(0.2, 0, 0.0)[0] == pytest.approx(lattice.chi(0.2), abs=1e-14)
+    assert lattice.response(0.2, 0, 0.0)[2] == pytest.approx(-lattice.eta(0.2), abs=1e-14)
+
+
+def test_a_flight_gives_the_same_for_floats_and_arrays():
+    answer = flight(float(CHAIN.first_harmonic(0.2, 1)), CHAIN.moments(1), 0.2)
+    y = np.linspace(-1.5, 1.5, 7)
+    for function in (answer.value, answer.slope, answer.curvature):
+        single = [function(float(x)) for x in y]
+        assert all(isinstance(x, float) for x in single)
+        np.testing.assert_allclose(function(y), single, atol=2e-16, rtol=2e-15)
+
+
+# ------------------------------------------------------------------------------- propagator
+
+
+def dense(sites, gamma):
+    laplacian = np.zeros((sites, sites))
+    for i in range(sites):
+        for j in (i + 1, i - 1):
+            laplacian[i, i] -= gamma
+            laplacian[i, j % sites] += gamma
+    return np.block(
+        [[np.zeros((sites, sites)), np.eye(sites)], [laplacian, np.zeros((sites,) * 2)]]
+    )
+
+
+@pytest.mark.parametrize("sites", [1, 2, 3, 8, 9])
+@pytest.mark.parametrize("t", [0.0, 0.3, math.pi, 20.0, -2.0])
+def test_propagator_is_the_exponential_of_the_matrix(sites, t):
+    rng = np.random.default_rng(sites)
+    u, v = rng.normal(size=(2, sites))
+    got = np.concatenate(propagate(Ring(sites), 0.21, u, v, t))
+    exact = expm(dense(sites, 0.21) * t) @ np.concatenate([u, v])
+    np.testing.assert_allclose(got, exact, atol=2e-13)
+
+
+def test_propagator_takes_several_states_at_once():
+    u, v = np.random.default_rng(0).normal(size=(2, 4, 6))
+    together = propagate(Ring(6), 0.1, u, v, 1.3)
+    one = propagate(Ring(6), 0.1, u[2], v[2], 1.3)
+    np.testing.assert_allclose([together[0][2], together[1][2]], one, atol=1e-15)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.0, 0.2499), st.integers(1, 12), st.floats(-5, 5), st.floats(-5, 5))
+def test_propagating_twice_is_propagating_once_over_the_sum(gamma, sites, t1, t2):
+    u, v = np.random.default_rng(1).normal(size=(2, sites))
+    ring = Ring(sites)
+    twice = propagate(ring, gamma, *propagate(ring, gamma, u, v, t1), t2)
+    np.testing.assert_allclose(twice, propagate(ring, gamma, u, v, t1 + t2), atol=1e-12)

@@ -1,0 +1,240 @@
+"""Means over the modes against 30-digit quadrature, and the resolvent against what it must be."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contbreather.errors import BadInput
+from contbreather.lattice import InfiniteChain, Ring, check_gamma
+
+CHAIN = InfiniteChain()
+GAMMAS = [1e-9, 0.003, 0.12, 0.2, 0.24, 0.2499, 0.24999999]
+MEANS = {
+    "chi": lambda w: mp.tan(mp.pi * w / 2) / w if w else mp.pi / 2,
+    "eta": lambda w: w * mp.tan(mp.pi * w / 2),
+    "sigma": lambda w: w / mp.sin(mp.pi * w) if w else 1 / mp.pi,
+    "psi": lambda w: w * mp.cot(mp.pi * w / 2) if w else 2 / mp.pi,
+}
+couplings = st.floats(0.0, 0.2499)
+
+
+def mean(of, gamma):
+    """30 digits by quadrature over theta = pi - t, split towards the band's edge at t = 0."""
+    with mp.workdps(30):
+        gamma = mp.mpf(gamma)
+        edge = mp.sqrt(1 - 4 * gamma)
+        splits = [0, edge / 3, edge, 3 * edge, 10 * edge, 30 * edge, 300 * edge]
+        splits = [t for t in splits if t < 1] + [1, mp.pi]
+        return mp.quad(lambda t: of(2 * mp.sqrt(gamma) * mp.cos(t / 2)), splits) / mp.pi
+
+
+def ring_mean(of, gamma, sites):
+    with mp.workdps(30):
+        root = 2 * mp.sqrt(mp.mpf(gamma))
+        return mp.fsum(of(root * mp.sin(mp.pi * j / sites)) for j in range(sites)) / sites
+
+
+@pytest.mark.parametrize("gamma", GAMMAS)
+@pytest.mark.parametrize("name", MEANS)
+def test_means_over_the_infinite_band_are_exact_up_to_its_edge(name, gamma):
+    exact = mean(MEANS[name], gamma)
+    assert abs(getattr(CHAIN, name)(gamma) / exact - 1) < 5e-16
+
+
+@pytest.mark.parametrize("sites", [1, 2, 3, 4, 7, 20, 37])
+@pytest.mark.parametrize("gamma", [0.0, 1e-12, 0.1, 0.2499, 0.24999999])
+@pytest.mark.parametrize("name", MEANS)
+def test_means_over_a_ring_are_the_sums_over_its_modes(name, gamma, sites):
+    exact = ring_mean(MEANS[name], gamma, sites)
+    assert abs(getattr(Ring(sites), name)(gamma) - exact) < 1e-15 * max(1, abs(exact))
+
+
+@pytest.mark.parametrize("sites", [None, 1, 2, 3, 6, 7, 21, 60])
+@pytest.mark.parametrize("gamma", [0.05, 0.12, 0.24, 0.2499])
+@pytest.mark.parametrize("name", MEANS)
+def test_slopes_in_gamma_are_those_of_the_means(name, gamma, sites):
+    lattice = Ring(sites) if sites else CHAIN
+    with mp.workdps(30):
+        if sites:
+
+            def function(g):
+                return ring_mean(MEANS[name], g, sites)
+        else:
+
+            def function(g):
+                return mean(MEANS[name], g)
+
+        h = mp.mpf(10) ** -11
+        exact = (function(gamma + h) - function(gamma - h)) / (2 * h)
+    got = getattr(lattice, "d" + name)(gamma)
+    # the finite step misses (h/(1/4 - gamma))^2 of it
+    assert abs(got - exact) < 2e-13 * max(1e-2, abs(exact))
+
+
+def test_means_have_their_limits_without_coupling():
+    for lattice in (CHAIN, Ring(1), Ring(2), Ring(9)):
+        assert lattice.chi(0.0) == pytest.approx(math.pi / 2, rel=1e-15)
+        assert lattice.eta(0.0) == 0.0
+        assert lattice.sigma(0.0) == pytest.approx(1 / math.pi, rel=1e-15)
+        assert lattice.psi(0.0) == pytest.approx(2 / math.pi, rel=1e-15)
+
+
+def test_chi_is_the_paper_s_sum():
+    """(10), summed as printed."""
+    with mp.workdps(25):
+        for gamma in (0.12, 0.2499):
+            g = mp.mpf(gamma)
+            total = mp.nsum(
+                lambda m, g=g: 1 / mp.sqrt((2 * m + 1) ** 4 - 4 * g * (2 * m + 1) ** 2), [0, mp.inf]
+            )
+            assert abs(CHAIN.chi(gamma) / (4 / mp.pi * total) - 1) < 5e-16
+    assert CHAIN.chi(0.12) == pytest.approx(2.06787397039377, abs=5e-15)
+
+
+@settings(max_examples=40, deadline=None)
+@given(couplings, st.integers(1, 40))
+def test_every_mean_of_a_ring_tends_to_the_chain_s_exponentially(gamma, sites):
+    r = math.sqrt(1 - 4 * gamma)
+    lap = ((1 - r) / (1 + r)) ** sites  # what goes once round
+    for name in MEANS:
+        gap = abs(getattr(Ring(sites), name)(gamma) - getattr(CHAIN, name)(gamma))
+        # from the pole next to the band; the next, two or three times as far, adds much less
+        assert gap <= (4 / math.pi) * 2.5 * lap / (r * (1 - lap)) + 3e-15 / r
+
+
+# -------------------------------------------------------------------------------- resolvent
+
+
+@pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(5), Ring(24)])
+@pytest.mark.parametrize("s", [1.0, -1.5, 0.3 + 0.2j, -0.7 + 0.1j, 0.4 - 0.3j, 3.0j])
+def test_resolvent_is_the_mean_over_the_modes(lattice, s):
+    gamma = 0.2
+    if isinstance(lattice, Ring):
+        w = lattice.frequencies(gamma)
+        exact = np.mean(1 / (w**2 - s**2))
+    else:
+        theta = 2 * np.pi * np.arange(4000) / 4000
+        exact = np.mean(1 / (4 * gamma * np.sin(theta / 2) ** 2 - s**2))
+    assert abs(lattice.resolvent(gamma, s) - exact) < 1e-13 * abs(exact)
+
+
+def test_resolvent_of_the_chain_is_the_branch_that_falls_like_minus_one_over_s_squared():
+    s = 1e4 * np.exp(1j * np.linspace(0.0, 2 * np.pi, 25))
+    np.testing.assert_allclose(CHAIN.resolvent(0.2, s) * s**2, -1.0, atol=1e-8)
+
+
+@settings(max_examples=60, deadline=None)
+@given(couplings, st.floats(-3, 3), st.floats(0.01, 2))
+def test_resolvent_of_the_chain_solves_its_quadratic_and_is_hermitian(gamma, x, y):
+    s = complex(x, y)
+    g = complex(CHAIN.resolvent(gamma, s))
+    assert abs(g**2 * s**2 * (s**2 - 4 * gamma) - 1) < 1e-12
+    assert abs(complex(CHAIN.resolvent(gamma, s.conjugate())) - g.conjugate()) < 1e-13 * abs(g)
+
+
+def test_chi_is_a_sum_of_resolvents_at_the_odd_frequencies():
+    """chi = 2 G12(mu = -1), the bridge to the characteristic function."""
+    odd = 2.0 * np.arange(200000) + 1.0
+    for lattice in (CHAIN, Ring(6)):
+        total = -4 / math.pi * math.fsum(lattice.resolvent(0.2, odd).real)
+        tail = 4 / math.pi / (2 * (odd[-1] + 1))  # of 1/s^2
+        assert abs(total + tail - lattice.chi(0.2)) < 1e-14 * 10
+
+
+def test_resolvent_keeps_the_shape_of_its_argument():
+    assert CHAIN.resolvent(0.1, 2.0).shape == ()
+    assert Ring(4).resolvent(0.1, np.ones((2, 3)) * 2.0).shape == (2, 3)
+
+
+# ------------------------------------------------------------------------------------ modes
+
+
+@pytest.mark.parametrize("sites", [1, 2, 3, 4, 9])
+def test_frequencies_are_the_square_roots_of_the_stiffness_eigenvalues(sites):
+    gamma = 0.17
+    stiffness = np.zeros((sites, sites))
+    for i in range(sites):
+        for j in (i + 1, i - 1):
+            stiffness[i, i] += gamma
+            stiffness[i, j % sites] -= gamma
+    got = np.sort(Ring(sites).frequencies(gamma)) ** 2
+    np.testing.assert_allclose(got, np.linalg.eigvalsh(stiffness), atol=1e-15)
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.1, 0.2499])
+@pytest.mark.parametrize("n", [0, 1, 10, 300])
+def test_nodes_integrate_every_harmonic_they_promise(gamma, n):
+    theta, weight, w = CHAIN.nodes(gamma, reach=n)
+    got = np.sum(weight * np.cos(n * theta) / (1 - w**2))
+    scale = 1 / math.sqrt(1 - 4 * gamma)
+    assert abs(got - float(CHAIN.first_harmonic(gamma, n))) < 1e-12 * scale**2
+    assert weight.sum() == pytest.approx(1.0, abs=1e-13)
+
+
+@pytest.mark.parametrize("sites", [1, 2, 5, 8])
+def test_nodes_of_a_ring_are_its_modes(sites):
+    theta, weight, w = Ring(sites).nodes(0.2)
+    assert weight.sum() == pytest.approx(1.0, abs=1e-15)
+    full = Ring(sites).frequencies(0.2)
+    assert np.sum(weight * w**4) == pytest.approx(np.mean(full**4), abs=1e-15)
+    np.testing.assert_allclose(w, 2 * math.sqrt(0.2) * np.sin(theta / 2), atol=1e-15)
+
+
+@pytest.mark.parametrize("sites", [None, 1, 2, 3, 8, 61])
+@pytest.mark.parametrize("n", [0, 1, 2, 5, 59])
+def test_moments_and_first_harmonic_are_means_over_the_modes(sites, n):
+    gamma, size = 0.2, sites or 4000
+    theta = 2 * np.pi * np.arange(size) / size
+    q, wave = np.sin(theta / 2) ** 2, np.cos(theta[n * np.arange(size) % size])
+    lattice = Ring(sites) if sites else CHAIN
+    exact = [np.mean(q**j * wave) for j in range(19)]
+    np.testing.assert_allclose(lattice.moments(n), exact, atol=5e-16)
+    exact = np.mean(wave / (1 - 4 * gamma * q))
+    assert abs(float(lattice.first_harmonic(gamma, n)) - exact) < 2e-15
+
+
+def test_distance_counts_bonds_the_shorter_way():
+    assert [CHAIN.distance(n) for n in (0, -3, 7)] == [0, 3, 7]
+    assert [Ring(5).distance(n) for n in (0, 1, 2, 3, 4, 5, -1, 12)] == [0, 1, 2, 2, 1, 0, 1, 2]
+    assert CHAIN.sites is None
+    assert Ring(5).sites == 5
+
+
+# ------------------------------------------------------------------------------------ errors
+
+
+@pytest.mark.parametrize("gamma", [-1e-300, 0.25, 1.0, math.nan, math.inf, "x", None, 1j])
+def test_a_coupling_outside_its_range_is_refused_with_the_range(gamma):
+    with pytest.raises(BadInput, match=r"0 <= gamma < 1/4"):
+        check_gamma(gamma)
+
+
+@pytest.mark.parametrize("lattice", [CHAIN, Ring(4)])
+@pytest.mark.parametrize("name", [*MEANS, *("d" + n for n in MEANS), "nodes"])
+@pytest.mark.parametrize("gamma", [-0.1, 0.25, math.nan])
+def test_no_mean_exists_outside_the_attenuation_zone(lattice, name, gamma):
+    with pytest.raises(BadInput, match="gamma"):
+        getattr(lattice, name)(gamma)
+
+
+@pytest.mark.parametrize("s", [0.0, 0.5, -0.5, 2 * math.sqrt(0.2)])
+def test_resolvent_of_the_chain_refuses_the_band(s):
+    with pytest.raises(BadInput, match="band"):
+        CHAIN.resolvent(0.2, s)
+
+
+def test_resolvent_of_a_ring_refuses_its_poles():
+    with pytest.raises(BadInput, match="pole"):
+        Ring(4).resolvent(0.2, 0.0)
+
+
+@pytest.mark.parametrize("sites", [0, -3, 2.0, "4", True, None])
+def test_a_ring_needs_a_whole_number_of_sites(sites):
+    with pytest.raises(BadInput, match="whole number of sites"):
+        Ring(sites)
