@@ -320,9 +320,12 @@ def _other_grazing(site: int | None) -> Event:
     """Where one site grazes, the others must still keep off their walls."""
 
     def test(point: Point) -> float:
-        margins = admissibility(point.solution)
-        own = "far" if site is None else "neighbours" if site else "centre"
-        return min(getattr(margins, name) for name in ("neighbours", "centre", "far") if name != own)
+        breather: Breather = point.solution
+        margins = admissibility(breather)
+        own = {"far" if site is None else "neighbours" if site else "centre"}
+        if breather.gamma == 0.0 and site != 0:
+            own = {"far", "neighbours"}  # without coupling they all follow the forcing alike
+        return min(getattr(margins, name) for name in {"neighbours", "centre", "far"} - own)
 
     met = Event("GR", lambda point: test(point), locus=_grazing_locus)
     return Event("GR-GR", test, terminal=True, positive=True, met=met)

@@ -206,7 +206,7 @@ class _Search:
             self.pair,
             within=self.within,
             events=self.events,
-            steps=Steps(first=min(0.005, largest), largest=largest),
+            steps=Steps(first=min(0.005, largest), largest=largest, tolerance=1e-11),
             progress=False,
         )
 
