@@ -6,6 +6,7 @@ from contbreather.breathers.admissibility import (
     Admissibility,
     admissibility,
     centre_margin,
+    highest_neighbour,
     neighbour_peak,
 )
 from contbreather.breathers.closure import Closure, smallest_amplitude
@@ -17,6 +18,7 @@ __all__ = [
     "Closure",
     "admissibility",
     "centre_margin",
+    "highest_neighbour",
     "neighbour_peak",
     "smallest_amplitude",
     "symmetric",

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.symmetric import Breather
+from contbreather.errors import BadInput
 from contbreather.lattice import Lattice
 from contbreather.lattice.green import POWERS, TERMS, response_weights
 
@@ -90,9 +91,14 @@ def _distances(lattice: Lattice) -> tuple[NDArray[np.int64], FloatArray]:
     return np.array(found, dtype=np.int64), response_weights() * moments
 
 
+def _grid_size(breather: Breather) -> int:
+    # sixteen points to the half period of the highest harmonic: no crest hides between them
+    return max(64, 16 * breather.forcing.highest)
+
+
 def _profiles(breather: Breather) -> tuple[NDArray[np.int64], FloatArray, _Grid]:
     """u_n over one flight for the sites that matter, shape (sites, M)."""
-    grid = _grid(max(64, 16 * breather.forcing.highest))
+    grid = _grid(_grid_size(breather))
     sites, weights = _distances(breather.lattice)
     x = 4.0 * breather.gamma
     powers = weights @ (x ** np.arange(TERMS + 1))
@@ -123,7 +129,8 @@ def admissibility(breather: Breather) -> Admissibility:
     (True, 0.667948289045)
     """
     peaks = _neighbour_peaks(breather)
-    site, (time, highest) = max(peaks.items(), key=lambda item: item[1][1], default=(1, (0.0, 0.0)))
+    nothing = (1, (breather.phi, 0.0))
+    site, (time, highest) = max(peaks.items(), key=lambda item: item[1][1], default=nothing)
     centre_time, centre = _centre(breather)
     endless = breather.lattice.sites is None
     far = 1.0 - breather.a * breather.forcing.peak() if endless else 1.0
@@ -169,11 +176,22 @@ def _reason(breather: Breather, margin: float, site: int | None, time: float) ->
 # ------------------------------------------------------------------------------- neighbours
 
 
-def neighbour_peak(breather: Breather) -> tuple[float, float]:
-    """When and how high the nearest neighbour climbs: ``(t, max over t of |u_1|)``.
+def neighbour_peak(breather: Breather, n: int = 1) -> tuple[float, float]:
+    """When and how high a site that must not impact climbs: ``(t, max over t of |u_n|)``.
 
-    The time is in [phi, phi + 2 pi) and the one of the two at which u_1 is positive, so grazing is
-    ``u_1(t) = 1, u_1'(t) = 0``; both are met to machine precision. ``(phi, 0)`` without neighbours.
+    The time is in [phi, phi + 2 pi) and the one of the two at which u_n is positive, so grazing is
+    ``u_n(t) = 1, u_n'(t) = 0``; both are met to machine precision.
+
+    Parameters
+    ----------
+    breather : Breather
+    n : int, default 1
+        Any site but the impacting one. On a lattice without neighbours: ``(phi, 0)`` for n = 1.
+
+    Raises
+    ------
+    BadInput
+        If n is the impacting site.
 
     Examples
     --------
@@ -183,10 +201,34 @@ def neighbour_peak(breather: Breather) -> tuple[float, float]:
     >>> round(height, 12), abs(b.velocity(1, t)) < 1e-14
     (0.667948289045, True)
     """
-    sites, profiles, grid = _profiles(breather)
-    if not sites.size:
-        return breather.phi, 0.0
-    return _polish_row(breather, 1, profiles[0], _estimates(profiles[:1])[0], grid)
+    distance = breather.lattice.distance(n)
+    if distance == 0:
+        if breather.lattice.sites == 1 and n == 1:
+            return breather.phi, 0.0
+        raise BadInput(f"n = {n}: that is the impacting site; ask about one that must not impact.")
+    grid = _grid(_grid_size(breather))
+    own = breather.flight(n).value(grid.s - HALF_PI)
+    profile = breather.a * breather.forcing.f(breather.phi + grid.s) + breather.p * own
+    return _polish_row(breather, n, profile, _estimates(profile[None, :])[0], grid)
+
+
+def highest_neighbour(breather: Breather) -> tuple[int, float, float]:
+    """Which site that must not impact climbs highest: ``(n, t, |u_n|)``; ``(1, phi, 0)`` if none.
+
+    On the upper branch of (13) it is the nearest one wherever that matters (the paper's
+    Appendix B); on the lower branch, and for other forcings, it is often the second.
+
+    Examples
+    --------
+    >>> from contbreather.breathers.symmetric import symmetric_roots
+    >>> [highest_neighbour(b)[0] for b in symmetric_roots(0.9, 0.12, 0.8)]
+    [1, 2]
+    """
+    peaks = _neighbour_peaks(breather)
+    if not peaks:
+        return 1, breather.phi, 0.0
+    n = max(peaks, key=lambda site: peaks[site][1])
+    return n, *peaks[n]
 
 
 def _neighbour_peaks(breather: Breather) -> dict[int, tuple[float, float]]:
@@ -278,7 +320,7 @@ def centre_margin(breather: Breather) -> float:
 def _centre(breather: Breather) -> tuple[float, float]:
     """Time and value of the centre's margin."""
     b, pi = breather, math.pi
-    s = _centre_grid(max(64, 16 * b.forcing.highest))
+    s = _centre_grid(_grid_size(b))
     own = b.flight(0).value(s - HALF_PI)
     ratio = (1.0 - (b.a * b.forcing.f(b.phi + s) + b.p * own) ** 2) / ((s + b.k) * s * (pi - s))
     # the two ends, by de l'Hospital

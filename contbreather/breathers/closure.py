@@ -149,7 +149,7 @@ def roots(
     Raises
     ------
     NoSolution
-        If there is none; below the fold the sentence names the smallest a.
+        Below the fold; the sentence names the smallest a.
     """
     a, q = check_amplitude(a), restitution_ratio(k)
     chi = lattice.chi(gamma)
@@ -159,14 +159,12 @@ def roots(
         found = _general_roots(a, chi, q, forcing)
     if found:
         return tuple(sorted(found, reverse=True))
-    smallest = smallest_amplitude(gamma, k, forcing, lattice)
-    where = f"gamma = {gamma}, k = {k}, {forcing.describe()}"
-    if a < smallest:
-        raise NoSolution(
-            f"no breather at a = {a!r} ({where}): it is below the fold, eq. (14); "
-            f"the smallest a is {smallest!r}."
-        )
-    raise NoSolution(f"no breather with p > 0 at a = {a!r} ({where}); try a smaller a.")
+    # above the fold there is always one: on the way of a f from its minimum up to 1 the reduced
+    # equation changes sign while f rises, and there p q = a f' > 0
+    raise NoSolution(
+        f"no breather at a = {a!r} (gamma = {gamma}, k = {k}, {forcing.describe()}): it is below "
+        f"the fold, eq. (14); the smallest a is {smallest_amplitude(gamma, k, forcing, lattice)!r}."
+    )
 
 
 def smallest_amplitude(
