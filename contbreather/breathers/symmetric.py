@@ -25,7 +25,7 @@ from contbreather.breathers.closure import (
 )
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, Ring, check_gamma
-from contbreather.lattice.green import Flight, flight
+from contbreather.lattice.green import Flight, flight, flight_slope
 
 FloatArray = NDArray[np.float64]
 
@@ -36,6 +36,13 @@ __all__ = ["Breather", "Closure", "smallest_amplitude", "symmetric", "symmetric_
 def flight_of(lattice: Lattice, gamma: float, distance: int) -> Flight:
     """One site between impacts, per unit p; kept, because profiles ask for it again and again."""
     return flight(float(lattice.first_harmonic(gamma, distance)), lattice.moments(distance), gamma)
+
+
+@lru_cache(maxsize=1024)
+def flight_slope_of(lattice: Lattice, gamma: float, distance: int) -> Flight:
+    """Derivative of `flight_of` with respect to gamma, at the same time since the impact."""
+    slope = float(lattice.dfirst_harmonic(gamma, distance))
+    return flight_slope(slope, lattice.moments(distance), gamma)
 
 
 @dataclass(frozen=True)

@@ -110,6 +110,29 @@ def flight(first_harmonic: float, moments: FloatArray, gamma: float) -> Flight:
     return Flight(4.0 / math.pi * first_harmonic, tuple(powers.tolist()))
 
 
+def flight_slope(dfirst_harmonic: float, moments: FloatArray, gamma: float) -> Flight:
+    """Derivative of `flight` with respect to gamma at fixed y: again a `Flight`.
+
+    Parameters
+    ----------
+    dfirst_harmonic : float
+        Derivative of ``<cos(n theta)/(1 - w^2)>``.
+    moments, gamma
+        As in `flight`.
+
+    Examples
+    --------
+    >>> from contbreather.lattice.modes import InfiniteChain
+    >>> chain = InfiniteChain()
+    >>> slope = flight_slope(float(chain.dfirst_harmonic(0.12, 0)), chain.moments(0), 0.12)
+    >>> round(slope.value(-math.pi / 2) - chain.dchi(0.12), 13)
+    0.0
+    """
+    j = np.arange(1, TERMS + 1)
+    powers = response_weights()[:, 1:] @ (moments[1:] * 4.0 * j * (4.0 * gamma) ** (j - 1))
+    return Flight(4.0 / math.pi * dfirst_harmonic, tuple(powers.tolist()))
+
+
 class Modal(Protocol):
     """A finite lattice that is diagonal in plane waves."""
 

@@ -133,6 +133,7 @@ class Lattice(Protocol):
     def sites(self) -> int | None: ...
     def distance(self, n: int) -> int: ...
     def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
+    def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
     def moments(self, n: int) -> FloatArray: ...
     def response(self, gamma: float, n: int, s: ArrayLike) -> tuple[FloatArray, ...]: ...
 
@@ -274,6 +275,16 @@ class InfiniteChain(_TranslationInvariant):
         xi = -4.0 * gamma / (1.0 + r) ** 2  # (A3): from one site to the next
         return np.asarray(xi ** np.abs(np.asarray(n)) / r)
 
+    def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """Derivative of `first_harmonic` with respect to gamma."""
+        gamma = check_gamma(gamma)
+        m = np.abs(np.asarray(n))
+        r = math.sqrt(1.0 - 4.0 * gamma)
+        rho = 4.0 * gamma / (1.0 + r) ** 2
+        ahead = np.where(m > 0, m * rho ** np.maximum(m - 1, 0), 0.0)
+        slope = ahead / (r * (1.0 + r)) ** 2 + rho**m / (2.0 * r**3)
+        return np.asarray(4.0 * (-1.0) ** m * slope)
+
     def moments(self, n: int) -> FloatArray:
         """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
         return q_moments(None, abs(int(n)))
@@ -373,12 +384,7 @@ class Ring(_TranslationInvariant):
         if n % 2 and n * r < 1.0:  # the closed form cancels to order r^2; so few modes, sum them
             q, c, weight = _quarter_waves(n)
             return float(np.dot(weight, q / ((1.0 - z) + z * c) ** 2))
-        rho = z / (1.0 + r) ** 2
-        e = rho**n
-        gap = 1.0 - e if e < 0.5 else -math.expm1(-2.0 * n * math.atanh(r))
-        sign = 1.0
-        if n % 2:
-            gap, sign = 1.0 + e, -1.0
+        r, rho, sign, gap = self._laps(z)
         t = (2.0 - gap) / gap
         slope = sign * 4.0 * n * rho ** (n - 1) / ((1.0 + r) * gap) ** 2
         return (t + r * slope) / (2.0 * r**3)
@@ -393,13 +399,36 @@ class Ring(_TranslationInvariant):
         gamma = check_gamma(gamma)
         m = np.asarray(n) % self.sites
         m = np.minimum(m, self.sites - m)
-        r = math.sqrt(1.0 - 4.0 * gamma)
-        rho = 4.0 * gamma / (1.0 + r) ** 2
-        if self.sites % 2:
-            lap, sign = 1.0 + rho**self.sites, -1.0
-        else:
-            lap, sign = -math.expm1(-2.0 * self.sites * math.atanh(r)) if r < 1.0 else 1.0, 1.0
+        r, rho, sign, lap = self._laps(4.0 * gamma)
         return np.asarray((-1.0) ** m * (rho**m + sign * rho ** (self.sites - m)) / (r * lap))
+
+    def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """Derivative of `first_harmonic` with respect to gamma."""
+        gamma = check_gamma(gamma)
+        m = np.asarray(n) % self.sites
+        m, size = np.minimum(m, self.sites - m), self.sites
+        r, rho, sign, lap = self._laps(4.0 * gamma)
+        if size % 2 and size * r < 1.0:  # as in `_dexcess`
+            q, c, weight = _quarter_waves(size)
+            wave = np.cos(2.0 * np.pi / size * (np.multiply.outer(m, np.arange(q.size)) % size))
+            return np.asarray(
+                4.0 * wave @ (weight * q / ((1.0 - 4.0 * gamma) + 4.0 * gamma * c) ** 2)
+            )
+        ahead = np.where(m > 0, m * rho ** np.maximum(m - 1, 0), 0.0)
+        behind = sign * (size - m) * rho ** (size - m - 1)
+        both = rho**m + sign * rho ** (size - m)
+        turn = (ahead + behind) + both * sign * size * rho ** (size - 1) / lap
+        slope = turn / (r * (1.0 + r)) ** 2 + both / (2.0 * r**3)
+        return np.asarray(4.0 * (-1.0) ** m * slope / lap)
+
+    def _laps(self, z: float) -> tuple[float, float, float, float]:
+        """r, the factor rho of (A3) from site to site, the sign and 1 - sign * rho^N of a lap."""
+        r = math.sqrt(1.0 - z)
+        rho = z / (1.0 + r) ** 2
+        if self.sites % 2:
+            return r, rho, -1.0, 1.0 + rho**self.sites
+        # near the band's edge rho -> 1: the difference must not be formed
+        return r, rho, 1.0, -math.expm1(-2.0 * self.sites * math.atanh(r)) if r < 1.0 else 1.0
 
     def moments(self, n: int) -> FloatArray:
         """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
@@ -463,7 +492,8 @@ class Ring(_TranslationInvariant):
 def _quarter_waves(sites: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """sin^2 and cos^2 of theta/2 over the modes of a ring, with their weights."""
     theta, weight, _ = Ring(sites).nodes(0.0)
-    return np.sin(0.5 * theta) ** 2, np.cos(0.5 * theta) ** 2, weight
+    rest = np.pi * (sites - 2.0 * np.arange(theta.size)) / (2 * sites)  # pi/2 - theta/2, exactly
+    return np.sin(0.5 * theta) ** 2, np.sin(rest) ** 2, weight
 
 
 _INFINITE = _means(None)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from contbreather.lattice import InfiniteChain, Ring, propagate
-from contbreather.lattice.green import flight
+from contbreather.lattice.green import flight, flight_slope
 
 CHAIN = InfiniteChain()
 NEAR = 1e-9
@@ -83,6 +83,47 @@ def test_a_flight_gives_the_same_for_floats_and_arrays():
         single = [function(float(x)) for x in y]
         assert all(isinstance(x, float) for x in single)
         np.testing.assert_allclose(function(y), single, atol=2e-16, rtol=2e-15)
+
+
+@pytest.mark.parametrize("gamma", [1e-6, 0.1, 0.2499])
+@pytest.mark.parametrize("sites", [None, 1, 2, 3, 8, 9, 21, 60])
+def test_slope_of_a_flight_in_gamma_is_the_mean_of_the_slopes_of_the_modes(gamma, sites):
+    """At s = 0, where the mode is tan(pi w/2)/w cos(n theta)."""
+    lattice = Ring(sites) if sites else CHAIN
+    size = sites or int(80 / (2 * math.atanh(math.sqrt(1 - 4 * gamma)))) + 20
+
+    def of(g, n):
+        total = mp.mpf(0)
+        for j in range(size):
+            w = 2 * mp.sqrt(g) * mp.sin(mp.pi * j / size)
+            mode = mp.tan(mp.pi * w / 2) / w if w else mp.pi / 2
+            total += mode * mp.cos(2 * mp.pi * n * j / size)
+        return total / size
+
+    for n in (0, 1, 2):
+        with mp.workdps(30):
+            h = mp.mpf(10) ** -12
+            exact = (of(gamma + h, n) - of(gamma - h, n)) / (2 * h)
+        slope = flight_slope(float(lattice.dfirst_harmonic(gamma, n)), lattice.moments(n), gamma)
+        scale = lattice.dchi(gamma) + 1.0
+        assert abs(slope.value(-math.pi / 2) - float(exact)) < 5e-15 * scale
+
+
+@pytest.mark.parametrize("gamma", [0.01, 0.1, 0.2499])
+@pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(9), Ring(60)])
+def test_slope_of_a_flight_in_gamma_is_a_finite_difference_at_any_time(gamma, lattice):
+    def at(g, n):
+        return flight(float(lattice.first_harmonic(g, n)), lattice.moments(n), g)
+
+    h = 1e-4 * min(gamma, 0.25 - gamma)
+    scale = lattice.dchi(gamma) + 1.0
+    for n in (0, 1, 4):
+        slope = flight_slope(float(lattice.dfirst_harmonic(gamma, n)), lattice.moments(n), gamma)
+        more, less = at(gamma + h, n), at(gamma - h, n)
+        for y in (-1.0, 0.7):
+            for pick in ("value", "slope", "curvature"):
+                step = (getattr(more, pick)(y) - getattr(less, pick)(y)) / (2 * h)
+                assert getattr(slope, pick)(y) == pytest.approx(step, abs=1e-6 * scale)
 
 
 # ------------------------------------------------------------------------------- propagator
