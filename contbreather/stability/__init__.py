@@ -1,1 +1,58 @@
-"""Stability of a breather with one impacting site: plain numbers in, verdicts out."""
+"""Stability of a breather with one impacting site: plain numbers in, verdicts out.
+
+Floor 3. Knows the lattice and the 2x2 block of the saltation matrix, nothing of breathers.
+"""
+
+from __future__ import annotations
+
+from contbreather.stability.arc import NeimarkSacker, OnArc, neimark_sacker, on_arc
+from contbreather.stability.characteristic import D, D_slope, G
+from contbreather.stability.half_map import (
+    apply_half_map,
+    dense_half_map,
+    eigenvector,
+    even_multipliers,
+    half_multipliers,
+    largest,
+    multipliers,
+)
+from contbreather.stability.isolated import closest_approach, unstable_multipliers
+from contbreather.stability.saltation import saltation, saltation_entry
+from contbreather.stability.scattering import (
+    OverReflection,
+    over_reflection,
+    over_reflects,
+    scattering,
+)
+from contbreather.stability.verdict import ChainVerdict, RingVerdict, stability
+from contbreather.stability.winding import Count, unstable_count
+
+__all__ = [
+    "ChainVerdict",
+    "Count",
+    "D",
+    "D_slope",
+    "G",
+    "NeimarkSacker",
+    "OnArc",
+    "OverReflection",
+    "RingVerdict",
+    "apply_half_map",
+    "closest_approach",
+    "dense_half_map",
+    "eigenvector",
+    "even_multipliers",
+    "half_multipliers",
+    "largest",
+    "multipliers",
+    "neimark_sacker",
+    "on_arc",
+    "over_reflection",
+    "over_reflects",
+    "saltation",
+    "saltation_entry",
+    "scattering",
+    "stability",
+    "unstable_count",
+    "unstable_multipliers",
+]

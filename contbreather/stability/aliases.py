@@ -113,13 +113,12 @@ def alias_slopes(gamma: float, s: Array, sites: int | None = None, r: Array | No
     )
 
 
-def _polynomials(coefficients: Array, x: Array) -> Array:
-    """Rows of ``coefficients`` as polynomials in x, by Horner; shape (rows, *x.shape)."""
-    columns = coefficients.reshape(*coefficients.shape, *(1,) * x.ndim)
-    total = columns[:, -1] + 0.0 * x
-    for k in range(coefficients.shape[1] - 2, -1, -1):
-        total = total * x + columns[:, k]
-    return total
+def _powers(x: Array) -> Array:
+    """1, x, x^2 ... as rows, x flattened."""
+    rows = np.empty((POWERS, x.size), dtype=x.dtype)
+    rows[0] = 1.0
+    rows[1:] = x.ravel()
+    return np.multiply.accumulate(rows, axis=0, out=rows)
 
 
 def regular(gamma: float, nu: Array, sites: int | None = None) -> Regular:
@@ -127,11 +126,12 @@ def regular(gamma: float, nu: Array, sites: int | None = None) -> Regular:
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
     h = alias(gamma, s, sites)
     hs = h / s
-    tail = _polynomials(tail_coefficients(gamma, sites)[0], nu * nu)
+    tail = tail_coefficients(gamma, sites)[0] @ _powers(nu * nu)
+    r, b, c = tail.reshape(3, *nu.shape)
     return Regular(
-        nu * tail[0] - hs.sum(0) / math.pi,
-        tail[1] + (hs / s).sum(0) / math.pi,
-        tail[2] + (1.0 + (1.0 - h).sum(0)) / math.pi,
+        nu * r - hs.sum(0) / math.pi,
+        b + (hs / s).sum(0) / math.pi,
+        c + (1.0 + (1.0 - h).sum(0)) / math.pi,
     )
 
 
@@ -142,20 +142,21 @@ def regular_slopes(
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
     h, h_s, h_gamma = alias_slopes(gamma, s, sites)
     coefficients, in_gamma = tail_coefficients(gamma, sites)
-    x = nu * nu
-    r, b, c = _polynomials(coefficients, x)
-    steps = np.arange(1, POWERS)
-    r_x, b_x, c_x = _polynomials(coefficients[:, 1:] * steps, x)
-    r_g, b_g, c_g = _polynomials(in_gamma, x)
+    powers = _powers(nu * nu)
+    r, b, c, r_g, b_g, c_g = (np.concatenate([coefficients, in_gamma]) @ powers).reshape(
+        6, *nu.shape
+    )
+    in_x = (coefficients[:, 1:] * np.arange(1, POWERS)) @ powers[:-1]
+    r_x, b_x, c_x = 2.0 * nu * in_x.reshape(3, *nu.shape)
     value = Regular(
         nu * r - (h / s).sum(0) / math.pi,
         b + (h / (s * s)).sum(0) / math.pi,
         c + (1.0 + (1.0 - h).sum(0)) / math.pi,
     )
     in_nu = Regular(
-        r + 2.0 * x * r_x - ((h_s - h / s) / s).sum(0) / math.pi,
-        2.0 * nu * b_x + ((h_s - 2.0 * h / s) / (s * s)).sum(0) / math.pi,
-        2.0 * nu * c_x - h_s.sum(0) / math.pi,
+        r + nu * r_x - ((h_s - h / s) / s).sum(0) / math.pi,
+        b_x + ((h_s - 2.0 * h / s) / (s * s)).sum(0) / math.pi,
+        c_x - h_s.sum(0) / math.pi,
     )
     by_gamma = Regular(
         nu * r_g - (h_gamma / s).sum(0) / math.pi,
@@ -163,3 +164,13 @@ def regular_slopes(
         c_g - h_gamma.sum(0) / math.pi,
     )
     return value, in_nu, by_gamma
+
+
+def slope_at_zero(gamma: float) -> float:
+    """``R/nu + B`` of the infinite chain in the limit nu -> 0."""
+    coefficients = tail_coefficients(gamma, None)[0]
+    total = 0.0
+    for m in range(1, EXACT + 1):
+        h = 1.0 / math.sqrt(1.0 - gamma / (m * m))
+        total += h * (1.0 + h * h) / (2 * m * m)
+    return total / math.pi + float(coefficients[0, 0] + coefficients[1, 0])

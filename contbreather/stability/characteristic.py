@@ -1,8 +1,8 @@
 """The characteristic function D(mu): its zeros are the multipliers the impact makes.
 
 The half map QS differs from the free propagator Q = exp(pi A) in one 2x2 block, so mu is a
-multiplier exactly where ``det(1 + (S0 - 1) G(mu)) = 0`` with ``G = <(1 - mu Q_w^-1)^-1>``, a mean
-over the modes. With ``G11 = G22`` and ``c = 1 + k`` it is ``D = (1 - c G11)^2 + G12 (b - c^2 G21)``.
+multiplier exactly where ``D = det(1 + (S0 - 1) G(mu)) = 0``, ``G = <(1 - mu Q_w^-1)^-1>`` a mean
+over the modes. As G11 = G22, with c = 1 + k, ``D = (1 - c G11)^2 + G12 (b - c^2 G21)``.
 We write mu = exp(i pi nu), so |mu| > 1 means Im nu < 0, and G as a sum over aliases nu + 2m
 (`contbreather.stability.aliases`). The alias m = 0, ``g = <1/(w^2 - nu^2)>``, enters D linearly,
 
@@ -47,7 +47,9 @@ def sites_of(lattice: object) -> int | None:
         return None
     if isinstance(lattice, Ring):
         return lattice.sites
-    raise BadInput(f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites).")
+    raise BadInput(
+        f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites)."
+    )
 
 
 def modes(gamma: float, sites: int) -> Modes:
@@ -135,7 +137,7 @@ def _finite(value: Array, gamma: float, lattice: object) -> Array:
     )
 
 
-def G(gamma: float, nu: ArrayLike, lattice: object = InfiniteChain()) -> Array:  # noqa: B008
+def G(gamma: float, nu: ArrayLike, lattice: object = InfiniteChain()) -> Array:
     """Mean resolvent ``G = <(1 - mu Q_w^-1)^-1>`` of the half period, mu = exp(i pi nu).
 
     Parameters
@@ -157,7 +159,7 @@ def G(gamma: float, nu: ArrayLike, lattice: object = InfiniteChain()) -> Array: 
 
     Examples
     --------
-    >>> chi = 2 * G(0.12, 1.0)[0, 1].real  # G12 at mu = -1, eq. (10)
+    >>> chi = 2 * float(G(0.12, 1.0)[0, 1].real)  # G12 at mu = -1, eq. (10)
     >>> round(chi, 12)
     2.067873970394
     """
@@ -190,7 +192,7 @@ def D(
     nu: ArrayLike,
     k: float,
     b: float,
-    lattice: object = InfiniteChain(),  # noqa: B008
+    lattice: object = InfiniteChain(),
 ) -> Array:
     """Characteristic function: zero where mu = exp(i pi nu) is a multiplier of QS.
 
@@ -210,7 +212,7 @@ def D_slope(
     nu: ArrayLike,
     k: float,
     b: float,
-    lattice: object = InfiniteChain(),  # noqa: B008
+    lattice: object = InfiniteChain(),
 ) -> tuple[Array, Array]:
     """D and its analytic derivative dD/dnu; see `D`."""
     gamma = check_gamma(gamma)
@@ -226,7 +228,7 @@ def D_slope(
     near = ~far
     if np.any(near):
         with np.errstate(divide="ignore", invalid="ignore"):
-            value[near], slope[near] = _near(gamma, flat[near], k, b, sites)
+            value[near], slope[near] = near_slope(gamma, flat[near], k, b, sites)
     _finite(value, gamma, lattice)
     return value.reshape(values.shape), slope.reshape(values.shape)
 
@@ -260,12 +262,13 @@ def continued_slope(gamma: float, nu: Array, k: float, b: float) -> tuple[Array,
     For |Im nu| <= 1. Equal to `D_slope` outside and on the circle; a zero just inside is a
     resonance, a multiplier-to-be. Neither finite nor checked at the poles.
     """
-    return _near(gamma, nu, k, b, None, continued=True)
+    return near_slope(gamma, nu, k, b, None, continued=True)
 
 
-def _near(
+def near_slope(
     gamma: float, nu: Array, k: float, b: float, sites: int | None, continued: bool = False
 ) -> tuple[Array, Array]:
+    """D and dD/dnu by aliases, for |Im nu| <= 1; neither finite nor checked at the poles."""
     g, g_nu, _ = _alias0(gamma, nu, sites, continued)
     value, slope, _ = regular_slopes(gamma, nu, sites)
     part = split(nu, k, b, value, slope)

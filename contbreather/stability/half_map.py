@@ -2,9 +2,9 @@
 
 The ring's mirror symmetry splits QS. Odd modes never see the impact: ``exp(+-i pi w)``. The even
 sector is diagonal plus rank two, its multipliers are the zeros of D
-(`contbreather.stability.characteristic`) with the ring's own resolvent. With
-``nu = 2 sqrt(gamma) sin(theta/2)`` the in-band alias is ``g = -cot(N theta/2)/(2 gamma sin theta)``,
-so D = 0 reads
+(`contbreather.stability.characteristic`) with the ring's own resolvent. In terms of theta,
+``nu = 2 sqrt(gamma) sin(theta/2)``, the in-band alias is
+``g = -cot(N theta/2)/(2 gamma sin theta)``, so D = 0 reads
 
     exp(i N theta) = S = (V + i L)/(V - i L),   V = 2 pi gamma sin(theta) (smooth part of D):
 
@@ -23,10 +23,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import NotConverged
 from contbreather.lattice.modes import Ring, check_gamma
-from contbreather.stability.aliases import Regular, regular_slopes
-from contbreather.stability.characteristic import D_slope, Modes, determinant, modes, split
+from contbreather.stability.aliases import regular_slopes
+from contbreather.stability.characteristic import (
+    MODES,
+    Modes,
+    determinant,
+    modes,
+    near_slope,
+    split,
+)
 from contbreather.stability.saltation import saltation
 from contbreather.stability.winding import check_kb, resolved_arc
 
@@ -35,6 +42,8 @@ Array = NDArray[Any]
 STEPS = 14  # Newton steps for a wave; 4 or 5 are usual
 SPARE = 6  # coefficients beyond the remainder's degree, which must vanish
 RADIUS = 2.0  # circle on which polynomials are compared: outside the band, near all else
+TINY = 1e-300
+VECTOR = 1e-9  # largest residual of an eigenvector
 SOUND = 1e-9  # largest defect of the product over zeros and poles; a wrong zero makes 1/N or more
 
 
@@ -78,13 +87,14 @@ def _wave_starts(gamma: float, k: float, b: float, sites: int) -> Array:
     nth = np.arange(i.size) - np.repeat(np.cumsum(passed) - passed, passed)
     level = np.minimum(turns[i], turns[i + 1]) + 1.0 + nth
     t = (2.0 * math.pi * level - phase[i]) / (phase[i + 1] - phase[i])
-    with np.errstate(divide="ignore"):
-        growth = np.log(np.abs(into)) - np.log(np.abs(out))
+    growth = np.log(np.maximum(np.abs(into), TINY)) - np.log(np.maximum(np.abs(out), TINY))
     growth = np.clip(growth[i] + t * (growth[i + 1] - growth[i]), -4.0, 4.0)
     return theta[i] + t * (theta[i + 1] - theta[i]) - 1j * growth / sites
 
 
-def _wave_step(gamma: float, k: float, b: float, sites: int, theta: Array, own: int | None) -> Array:
+def _wave_step(
+    gamma: float, k: float, b: float, sites: int, theta: Array, own: int | None
+) -> Array:
     """Newton's step for ``N theta + i log S = 0 (mod 2 pi)``."""
     edge = 2.0 * math.sqrt(gamma)
     nu, nu_theta = edge * np.sin(0.5 * theta), 0.5 * edge * np.cos(0.5 * theta)
@@ -135,7 +145,9 @@ def _waves(gamma: float, k: float, b: float, sites: int) -> Array:
 # --- the rest ------------------------------------------------------------------------------
 
 
-def _remainder(waves: Array, all_modes: Modes, k: float, b: float, degree: int, count: int) -> Array:
+def _remainder(
+    waves: Array, all_modes: Modes, k: float, b: float, degree: int, count: int
+) -> Array:
     """Coefficients times RADIUS^j of ``D prod(mu - pole)/prod(mu - wave)``, by its values."""
     mu = RADIUS * np.exp(2j * math.pi * np.arange(count) / count)
     half = mu[: count // 2 + 1, None]  # the others are their conjugates
@@ -148,19 +160,26 @@ def _remainder(waves: Array, all_modes: Modes, k: float, b: float, degree: int, 
     return np.fft.fft(values).real / count
 
 
-def _polish(gamma: float, k: float, b: float, ring: Ring, few: Modes, mu: Array) -> Array:
-    """Newton's method on D for single roots: in nu next to the circle, in mu far from it."""
+def _near_step(gamma: float, k: float, b: float, sites: int, w: Array, nu: Array) -> Array:
+    """Newton's step for D times all ``nu^2 - w^2``: no pole is felt, not even one at a zero."""
+    value, slope = near_slope(gamma, nu, k, b, sites)
+    poles = np.sum(2.0 * nu[:, None] / (nu[:, None] ** 2 - w * w), axis=1)
+    return value / (slope + value * poles)
+
+
+def _polish(gamma: float, k: float, b: float, all_modes: Modes, sites: int, mu: Array) -> Array:
+    """Newton's method for single roots: in nu next to the circle, in mu far from it."""
     mu = mu.astype(complex)
-    depth = np.abs(np.log(np.maximum(np.abs(mu), 1e-300)))
-    far = depth > 3.0
+    far = np.abs(np.log(np.maximum(np.abs(mu), 1e-300))) > 3.0
+    few = modes(gamma, min(sites, MODES))
     for _ in range(4):
         if np.any(far):
             value, slope = determinant(mu[far], few, k, b)
             mu[far] -= value / slope
-        if not np.all(far):
-            nu = -1j * np.log(mu[~far]) / math.pi
-            value, slope = D_slope(gamma, nu, k, b, ring)
-            mu[~far] = np.exp(1j * math.pi * (nu - value / slope))
+        nu = -1j * np.log(mu[~far]) / math.pi
+        with np.errstate(all="ignore"):
+            step = _near_step(gamma, k, b, sites, all_modes.w, nu)
+        mu[~far] = np.exp(1j * math.pi * (nu - np.where(np.isfinite(step), step, 0.0)))
     real = np.abs(mu.imag) < 1e-14 * np.abs(mu)
     return np.where(real, mu.real, mu)
 
@@ -194,7 +213,7 @@ def _even_roots(gamma: float, k: float, b: float, ring: Ring) -> Array | None:
     rest = np.roots((coefficients[: degree + 1] / RADIUS ** np.arange(degree + 1))[::-1])
     if rest.size != degree:
         return None
-    rest = _polish(gamma, k, b, ring, modes(gamma, min(sites, 24)), rest)
+    rest = _polish(gamma, k, b, all_modes, sites, rest)
     roots = np.concatenate([rest, waves, waves.conj()])
     if not np.all(np.isfinite(roots)) or _defect(roots, all_modes, k, b) > SOUND:
         return None
@@ -218,7 +237,7 @@ def _dense_even_roots(gamma: float, k: float, b: float, ring: Ring) -> Array:
 
 
 def even_multipliers(ring: Ring, gamma: float, k: float, b: float) -> Array:
-    """The multipliers of the even sector, N + 2 (N even) or N + 1 of them; see `half_multipliers`."""
+    """The multipliers of the even sector alone, N + 2 (N even) or N + 1; see `half_multipliers`."""
     gamma = check_gamma(gamma)
     k, b = check_kb(k, b)
     if gamma == 0.0 or ring.sites == 1:  # a single oscillator, and others that feel nothing
@@ -269,3 +288,109 @@ def largest(ring: Ring, gamma: float, k: float, b: float) -> complex:
     mu = even_multipliers(ring, gamma, k, b)
     top = complex(mu[np.abs(mu).argmax()])
     return top if abs(top) >= 1.0 or ring.sites < 3 else 1.0 + 0.0j
+
+
+# --- eigenvectors --------------------------------------------------------------------------
+
+
+def apply_half_map(ring: Ring, gamma: float, k: float, b: float, state: Array) -> Array:
+    """QS times a state (u_0 .. u_N-1, u'_0 .. u'_N-1), in time N log N.
+
+    Examples
+    --------
+    >>> x = np.arange(6.0)
+    >>> image = dense_half_map(3, 0.1, 0.8, 0.3) @ x
+    >>> bool(np.allclose(apply_half_map(Ring(3), 0.1, 0.8, 0.3, x), image))
+    True
+    """
+    w = ring.frequencies(gamma)
+    u, v = np.array(state, dtype=complex).reshape(2, ring.sites)
+    u[0], v[0] = saltation(k, b) @ (u[0], v[0])
+    u, v = np.fft.fft(u), np.fft.fft(v)
+    cosine, sine = np.cos(np.pi * w), np.sin(np.pi * w)
+    after = np.stack([cosine * u + np.pi * np.sinc(w) * v, cosine * v - w * sine * u])
+    return np.fft.ifft(after, axis=1).ravel()
+
+
+def _even_vector(ring: Ring, gamma: float, k: float, b: float, mu: complex) -> Array | None:
+    """``(Q - mu)^-1 Q E z`` with z in the null space of ``1 + (S0 - 1) G``, mode by mode."""
+    m = modes(gamma, ring.sites)
+    diagonal = 1.0 - mu * m.cosine
+    own = np.array([[diagonal, -mu * m.sine_over_w], [mu * m.w_sine, diagonal]])
+    if mu == 0.0:  # k = 0: the impact forgets
+        determinants = np.ones_like(m.w)
+    else:  # 1 - 2 mu cos(pi w) + mu^2, exact also where mu is next to exp(i pi w)
+        half = -0.5j * np.log(mu)
+        plus, minus = np.sin(0.5 * np.pi * m.w + half), np.sin(0.5 * np.pi * m.w - half)
+        determinants = 4.0 * mu * plus * minus
+    if np.any(determinants == 0.0):
+        return None  # mu is a multiplier of Q: none of the even sector's, unless by accident
+    own /= determinants  # (1 - mu Q_w^-1)^-1
+    kick = saltation(k, b) - np.eye(2)
+    z = np.linalg.svd(np.eye(2) + kick @ (own @ m.weight))[2][-1].conj()
+    n, j = np.arange(ring.sites), np.arange(m.w.size)
+    waves = np.cos(2.0 * np.pi / ring.sites * (np.outer(n, j) % ring.sites)) * m.weight
+    return np.concatenate([waves @ (row[0] * z[0] + row[1] * z[1]) for row in own])
+
+
+def _odd_vector(ring: Ring, gamma: float, mu: complex) -> Array | None:
+    """A mode that site 0 does not take part in, if mu is the multiplier of one."""
+    n = np.arange(ring.sites)
+    if gamma == 0.0:
+        return np.where(np.arange(2 * n.size) == 1, 1.0 + 0j, 0.0) if abs(mu - 1) < 1e-12 else None
+    j = np.arange(1, (ring.sites + 1) // 2)
+    w = 2.0 * math.sqrt(gamma) * np.sin(np.pi * j / ring.sites) * np.sign(mu.imag)
+    gap = np.abs(np.exp(1j * np.pi * w) - mu)
+    if gap.size == 0 or gap.min() > 1e-12:
+        return None
+    i = int(gap.argmin())
+    wave = np.sin(2.0 * np.pi / ring.sites * (j[i] * n % ring.sites))
+    return np.concatenate([wave, 1j * w[i] * wave])
+
+
+def eigenvector(ring: Ring, gamma: float, k: float, b: float, mu: complex) -> Array:
+    """Eigenvector of QS to its multiplier ``mu``, of length 1.
+
+    Parameters
+    ----------
+    ring : Ring
+    gamma, k, b : float
+        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
+    mu : complex
+        A multiplier, from `half_multipliers`.
+
+    Returns
+    -------
+    ndarray of complex, shape (2 N,)
+        (u_0 .. u_N-1, u'_0 .. u'_N-1).
+
+    Raises
+    ------
+    NotConverged
+        If ``|QS v - mu v|`` is not small: mu is no multiplier of this map, or a multiple one.
+
+    Examples
+    --------
+    >>> ring = Ring(20)
+    >>> mu = largest(ring, 0.045, 0.8, 0.96)
+    >>> v = eigenvector(ring, 0.045, 0.8, 0.96, mu)
+    >>> bool(np.allclose(dense_half_map(20, 0.045, 0.8, 0.96) @ v, mu * v))
+    True
+    """
+    gamma = check_gamma(gamma)
+    k, b = check_kb(k, b)
+    mu = complex(mu)
+    residual = math.inf
+    for vector in (_odd_vector(ring, gamma, mu), _even_vector(ring, gamma, k, b, mu)):
+        if vector is None:
+            continue
+        v = vector / np.linalg.norm(vector)
+        defect = np.linalg.norm(apply_half_map(ring, gamma, k, b, v) - mu * v)
+        if defect < VECTOR * (1.0 + abs(mu) + abs(b)):
+            return v
+        residual = min(residual, float(defect))
+    raise NotConverged(
+        f"mu = {mu} has no eigenvector to be found: |QS v - mu v| = {residual:.1e}; take one of "
+        "half_multipliers(...) that is not (nearly) equal to another.",
+        residual=residual,
+    )

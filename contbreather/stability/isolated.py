@@ -7,15 +7,17 @@ continues the outside through the band; what it finds must agree with the windin
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.errors import NotConverged
-from contbreather.lattice.modes import InfiniteChain, check_gamma
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice.modes import InfiniteChain, Ring, check_gamma
+from contbreather.stability.arc import curve, sample
 from contbreather.stability.characteristic import NEAR, D_slope, continued_slope
-from contbreather.stability.winding import check_kb, resolved_arc, unstable_count
+from contbreather.stability.half_map import even_multipliers
+from contbreather.stability.winding import check_kb, check_radius, resolved_arc, unstable_count
 
 Array = NDArray[Any]
 
@@ -129,35 +131,8 @@ def _outside(gamma: float, k: float, b: float, more: int) -> Array:
     return mu
 
 
-def unstable_multipliers(
-    gamma: float, k: float, b: float, lattice: object = InfiniteChain()  # noqa: B008
-) -> Array:
-    """Multipliers of QS outside the unit circle, largest first; conjugates next to each other.
-
-    Parameters
-    ----------
-    gamma, k, b : float
-        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
-    lattice : InfiniteChain
-
-    Returns
-    -------
-    ndarray of complex
-        As many as `unstable_count` says, each to about 1e-14.
-
-    Raises
-    ------
-    NotConverged
-        If fewer or more zeros are found than the winding number asks for.
-
-    Examples
-    --------
-    >>> unstable_multipliers(0.0, 0.8, 1.1)
-    array([1.15575192+0.j])
-    """
-    gamma = check_gamma(gamma)
-    k, b = check_kb(k, b)
-    wanted = unstable_count(gamma, k, b, lattice)
+def _chain_multipliers(gamma: float, k: float, b: float) -> Array:
+    wanted = unstable_count(gamma, k, b)
     mu = np.empty(0, dtype=complex)
     for more in (0, 1, 3, 9):
         if wanted.count:
@@ -172,3 +147,90 @@ def unstable_multipliers(
         f"outside the unit circle, Newton's method found {mu.size}: {mu}.",
         residual=wanted.distance,
     )
+
+
+def unstable_multipliers(
+    gamma: float,
+    k: float,
+    b: float,
+    lattice: object = InfiniteChain(),
+    *,
+    radius: float = 1.0,
+) -> Array:
+    """Multipliers of QS outside a circle, largest first; conjugates next to each other.
+
+    Parameters
+    ----------
+    gamma, k, b : float
+        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
+    lattice : InfiniteChain or Ring
+    radius : float
+        Those with ``|mu| > radius``; see `unstable_count`.
+
+    Returns
+    -------
+    ndarray of complex
+        As many as `unstable_count` says, each to about 1e-14.
+
+    Raises
+    ------
+    NotConverged
+        If fewer or more zeros are found than the winding number asks for.
+
+    Examples
+    --------
+    >>> unstable_multipliers(0.0, 0.8, 1.1)
+    array([1.39793319+0.j])
+    """
+    gamma = check_gamma(gamma)
+    k, b = check_kb(k, b)
+    sites = check_radius(radius, lattice)
+    if sites is None:
+        mu = _chain_multipliers(gamma, k, b)
+    else:
+        mu = even_multipliers(Ring(sites), gamma, k, b)
+        mu = mu[np.lexsort((-mu.imag, -np.round(np.abs(mu), 12)))]
+    return mu[np.abs(mu) > radius] if radius > 1.0 else mu
+
+
+class Approach(NamedTuple):
+    """Where D comes closest to zero on the band: the angle/pi, and |F| there."""
+
+    nu: float
+    distance: float
+
+
+def closest_approach(gamma: float, k: float, b: float) -> Approach:
+    """Angle in the band at which a multiplier is nearest to coming out: the start for a NS point.
+
+    A zero of D close by, outside or just inside (continued through the band), gives its angle;
+    if Newton's method finds none, the angle where ``F = nu sqrt(4 gamma - nu^2) D`` is smallest.
+
+    Raises
+    ------
+    BadInput
+        At gamma = 0, where there is no band.
+
+    Examples
+    --------
+    >>> from contbreather.stability.arc import neimark_sacker
+    >>> angle, b = neimark_sacker(0.15, 0.7)[1]
+    >>> bool(abs(closest_approach(0.15, 0.7, b).nu - angle) < 1e-12)
+    True
+    """
+    gamma = check_gamma(gamma)
+    k, b = check_kb(k, b)
+    if gamma == 0.0:
+        raise BadInput("gamma = 0: without coupling there is no band to leave; take gamma > 0.")
+    arc, F, _ = resolved_arc(gamma, k, b)
+    speed = np.gradient(F, arc.alpha)
+    inner = slice(1, -1)  # F is small at the edges because v is
+    best = 1 + int(np.argmin(np.abs(F[inner] / speed[inner])))
+    alpha = arc.alpha[best] - F[best] / speed[best]
+    edge = 2.0 * math.sqrt(gamma)
+    start = edge * np.sin(alpha.real + 1j * min(max(alpha.imag, -0.5), 0.5))
+    found = _newton(gamma, k, b, np.array([start]), 12)
+    found = found[(found.real > 0.0) & (found.real < edge) & (np.abs(found.imag) < edge)]
+    nu = float(found[0].real) if found.size else float(arc.nu[best])
+    place = sample(gamma, np.array([math.asin(nu / edge)]))
+    return Approach(nu, float(np.abs(curve(place, k, b)[0][0])))

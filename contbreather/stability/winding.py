@@ -9,10 +9,10 @@ the unit circle, by symmetry along its upper half. There, in turn,
 - between the band and mu = -1, ``Im D = 2 c d R`` has one sign (R < 0 there): no turning but what
   the signs at its two ends say, and D(-1) is real (zero: fold).
 
-Summed up: ``count = [beta0 > 0] + [D(-1) < 0] + 2 pairs``, where ``pairs`` is how often F crosses the
-negative real axis upwards, less how often downwards. At k = 1 exactly, D is real between the band
-and -1 and may have zeros there, on the circle: the formula counts some of them, namely those that
-come out for k < 1; they are found and taken off, for they are neutral.
+Summed up: ``count = [beta0 > 0] + [D(-1) < 0] + 2 pairs``, where ``pairs`` is how often F crosses
+the negative real axis upwards, less how often downwards. At k = 1 exactly, D is real between the
+band and -1 and may have zeros there, on the circle: the formula counts some of them, namely those
+that come out for k < 1; they are found and taken off, for they are neutral.
 """
 
 from __future__ import annotations
@@ -64,6 +64,17 @@ def check_kb(k: float, b: float) -> tuple[float, float]:
     if not math.isfinite(b):
         raise BadInput(f"b = {b}: the entry of the saltation matrix must be a finite number.")
     return k, b
+
+
+def check_radius(radius: float, lattice: object) -> int | None:
+    """The number of sites of the lattice, if its multipliers outside this circle can be counted."""
+    sites = sites_of(lattice)
+    if 1.0 < radius < math.inf or (radius == 1.0 and sites is None):
+        return sites
+    raise BadInput(
+        f"radius = {radius}: multipliers are counted outside a circle of radius 1 (infinite chain "
+        "only, a ring has its band on that circle) or more."
+    )
 
 
 def _steep(F: Array) -> Array:
@@ -118,11 +129,12 @@ def _crossings(F: Array) -> int:
 def _ends(gamma: float, k: float, b: float) -> tuple[float, float, float, float]:
     """beta0 and D(-1), each with the size of its terms."""
     chain = InfiniteChain()
-    c, d = 1.0 + k, 0.5 * (1.0 - k)
-    pitch, chi, fold = 0.5 * c * c * chain.psi(gamma), chain.chi(gamma), 0.5 * c * c * chain.eta(gamma)
+    half_c2, d = 0.5 * (1.0 + k) ** 2, 0.5 * (1.0 - k)
+    pitchfork, fold = half_c2 * chain.psi(gamma), half_c2 * chain.eta(gamma)
+    chi = chain.chi(gamma)
     return (
-        b - pitch,
-        abs(b) + abs(pitch),
+        b - pitchfork,
+        abs(b) + abs(pitchfork),
         d * d + 0.5 * chi * (b + fold),
         d * d + 0.5 * chi * (abs(b) + fold),
     )
@@ -142,8 +154,10 @@ def _neutral(gamma: float, b: float) -> int:
     t = np.linspace(0.0, 1.0, 65)[int(gamma == 0.0) :]  # at gamma = 0 the edge is the pole itself
     y = value(t)
     for _ in range(8):  # look closer where |y| has a minimum: a pair of zeros may hide there
-        low = np.flatnonzero((np.abs(y[1:-1]) < np.abs(y[:-2])) & (np.abs(y[1:-1]) < np.abs(y[2:])))
-        new = np.unique(np.concatenate([0.5 * (t[low] + t[low + 1]), 0.5 * (t[low + 1] + t[low + 2])]))
+        size = np.abs(y)
+        low = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] < size[2:]))
+        middle = 0.5 * (t[1:] + t[:-1])
+        new = middle[np.unique(np.concatenate([low, low + 1]))]
         place = np.searchsorted(t, new)
         t, y = np.insert(t, place, new), np.insert(y, place, value(new))
     return int(np.sum((y[1:] > 0.0) != (y[:-1] > 0.0)))
@@ -195,7 +209,7 @@ def unstable_count(
     gamma: float,
     k: float,
     b: float,
-    lattice: object = InfiniteChain(),  # noqa: B008
+    lattice: object = InfiniteChain(),
     *,
     radius: float = 1.0,
 ) -> Count:
@@ -227,12 +241,6 @@ def unstable_count(
     """
     gamma = check_gamma(gamma)
     k, b = check_kb(k, b)
-    sites = sites_of(lattice)
-    if radius == 1.0 and sites is None:
+    if check_radius(radius, lattice) is None and radius == 1.0:
         return _chain_count(gamma, k, b)
-    if not 1.0 < radius < math.inf:
-        raise BadInput(
-            f"radius = {radius}: multipliers are counted outside a circle of radius 1 (infinite "
-            "chain only, a ring has its band on that circle) or more."
-        )
     return _circle_count(gamma, k, b, lattice, float(radius))
