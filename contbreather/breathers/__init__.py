@@ -10,17 +10,25 @@ from contbreather.breathers.admissibility import (
     neighbour_peak,
 )
 from contbreather.breathers.closure import Closure, smallest_amplitude
+from contbreather.breathers.events import grazing, neimark_sacker, pitchfork, saddle_node
 from contbreather.breathers.symmetric import Breather, symmetric, symmetric_roots
+from contbreather.breathers.zones import Zones, zones
 
 __all__ = [
     "Admissibility",
     "Breather",
     "Closure",
+    "Zones",
     "admissibility",
     "centre_margin",
+    "grazing",
     "highest_neighbour",
     "neighbour_peak",
+    "neimark_sacker",
+    "pitchfork",
+    "saddle_node",
     "smallest_amplitude",
     "symmetric",
     "symmetric_roots",
+    "zones",
 ]

@@ -326,19 +326,30 @@ def _centre(breather: Breather) -> tuple[float, float]:
     # the two ends, by de l'Hospital
     left = 2.0 * b.w_minus / pi if b.k > 0.0 else -b.acceleration / pi
     right = 2.0 * b.w_minus / (pi * (pi + b.k))
-    i = int(np.argmin(ratio))
-    low = float(s[i - 1]) if i else 0.1 * float(s[0])
-    high = float(s[i + 1]) if i + 1 < s.size else pi - 0.1 * (pi - float(s[i]))
-    inner = _deepest(b, float(s[i]), float(ratio[i]), (low, high))
+    fenced = np.concatenate([[0.1 * s[0]], s, [pi - 0.1 * (pi - s[-1])]])
+    dips = _dips(ratio)
+    inner = min(
+        _deepest(b, float(s[i]), float(ratio[i]), (float(fenced[i]), float(fenced[i + 2])))
+        for i in dips
+    )
     worst, when = min(inner, (left, 0.0), (right, pi))
     return b.phi + when, worst * 0.25 * pi * pi * (HALF_PI + b.k)
+
+
+def _dips(ratio: FloatArray) -> NDArray[np.int64]:
+    """Local minima on the grid that may be the lowest; the grid misses less than a tenth."""
+    lowest = float(ratio.min())
+    low = ratio <= lowest + 0.1 * max(abs(lowest), 0.1 * float(ratio[-1]))
+    low[1:] &= ratio[1:] <= ratio[:-1]
+    low[:-1] &= ratio[:-1] <= ratio[1:]
+    return np.flatnonzero(low)
 
 
 @lru_cache(maxsize=16)
 def _centre_grid(size: int) -> FloatArray:
     """The grid without its impact, and finer towards it: for small k the flight starts flat."""
     step = math.pi / size
-    return np.concatenate([step * 0.5 ** np.arange(6, 0, -1), step * np.arange(1, size)])
+    return np.concatenate([step * 0.5 ** np.arange(6, 0, -0.5), step * np.arange(1, size)])
 
 
 def _deepest(

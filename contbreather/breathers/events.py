@@ -61,9 +61,7 @@ def pitchfork() -> Event:
     )
 
 
-def neimark_sacker(
-    *, on: InfiniteChain | Ring | None = None, threshold: float = 1.005
-) -> Event:
+def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float = 1.005) -> Event:
     """NS: a complex pair of multipliers leaves the unit circle.
 
     Parameters
@@ -241,9 +239,7 @@ def _arc_derivative(curve: Curve, z: Array, extra: Array) -> Array:
     breather = _breather(curve, z)
     F = on_arc(breather.gamma, extra[0], breather.k, breather.b)
     direct = {"gamma": F.d_gamma, "k": F.d_k}
-    columns = [
-        F.d_b * _b_slope(breather, name) + direct.get(name, 0.0) for name in _names(curve)
-    ]
+    columns = [F.d_b * _b_slope(breather, name) + direct.get(name, 0.0) for name in _names(curve)]
     return np.stack([*columns, F.d_nu], axis=-1)
 
 

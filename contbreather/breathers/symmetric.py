@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +27,13 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, Ring, check_gamma
 from contbreather.lattice.green import Flight, flight, flight_slope
 
+if TYPE_CHECKING:
+    from contbreather.breathers.admissibility import Admissibility
+    from contbreather.continuation import Problem
+    from contbreather.stability import ChainVerdict, RingVerdict
+
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 __all__ = ["Breather", "Closure", "smallest_amplitude", "symmetric", "symmetric_roots"]
 
@@ -217,9 +223,81 @@ class Breather:
         s = np.where(late, 0.0, np.maximum(s, 0.0))
         return s - 0.5 * math.pi, np.where(flights % 2.0 == 0.0, 1.0, -1.0)
 
-    # ------------------------------------------------------ PLACE FOR: admissibility() (15), (B3)
-    # ------------------------------------------------------ PLACE FOR: stability(), multipliers()
-    # ------------------------------------------------------ PLACE FOR: problem() (continuation)
+    # -------------------------------------------------------------------- what it is asked about
+
+    def admissibility(self) -> Admissibility:
+        """Whether every site keeps off the walls it must not touch: (15), (B3), the far field."""
+        from contbreather.breathers.admissibility import admissibility
+
+        return admissibility(self)
+
+    def stability(
+        self, sites: int | None = None, threshold: float = 1.005
+    ) -> ChainVerdict | RingVerdict:
+        """Is it stable? The verdict names the chain it is about.
+
+        Parameters
+        ----------
+        sites : int, optional
+            Ask about a ring of that many sites, by the paper's rule: a multiplier over 2 pi beyond
+            `threshold`. Unless given, the question is about the breather's own lattice; on the
+            infinite chain the answer is the number of isolated multipliers of QS outside the unit
+            circle, without a threshold.
+        threshold : float
+            Above 1; for rings only.
+
+        Returns
+        -------
+        ChainVerdict or RingVerdict
+
+        Examples
+        --------
+        >>> b = symmetric(a=0.2, gamma=0.11, k=0.8)
+        >>> b.stability().unstable, b.stability(sites=400).stable
+        (2, False)
+        """
+        from contbreather.stability import stability
+
+        own = self if sites is None else self.on(Ring(sites))
+        return stability(own.gamma, own.k, own.b, own.lattice, threshold=threshold)
+
+    def multipliers(self, sites: int | None = None, *, half: bool = False) -> ComplexArray:
+        """All 2N Floquet multipliers on a ring, of (QS)^2 (20), or of the half map QS.
+
+        Parameters
+        ----------
+        sites : int, optional
+            N; needed unless the breather lives on a `Ring` already. The orbit is the ring's own.
+        half : bool
+            Those of QS: +1 at a pitchfork, -1 at a fold, where the squares are both +1.
+
+        Returns
+        -------
+        ndarray of complex, shape (2 N,)
+
+        Examples
+        --------
+        >>> b = symmetric(a=0.8, gamma=0.045, k=0.8)
+        >>> round(abs(b.multipliers(sites=400)).max(), 6)
+        1.129438
+        """
+        from contbreather.stability import half_multipliers
+
+        own = self if sites is None else self.on(Ring(sites))
+        if not isinstance(own.lattice, Ring):
+            raise BadInput(
+                "the infinite chain has a continuous spectrum; ask for multipliers(sites=N) on a "
+                "ring of N, or for stability().multipliers, the isolated ones outside the circle."
+            )
+        found = half_multipliers(own.lattice, own.gamma, own.k, own.b)
+        return found if half else found * found
+
+    @property
+    def problem(self) -> Problem:
+        """The breather as a start for `trace`: the closure (11) with all its events."""
+        from contbreather.breathers.problem import problem_of
+
+        return problem_of(self)
 
 
 def _whole(n: ArrayLike) -> NDArray[np.int64]:

@@ -18,15 +18,16 @@ from contbreather.breathers.problem import events_on, problem_of
 from contbreather.breathers.symmetric import Breather, symmetric
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, trace
 from contbreather.continuation.progress import Progress
-from contbreather.errors import BadInput, NoSolution, NotConverged
+from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Forcing, InfiniteChain, Lattice
 
 Array = NDArray[np.float64]
 
 KINDS = ("LP", "GR", "PF", "NS")
 # Names of the three parameters, their windows, and the comb of values on which branches are traced.
-# At gamma = 1/4 everything ends in one point; 0.2499 is as near as numbers are vouched for.
-WINDOWS = {"gamma": (0.0, 0.2499), "a": (0.0, math.inf), "k": (0.0, 1.0)}
+# At gamma = 1/4 everything ends in one point; 0.2499 is as near as numbers are vouched for. At k = 1
+# the arc is neutral throughout, at k = 0 the impact of site 0 degenerates.
+WINDOWS = {"gamma": (0.0, 0.2499), "a": (0.0, math.inf), "k": (0.01, 0.999)}
 COMBS = {
     "gamma": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.235, 0.245),
     "k": (0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
@@ -171,8 +172,12 @@ class _Search:
             if breather is None:
                 continue
             branch = trace(
-                problem_of(breather), free, within={free: self.within[free]}, events=self.events,
-                steps=Steps(first=0.02, largest=0.2), progress=False,
+                problem_of(breather),
+                free,
+                within={free: self.within[free]},
+                events=self.events,
+                steps=Steps(first=0.02, largest=0.2),
+                progress=False,
             )
             covered.append((float(branch[free].min()), float(branch[free].max())))
             yield branch
