@@ -19,7 +19,7 @@ ZONES = """
 import numpy, scipy.linalg, scipy.optimize, contbreather as cb, time
 cb.zones, cb.symmetric, cb.trace
 start = time.perf_counter()
-zones = cb.zones(k=(0.8, 0.4))
+diagrams = [cb.zones(k=k) for k in (0.8, 0.4)]
 print(time.perf_counter() - start)
 """
 REFERENCE = "import numpy, scipy.linalg, scipy.optimize"
