@@ -81,6 +81,7 @@ class Closure:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_own", tuple(self.forcing.params.items()))
+        object.__setattr__(self, "_names", frozenset(self.forcing.params))
 
     @property
     def params(self) -> tuple[str, ...]:
@@ -108,7 +109,7 @@ class Closure:
             return np.array((p * self.lattice.dchi(gamma), 0.0))
         if name == "k":
             return np.array((0.0, 2.0 * p / (1.0 + k) ** 2))
-        if name not in f.params:
+        if name not in self._names:  # type: ignore[attr-defined]
             raise BadInput(
                 f"unknown parameter {name!r}: this breather has {', '.join(self.params)}."
             )

@@ -251,6 +251,7 @@ class Fourier(Periodic):
         orders = sorted({*c, *s})
         f = tuple((m, -c.get(m, 0.0) / m**2, -s.get(m, 0.0) / m**2) for m in orders)
         object.__setattr__(self, "_series", Series(f))
+        object.__setattr__(self, "_names", frozenset(self.params))
 
     @classmethod
     def from_response(
@@ -281,11 +282,9 @@ class Fourier(Periodic):
 
     def f_param(self, name: str, t: float, order: int = 0) -> float:
         """Derivative of the order-th derivative of f with respect to one coefficient."""
-        if name not in self.params:
+        if name not in self._names:  # type: ignore[attr-defined]
             raise self._unknown([name])
-        m = int(name[1:])
-        unit = (m, -1.0 / m**2, 0.0) if name[0] == "c" else (m, 0.0, -1.0 / m**2)
-        return float(Series((unit,)).at(t, order))
+        return float(_unit(name).at(t, order))
 
     def describe(self) -> str:
         terms = [f"{v:+.6g} cos {_times(m)}" for m, v in self.cos]
@@ -294,6 +293,13 @@ class Fourier(Periodic):
 
     def __repr__(self) -> str:
         return f"Fourier(cos={dict(self.cos)}, sin={dict(self.sin)})"
+
+
+@lru_cache(maxsize=256)
+def _unit(name: str) -> Series:
+    """f of the force cos(m t) or sin(m t), by the name of its coefficient."""
+    m = int(name[1:])
+    return Series(((m, -1.0 / m**2, 0.0) if name[0] == "c" else (m, 0.0, -1.0 / m**2),))
 
 
 def _times(m: int) -> str:

@@ -1,0 +1,274 @@
+"""Whether the walls are kept off: against dense sampling of the motion, and at the limits."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from contbreather.breathers import (
+    admissibility,
+    centre_margin,
+    highest_neighbour,
+    neighbour_peak,
+    smallest_amplitude,
+    symmetric,
+    symmetric_roots,
+)
+from contbreather.errors import BadInput
+from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples
+
+CHAIN = InfiniteChain()
+TWO = Fourier.from_response(cos={1: 1.0, 3: 0.3})
+BUSY = Fourier.from_response(cos={1: 1.0, 9: 0.02, 21: 0.01}, sin={3: 0.2})
+FORCINGS = [Harmonic(), TWO, BUSY]
+LATTICES = [CHAIN, Ring(1), Ring(2), Ring(3), Ring(20)]
+
+
+@st.composite
+def breathers(draw, forcings=FORCINGS, lattices=LATTICES):
+    gamma, k = draw(st.floats(0.0, 0.2499)), draw(st.floats(0.0, 1.0))
+    forcing, lattice = draw(st.sampled_from(forcings)), draw(st.sampled_from(lattices))
+    lowest = max(smallest_amplitude(gamma, k, forcing, lattice), 0.01)
+    a = lowest + draw(st.floats(0.0, 1.0))
+    return draw(st.sampled_from(symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice)))
+
+
+# --------------------------------------------------------------------------------- neighbours
+
+
+def test_spot_values_of_the_highest_neighbour():
+    b = symmetric(0.5, 0.12, 0.4)
+    assert admissibility(b).max_neighbour == pytest.approx(0.667948289045169, abs=4e-15)
+    b = symmetric(0.3, 0.12, 0.7, forcing=TWO)
+    assert admissibility(b).max_neighbour == pytest.approx(0.581967518208344, abs=4e-15)
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.1, 0.8), (0.2499, 0.4), (0.02, 0.05)])
+def test_peak_of_the_neighbour_is_that_of_the_paper_s_series(paper, gamma, k):
+    """The maximum of (15) found at 30 digits from the series and its slope."""
+    a = 0.5 * (1.0 + smallest_amplitude(gamma, k))
+    b = symmetric(a, gamma, k)
+    t, height = neighbour_peak(b)
+    with mp.workdps(30):
+        p, phi = paper.root(a, gamma, k)
+
+        def slope(s):
+            return -a * mp.sin(phi + s) + p * paper.flight(gamma, 1, s)[1]
+
+        since = mp.mpf(t) - phi
+        late = since > mp.pi  # the peak of the second half period: -u_1 in the first
+        s = mp.findroot(slope, since - (mp.pi if late else 0))
+        top = a * mp.cos(phi + s) + p * paper.flight(gamma, 1, s)[0]
+        assert abs(height - (-top if late else top)) < 1e-15
+        assert abs(t - (phi + s + (mp.pi if late else 0))) < 1e-14
+
+
+@settings(max_examples=150, deadline=None)
+@given(breathers())
+def test_every_peak_is_the_top_of_the_motion_and_has_no_velocity(b):
+    assume(b.lattice.sites != 1)
+    t = b.phi + np.linspace(0.0, math.pi, 3001)
+    for n in (1, 2, 3):
+        if b.lattice.distance(n) == 0:
+            continue
+        at, height = neighbour_peak(b, n)
+        dense = np.abs(b.displacement(n, t)).max()
+        assert dense <= height + 4e-15
+        assert height - dense < 1e-5
+        assert b.displacement(n, at) == pytest.approx(height, abs=1e-14)
+        assert abs(b.velocity(n, at)) < 1e-12
+        assert b.phi <= at < b.phi + 2 * math.pi + 1e-14
+
+
+@settings(max_examples=100, deadline=None)
+@given(breathers(lattices=[CHAIN, Ring(3), Ring(40), Ring(41)]))
+def test_no_site_however_far_climbs_higher_than_the_verdict_says(b):
+    verdict = admissibility(b)
+    t = b.phi + np.linspace(0.0, math.pi, 400)
+    sites = [n for n in [*range(1, 21), 33, 64, 65, 300, 301] if b.lattice.distance(n)]
+    top = np.abs(b.displacement(np.array(sites)[:, None], t)).max()
+    assert top <= 1.0 - min(verdict.neighbours, verdict.far) + 1e-14
+    n, at, height = highest_neighbour(b)
+    assert 1.0 - height == verdict.neighbours
+    assert b.displacement(n, at) == pytest.approx(height, abs=1e-14)
+
+
+def test_on_the_lower_branch_it_is_the_second_neighbour_that_comes_closest():
+    """Appendix B proves u_1 the highest only on the upper limit of the upper branch."""
+    upper, lower = symmetric_roots(0.9, 0.12, 0.8)
+    assert highest_neighbour(upper)[0] == 1
+    assert highest_neighbour(lower)[0] == 2
+    assert neighbour_peak(lower, 2)[1] > neighbour_peak(lower, 1)[1] + 0.015
+    assert admissibility(lower).neighbours == 1.0 - neighbour_peak(lower, 2)[1]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.001, 0.2499), st.floats(0.1, 1.0))
+def test_on_the_upper_limit_of_the_upper_branch_it_is_the_first(gamma, k):
+    """The paper's (B2), at the grazing it was proved for."""
+    lowest = max(smallest_amplitude(gamma, k), 1e-3)
+
+    def above(a):
+        return neighbour_peak(symmetric(a, gamma, k))[1] - 1.0
+
+    assume(above(lowest * 1.001) < 0)
+    a = brentq(above, lowest * 1.001, 1.0 + 1e-9, xtol=1e-14)
+    verdict = admissibility(symmetric(a, gamma, k))
+    assert abs(1.0 - highest_neighbour(symmetric(a, gamma, k))[2]) < 1e-12
+    assert verdict.margin == pytest.approx(0.0, abs=1e-12)
+    assert verdict.far > -1e-9
+
+
+def test_upper_limit_of_the_theory_notes():
+    assert abs(admissibility(symmetric(0.806417833236, 0.1, 0.8)).margin) < 2e-12
+    inside, outside = (admissibility(symmetric(a, 0.1, 0.8)) for a in (0.80641, 0.80642))
+    assert inside.ok
+    assert "keeps off its walls" in inside.reason
+    assert not outside.ok
+    assert "(15) is broken" in outside.reason
+    assert (outside.site, bool(inside), bool(outside)) == (1, True, False)
+
+
+# ------------------------------------------------------------------------------------- centre
+
+
+@settings(max_examples=150, deadline=None)
+@given(breathers())
+def test_centre_margin_is_positive_exactly_where_site_0_stays_between_its_walls(b):
+    assume(b.k > 1e-3)
+    s = math.pi * np.linspace(0.0, 1.0, 6001)[1:-1] ** 1.5
+    u = b.displacement(0, b.phi + s)
+    ratio = (1 - u**2) / ((s + b.k) * s * (math.pi - s))
+    scale = (math.pi / 2 + b.k) * math.pi**2 / 4
+    ends = [2 * b.w_minus / math.pi, 2 * b.w_minus / (math.pi * (math.pi + b.k))]
+    dense = scale * min(ratio.min(), *ends)
+    margin = centre_margin(b)
+    assert margin <= dense + 1e-7
+    assert margin == pytest.approx(dense, abs=2e-3 * scale * (1 + abs(dense)))
+    if abs(margin) > 1e-4:
+        assert (margin > 0) == bool(np.all(np.abs(u) < 1.0))
+
+
+def test_site_0_meets_its_wall_again_for_small_k_as_the_paper_found():
+    verdict = admissibility(symmetric(0.99, 0.0, 0.005))
+    assert not verdict.ok
+    assert verdict.site == 0
+    assert "(B3) is broken" in verdict.reason
+    assert abs(symmetric(0.99, 0.0, 0.005).displacement(0, verdict.time)) > 1.0
+    for k in (0.1, 0.4, 1.0):
+        for gamma in (0.0, 0.1, 0.2499):
+            for a in np.linspace(smallest_amplitude(gamma, k), 1.0, 8)[1:]:
+                assert centre_margin(symmetric(float(a), gamma, k)) > 0.0
+
+
+def test_the_zero_of_the_centre_s_margin_is_a_graze():
+    def margin(k):
+        return centre_margin(symmetric(0.97, 0.0, k))
+
+    k = brentq(margin, 0.005, 0.1, xtol=1e-15)
+    b = symmetric(0.97, 0.0, k)
+    t = admissibility(b).time
+    assert b.displacement(0, t) == pytest.approx(1.0, abs=1e-12)
+    assert b.velocity(0, t) == pytest.approx(0.0, abs=1e-6)
+    assert 0.01 < k < 0.06
+
+
+@pytest.mark.parametrize(
+    ("a", "gamma", "says"), [(0.56, 0.0, "pushed inwards"), (0.99, 0.1, "so it sticks")]
+)
+def test_without_rebound_it_is_the_acceleration_that_decides(a, gamma, says):
+    b = symmetric(a, gamma, 0.0)
+    assert b.velocity(0, b.phi) == pytest.approx(0.0, abs=1e-15)
+    inwards = b.acceleration < 0
+    assert inwards == ("inwards" in says)
+    verdict = admissibility(b)
+    assert (verdict.centre > 0) == inwards
+    s = np.linspace(1e-3, math.pi - 1e-3, 2000)
+    assert np.all(np.abs(b.displacement(0, b.phi + s)) < 1) == inwards
+    if not inwards:
+        assert says in verdict.reason
+
+
+@pytest.mark.parametrize(("a", "gamma"), [(0.6, 0.0), (0.99, 0.1), (0.7, 0.2)])
+def test_centre_margin_has_no_jump_where_the_rebound_dies(a, gamma):
+    limit = centre_margin(symmetric(a, gamma, 0.0))
+    for k in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-9):
+        # it rises like sqrt(k): the flight starts flat for about so long
+        assert abs(centre_margin(symmetric(a, gamma, k)) - limit) < 3 * math.sqrt(k) + 1e-4
+
+
+# ---------------------------------------------------------------------------------- far field
+
+
+def test_the_far_field_is_a_limit_of_its_own():
+    weak = admissibility(symmetric(0.5, 0.12, 0.4))
+    assert weak.far == 0.5
+    strong = admissibility(symmetric(1.05, 0.12, 0.4))
+    assert strong.far == pytest.approx(-0.05, abs=1e-15)
+    lower = symmetric_roots(0.99, 0.0, 0.4)[1]
+    assert admissibility(lower).far == pytest.approx(0.01, abs=1e-15)
+    # a square wave's answer is not as high as its coefficients say
+    t = 2 * np.pi * np.arange(64) / 64
+    forcing = Samples(-np.cos(t) + 9 * 0.1 * np.cos(3 * t))
+    b = symmetric(0.9, 0.05, 0.5, forcing=forcing)
+    dense = np.abs(forcing.f(np.linspace(0, 7, 20001))).max()
+    assert admissibility(b).far == pytest.approx(1 - 0.9 * dense, abs=1e-6)
+
+
+def test_a_ring_has_no_far_field_and_a_single_oscillator_no_neighbours():
+    alone = admissibility(symmetric(1.3, 0.1, 0.6, lattice=Ring(1)))
+    assert alone.ok
+    assert (alone.max_neighbour, alone.neighbours, alone.far) == (0.0, 1.0, 1.0)
+    assert alone.site == 0
+    assert neighbour_peak(symmetric(1.3, 0.1, 0.6, lattice=Ring(1)))[1] == 0.0
+    assert highest_neighbour(symmetric(1.3, 0.1, 0.6, lattice=Ring(1)))[2] == 0.0
+    pair = admissibility(symmetric(0.5, 0.1, 0.6, lattice=Ring(2)))
+    assert pair.max_neighbour == neighbour_peak(symmetric(0.5, 0.1, 0.6, lattice=Ring(2)))[1]
+
+
+# ----------------------------------------------------------------------------------- verdicts
+
+
+@settings(max_examples=100, deadline=None)
+@given(breathers())
+def test_the_verdict_is_the_worst_margin_at_the_place_it_names(b):
+    verdict = admissibility(b)
+    assert verdict.margin == min(verdict.neighbours, verdict.centre, verdict.far)
+    assert verdict.ok == bool(verdict) == (verdict.margin > 0)
+    assert math.isfinite(verdict.margin)
+    assert math.isfinite(verdict.time)
+    assert verdict.reason.endswith(".")
+    if verdict.site:
+        reached = abs(b.displacement(verdict.site, verdict.time))
+        assert reached == pytest.approx(1 - verdict.margin, abs=1e-13)
+    if verdict.site == 0 and verdict.margin < -1e-4 and b.k > 0:
+        assert abs(b.displacement(0, verdict.time)) > 1.0
+
+
+@pytest.mark.parametrize("name", ["a", "gamma", "k"])
+def test_margins_are_continuous_along_a_branch(name):
+    """Halving the step halves the largest change: no jumps, also where the worst site changes."""
+    where = {"a": (0.35, 1.1), "gamma": (0.0, 0.249), "k": (0.0, 1.0)}[name]
+    changes = []
+    for count in (400, 800, 1600):
+        margins = []
+        for value in np.linspace(*where, count + 1):
+            point = {"a": 0.9, "gamma": 0.15, "k": 0.2} | {name: float(value)}
+            verdict = admissibility(symmetric(**point))
+            margins.append((verdict.margin, verdict.neighbours, verdict.centre, verdict.far))
+        changes.append(np.abs(np.diff(margins, axis=0)).max(axis=0))
+    # (the fold at the start of a branch in a has a square root: 1.3 and not 1.8)
+    assert np.all(changes[0] >= 1.3 * changes[1] - 1e-12)
+    assert np.all(changes[1] >= 1.3 * changes[2] - 1e-12)
+
+
+@pytest.mark.parametrize("n", [0, 5, -10])
+def test_the_impacting_site_has_no_peak_to_ask_for(n):
+    with pytest.raises(BadInput, match="impacting site"):
+        neighbour_peak(symmetric(0.5, 0.12, 0.4, lattice=Ring(5)), n)
