@@ -33,7 +33,7 @@ from contbreather.stability.aliases import regular, regular_slopes
 
 Array = NDArray[Any]
 
-GRID = 40  # intervals of the remembered grid in alpha; refinement does the rest
+GRID = 64  # intervals of the remembered grid in alpha; refinement does the rest
 
 
 class Arc(NamedTuple):

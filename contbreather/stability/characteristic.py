@@ -204,7 +204,20 @@ def D(
     >>> abs(D(0.0, 1j, 0.8, 1.0) - D(0.0, 1j, 0.8, 1.0, Ring(1))) < 1e-15
     np.True_
     """
-    return D_slope(gamma, nu, k, b, lattice)[0]
+    gamma = check_gamma(gamma)
+    sites = sites_of(lattice)
+    values = _strip(nu)
+    flat = values.ravel()
+    far = np.abs(flat.imag) > NEAR
+    value = np.empty_like(flat)
+    if np.any(far):
+        mu = np.exp(1j * np.pi * flat[far])
+        value[far] = determinant(mu, _few_modes(gamma, sites), k, b)[0]
+    s = flat[~far]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        smooth, L = smooth_and_L(s, k, b, regular(gamma, s, sites))
+        value[~far] = smooth + _alias0(gamma, s, sites).g * L / math.pi
+    return _finite(value.reshape(values.shape), gamma, lattice)
 
 
 def D_slope(
@@ -242,15 +255,24 @@ class Split(NamedTuple):
     L_nu: Array
 
 
+def smooth_and_L(nu: Array, k: float, b: float, value: Regular) -> tuple[Array, Array]:
+    """The two parts of D, see the module's docstring."""
+    R, B, C = value
+    c, d = 1.0 + k, 0.5 * (1.0 - k)
+    c2 = c * c
+    beta, a = b - c2 * C, d + 1j * c * R
+    return a * a + B * beta, 2j * c * nu * a - beta - c2 * nu * nu * B
+
+
 def split(nu: Array, k: float, b: float, value: Regular, slope: Regular) -> Split:
+    """`smooth_and_L` with slopes."""
     R, B, C = value
     R_nu, B_nu, C_nu = slope
     c, d = 1.0 + k, 0.5 * (1.0 - k)
     c2 = c * c
     beta, a, a_nu = b - c2 * C, d + 1j * c * R, 1j * c * R_nu
     return Split(
-        a * a + B * beta,
-        2j * c * nu * a - beta - c2 * nu * nu * B,
+        *smooth_and_L(nu, k, b, value),
         2.0 * a * a_nu + B_nu * beta - c2 * B * C_nu,
         2j * c * (a + nu * a_nu) + c2 * (C_nu - 2.0 * nu * B - nu * nu * B_nu),
     )

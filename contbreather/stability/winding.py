@@ -44,13 +44,16 @@ class Count:
 
     ``distance`` is the smallest modulus met, relative to the size of the terms that cancel there;
     it happens at ``mu = exp(i pi nu)``. Where it is below rounding, a multiplier sits on the
-    circle: the parameters are a bifurcation, and ``certain`` is False.
+    circle: the parameters are a bifurcation, and ``certain`` is False. ``pairs`` is half the count
+    without the two whose presence the signs of D on the real axis betray, one above 1 and one
+    below -1: it changes where complex pairs cross the circle, and nowhere else on it.
     """
 
     count: int
     certain: bool
     distance: float
     nu: float
+    pairs: int
 
     def __int__(self) -> int:
         return self.count
@@ -175,7 +178,8 @@ def _chain_count(gamma: float, k: float, b: float) -> Count:
     distances = (abs(beta0) / beta0_size, float(size[i]), abs(fold) / fold_size)
     nearest = int(np.argmin(distances))
     where = (0.0, float(arc.nu[i + 1]), 1.0)[nearest]
-    return Count(count, distances[nearest] > ROUNDING, distances[nearest], where)
+    pairs = (count - int(beta0 > 0.0) - int(fold < 0.0)) // 2
+    return Count(count, distances[nearest] > ROUNDING, distances[nearest], where, pairs)
 
 
 def _circle_count(gamma: float, k: float, b: float, lattice: object, radius: float) -> Count:
@@ -199,10 +203,12 @@ def _circle_count(gamma: float, k: float, b: float, lattice: object, radius: flo
             f"D turns too fast on the circle of radius {radius} to count its zeros outside "
             f"({lattice}): take a radius farther from 1."
         )
-    turning = float(np.sum(np.angle(values[1:] / values[:-1])))
+    turning = float(np.sum(np.angle(values[1:] * values[:-1].conj())))
     size = np.abs(values) / (abs(b) + 1.0)
     i = int(size.argmin())
-    return Count(round(-turning / math.pi), bool(size[i] > ROUNDING), float(size[i]), float(x[i]))
+    count = round(-turning / math.pi)
+    pairs = (count - int(values[0].real < 0.0) - int(values[-1].real < 0.0)) // 2
+    return Count(count, bool(size[i] > ROUNDING), float(size[i]), float(x[i]), pairs)
 
 
 def unstable_count(

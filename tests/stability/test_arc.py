@@ -1,0 +1,108 @@
+"""Neimark-Sacker points of the infinite chain: two equations on the arc, and their solutions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from contbreather.errors import BadInput
+from contbreather.stability import D, neimark_sacker, on_arc, unstable_count
+
+
+def test_the_two_equations_are_D_without_its_poles():
+    for gamma, k, b in [(0.1, 0.8, 0.1), (0.2, 0.3, -2.0), (0.01, 0.0, 0.5)]:
+        edge = 2 * math.sqrt(gamma)
+        nu = edge * np.linspace(0.02, 0.98, 25)
+        value = D(gamma, nu, k, b) * nu * np.sqrt(4 * gamma - nu**2)
+        np.testing.assert_allclose(
+            on_arc(gamma, nu, k, b).value, [value.real, value.imag], atol=1e-13
+        )
+
+
+@pytest.mark.parametrize(
+    "at", [(0.1, 0.4, 0.8, 0.1), (0.22, 0.9, 0.3, -1.4), (0.02, 0.05, 1.0, 0.3)]
+)
+def test_the_jacobian_on_the_arc_is_that_of_finite_differences(at):
+    exact = on_arc(*at)
+    steps = {
+        "d_gamma": (1, 0, 0, 0),
+        "d_nu": (0, 1, 0, 0),
+        "d_k": (0, 0, 1, 0),
+        "d_b": (0, 0, 0, 1),
+    }
+    h = 1e-4
+    for name, direction in steps.items():
+        f = [on_arc(*(np.array(at) + m * h * np.array(direction))).value for m in (-2, -1, 1, 2)]
+        slope = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)  # fourth order
+        np.testing.assert_allclose(getattr(exact, name), slope, rtol=1e-8, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("a", "k", "gamma", "nu"),
+    [  # theory section 3, here from its shifted path with 30 digits (600 nodes, h = 0.4 and 0.5)
+        (0.2, 0.8, 0.096970946606878851, 0.55807871008107372),
+        (0.5, 0.8, 0.11443142093956957, 0.42132882906363460),
+        (0.2, 0.4, 0.17639129022626295, 0.67638791079194071),
+    ],
+)
+def test_the_points_of_theory_are_found_by_their_explicit_b(a, k, gamma, nu, b_of):
+    def gap(coupling: float) -> float:
+        wanted = b_of(a, coupling, k)
+        return min((point.b - wanted for point in neimark_sacker(coupling, k)), key=abs)
+
+    root = brentq(gap, gamma - 1e-4, gamma + 1e-4, xtol=1e-16)
+    assert root == pytest.approx(gamma, abs=1e-14)
+    angle = min(neimark_sacker(root, k), key=lambda p: abs(p.b - b_of(a, root, k))).nu
+    assert angle == pytest.approx(nu, abs=1e-13)
+    below, above = (unstable_count(g, k, b_of(a, g, k)).count for g in (root - 1e-9, root + 1e-9))
+    assert (below, above) == (0, 2)
+
+
+def test_every_neimark_sacker_point_is_a_zero_of_D_and_they_come_in_twos():
+    rng = np.random.default_rng(0)
+    found = 0
+    for _ in range(150):
+        gamma, k = rng.uniform(1e-4, 0.2499), rng.uniform()
+        points = neimark_sacker(gamma, k)
+        assert len(points) in (0, 2)
+        for nu, b in points:
+            F = on_arc(gamma, nu, k, b)
+            rounding = 1e-13 * (1 + abs(b)) + 4e-16 * np.abs(F.d_nu).max()
+            assert np.abs(F.value).max() < rounding
+        found += len(points)
+    assert found > 50
+
+
+def test_no_neimark_sacker_point_is_overlooked():
+    # the count can change with b only where a multiplier crosses the circle
+    rng = np.random.default_rng(1)
+    for _ in range(25):
+        gamma, k = rng.uniform(0.001, 0.249), rng.uniform()
+        b = np.linspace(-6, 3, 400)
+        pairs = np.array([unstable_count(gamma, k, x).pairs for x in b])
+        jumps = b[1:][np.diff(pairs) != 0]
+        inside = [point.b for point in neimark_sacker(gamma, k) if -6 < point.b < 3]
+        if len(inside) == 2 and abs(inside[0] - inside[1]) < 0.03:
+            continue  # both between two samples
+        assert len(jumps) == len(inside)
+        np.testing.assert_allclose(np.sort(inside), np.sort(jumps), atol=0.03)
+
+
+def test_two_points_about_to_meet_are_still_told_apart():
+    # at gamma = 0.1 they meet at k = 0.78176...
+    k = brentq(lambda k: len(neimark_sacker(0.1, k)) - 1, 0.77, 0.79, xtol=1e-12)
+    nu = [point.nu for point in neimark_sacker(0.1, k + 1e-9)]
+    assert len(nu) == 2
+    assert 0 < nu[1] - nu[0] < 1e-3
+    assert neimark_sacker(0.1, k - 1e-9) == ()
+
+
+def test_angles_outside_the_band_are_refused():
+    for nu in (0.0, -0.1, 0.64, math.nan):
+        with pytest.raises(BadInput, match="band"):
+            on_arc(0.1, nu, 0.8, 0.1)
+    assert neimark_sacker(0.0, 0.5) == ()
+    assert neimark_sacker(0.1, 1.0) == ()

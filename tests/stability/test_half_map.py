@@ -1,0 +1,187 @@
+"""All multipliers of QS on a ring, against the paper's dense matrices and without them."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.stability import (
+    apply_half_map,
+    dense_half_map,
+    eigenvector,
+    even_multipliers,
+    half_map,
+    half_multipliers,
+    largest,
+    multipliers,
+    neimark_sacker,
+)
+
+BREATHERS = [  # a, gamma, k: stable, unstable either way, elastic, perfectly plastic
+    (0.2, 0.11, 0.8),
+    (0.2, 0.09, 0.8),
+    (0.8, 0.045, 0.8),
+    (0.5, 0.12, 0.8),
+    (0.5, 0.2, 0.4),
+    (0.3, 0.1, 1.0),
+    (0.9, 0.1, 0.0),
+    (0.95, 0.2, 0.01),
+    (0.3, 0.2499, 0.9),
+]
+
+
+@pytest.mark.parametrize(("a", "gamma", "k"), BREATHERS)
+def test_all_multipliers_are_those_of_the_papers_matrix(a, gamma, k, b_of, paper_matrix, apart):
+    b = b_of(a, gamma, k)
+    for sites in (1, 2, 3, 4, 5, 17, 40, 41, 200):
+        dense = np.linalg.eigvals(paper_matrix(sites, gamma, k, b))
+        assert apart(half_multipliers(Ring(sites), gamma, k, b), dense) < 1e-12
+
+
+def test_multipliers_of_the_whole_period_are_those_of_QS_squared(b_of, paper_matrix, apart):
+    b = b_of(0.2, 0.11, 0.8)
+    half = paper_matrix(40, 0.11, 0.8, b)
+    full = multipliers(Ring(40), 0.11, 0.8, b)
+    assert apart(full, np.linalg.eigvals(half @ half)) < 1e-12
+
+
+def test_random_maps_agree_with_dense_matrices_and_need_no_fallback(apart, monkeypatch):
+    def refuse(*args: object) -> None:
+        raise AssertionError(f"fell back to a dense matrix at {args}")
+
+    monkeypatch.setattr(half_map, "_dense_even_roots", refuse)
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        gamma = rng.choice(
+            [rng.uniform(0, 0.25), 10 ** rng.uniform(-5, -1), 0.25 - 10 ** rng.uniform(-5, -1)]
+        )
+        k = rng.choice([rng.uniform(), 0.0, 1.0, 10 ** rng.uniform(-8, -1)])
+        b = rng.choice([0.3, 1.5, 30.0]) * rng.normal()
+        sites = int(rng.integers(2, 60))
+        dense = np.linalg.eigvals(dense_half_map(sites, gamma, k, b))
+        assert apart(half_multipliers(Ring(sites), gamma, k, b), dense) < 1e-10
+
+
+@pytest.mark.parametrize("sites", [2, 5, 6])
+@pytest.mark.parametrize("gamma", [1e-12, 1e-7])
+def test_next_to_no_coupling_they_agree_with_forty_digits(sites, gamma, apart):
+    # in double precision the dense matrix has lost them: they are a cluster of Jordan blocks
+    with mp.workdps(40):
+        half = mp.matrix(2 * sites, 2 * sites)
+        w = [2 * mp.sqrt(mp.mpf(gamma)) * mp.sin(mp.pi * j / sites) for j in range(sites)]
+        for n in range(sites):
+            for m in range(sites):
+                wave = [mp.cos(2 * mp.pi * j * (n - m) / sites) / sites for j in range(sites)]
+                sine = [mp.sin(mp.pi * x) / x if x else mp.pi for x in w]
+                half[n, m] = half[sites + n, sites + m] = sum(
+                    c * mp.cos(mp.pi * x) for c, x in zip(wave, w, strict=True)
+                )
+                half[n, sites + m] = sum(c * s for c, s in zip(wave, sine, strict=True))
+                half[sites + n, m] = -sum(
+                    c * x * mp.sin(mp.pi * x) for c, x in zip(wave, w, strict=True)
+                )
+        kick = mp.eye(2 * sites)
+        k, b = mp.mpf("0.7"), mp.mpf("0.3")
+        kick[0, 0] = kick[sites, sites] = -k
+        kick[sites, 0] = b
+        exact, _ = mp.eig(half * kick)
+    exact = np.array([complex(x) for x in exact])
+    assert apart(half_multipliers(Ring(sites), gamma, 0.7, 0.3), exact) < 1e-14
+
+
+def test_without_coupling_every_idle_site_is_free_and_the_impacting_one_alone():
+    mu = half_multipliers(Ring(5), 0.0, 0.8, 1.1)
+    single = np.linalg.eigvals(dense_half_map(1, 0.0, 0.8, 1.1))
+    assert mu.size == 10
+    np.testing.assert_allclose(np.sort(mu.real), np.sort([*single, *np.ones(8)]), atol=1e-14)
+
+
+@pytest.mark.parametrize("sites", [1600, 1601])
+def test_on_long_rings_trace_determinant_and_eigenvectors_vouch_for_them(sites, b_of):
+    for a, gamma, k in BREATHERS[:6]:
+        b = b_of(a, gamma, k)
+        ring = Ring(sites)
+        mu = half_multipliers(ring, gamma, k, b)
+        assert mu.size == 2 * sites
+        log = np.sum(np.log(mu))  # prod mu = det QS = k^2, positive
+        assert log.real == pytest.approx(2 * math.log(k), abs=1e-11)
+        w = ring.frequencies(gamma)
+        free = 2 * np.sum(np.cos(np.pi * w))
+        at_impact = (-2 * k - 2) * np.mean(np.cos(np.pi * w)) + b * np.mean(np.pi * np.sinc(w))
+        assert np.sum(mu) == pytest.approx(free + at_impact, abs=1e-10)
+        for one in mu[:: sites // 8]:
+            v = eigenvector(ring, gamma, k, b, one)
+            assert np.linalg.norm(apply_half_map(ring, gamma, k, b, v) - one * v) < 1e-10
+        even = np.sort_complex(even_multipliers(ring, gamma, k, b))
+        assert np.abs(np.diff(even)).min() > 1e-9  # no zero is listed twice
+
+
+def test_a_wrong_missing_or_doubled_zero_does_not_pass_the_check():
+    gamma, k, b, ring = 0.11, 0.8, -0.28, Ring(120)
+    right = even_multipliers(ring, gamma, k, b)
+    modes = half_map.modes(gamma, 120)
+    assert half_map._defect(right, modes, k, b) < 1e-12
+    for i in range(0, right.size, 7):
+        wrong = right.copy()
+        wrong[i] += 1e-6
+        assert half_map._defect(wrong, modes, k, b) > half_map.SOUND
+        wrong[i] = right[i - 1]
+        assert half_map._defect(wrong, modes, k, b) > half_map.SOUND
+
+
+def test_if_the_zeros_fail_their_check_the_even_sector_is_solved_dense(monkeypatch, apart):
+    args = (Ring(30), 0.11, 0.8, -0.28)
+    fast = half_multipliers(*args)
+    monkeypatch.setattr(half_map, "_defect", lambda *_: 1.0)
+    assert apart(half_multipliers(*args), fast) < 1e-12
+
+
+@pytest.mark.parametrize("k", [0.8, 0.3, 0.0])
+def test_on_a_bifurcation_the_critical_multiplier_is_there(k):
+    chain, gamma = InfiniteChain(), 0.15
+    pitchfork = (1 + k) ** 2 * chain.psi(gamma) / 2
+    fold = -((1 - k) ** 2) / (2 * chain.chi(gamma)) - (1 + k) ** 2 * chain.eta(gamma) / 2
+    for sites in (61, 200):  # so long that the ring has the means of the infinite chain
+        for b, critical in ((pitchfork, 1.0), (fold, -1.0)):
+            mu = half_multipliers(Ring(sites), gamma, k, b)
+            assert np.abs(mu - critical).min() < 1e-12
+    for nu, b in neimark_sacker(gamma, k):
+        for sites in (50, 400):  # the ring's own waves keep off it by about 1/N
+            mu = half_multipliers(Ring(sites), gamma, k, b)
+            assert np.abs(mu - np.exp(1j * np.pi * nu)).min() < 20 / sites
+
+
+@pytest.mark.parametrize("sites", [1, 2, 3, 8, 41])
+def test_eigenvectors_solve_the_dense_problem(sites):
+    ring = Ring(sites)
+    for gamma, k, b in [(0.11, 0.8, -0.28), (0.1, 0.0, 0.1), (0.0, 0.8, 1.1), (0.1, 1.0, 0.03)]:
+        half = dense_half_map(sites, gamma, k, b)
+        for mu in half_multipliers(ring, gamma, k, b):
+            v = eigenvector(ring, gamma, k, b, mu)
+            assert v.shape == (2 * sites,)
+            assert np.linalg.norm(v) == pytest.approx(1)
+            assert np.linalg.norm(half @ v - mu * v) < 1e-12
+
+
+def test_what_is_no_multiplier_has_no_eigenvector():
+    with pytest.raises(NotConverged, match="no eigenvector"):
+        eigenvector(Ring(10), 0.1, 0.8, 0.3, 0.5 + 0.5j)
+
+
+def test_the_dense_reference_is_the_papers_matrix(paper_matrix):
+    for sites in (1, 2, 3, 8):
+        np.testing.assert_allclose(
+            dense_half_map(sites, 0.17, 0.6, -0.4), paper_matrix(sites, 0.17, 0.6, -0.4), atol=1e-13
+        )
+
+
+def test_the_largest_is_never_inside_where_odd_modes_are_neutral():
+    assert abs(largest(Ring(12), 0.05, 0.3, 0.0)) >= 1
+    assert abs(largest(Ring(1), 0.05, 0.3, 0.0)) < 1
+    with pytest.raises(BadInput, match="restitution"):
+        half_multipliers(Ring(12), 0.1, -0.1, 0.0)

@@ -1,0 +1,79 @@
+"""The isolated multipliers outside the circle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from contbreather.lattice.modes import Ring
+from contbreather.stability import (
+    D,
+    closest_approach,
+    dense_half_map,
+    half_multipliers,
+    neimark_sacker,
+    unstable_count,
+    unstable_multipliers,
+)
+
+FIG_3B = -0.2447945960 + 1.0231123432j
+FIG_4B = 1.0627500064
+
+
+def test_leading_multipliers_of_figures_3b_and_4b(b_of):
+    pair = unstable_multipliers(0.11, 0.8, b_of(0.2, 0.11, 0.8))
+    np.testing.assert_allclose(pair, [FIG_3B, np.conj(FIG_3B)], rtol=0, atol=1e-10)
+    alone = unstable_multipliers(0.045, 0.8, b_of(0.8, 0.045, 0.8))
+    np.testing.assert_allclose(alone, [FIG_4B], rtol=0, atol=1e-10)
+
+
+def test_newton_finds_all_that_the_winding_number_counts_and_each_is_a_zero():
+    rng = np.random.default_rng(7)
+    for _ in range(150):
+        gamma = rng.choice(
+            [rng.uniform(0, 0.25), 10 ** rng.uniform(-12, -1), 0.25 - 10 ** rng.uniform(-8, -1)]
+        )
+        k = rng.choice([rng.uniform(), 0.0, 1.0])
+        b = rng.choice([0.3, 1.5, 30.0]) * rng.normal()
+        mu = unstable_multipliers(gamma, k, b)
+        assert mu.size == unstable_count(gamma, k, b).count
+        assert np.all(np.abs(mu) > 1)
+        assert np.allclose(np.sort_complex(mu), np.sort_complex(mu.conj()), rtol=1e-14, atol=0)
+        if mu.size:
+            nu = np.log(mu) / (1j * np.pi)
+            step = np.abs(D(gamma, nu, k, b)) * 2e-8
+            step /= np.abs(D(gamma, nu + 1e-8, k, b) - D(gamma, nu - 1e-8, k, b))
+            assert step.max() < 1e-12
+
+
+def test_far_from_the_circle_a_dense_ring_has_the_same_multipliers():
+    rng = np.random.default_rng(8)
+    seen = 0
+    while seen < 15:
+        gamma, k, b = rng.uniform(0, 0.24), rng.uniform(), rng.normal() * 3
+        mu = unstable_multipliers(gamma, k, b)
+        mu = mu[np.abs(mu) > 1.6]  # 1.6^-60 < 1e-12
+        dense = np.linalg.eigvals(dense_half_map(60, gamma, k, b))
+        for one in mu:
+            assert np.abs(dense - one).min() < 1e-10 * abs(one)
+        seen += mu.size > 0
+
+
+def test_on_a_ring_they_are_those_of_the_half_map():
+    ring, args = Ring(50), (0.12, 0.8, -0.4)
+    every = half_multipliers(ring, *args)
+    for radius in (1.01, 1.1):
+        mu = unstable_multipliers(*args, ring, radius=radius)
+        assert mu.size == np.sum(np.abs(every) > radius)
+        assert mu.size == unstable_count(*args, ring, radius=radius).count
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.12, 0.8), (0.2, 0.4), (0.24, 0.1), (0.05, 0.95)])
+def test_the_closest_approach_points_at_the_neimark_sacker_angle(gamma, k):
+    for point in neimark_sacker(gamma, k):
+        at = closest_approach(gamma, k, point.b)
+        assert at.nu == pytest.approx(point.nu, abs=1e-9)
+        assert at.distance < 1e-9
+        near = closest_approach(gamma, k, point.b + 1e-3)
+        assert near.nu == pytest.approx(point.nu, abs=0.02)
+        assert near.distance < 0.01

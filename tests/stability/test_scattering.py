@@ -1,0 +1,125 @@
+"""Waves come back amplified or not, and what long rings make of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contbreather.errors import BadInput
+from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.stability import (
+    D,
+    even_multipliers,
+    half_multipliers,
+    neimark_sacker,
+    over_reflection,
+    over_reflects,
+    scattering,
+)
+
+
+def inside_limit(gamma: float, nu: float, k: float, b: float) -> complex:
+    """D on the arc from |mu| < 1, by Richardson extrapolation in the distance."""
+    h = np.array([1e-3, 2e-3, 4e-3, 8e-3, 16e-3])
+    values = D(gamma, nu + 1j * h, k, b)
+    return complex(np.polynomial.polynomial.polyfit(h, values, 4)[0])
+
+
+@pytest.mark.parametrize(
+    ("gamma", "k", "b"), [(0.08, 0.8, 0.468), (0.2, 0.4, -0.7), (0.1, 0.0, 0.1)]
+)
+def test_S_is_D_from_inside_over_D_from_outside(gamma, k, b):
+    for part in (0.3, 0.5, 0.8):
+        nu = 2 * math.sqrt(gamma) * part
+        expected = inside_limit(gamma, nu, k, b) / complex(D(gamma, nu, k, b))
+        assert complex(scattering(gamma, nu, k, b)) == pytest.approx(expected, rel=1e-7)
+
+
+def test_without_dissipation_nothing_is_lost_or_won():
+    nu = 2 * math.sqrt(0.1) * np.linspace(0.01, 0.99, 50)
+    for b in (-1.0, 0.03, 0.7):
+        np.testing.assert_allclose(np.abs(scattering(0.1, nu, 1.0, b)), 1.0, atol=1e-13)
+        assert not over_reflection(0.1, 1.0, b).over_reflecting
+
+
+def test_a_wave_once_round_the_ring_closes_on_itself(b_of):
+    # exp(i N theta) = S next to the arc: the ring's multipliers by another equation
+    gamma, k, sites = 0.08, 0.8, 4000
+    b = b_of(0.5, gamma, k)
+    mu = even_multipliers(Ring(sites), gamma, k, b)
+    nu = np.log(mu[(mu.imag > 0.1) & (np.abs(np.abs(mu) - 1) < 0.01)]) / (1j * np.pi)
+    nu = nu[nu.real < 2 * math.sqrt(gamma) - 0.01]
+    theta = 2 * np.arcsin(nu / (2 * math.sqrt(gamma)))
+    assert nu.size > 1500
+    size = np.exp(-sites * theta.imag)
+    np.testing.assert_allclose(size, np.abs(scattering(gamma, nu.real, k, b)), rtol=0.02)
+
+
+def test_the_example_of_theory(b_of):
+    worst = over_reflection(0.08, 0.8, b_of(0.5, 0.08, 0.8))
+    assert worst.over_reflecting
+    assert worst.gain == pytest.approx(1.25696, abs=1e-5)
+    assert worst.nu == pytest.approx(0.3685, abs=1e-4)
+    assert worst.growth == pytest.approx(0.8488, abs=5e-5)
+    for sites, growth in ((160, 0.8165), (320, 0.8335)):
+        mu = half_multipliers(Ring(sites), 0.08, 0.8, b_of(0.5, 0.08, 0.8))
+        assert sites * (np.abs(mu).max() - 1) == pytest.approx(growth, abs=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("gamma", "k", "b"), [(0.08, 0.8, 0.468), (0.2, 0.4, -0.7), (0.03, 0.6, 0.3)]
+)
+def test_long_rings_grow_as_the_largest_gain_says(gamma, k, b):
+    worst = over_reflection(gamma, k, b)
+    scaled = []
+    for sites in (20000, 40000):
+        size = np.abs(half_multipliers(Ring(sites), gamma, k, b))
+        scaled.append(sites * (size[size < 1.01].max() - 1))
+    assert 2 * scaled[1] - scaled[0] == pytest.approx(worst.growth, rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("gamma", [1e-6, 0.02, 0.0965, 0.12, 0.24])
+@pytest.mark.parametrize("k", [0.3, 0.8, 0.999])
+def test_the_maxima_are_those_of_a_very_fine_grid(gamma, k):
+    edge = 2 * math.sqrt(gamma)
+    alpha = np.linspace(0, np.pi / 2, 20001)[1:-1]
+    for b in (-0.8, -0.12, 0.1, 0.3):
+        worst = over_reflection(gamma, k, b)
+        log = np.log(np.abs(scattering(gamma, edge * np.sin(alpha), k, b)))
+        growth = np.pi * math.sqrt(gamma) * np.cos(alpha) * log
+        if not worst.over_reflecting:
+            assert log.max() < 1e-12
+            continue
+        for found, fine in ((worst.gain, log), (worst.growth, growth)):
+            missed = np.abs(np.diff(fine, 2)).max() / 8  # between nodes, by the fine grid
+            assert -1e-12 <= found - fine.max() <= 1.1 * missed + 1e-12
+
+
+def test_at_a_neimark_sacker_point_S_has_a_pole():
+    nu, b = neimark_sacker(0.12, 0.8)[1]
+    worst = over_reflection(0.12, 0.8, b)
+    assert worst.nu == pytest.approx(nu, abs=1e-7)
+    assert 25 < worst.gain < 50  # as large as rounding allows, yet a number
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.05, 0.8), (0.15, 0.5), (0.2, 0.1)])
+def test_where_nothing_is_amplified_no_ring_is_unstable_through_its_band(gamma, k):
+    chain = InfiniteChain()
+    pitchfork = (1 + k) ** 2 * chain.psi(gamma) / 2
+    b = np.linspace(pitchfork - 2, pitchfork - 1e-6, 4001)
+    flags = np.array([over_reflects(gamma, k, x) for x in b])
+    threshold = b[np.flatnonzero(flags)[-1]]
+    assert not flags[b > threshold].any()
+    quiet, loud = threshold + 0.3 * (pitchfork - threshold), threshold - 0.05
+    for sites in (3, 10, 41, 200, 1000):
+        assert np.abs(half_multipliers(Ring(sites), gamma, k, quiet)).max() < 1 + 1e-13
+    assert np.abs(half_multipliers(Ring(1000), gamma, k, loud)).max() > 1 + 1e-7
+
+
+def test_no_waves_without_coupling_and_none_outside_the_band():
+    assert not over_reflection(0.0, 0.8, 0.3).over_reflecting
+    for nu in (0.0, 0.7, -0.1, math.nan):
+        with pytest.raises(BadInput, match="band"):
+            scattering(0.1, nu, 0.8, 0.3)

@@ -1,0 +1,108 @@
+"""A verdict names its chain and its threshold."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from contbreather.errors import BadInput
+from contbreather.lattice.modes import Ring
+from contbreather.stability import (
+    half_multipliers,
+    neimark_sacker,
+    saltation,
+    saltation_entry,
+    stability,
+)
+
+
+@pytest.mark.parametrize(("sites", "gamma"), [(200, 0.0824), (400, 0.0916), (800, 0.0969)])
+def test_the_papers_rule_is_about_multipliers_over_the_whole_period(sites, gamma, b_of):
+    def excess(coupling: float) -> float:
+        verdict = stability(coupling, 0.8, b_of(0.2, coupling, 0.8), sites=sites)
+        assert verdict.stable == (verdict.largest <= 1.005)
+        return verdict.largest - 1.005
+
+    assert brentq(excess, 0.07, 0.11) == pytest.approx(gamma, abs=5e-5)
+
+
+def test_the_infinite_chain_has_a_sharp_line_that_does_not_depend_on_sites(b_of):
+    below, above = (stability(g, 0.8, b_of(0.2, g, 0.8)) for g in (0.0969709, 0.0969710))
+    assert below.stable
+    assert below.over_reflecting
+    assert above.unstable == 2
+    assert above.multipliers.size == 2
+    assert np.abs(above.multipliers).min() > 1
+
+
+def test_figures_3_and_4_of_the_paper(b_of):
+    for a, gamma, unstable in [(0.2, 0.11, 2), (0.8, 0.05, 0), (0.8, 0.045, 1)]:
+        b = b_of(a, gamma, 0.8)
+        assert stability(gamma, 0.8, b).unstable == unstable
+        ring = stability(gamma, 0.8, b, sites=400)
+        assert (ring.unstable > 0) == (unstable > 0)
+        full = half_multipliers(Ring(400), gamma, 0.8, b) ** 2
+        assert ring.largest == pytest.approx(np.abs(full).max(), rel=1e-14)
+        assert ring.unstable == np.sum(np.abs(full) > 1.005) == ring.multipliers.size
+    assert ring.largest == pytest.approx(1.0627500064**2, rel=1e-9)  # 4b quotes QS, not its square
+
+
+def test_a_verdict_says_what_it_is_about():
+    chain = stability(0.11, 0.8, -0.28657)
+    assert "infinite chain: unstable, 2 multipliers of QS" in repr(chain)
+    assert "infinite chain: stable" in stability(0.08, 0.8, 0.468).describe()
+    assert "amplified" in stability(0.08, 0.8, 0.468).describe()
+    ring = stability(0.11, 0.8, -0.28657, sites=400, threshold=1.01)
+    assert "ring of 400 sites: unstable" in repr(ring)
+    assert "1.01" in repr(ring)
+    assert repr(stability(0.05, 0.8, 0.9, Ring(100))).startswith("<ring of 100 sites: stable")
+    nu, b = neimark_sacker(0.12, 0.8)[0]
+    assert f"rounding, at the angle {nu:.6g} pi" in stability(0.12, 0.8, b).describe()
+
+
+def test_short_rings_have_no_neutral_modes_to_stop_at():
+    assert stability(0.1, 0.3, 0.1, sites=1).largest < 1
+    assert stability(0.1, 0.3, 0.35, sites=3).largest == 1.0
+
+
+def test_bad_input_is_refused_with_a_reason():
+    for threshold in (1.0, 0.5, math.inf, math.nan):
+        with pytest.raises(BadInput, match="threshold"):
+            stability(0.1, 0.8, 0.1, sites=40, threshold=threshold)
+    for sites in (0, -3, 2.5):
+        with pytest.raises(BadInput, match="sites"):
+            stability(0.1, 0.8, 0.1, sites=sites)
+    with pytest.raises(BadInput, match="gamma"):
+        stability(0.25, 0.8, 0.1)
+    with pytest.raises(BadInput, match="finite"):
+        stability(0.1, 0.8, math.inf, sites=10)
+
+
+def bounced(u: float, v: float, acceleration: float, wall: float, k: float, time: float):
+    """State at `time` of a mass under constant acceleration that meets a wall once before."""
+    root = math.sqrt(v * v + 2 * acceleration * (wall - u))
+    hit = 2 * (wall - u) / (v + root)
+    after = -k * root
+    rest = time - hit
+    return np.array([wall + after * rest + acceleration * rest**2 / 2, after + acceleration * rest])
+
+
+def test_the_saltation_block_is_the_derivative_of_a_flight_through_an_impact():
+    acceleration, k, time = -0.4, 0.7, 0.5
+    start = np.array([0.7, 1.5])
+    h, columns = 1e-4, []
+    for direction in np.eye(2):
+        f = [
+            bounced(*(start + m * h * direction), acceleration, 1.0, k, time)
+            for m in (-2, -1, 1, 2)
+        ]
+        columns.append((f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h))
+    w_minus = math.sqrt(1.5**2 + 2 * acceleration * 0.3)
+    hit = (w_minus - 1.5) / acceleration
+    before, after = (np.array([[1.0, t], [0.0, 1.0]]) for t in (hit, time - hit))
+    block = saltation(k, saltation_entry(acceleration, w_minus, k))
+    np.testing.assert_allclose(np.array(columns).T, after @ block @ before, atol=1e-10)
+    assert np.linalg.det(block) == pytest.approx(k * k)

@@ -1,0 +1,159 @@
+"""The number of multipliers outside the circle, against everything else that can count."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contbreather.errors import BadInput
+from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.stability import (
+    D_slope,
+    dense_half_map,
+    neimark_sacker,
+    over_reflection,
+    unstable_count,
+    unstable_multipliers,
+)
+
+CHAIN = InfiniteChain()
+
+
+def fold_b(gamma: float, k: float) -> float:
+    """Where D(-1) = 0."""
+    return -((1 - k) ** 2) / (2 * CHAIN.chi(gamma)) - (1 + k) ** 2 * CHAIN.eta(gamma) / 2
+
+
+def pitchfork_b(gamma: float, k: float) -> float:
+    return (1 + k) ** 2 * CHAIN.psi(gamma) / 2
+
+
+def test_without_coupling_the_count_is_that_of_the_single_oscillator():
+    rng = np.random.default_rng(0)
+    for _ in range(400):
+        k, b = rng.uniform(), rng.normal() * 2
+        single = np.abs(np.linalg.eigvals(dense_half_map(1, 0.0, k, b)))
+        if abs(single.max() - 1) > 1e-9:
+            assert unstable_count(0.0, k, b).count == np.sum(single > 1)
+
+
+def test_tiny_coupling_does_not_change_the_count():
+    for k, b in [(0.8, 1.1), (0.8, 0.5), (0.3, -3.0), (1.0, 0.2), (0.0, 0.9)]:
+        assert unstable_count(1e-14, k, b).count == unstable_count(0.0, k, b).count
+
+
+def zeros_by_integral(gamma: float, k: float, b: float, radius: float) -> float:
+    """(1/2 pi i) times the integral of D'/D over a whole circle outside, by 16384 points."""
+    nu = 2 * (np.arange(16384) + 0.5) / 16384 - 1 - 1j * math.log(radius) / math.pi
+    value, slope = D_slope(gamma, nu, k, b)
+    return float(-np.mean(slope / value).imag / math.pi)
+
+
+def test_the_count_on_the_circle_is_the_argument_integral_beside_it():
+    rng = np.random.default_rng(1)
+    compared = 0
+    while compared < 60:
+        gamma = rng.choice([rng.uniform(0, 0.25), 0.25 - 10 ** rng.uniform(-5, -1)])
+        k, b = rng.choice([rng.uniform(), 0.0, 1.0]), rng.choice([1.0, 8.0]) * rng.normal()
+        beside = zeros_by_integral(gamma, k, b, 1.01)
+        if abs(beside - zeros_by_integral(gamma, k, b, 1.03)) > 1e-3:
+            continue  # a zero between, or too close for the integral
+        mu = unstable_multipliers(gamma, k, b)
+        if np.any(np.abs(mu) < 1.03):
+            continue
+        assert beside == pytest.approx(unstable_count(gamma, k, b).count, abs=1e-6)
+        compared += 1
+
+
+def test_a_long_dense_ring_has_as_many_unstable_multipliers_where_its_band_is_clear():
+    rng = np.random.default_rng(3)
+    counts = []
+    while len(counts) < 24:
+        gamma, k, b = rng.uniform(0.01, 0.2), rng.uniform(0.3, 1.0), rng.normal()
+        mu = unstable_multipliers(gamma, k, b)
+        band = over_reflection(gamma, k, b).growth / 60
+        if np.any(np.abs(mu) < 1.15) or band > 0.04:
+            continue
+        dense = np.abs(np.linalg.eigvals(dense_half_map(60, gamma, k, b)))
+        counts.append(unstable_count(gamma, k, b).count)
+        assert np.sum(dense > 1.1) == counts[-1]
+    assert {0, 1, 2} <= set(counts)
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.12, 0.8), (0.2, 0.4), (0.05, 0.95), (0.24, 0.3)])
+def test_the_count_changes_by_two_at_a_neimark_sacker_point_and_by_one_on_the_real_axis(gamma, k):
+    jumps = {point.b: 2 for point in neimark_sacker(gamma, k)}
+    assert len(jumps) == 2
+    jumps |= {fold_b(gamma, k): 1, pitchfork_b(gamma, k): 1}
+    for b, jump in jumps.items():
+        below, above = (unstable_count(gamma, k, b + step) for step in (-1e-9, 1e-9))
+        assert abs(below.count - above.count) == jump
+        assert abs(below.pairs - above.pairs) == (jump == 2)
+        assert below.certain
+        assert above.certain
+    edges = sorted(jumps)
+    for low, high in zip([edges[0] - 5, *edges], [*edges, edges[-1] + 5], strict=True):
+        inside = np.linspace(low, high, 40)[1:-1]
+        assert len({unstable_count(gamma, k, b).count for b in inside}) == 1
+
+
+def test_on_a_bifurcation_the_count_says_that_it_is_not_certain_and_where():
+    point = neimark_sacker(0.12, 0.8)[1]
+    at = unstable_count(0.12, 0.8, point.b)
+    assert not at.certain
+    assert at.nu == pytest.approx(point.nu, abs=1e-10)
+    assert unstable_count(0.12, 0.8, pitchfork_b(0.12, 0.8)).nu == 0.0
+    assert not unstable_count(0.12, 0.8, fold_b(0.12, 0.8)).certain
+    assert unstable_count(0.12, 0.8, fold_b(0.12, 0.8)).nu == 1.0
+
+
+def test_without_dissipation_neutral_multipliers_are_not_outside():
+    rng = np.random.default_rng(4)
+    for _ in range(60):
+        gamma, b = rng.uniform(0.001, 0.24), rng.normal()
+        count = unstable_count(gamma, 1.0, b).count
+        assert count == unstable_count(gamma, 1.0, b, radius=1 + 1e-6).count
+
+
+def test_nearly_elastic_impacts_can_bring_a_neutral_multiplier_out():
+    # at k = 1 two multipliers sit between the band and -1; less than 1 brings one pair out
+    gamma, b = 0.0786466119116157, -0.06944721779417279
+    assert unstable_count(gamma, 1.0, b).count == 0
+    assert unstable_count(gamma, 1.0 - 1e-6, b).count == 2
+    assert np.all(np.abs(unstable_multipliers(gamma, 1.0 - 1e-6, b)) > 1)
+
+
+def test_a_ring_is_counted_outside_its_band_like_its_dense_matrix():
+    rng = np.random.default_rng(5)
+    for sites in (1, 2, 3, 8, 41):
+        for _ in range(12):
+            gamma, k, b = rng.uniform(0, 0.25), rng.uniform(), rng.normal() * 2
+            dense = np.abs(np.linalg.eigvals(dense_half_map(sites, gamma, k, b)))
+            for radius in (math.sqrt(1.005), 1.05, 1.5):
+                if np.abs(dense - radius).min() > 1e-9:
+                    count = unstable_count(gamma, k, b, Ring(sites), radius=radius)
+                    assert count.count == np.sum(dense > radius)
+
+
+@pytest.mark.parametrize("gamma", [0.2499999, 0.25 - 1e-12, 1e-300, 5e-324])
+def test_the_rim_of_the_domain_has_an_answer(gamma):
+    for k in (0.0, 0.5, 1.0):
+        for b in (-30.0, -0.5, 0.0, 0.3, 30.0):
+            count = unstable_count(gamma, k, b)
+            assert count.count in (0, 1, 2, 3)
+            assert math.isfinite(count.distance)
+
+
+def test_bad_input_is_refused_with_a_reason():
+    with pytest.raises(BadInput, match="gamma"):
+        unstable_count(0.3, 0.8, 0.1)
+    with pytest.raises(BadInput, match="restitution"):
+        unstable_count(0.1, 1.2, 0.1)
+    with pytest.raises(BadInput, match="finite"):
+        unstable_count(0.1, 0.8, math.nan)
+    with pytest.raises(BadInput, match="radius"):
+        unstable_count(0.1, 0.8, 0.1, radius=0.9)
+    with pytest.raises(BadInput, match="band on that circle"):
+        unstable_count(0.1, 0.8, 0.1, Ring(40))
