@@ -14,10 +14,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test compares the two
     from contbreather.breathers import Breather as Breather
+    from contbreather.breathers import Zones as Zones
+    from contbreather.breathers import grazing as grazing
+    from contbreather.breathers import neimark_sacker as neimark_sacker
+    from contbreather.breathers import pitchfork as pitchfork
     from contbreather.breathers import symmetric as symmetric
     from contbreather.breathers import symmetric_roots as symmetric_roots
-    from contbreather.breathers.zones import Zones as Zones
-    from contbreather.breathers.zones import zones as zones
+    from contbreather.breathers import zones as zones
     from contbreather.continuation import Branch as Branch
     from contbreather.continuation import Event as Event
     from contbreather.continuation import Point as Point
@@ -48,9 +51,12 @@ __version__ = "0.1.0"
 _HOME = {
     "Breather": "contbreather.breathers",
     "symmetric": "contbreather.breathers",
+    "Zones": "contbreather.breathers",
+    "grazing": "contbreather.breathers",
+    "neimark_sacker": "contbreather.breathers",
+    "pitchfork": "contbreather.breathers",
+    "zones": "contbreather.breathers",
     "symmetric_roots": "contbreather.breathers",
-    "zones": "contbreather.breathers.zones",
-    "Zones": "contbreather.breathers.zones",
     "InfiniteChain": "contbreather.lattice",
     "Ring": "contbreather.lattice",
     "Harmonic": "contbreather.lattice",
