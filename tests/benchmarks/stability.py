@@ -96,7 +96,7 @@ def row_growth() -> Row:
 
 
 def rows(long: bool) -> list[Row]:
-    paper = baseline(400, repeat=3)
+    paper = baseline(400, repeat=5)
     table = [Row("the paper's route, N = 400", span(paper), "baseline of the rows below")]
     table += [*rows_at_400(paper), row_growth()]
     if long:
