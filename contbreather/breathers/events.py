@@ -22,6 +22,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.arc import on_arc
 from contbreather.stability.characteristic import D
+from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.winding import resolved_arc, unstable_count
 
 Array = NDArray[np.float64]
@@ -91,7 +92,7 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
         )
     return Event(
         "NS",
-        _on_breather(lambda breather: _ring_pairs(breather, on, threshold)),
+        _on_breather(lambda breather: _any_beyond(breather, on, threshold)),
         locus=lambda point: _circle_locus(point, on, threshold),
     )
 
@@ -253,33 +254,33 @@ def _verify_angle(point: Point) -> str:
 # --- Neimark-Sacker by the paper's rule on a ring -----------------------------------------------
 
 
-def _ring_pairs(breather: Breather, ring: Ring, threshold: float) -> int:
-    """Complex pairs of QS on the ring outside ``sqrt(threshold)``: (QS)^2 beyond the threshold."""
-    gamma, k, b = breather.gamma, breather.k, breather.b
-    count = unstable_count(gamma, k, b, ring, radius=math.sqrt(threshold)).count
-    ends = D(gamma, np.array([0.0, 1.0]) + 1j * _depth(threshold), k, b, ring).real
-    return int(count - np.count_nonzero(ends < 0)) // 2
+def _any_beyond(breather: Breather, ring: Ring, threshold: float) -> bool:
+    """Whether a complex pair of (QS)^2 on the ring is beyond the threshold; many follow the first,
+    one of the ring's waves after the other, and tell nothing new."""
+    return bool((abs(_upper(breather, ring)) ** 2 > threshold).any())
 
 
-def _depth(threshold: float) -> float:
-    """Im nu of the circle ``|exp(i pi nu)|^2 = threshold``."""
-    return -0.5 * math.log(threshold) / math.pi
+def _upper(breather: Breather, ring: Ring) -> NDArray[np.complex128]:
+    """Multipliers of QS in the open upper half plane; those of odd modes never leave the circle."""
+    mu = even_multipliers(ring, breather.gamma, breather.k, breather.b)
+    return np.asarray(mu[mu.imag > _ZERO])
 
 
 def _circle_locus(point: Point, ring: Ring, threshold: float) -> Locus:
-    """A multiplier of the ring on the circle of the threshold."""
-    depth = 1j * _depth(threshold)
+    """A multiplier of the ring on the circle of the threshold, at an unknown angle."""
+    radius = math.sqrt(threshold)
+    depth = -1j * math.log(radius) / math.pi  # mu = exp(i pi (nu + depth)) has this modulus
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
         breather = _breather(curve, z)
         value = complex(D(breather.gamma, extra[0] + depth, breather.k, breather.b, ring))
         return np.array([value.real, value.imag])
 
-    breather: Breather = point.solution
-    nu = np.linspace(0.0, 1.0, 16 * ring.sites + 1)[1:-1]
-    value = D(breather.gamma, nu + depth, breather.k, breather.b, ring)
-    nearest = int(abs(value / np.gradient(value, nu)).argmin())
-    return Locus({"nu": float(nu[nearest])}, conditions)
+    mu = _upper(point.solution, ring)
+    if not mu.size:
+        raise Undefined("no complex multipliers on this ring")
+    nearest = mu[abs(mu).argmax()]
+    return Locus({"nu": float(np.angle(nearest)) / math.pi}, conditions)
 
 
 # --- grazing --------------------------------------------------------------------------------------

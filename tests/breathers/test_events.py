@@ -1,0 +1,232 @@
+"""Events of the symmetric breather: found where they are, on any branch, at any step size."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import contbreather as cb
+from contbreather.stability import G, dense_half_map, neimark_sacker, unstable_count
+
+CHAIN = cb.InfiniteChain()
+
+
+def kinds(branch: cb.Branch) -> list[str]:
+    return [point.kind for point in branch.special]
+
+
+def only(branch: cb.Branch, *wanted: str) -> list[cb.Point]:
+    return [point for point in branch.special if point.kind in wanted]
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.04, 0.1, 0.2])
+@pytest.mark.parametrize("k", [0.4, 0.8])
+def test_fold_is_the_closed_form_14(gamma: float, k: float) -> None:
+    q, chi = (1 - k) / (1 + k), CHAIN.chi(gamma)
+    low = q / math.hypot(chi, q)
+    branch = cb.trace(cb.symmetric(1.2 * low, gamma, k), "a", within={"a": (0, 1.5 * low)})
+    fold = branch.first("LP")
+    assert fold["a"] == pytest.approx(low, rel=1e-13)
+    assert fold["p"] == pytest.approx(chi / (chi**2 + q**2), rel=1e-10)
+    assert fold.residual < 1e-14
+
+
+def test_fold_is_where_the_half_map_has_multiplier_minus_one() -> None:
+    def distance(breather: cb.Breather) -> float:
+        half = dense_half_map(40, breather.gamma, breather.k, breather.b)
+        return float(abs(np.linalg.eigvals(half) + 1).min())
+
+    fold = cb.trace(cb.symmetric(0.1, 0.1, 0.8), "a", within={"a": (0, 0.2)}).first("LP")
+    assert distance(fold.solution) < 1e-10
+    assert distance(cb.symmetric(0.1, 0.1, 0.8)) > 1e-3
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.04, 0.8), (0.07, 0.95), (0.03, 0.4)])
+def test_pitchfork_is_the_closed_form(gamma: float, k: float) -> None:
+    q, sigma, chi = (1 - k) / (1 + k), CHAIN.sigma(gamma), CHAIN.chi(gamma)
+    branch = cb.trace(cb.symmetric(0.6, gamma, k), "a")
+    point = branch.first("PF")
+    p = 1 / (chi - 2 * sigma)
+    assert point["p"] == pytest.approx(p, rel=1e-12)
+    assert point["a"] == pytest.approx(p * math.sqrt(q**2 + 4 * sigma**2), rel=1e-12)
+
+
+def test_known_pitchforks() -> None:
+    branch = cb.trace(cb.symmetric(0.6, 0.04, 0.8), "a")
+    assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-12)
+    across = cb.trace(cb.symmetric(0.8, 0.06, 0.8), "gamma")
+    assert across.first("PF")["gamma"] == pytest.approx(0.0486486224, abs=1e-10)
+    alone = cb.trace(cb.symmetric(0.5, 0.0, 0.8), "a").first("PF")
+    q = 0.2 / 1.8
+    assert alone["a"] == pytest.approx(2 * math.sqrt(4 + (math.pi * q) ** 2) / (math.pi**2 - 4))
+
+
+def test_pitchfork_is_where_the_half_map_has_multiplier_one() -> None:
+    def distance(breather: cb.Breather) -> float:
+        half = dense_half_map(40, breather.gamma, breather.k, breather.b)
+        return float(abs(np.linalg.eigvals(half) - 1).min())
+
+    point = cb.trace(cb.symmetric(0.6, 0.04, 0.8), "a").first("PF")
+    assert distance(point.solution) < 1e-12
+    assert distance(cb.symmetric(point["a"] - 0.05, 0.04, 0.8)) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("a", "k", "gamma", "tolerance"),
+    [(0.2, 0.8, 0.0969709, 5e-8), (0.5, 0.8, 0.1144314, 5e-8), (0.2, 0.4, 0.1763913, 5e-8)],
+)
+def test_neimark_sacker_points_of_the_infinite_chain(
+    a: float, k: float, gamma: float, tolerance: float
+) -> None:
+    branch = cb.trace(cb.symmetric(a, gamma - 0.01, k), "gamma", towards="up")
+    (point,) = only(branch, "NS")
+    assert point["gamma"] == pytest.approx(gamma, abs=tolerance)
+    # second road: D itself, from lattice sums just outside the circle
+    breather = point.solution
+    c = 1 + k
+    g = G(breather.gamma, point.detail["nu"] - 1e-9j)
+    first = 1 - c * g[0, 0]
+    assert abs(first * (1 - c * g[1, 1]) + g[0, 1] * (breather.b - c * c * g[1, 0])) < 1e-6
+    # third road: the angle equation of the arc, with b explicit, solved for this a
+    roots = neimark_sacker(breather.gamma, k)
+    assert min(abs(root.b - breather.b) for root in roots) < 1e-9
+
+
+def test_angle_of_the_theory_notes() -> None:
+    branch = cb.trace(cb.symmetric(0.2, 0.08, 0.8), "gamma")
+    assert branch.first("NS").detail["nu"] == pytest.approx(0.5581, abs=5e-5)
+
+
+@pytest.mark.parametrize("largest", [0.003, 0.02, 0.1, 0.7])
+@pytest.mark.parametrize("first", [0.001, 0.05])
+def test_one_neimark_sacker_and_no_other_event_whatever_the_step(
+    largest: float, first: float
+) -> None:
+    steps = cb.Steps(first=min(first, largest), largest=largest)
+    branch = cb.trace(cb.symmetric(0.2, 0.05, 0.8), "gamma", steps=steps)
+    assert kinds(branch) == ["EP", "NS", "GR"]
+    assert branch.doubtful == ()
+    assert branch.first("NS")["gamma"] == pytest.approx(0.09697094661, abs=1e-10)
+    assert branch.first("GR")["gamma"] == pytest.approx(0.2419588395, abs=1e-9)
+
+
+def test_branch_in_a_meets_both_sides_of_the_neimark_sacker_line() -> None:
+    branch = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a")
+    assert kinds(branch) == ["GR", "LP", "NS", "NS", "GR"]
+    unstable = branch["unstable"]
+    between = (branch["a"] > 0.163) & (branch["a"] < 0.370) & (branch["p"] > 0.52)
+    assert (unstable[between] == 2).all()
+    assert branch.special[-1]["a"] == pytest.approx(0.806417833236, abs=1e-12)
+    assert branch.first("LP")["a"] == pytest.approx(0.057029037182, abs=1e-12)
+
+
+def test_branch_in_k_finds_the_same_neimark_sacker_point() -> None:
+    in_k = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "k").first("NS")
+    in_a = cb.trace(cb.symmetric(0.5, 0.1, in_k["k"]), "a")
+    assert min(abs(point["a"] - 0.5) for point in only(in_a, "NS")) < 1e-9
+
+
+def test_grazing_is_where_the_neighbour_just_touches() -> None:
+    point = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a", towards="up").first("GR")
+    t = np.linspace(0, 2 * math.pi, 200001)
+    assert abs(point.solution.displacement(1, t)).max() == pytest.approx(1, abs=1e-10)
+    assert point.solution.velocity(1, point.detail["t"]) == pytest.approx(0, abs=1e-12)
+    inside = cb.symmetric(point["a"] - 1e-6, 0.1, 0.8)
+    beyond = cb.symmetric(point["a"] + 1e-6, 0.1, 0.8)
+    assert inside.admissibility().ok
+    assert not beyond.admissibility().ok
+
+
+def test_site_zero_grazes_between_its_impacts_for_small_k() -> None:
+    branch = cb.trace(cb.symmetric(0.7, 0.0, 0.03), "a", towards="up")
+    point = branch.first("GR")
+    assert point.solution.admissibility().site == 0
+    s = np.linspace(1e-3, math.pi - 1e-3, 100001)
+    u = point.solution.displacement(0, point["phi"] + s)
+    assert u.max() == pytest.approx(1, abs=1e-9)
+
+
+def test_a_start_beyond_grazing_is_refused() -> None:
+    with pytest.raises(cb.BadInput, match="beyond GR"):
+        cb.trace(cb.symmetric(0.9, 0.1, 0.8), "a")
+
+
+def test_nothing_happens_where_nothing_happens() -> None:
+    branch = cb.trace(cb.symmetric(0.3, 0.05, 0.8), "a", within={"a": (0.1, 0.6)}, towards="up")
+    assert kinds(branch) == ["EP", "EP"]
+    assert (branch["unstable"] == 0).all()
+
+
+def test_the_paper_rule_moves_with_the_ring() -> None:
+    found = {}
+    for sites in (200, 400, 800):
+        event = cb.neimark_sacker(on=cb.Ring(sites), threshold=1.005)
+        start = cb.symmetric(0.2, 0.07, 0.8)
+        branch = cb.trace(
+            start, "gamma", events=[event], towards="up", within={"gamma": (0, 0.1)},
+            steps=cb.Steps(first=0.002, largest=0.004),
+        )
+        found[sites] = branch.first("NS")["gamma"]
+    assert found[200] == pytest.approx(0.0824, abs=1e-4)
+    assert found[400] == pytest.approx(0.0916, abs=1e-4)
+    assert found[800] == pytest.approx(0.0969, abs=1e-4)
+
+
+def test_ring_rule_agrees_with_all_multipliers() -> None:
+    event = cb.neimark_sacker(on=cb.Ring(200), threshold=1.005)
+    start = cb.symmetric(0.2, 0.08, 0.8)
+    point = cb.trace(
+        start, "gamma", events=[event], towards="up", within={"gamma": (0, 0.09)}
+    ).first("NS")
+    largest = abs(point.solution.multipliers(sites=200)).max()
+    assert largest == pytest.approx(1.005, abs=1e-10)
+
+
+def test_a_threshold_on_a_ring_must_exceed_one() -> None:
+    with pytest.raises(cb.BadInput, match="above 1"):
+        cb.neimark_sacker(on=cb.Ring(10), threshold=1.0)
+
+
+@pytest.mark.parametrize("name", ["c1", "c3"])
+def test_parameters_of_the_forcing_are_continued_like_any_other(name: str) -> None:
+    forcing = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
+    start = cb.symmetric(0.3, 0.05, 0.8, forcing=forcing)
+    value = start.problem.params[name]
+    branch = cb.trace(start, name, within={name: (value - 0.2, value + 0.2)}, towards="up")
+    last = branch[-1].solution
+    assert last.residual < 1e-14
+    again = cb.symmetric(0.3, 0.05, 0.8, forcing=last.forcing)
+    assert again.p == pytest.approx(last.p, rel=1e-12)
+
+
+def test_ring_branches_know_their_own_lattice() -> None:
+    ring = cb.Ring(6)
+    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8, lattice=ring), "a", towards="up")
+    q, sigma, chi = 0.2 / 1.8, ring.sigma(0.04), ring.chi(0.04)
+    p = 1 / (chi - 2 * sigma)
+    assert branch.first("PF")["a"] == pytest.approx(p * math.sqrt(q**2 + 4 * sigma**2), rel=1e-12)
+
+
+def test_counts_along_a_branch_change_only_at_its_events() -> None:
+    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", steps=cb.Steps(largest=0.02))
+    a, count, p = branch["a"], branch["unstable"], branch["p"]
+    fold, pitchfork = branch.first("LP"), branch.first("PF")
+    upper = p > fold["p"] + 1e-6
+    assert (count[upper & (a < pitchfork["a"] - 1e-6)] == 0).all()
+    assert (count[upper & (a > pitchfork["a"] + 1e-6)] == 1).all()
+    assert (count[p < fold["p"] - 1e-6] >= 1).all()
+
+
+def test_neimark_sacker_by_bisection_of_the_winding_number() -> None:
+    """The located point against plain bisection on the count, which knows no locus."""
+
+    def side(gamma: float) -> float:
+        b = cb.symmetric(0.5, gamma, 0.8).b
+        return unstable_count(gamma, 0.8, b).count - 1.0
+
+    gamma = brentq(side, 0.10, 0.12, xtol=1e-11)
+    point = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "gamma").first("NS")
+    assert point["gamma"] == pytest.approx(gamma, abs=1e-9)
