@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.admissibility import admissibility
 from contbreather.breathers.problem import events_on, problem_of
 from contbreather.breathers.symmetric import Breather, symmetric
-from contbreather.continuation import Branch, Event, Point, Steps, boundary, trace
+from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.progress import Progress
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Forcing, InfiniteChain, Lattice
@@ -24,9 +24,9 @@ from contbreather.lattice import Forcing, InfiniteChain, Lattice
 Array = NDArray[np.float64]
 
 KINDS = ("LP", "GR", "PF", "NS")
-# Names of the three parameters, their windows, and the comb of values on which branches are traced.
-# At gamma = 1/4 everything ends in one point; 0.2499 is as near as numbers are vouched for. At k = 1
-# the arc is neutral throughout, at k = 0 the impact of site 0 degenerates.
+# Windows of the three parameters, and the comb of values on which branches are traced.
+# At gamma = 1/4 everything ends in one point; 0.2499 is as near as numbers are vouched for.
+# At k = 1 the arc is neutral throughout, at k = 0 the impact of site 0 degenerates.
 WINDOWS = {"gamma": (0.0, 0.2499), "a": (0.0, math.inf), "k": (0.01, 0.999)}
 COMBS = {
     "gamma": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.235, 0.245),
@@ -34,7 +34,8 @@ COMBS = {
     "a": (0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
 }
 PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
-FEWEST = 60  # points on a curve
+FEWEST = 80  # points on a curve
+STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
 
 
@@ -156,7 +157,8 @@ class _Search:
                         self._follow(point)
         if not found:
             raise BadInput(
-                f"no breather within {self.within} at {self.name} = {self.value:g}; widen the window"
+                f"no breather within {self.within} at {self.name} = {self.value:g}; "
+                "widen the window"
             )
         curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
         return Zones((self.name, self.value), self.pair, curves)
@@ -195,25 +197,14 @@ class _Search:
         kind = (point.event.met or point.event).kind if point.event else point.kind
         if any(_on_curve(branch, point, self.pair) for branch in self.curves[kind]):
             return
-        largest = 0.02
-        branch = self._boundary(point, largest)
-        while len(branch) < FEWEST and largest > 1e-6:
-            largest = min(0.5 * largest, float(branch["arclength"][-1]) / (1.2 * FEWEST))
-            branch = self._boundary(point, largest)
+        branch = boundary(
+            point, self.pair, within=self.within, events=self.events, steps=STEPS, progress=False
+        )
+        branch = refined(branch, FEWEST)
         self.curves[kind].append(branch)
         for end in branch.special:
             if end.kind == "GR-GR":  # another site takes over: the limit of existence goes on
                 self._follow(end)
-
-    def _boundary(self, point: Point, largest: float) -> Branch:
-        return boundary(
-            point,
-            self.pair,
-            within=self.within,
-            events=self.events,
-            steps=Steps(first=min(0.005, largest), largest=largest, tolerance=1e-11),
-            progress=False,
-        )
 
 
 def _ending(event: Event) -> Event:

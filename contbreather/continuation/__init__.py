@@ -4,6 +4,7 @@ from .boundary import boundary
 from .branch import Branch, Point, Stop
 from .events import Event, Locus, branch_point, cusp, fold, hopf, user
 from .problem import Problem
+from .refine import refined
 from .steps import Steps
 from .trace import trace, walk
 
@@ -20,6 +21,7 @@ __all__ = [
     "cusp",
     "fold",
     "hopf",
+    "refined",
     "trace",
     "user",
     "walk",

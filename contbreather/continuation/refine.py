@@ -1,0 +1,46 @@
+"""More points on a branch that is known already: solved for, not interpolated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+from .branch import Branch, Point
+from .location import Segment
+
+
+def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
+    """The same branch with at least `fewest` points, evenly along it; what it had stays.
+
+    Parameters
+    ----------
+    branch : Branch
+    fewest : int
+    tolerance : float
+        Of Newton's iteration at the new points.
+
+    Examples
+    --------
+    >>> import numpy as np, contbreather as cb
+    >>> circle = cb.Problem(lambda x, p: np.array([x[0]**2 + p["mu"]**2 - 1]),
+    ...                     start={"x": 1.0}, params={"mu": 0.0})
+    >>> fine = refined(cb.trace(circle, "mu"), 300)
+    >>> len(fine) >= 300, bool(abs(fine["residual"]).max() < 1e-14)
+    (True, True)
+    """
+    if len(branch) >= fewest:
+        return branch
+    spacing = (branch[-1].arclength - branch[0].arclength) / fewest
+    points = [point for pair in pairwise(branch) for point in _filled(*pair, spacing, tolerance)]
+    return replace(branch, points=(*points, branch[-1]))
+
+
+def _filled(first: Point, last: Point, spacing: float, tolerance: float) -> Iterator[Point]:
+    """The first of two neighbours and as many between them as the spacing asks for."""
+    yield first
+    pieces = math.ceil((last.arclength - first.arclength) / spacing)
+    segment = Segment(first, last, tolerance)
+    for i in range(1, pieces):
+        yield segment.at(i / pieces)
