@@ -89,7 +89,8 @@ def zones(
     k, gamma, a : float
         Exactly one: the plane is that of the other two, ``(gamma, a)`` for the paper's Fig. 2.
     forcing : Forcing, optional
-        `Harmonic` unless given.
+        `Harmonic` unless given. Where a forcing has several breathers, the diagram is that of the
+        one with the largest p.
     lattice : Lattice, optional
         The infinite chain unless given. On a `Ring` the NS curves follow the paper's rule.
     within : dict, optional

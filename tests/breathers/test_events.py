@@ -166,7 +166,11 @@ def test_the_paper_rule_moves_with_the_ring() -> None:
         event = cb.neimark_sacker(on=cb.Ring(sites), threshold=1.005)
         start = cb.symmetric(0.2, 0.07, 0.8)
         branch = cb.trace(
-            start, "gamma", events=[event], towards="up", within={"gamma": (0, 0.1)},
+            start,
+            "gamma",
+            events=[event],
+            towards="up",
+            within={"gamma": (0, 0.1)},
             steps=cb.Steps(first=0.002, largest=0.004),
         )
         found[sites] = branch.first("NS")["gamma"]

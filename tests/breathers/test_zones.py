@@ -1,0 +1,222 @@
+"""Zone diagrams: complete, exact, and found without a seed for any restitution."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.breathers.closure import smallest_amplitude
+from contbreather.stability import neimark_sacker, unstable_count
+
+CHAIN = cb.InfiniteChain()
+KS = (0.05, 0.2, 0.4, 0.8, 0.95, 0.99)
+
+
+@lru_cache(maxsize=8)
+def zones(k: float) -> cb.Zones:
+    return cb.zones(k=k)
+
+
+def meetings(diagram: cb.Zones, kind: str) -> list[cb.Point]:
+    return [point for point in diagram.special if point.kind == kind]
+
+
+@pytest.mark.parametrize("k", KS)
+def test_every_curve_has_its_points_and_solves_its_equations(k: float) -> None:
+    for _, branch in zones(k):
+        assert len(branch) >= 60
+        assert branch["residual"].max() < 1e-12
+        assert not branch.stop.failed
+        assert branch.began is None or not branch.began.failed
+        assert branch.doubtful == ()
+
+
+@pytest.mark.parametrize("k", KS)
+def test_lower_limit_is_eq_14_all_along(k: float) -> None:
+    (line,) = zones(k).curves["LP"]
+    wanted = [smallest_amplitude(gamma, k) for gamma in line["gamma"]]
+    np.testing.assert_allclose(line["a"], wanted, rtol=1e-10)
+    assert line["gamma"].min() == 0
+    assert line["gamma"].max() == 0.2499
+
+
+@pytest.mark.parametrize("k", [0.2, 0.4, 0.8, 0.95])
+def test_pitchfork_line_is_the_closed_form_up_to_its_meeting_with_grazing(k: float) -> None:
+    (line,) = zones(k).curves["PF"]
+    q = (1 - k) / (1 + k)
+    chi = np.array([CHAIN.chi(gamma) for gamma in line["gamma"]])
+    sigma = np.array([CHAIN.sigma(gamma) for gamma in line["gamma"]])
+    p = 1 / (chi - 2 * sigma)
+    np.testing.assert_allclose(line["p"], p, rtol=1e-11)
+    np.testing.assert_allclose(line["a"], p * np.sqrt(q**2 + 4 * sigma**2), rtol=1e-11)
+    assert [point.kind for point in line.special] == ["EP", "PF-GR"]
+    assert line["gamma"].min() == 0
+
+
+def test_no_pitchfork_where_there_is_none() -> None:
+    """At k = 0.05 it would need a = 1.18 > 1 at gamma = 0."""
+    q = 0.95 / 1.05
+    assert 2 * math.sqrt(4 + (math.pi * q) ** 2) / (math.pi**2 - 4) > 1
+    assert zones(0.05).curves["PF"] == ()
+
+
+@pytest.mark.parametrize("k", KS)
+def test_neimark_sacker_line_is_complete(k: float) -> None:
+    """Second road: all NS points at a coupling are roots in one variable with an explicit b, and
+    b tells the amplitude. Each of them that is a breather must lie on the traced curve."""
+    lines = zones(k).curves["NS"]
+    assert len(lines) == 1
+    (line,) = lines
+    order = np.argsort(line["arclength"])
+    gamma, a = line["gamma"][order], line["a"][order]
+    seen = 0
+    for coupling in np.linspace(0.0203, 0.2453, 46):  # off the comb, so that no node is hit
+        crossings = _crossings(gamma, a, coupling)
+        wanted = [_amplitude(coupling, k, root.b) for root in neimark_sacker(coupling, k)]
+        wanted = [value for value in wanted if value is not None]
+        assert len(crossings) == len(wanted), f"gamma = {coupling}"
+        assert np.allclose(sorted(crossings), sorted(wanted), atol=2e-3)
+        seen += len(wanted)
+    assert seen > 2
+
+
+def _crossings(gamma: np.ndarray, a: np.ndarray, coupling: float) -> list[float]:
+    i = np.flatnonzero((gamma[1:] - coupling) * (gamma[:-1] - coupling) < 0)
+    u = (coupling - gamma[i]) / (gamma[i + 1] - gamma[i])
+    return list(a[i] + u * (a[i + 1] - a[i]))
+
+
+def _amplitude(gamma: float, k: float, b: float) -> float | None:
+    """a of the admissible breather on the upper branch with this b, by (13) turned round:
+    b = (1+k)^2 (p (chi - eta) - 1)/(2p), and (1 - p chi)^2 + p^2 q^2 = a^2."""
+    chi, eta, q = CHAIN.chi(gamma), CHAIN.eta(gamma), (1 - k) / (1 + k)
+    p = 1 / (chi - eta - 2 * b / (1 + k) ** 2)
+    if p <= chi / (chi**2 + q**2):
+        return None  # behind the fold
+    a = math.hypot(1 - p * chi, p * q)
+    if not smallest_amplitude(gamma, k) < a < 1:
+        return None
+    breather = cb.symmetric(a, gamma, k)
+    return a if abs(breather.p - p) < 1e-9 and breather.admissibility().ok else None
+
+
+@pytest.mark.parametrize("k", KS)
+def test_counts_differ_across_the_neimark_sacker_line(k: float) -> None:
+    (line,) = zones(k).curves["NS"]
+    point = line[len(line) // 2].ground
+    normal = np.array([line[len(line) // 2].tangent[-2], -line[len(line) // 2].tangent[-1]])
+    # tangent ends with (released, free) = (a, gamma): a step across the line in (gamma, a)
+    step = 1e-4 * normal / np.linalg.norm(normal)
+    counts = []
+    for side in (1, -1):
+        gamma, a = point["gamma"] + side * step[0], point["a"] + side * step[1]
+        breather = cb.symmetric(a, gamma, k)
+        counts.append(unstable_count(gamma, k, breather.b).count)
+    assert sorted(counts) == [0, 2]
+
+
+@pytest.mark.parametrize("k", KS)
+def test_upper_limit_is_where_admissibility_ends(k: float) -> None:
+    for line in zones(k).curves["GR"]:
+        for point in list(line)[5:-5:7]:
+            gamma, a = point["gamma"], point["a"]
+            inside = cb.symmetric(a * (1 - 1e-5), gamma, k).admissibility()
+            outside = cb.symmetric(a * (1 + 1e-5), gamma, k).admissibility()
+            assert inside.ok
+            assert not outside.ok
+
+
+def test_meetings_are_seen_from_both_curves_at_the_same_place() -> None:
+    diagram = zones(0.8)
+    for one, other in (("PF-GR", "GR-PF"), ("NS-GR", "GR-NS"), ("NS-LP", "LP-NS")):
+        (first,), (second,) = meetings(diagram, one), meetings(diagram, other)
+        assert first["gamma"] == pytest.approx(second["gamma"], abs=1e-10)
+        assert first["a"] == pytest.approx(second["a"], abs=1e-10)
+
+
+def test_for_small_k_site_zero_takes_over_the_upper_limit() -> None:
+    centre, neighbour = zones(0.05).curves["GR"]
+    assert centre[1].solution.admissibility().site == 0
+    assert neighbour[-2].solution.admissibility().site == 1
+    assert centre[-1]["a"] == pytest.approx(neighbour[0]["a"], abs=1e-10)
+
+
+@pytest.mark.parametrize("plane", [{"gamma": 0.1}, {"a": 0.2}])
+def test_other_planes_show_the_same_points(plane: dict[str, float]) -> None:
+    ((name, value),) = plane.items()
+    diagram = cb.zones(**plane)
+    k = 0.8
+    here = diagram.curves["NS"][0]
+    there = zones(k).curves["NS"][0]
+    other = "a" if name == "gamma" else "gamma"
+    mine = _crossings(here["k"], here[other], k)
+    theirs = _crossings(there[name], there[other], value)
+    assert mine
+    for crossing in mine:
+        assert min(abs(crossing - wanted) for wanted in theirs) < 2e-3
+
+
+def test_the_line_is_not_monotone_in_the_amplitude() -> None:
+    (line,) = zones(0.8).curves["NS"]
+    lowest = int(line["gamma"].argmin())
+    assert line["gamma"][lowest] == pytest.approx(0.0952, abs=1e-4)
+    assert line["a"][lowest] == pytest.approx(0.26, abs=0.02)
+
+
+def test_windows_narrow_the_search_and_empty_ones_are_refused() -> None:
+    narrow = cb.zones(k=0.8, within={"gamma": (0.0, 0.05)})
+    assert narrow.curves["LP"][0]["gamma"].max() == 0.05
+    assert narrow.curves["NS"] == ()
+    with pytest.raises(cb.BadInput, match="no breather"):
+        cb.zones(k=0.8, within={"a": (0.0, 0.0001), "gamma": (0.0, 0.1)})
+    with pytest.raises(cb.BadInput, match="leaves nothing"):
+        cb.zones(k=0.8, within={"gamma": (0.3, 0.4)})
+    with pytest.raises(cb.BadInput, match="exactly one"):
+        cb.zones(k=0.8, gamma=0.1)
+    with pytest.raises(cb.BadInput, match="exactly one"):
+        cb.zones()
+    with pytest.raises(cb.BadInput, match="no window for"):
+        cb.zones(k=0.8, within={"k": (0.1, 0.2)})
+
+
+@pytest.mark.parametrize("k", [-0.1, 1.1, math.nan, math.inf])
+def test_impossible_restitution_is_refused(k: float) -> None:
+    with pytest.raises(cb.BadInput):
+        cb.zones(k=k)
+
+
+def test_zones_of_another_forcing() -> None:
+    """f = cos t + 0.1 cos 3t: across the lower limit two solutions of (11) appear."""
+    forcing = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
+    diagram = cb.zones(k=0.8, forcing=forcing, within={"gamma": (0.0, 0.1)})
+    line = diagram.curves["LP"][0]
+    for point in list(line)[1:-1:9]:
+        roots = [
+            len(cb.symmetric_roots(point["a"] * (1 + shift), point["gamma"], 0.8, forcing=forcing))
+            for shift in (-1e-7, 1e-7)
+        ]
+        assert roots[1] - roots[0] == 2
+    assert diagram.curves["GR"]
+
+
+def test_work_is_bounded() -> None:
+    """Residual calls for a whole diagram, not seconds."""
+    calls = 0
+    closure = type(cb.symmetric(0.5, 0.1, 0.8).problem.residual.__self__)
+    plain = closure.residual
+
+    def counted(self: object, *args: object) -> object:
+        nonlocal calls
+        calls += 1
+        return plain(self, *args)
+
+    closure.residual = counted
+    try:
+        cb.zones(k=0.6)
+    finally:
+        closure.residual = plain
+    assert calls < 12000
