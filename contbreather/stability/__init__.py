@@ -6,7 +6,7 @@ Floor 3. Knows the lattice and the 2x2 block of the saltation matrix, nothing of
 from __future__ import annotations
 
 from contbreather.stability.arc import NeimarkSacker, OnArc, neimark_sacker, on_arc
-from contbreather.stability.characteristic import D, D_slope, G
+from contbreather.stability.characteristic import D, D_gradient, D_slope, G, Gradient
 from contbreather.stability.half_map import (
     apply_half_map,
     dense_half_map,
@@ -31,8 +31,10 @@ __all__ = [
     "ChainVerdict",
     "Count",
     "D",
+    "D_gradient",
     "D_slope",
     "G",
+    "Gradient",
     "NeimarkSacker",
     "OnArc",
     "OverReflection",

@@ -10,7 +10,7 @@ import pytest
 
 from contbreather.errors import BadInput
 from contbreather.lattice.modes import InfiniteChain, Ring
-from contbreather.stability import D, D_slope, G, dense_half_map, saltation
+from contbreather.stability import D, D_gradient, D_slope, G, dense_half_map, saltation
 from contbreather.stability.aliases import regular
 
 GAMMAS = (0.0, 1e-6, 0.05, 0.2, 0.2499)
@@ -88,6 +88,23 @@ def test_the_slope_of_D_is_that_of_its_power_series(lattice):
         value, slope = D_slope(0.1, nu, 0.7, 0.3, lattice)
         assert abs(value - np.mean(around)) < 1e-12
         assert abs(slope - cauchy) < 1e-11
+
+
+@pytest.mark.parametrize("lattice", LATTICES, ids=str)
+@pytest.mark.parametrize("at", [(0.1, 0.4 - 0.1j, 0.8, 0.3), (0.22, 0.85 - 0.02j, 0.3, -1.4)])
+def test_the_gradient_of_D_is_that_of_finite_differences(at, lattice):
+    exact = D_gradient(*at, lattice)
+    assert abs(exact.value - D(*at, lattice)) < 1e-13
+    names = ("d_gamma", "d_nu", "d_k", "d_b")
+    h = 2e-4
+    for i, name in enumerate(names):
+        f = []
+        for m in (-3, -2, -1, 1, 2, 3):
+            there = list(at)
+            there[i] += m * h
+            f.append(complex(D(*there, lattice)))
+        slope = (-f[0] + 9 * f[1] - 45 * f[2] + 45 * f[3] - 9 * f[4] + f[5]) / (60 * h)
+        assert getattr(exact, name) == pytest.approx(slope, rel=1e-7, abs=1e-9), name
 
 
 def test_D_is_real_on_the_real_axis_conjugate_across_it_and_one_far_away():

@@ -156,6 +156,16 @@ def test_on_a_bifurcation_the_critical_multiplier_is_there(k):
             assert np.abs(mu - np.exp(1j * np.pi * nu)).min() < 20 / sites
 
 
+def test_on_a_pitchfork_of_any_ring_the_multiplier_is_one():
+    rng = np.random.default_rng(2)
+    for _ in range(250):
+        ring = Ring(int(rng.integers(1, 120)))
+        gamma = rng.choice([rng.uniform(0, 0.25), 10 ** rng.uniform(-8, -1)])
+        k = rng.choice([rng.uniform(), 0.0])
+        mu = half_multipliers(ring, gamma, k, (1 + k) ** 2 * ring.psi(gamma) / 2)
+        assert np.abs(mu[: ring.sites // 2 * 2 + 2] - 1).min() < 1e-12
+
+
 @pytest.mark.parametrize("sites", [1, 2, 3, 8, 41])
 def test_eigenvectors_solve_the_dense_problem(sites):
     ring = Ring(sites)

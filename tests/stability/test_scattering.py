@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from contbreather.errors import BadInput
 from contbreather.lattice.modes import InfiniteChain, Ring
@@ -116,6 +117,18 @@ def test_where_nothing_is_amplified_no_ring_is_unstable_through_its_band(gamma, 
     for sites in (3, 10, 41, 200, 1000):
         assert np.abs(half_multipliers(Ring(sites), gamma, k, quiet)).max() < 1 + 1e-13
     assert np.abs(half_multipliers(Ring(1000), gamma, k, loud)).max() > 1 + 1e-7
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.05, 0.8), (0.15, 0.5), (0.2, 0.1)])
+def test_the_slowest_waves_are_the_first_to_be_amplified(gamma, k):
+    def gain_of_slow_waves(b: float) -> float:
+        slow = 4e-3 * math.sqrt(gamma) * np.array([0.5, 1.0])
+        size = np.log(np.abs(scattering(gamma, slow, k, b))) / slow**2
+        return float(2 * size[0] - size[1])  # ln|S|/nu^2 at nu = 0
+
+    b = brentq(gain_of_slow_waves, -2, (1 + k) ** 2 * InfiniteChain().psi(gamma) / 2 - 1e-3)
+    assert over_reflects(gamma, k, b - 1e-5)
+    assert not over_reflects(gamma, k, b + 1e-5)
 
 
 def test_no_waves_without_coupling_and_none_outside_the_band():
