@@ -1,0 +1,14 @@
+"""Figures as the field draws them; matplotlib is imported when the first one is drawn.
+
+Reads public types only: a figure can be drawn of anything that was computed, by anybody.
+"""
+
+from __future__ import annotations
+
+from contbreather.plotting.branches import plot
+from contbreather.plotting.canvas import new_figure, save_figure
+from contbreather.plotting.files import written
+from contbreather.plotting.multipliers import plot_multipliers
+from contbreather.plotting.zones import plot_zones
+
+__all__ = ["new_figure", "plot", "plot_multipliers", "plot_zones", "save_figure", "written"]

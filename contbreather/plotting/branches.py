@@ -1,0 +1,184 @@
+"""Branches as bifurcation diagrams: solid where stable, dashed where not, special points marked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation import Branch, Point
+from contbreather.errors import BadInput
+from contbreather.plotting.canvas import CYCLE, GREY, axes_or_new, marker, symbol
+from contbreather.plotting.labels import Labels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+STABILITY = "unstable"  # the column that counts unstable directions, if a problem records one
+FINE = 6  # pieces of the line between two points
+
+
+def plot(
+    *branches: Branch, x: str | None = None, y: str | None = None, ax: Axes | None = None
+) -> Axes:
+    """Draw branches as the field does: solid stable, dashed unstable, labelled special points.
+
+    Parameters
+    ----------
+    *branches : Branch
+        Of one problem or several, as long as all have the columns that are drawn. Without a
+        column ``unstable``, and on boundaries, lines are solid.
+    x, y : str, optional
+        Columns. By default the free parameter of the first branch, and its first unknown (on a
+        boundary the other parameter). An array unknown is drawn by its largest entry.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+
+    Returns
+    -------
+    matplotlib Axes
+        ``plot(...).figure.savefig("branch.pdf")`` writes it.
+
+    Raises
+    ------
+    BadInput
+        Without branches, or for an unknown column.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> import numpy as np
+    >>> line = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})
+    >>> ax = plot(cb.trace(line, "mu", within={"x": (-1, 1)}, events=[cb.fold()]))
+    >>> ax.get_xlabel(), [word.get_text() for word in ax.texts if word.get_text()]
+    ('mu', ['EP1', 'LP1', 'EP2'])
+    """
+    if not branches:
+        raise BadInput("plot needs at least one branch")
+    x = branches[0].free if x is None else x
+    y = _ordinate(branches[0]) if y is None else y
+    with axes_or_new(ax) as axes:
+        axes.set_xlabel(symbol(x))
+        axes.set_ylabel(symbol(y))
+        _draw(axes, branches, x, y)
+    return axes
+
+
+def _draw(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
+    # colours go on from what the axes show already
+    taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
+    styles: set[str] = set()
+    for i, branch in enumerate(branches):
+        colour = CYCLE[(taken + i) % len(CYCLE)]
+        styles |= _lines(ax, branch, x, y, colour)
+        _markers(ax, branch, x, y, colour)
+    if styles == {"-", "--"}:
+        _legend(ax)
+    _words(ax, branches, x, y)
+
+
+def _ordinate(branch: Branch) -> str:
+    unknowns = list(branch.problem.start)
+    return unknowns[-1] if branch.problem.adjoined is not None else unknowns[0]
+
+
+def _column(branch: Branch, name: str) -> Array:
+    values = np.asarray(branch[name], dtype=float)
+    return values if values.ndim == 1 else values.max(axis=1)
+
+
+def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
+    """Both columns, between the points along the cubic that their tangents give."""
+    slots = [branch.curve.slots.get(name) for name in (x, y)]
+    columns = _column(branch, x), _column(branch, y)
+    along = branch["arclength"]
+    # a special point may sit on top of another point
+    apart = np.append(True, np.diff(along) > 1e-6 * float(np.ptp(along)))
+    if apart.sum() < 2 or not all(isinstance(slot, int) for slot in slots):
+        return columns
+    from scipy.interpolate import CubicHermiteSpline
+
+    tangents = np.stack([point.tangent for point in branch])[apart]
+    known = along[apart]
+    at = known[:-1, None] + np.diff(known)[:, None] * np.arange(FINE) / FINE
+    at = np.append(at.ravel(), known[-1])
+    smooth = [
+        CubicHermiteSpline(known, column[apart], tangents[:, slot])(at)
+        for column, slot in zip(columns, slots, strict=True)
+    ]
+    return smooth[0], smooth[1]
+
+
+def _value(point: Point, name: str) -> float:
+    if name in ("arclength", "residual"):
+        return float(getattr(point, name))
+    return float(np.max(point[name]))
+
+
+def _unstable(branch: Branch) -> NDArray[np.bool_]:
+    """For each stretch between two points: is the solution on it unstable?
+
+    At a special point the count is of a multiplier on the circle, so its neighbours decide.
+    """
+    stretches = np.zeros(max(len(branch) - 1, 0), dtype=bool)
+    if STABILITY not in branch.names or branch.problem.adjoined is not None:
+        return stretches
+    unstable = np.asarray(branch[STABILITY]) > 0
+    special = np.array([bool(point.kind) for point in branch])
+    for i in range(stretches.size):
+        ends = [j for j in (i, i + 1) if not special[j]] or [i, i + 1]
+        stretches[i] = any(unstable[j] for j in ends)
+    return stretches
+
+
+def _lines(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> set[str]:
+    unstable = _unstable(branch)
+    cuts = [0, *(1 + np.flatnonzero(unstable[1:] != unstable[:-1])), len(branch) - 1]
+    styles = set()
+    for start, end in pairwise(cuts):
+        style = "--" if unstable.size and unstable[start] else "-"
+        styles.add(style)
+        piece = replace(branch, points=branch.points[start : end + 1])
+        ax.plot(*_curve(piece, x, y), style, color=colour)
+    return styles
+
+
+def _markers(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> None:
+    for point in branch.special:
+        plain = point.kind == "EP"
+        ax.plot(
+            _value(point, x), _value(point, y), marker(point.kind),
+            color=GREY if plain else colour, markersize=5 if plain else 4.5,
+            markeredgecolor=colour if point.kind == "MX" else "none" if plain else "white",
+            markeredgewidth=0.5,
+            zorder=3, clip_on=False,
+        )  # fmt: skip
+
+
+def _legend(ax: Axes) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], color="black", linestyle=style) for style in ("-", "--")]
+    ax.legend(handles, ["stable", "unstable"], frameon=False, loc="best", handlelength=2.2)
+
+
+def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
+    """Labels come last, when the limits of the axes are known; what is special comes first."""
+    labels = Labels(ax)
+    labels.keep_off([ax.get_legend()])
+    for branch in branches:
+        labels.avoid(_column(branch, x), _column(branch, y))
+    points = [point for branch in branches for point in branch.special]
+    for point in points:
+        labels.announce(_value(point, x), _value(point, y))
+    for point in sorted(points, key=lambda point: point.kind == "EP"):
+        text = point.label if point.located else f"{point.label}?"
+        style: dict[str, Any] = {"fontsize": "small"}
+        if point.kind == "EP":
+            style = {"fontsize": "x-small", "color": GREY}
+        labels.place(_value(point, x), _value(point, y), text, **style)

@@ -1,0 +1,125 @@
+"""Multipliers in the complex plane: unit circle, arcs of the band, and what stands alone."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers import Breather
+from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, axes_or_new
+from contbreather.plotting.labels import Labels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[Any]
+
+NARROW = 150.0  # points: in axes narrower than that a pair takes two lines
+ALONE = 6.0  # times 1/sites: off the band by more, a multiplier does not belong to it
+
+
+def plot_multipliers(
+    breather: Breather,
+    *,
+    sites: int = 400,
+    half: bool = False,
+    digits: int = 4,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the Floquet multipliers of a breather on a ring.
+
+    The unit circle, on it the band of the infinite chain ``exp(+-2 i pi w)`` (``exp(+-i pi w)`` for
+    the half map), all 2N multipliers of the ring, and a label at each one off the band.
+
+    Parameters
+    ----------
+    breather : Breather
+    sites : int
+        Length of the ring.
+    half : bool
+        Those of the half map QS instead of (QS)^2: there +1 is a pitchfork and -1 a fold.
+    digits : int
+        Decimals of the labels.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True)
+    >>> sorted(word.get_text() for word in ax.texts if word.get_text())
+    ['0.6158', '1.0628']
+    """
+    mu = np.asarray(breather.multipliers(sites=sites, half=half))
+    edge = 2.0 * math.sqrt(breather.gamma) * (1.0 if half else 2.0)
+    alone = _alone(mu, edge, sites)
+    with axes_or_new(ax, height=8.5) as axes:
+        _circle_and_band(axes, edge)
+        _dots(axes, mu, alone)
+        _frame(axes, mu, half)
+        labels = Labels(axes)
+        labels.avoid(*_circle())
+        narrow = axes.bbox.width / labels.pixel < NARROW
+        for one in mu[alone]:
+            labels.avoid(one.real, one.imag)
+            labels.announce(one.real, one.imag)
+        named = mu[alone & (mu.imag >= 0.0)]
+        for one in named[np.argsort(-np.abs(np.abs(named) - 1.0))]:  # tight places last
+            colour = VERMILLION if abs(one) > 1.0 else "black"
+            text = _number(one, digits, "\n" if narrow else " ")
+            labels.place(one.real, one.imag, text, fontsize="small", color=colour)
+    return axes
+
+
+def _dots(ax: Axes, mu: Array, alone: NDArray[np.bool_]) -> None:
+    outside = np.abs(mu) > 1.0
+    for which, colour in ((~alone, BLUE), (alone & ~outside, BLUE), (alone & outside, VERMILLION)):
+        ax.plot(mu[which].real, mu[which].imag, "o", color=colour, markersize=1.6, zorder=3)
+
+
+def _circle(low: float = -math.pi, high: float = math.pi) -> tuple[Array, Array]:
+    angle = np.linspace(low, high, 361)
+    return np.cos(angle), np.sin(angle)
+
+
+def _circle_and_band(ax: Axes, edge: float) -> None:
+    ax.plot(*_circle(), color=GREY, linewidth=0.6, zorder=1)
+    for sign in (-1.0, 1.0):
+        band = _circle(0.0, sign * math.pi * edge)
+        ax.plot(*band, color=SKY, linewidth=5.0, alpha=0.5, zorder=2, solid_capstyle="butt")
+    ax.axhline(0.0, color=GREY, linewidth=0.3, zorder=0)
+    ax.axvline(0.0, color=GREY, linewidth=0.3, zorder=0)
+
+
+def _alone(mu: Array, edge: float, sites: int) -> NDArray[np.bool_]:
+    """Multipliers that stand off the arcs of the band by more than a ring's ripple."""
+    angle = np.minimum(np.abs(np.angle(mu)), math.pi * edge)
+    nearest = np.exp(1j * angle)
+    upper = mu.real + 1j * np.abs(mu.imag)
+    return np.asarray(np.abs(upper - nearest) > max(0.01, ALONE / sites))
+
+
+def _frame(ax: Axes, mu: Array, half: bool) -> None:
+    reach = 1.1 * max(1.15, float(np.abs(mu).max()))
+    ax.set_xlim(-reach, reach)
+    ax.set_ylim(-reach, reach)
+    ax.set_aspect("equal")
+    ax.set_xticks([-1, 0, 1])
+    ax.set_yticks([-1, 0, 1])
+    name = r"$\mu$" if half else r"$\mu^2$"
+    ax.set_xlabel(f"Re {name}")
+    ax.set_ylabel(f"Im {name}")
+
+
+def _number(mu: complex, digits: int, space: str) -> str:
+    text = f"{mu.real:.{digits}f}"
+    if mu.imag != 0.0:
+        text += f"{space}\N{PLUS-MINUS SIGN} {abs(mu.imag):.{digits}f}i"
+    return text.replace("-", "\N{MINUS SIGN}")
