@@ -1,0 +1,148 @@
+"""Figs. 3 and 4: multipliers before and after a Neimark-Sacker point and a pitchfork."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from contbreather.breathers import Breather, symmetric
+from contbreather.paper.threshold import SITES, THRESHOLD
+from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, new_figure, style
+from contbreather.plotting.multipliers import plot_multipliers
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class MultiplierFigure:
+    """Two breathers, one on each side of a bifurcation, and the ring their multipliers are of."""
+
+    number: int
+    bifurcation: str
+    breathers: tuple[Breather, Breather]
+    sites: int = SITES
+    threshold: float = THRESHOLD
+    digits: int = 3
+
+    @property
+    def caption(self) -> str:
+        before, after = self.breathers
+        return (
+            f"Multipliers around the {self.bifurcation}: a = {before.a:g}, k = {before.k:g}, "
+            f"(a) gamma = {before.gamma:g}, (b) gamma = {after.gamma:g}. Above: all "
+            f"{2 * self.sites} eigenvalues of the monodromy matrix (QS)^2 on a ring of "
+            f"{self.sites} sites; bars: band of the infinite chain. Below: by how much their "
+            "moduli exceed 1, against the angle of mu, the eigenvalues of QS. Dashed: the paper's "
+            f"threshold {self.threshold:g}; arrow: the isolated multiplier of the infinite chain, "
+            "which is beyond the axis."
+        )
+
+    def verdicts(self) -> tuple[str, str]:
+        """For each panel: the paper's rule on the ring, then the exact verdict."""
+        return tuple(  # type: ignore[return-value]
+            f"{b.stability(sites=self.sites, threshold=self.threshold).describe()}; "
+            f"{b.stability().describe()}"
+            for b in self.breathers
+        )
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """All multipliers of QS, and their squares, largest first."""
+        for panel, breather in zip("ab", self.breathers, strict=True):
+            half = np.asarray(breather.multipliers(sites=self.sites, half=True), dtype=complex)
+            for mu in half[np.argsort(-np.abs(half), kind="stable")].tolist():
+                full = mu * mu
+                yield {
+                    "panel": panel,
+                    "a": breather.a,
+                    "gamma": breather.gamma,
+                    "k": breather.k,
+                    "half_re": mu.real,
+                    "half_im": mu.imag,
+                    "full_re": full.real,
+                    "full_im": full.imag,
+                    "modulus": abs(full),
+                }
+
+    def draw(self) -> Figure:
+        """The figure: panels (a) and (b) side by side, multipliers above, moduli below."""
+        with style():
+            figure, axes = new_figure(2, 2, height=8.6)
+            top = 2.4 * (self.threshold - 1.0)
+            for i, (letter, breather) in enumerate(zip("ab", self.breathers, strict=True)):
+                upper, lower = axes[i], axes[2 + i]
+                plot_multipliers(breather, sites=self.sites, digits=self.digits, ax=upper)
+                upper.set_title(rf"({letter}) $\gamma$ = {breather.gamma:g}", loc="left", pad=3)
+                _moduli(lower, breather, self.sites, self.threshold, top)
+                word = "stable" if breather.stability().stable else "unstable"
+                lower.set_title(f"infinite chain: {word}", loc="left", pad=3, fontsize="small")
+            for right in (axes[1], axes[3]):
+                right.set_ylabel("")
+                right.tick_params(labelleft=False)
+        return figure
+
+
+def _moduli(ax: Axes, breather: Breather, sites: int, threshold: float, top: float) -> None:
+    """Excess of the moduli over one, against the angle in the half map: the band's ripple shows."""
+    mu = np.asarray(breather.multipliers(sites=sites, half=True))
+    mu = mu[mu.imag >= 0.0]
+    excess = 1e3 * (np.abs(mu) ** 2 - 1.0)
+    limit, top = 1e3 * (threshold - 1.0), 1e3 * top
+    ax.set_ylim(-0.4 * top, top)
+    ax.set_xlim(-0.03, 1.03)
+    ax.axvspan(0.0, 2.0 * math.sqrt(breather.gamma), color=SKY, alpha=0.25, linewidth=0)
+    ax.axhline(0.0, color=GREY, linewidth=0.5)
+    ax.axhline(limit, color="black", linewidth=0.8, linestyle="--")
+    for which, colour in ((excess <= limit, BLUE), (excess > limit, VERMILLION)):
+        ax.plot(np.angle(mu[which]) / math.pi, excess[which], "o", color=colour, markersize=1.6)
+    ax.set_xlabel(r"angle of $\mu$ over $\pi$")
+    ax.set_ylabel(r"$10^3\,(|\mu^2| - 1)$")
+    alone = breather.stability().multipliers
+    for one in alone[alone.imag >= 0.0]:
+        _isolated(ax, float(np.angle(one) / math.pi), 1e3 * (abs(one) ** 2 - 1.0), top)
+
+
+def _isolated(ax: Axes, angle: float, excess: float, top: float) -> None:
+    """A cross; beyond the axes an arrow, with the number it points to."""
+    if excess < top:
+        ax.plot(angle, excess, "x", color="black", markersize=4)
+        return
+    right = angle < 0.5
+    ax.annotate(
+        f"{excess:.1f}", (angle, top), (6 if right else -6, -9), textcoords="offset points",
+        ha="left" if right else "right", va="center", fontsize="small",
+    )  # fmt: skip
+    ax.annotate(
+        "", (angle, 0.99 * top), (angle, 0.8 * top),
+        arrowprops={"arrowstyle": "-|>", "color": VERMILLION, "linewidth": 1.0,
+                    "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7},
+    )  # fmt: skip
+
+
+def figure3() -> MultiplierFigure:
+    """Fig. 3: through the Neimark-Sacker line, a = 0.2, k = 0.8, gamma = 0.09 and 0.11.
+
+    Examples
+    --------
+    >>> [b.stability().unstable for b in figure3().breathers]
+    [0, 2]
+    """
+    pair = (symmetric(0.2, 0.09, 0.8), symmetric(0.2, 0.11, 0.8))
+    return MultiplierFigure(3, "Neimark-Sacker bifurcation", pair, digits=2)
+
+
+def figure4() -> MultiplierFigure:
+    """Fig. 4: through the pitchfork, a = 0.8, k = 0.8, gamma = 0.05 and 0.045.
+
+    Examples
+    --------
+    >>> [b.stability().unstable for b in figure4().breathers]
+    [0, 1]
+    """
+    pair = (symmetric(0.8, 0.05, 0.8), symmetric(0.8, 0.045, 0.8))
+    return MultiplierFigure(4, "pitchfork bifurcation", pair)
