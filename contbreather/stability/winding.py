@@ -61,12 +61,17 @@ class Count:
 
 def check_kb(k: float, b: float) -> tuple[float, float]:
     """k and b as floats, or say what they must be."""
-    k, b = float(k), float(b)
-    if not 0.0 <= k <= 1.0:
-        raise BadInput(f"k = {k}: a restitution coefficient lies between 0 and 1.")
-    if not math.isfinite(b):
+    try:
+        numbers = float(k), float(b)
+    except (TypeError, ValueError):
+        raise BadInput(f"k = {k!r}, b = {b!r}: both must be real numbers.") from None
+    if not 0.0 <= numbers[0] <= 1.0:
+        raise BadInput(
+            f"k = {k}: a restitution coefficient lies between 0 and 1; choose one there."
+        )
+    if not math.isfinite(numbers[1]):
         raise BadInput(f"b = {b}: the entry of the saltation matrix must be a finite number.")
-    return k, b
+    return numbers
 
 
 def check_radius(radius: float, lattice: object) -> int | None:

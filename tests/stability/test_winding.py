@@ -151,6 +151,8 @@ def test_bad_input_is_refused_with_a_reason():
         unstable_count(0.3, 0.8, 0.1)
     with pytest.raises(BadInput, match="restitution"):
         unstable_count(0.1, 1.2, 0.1)
+    with pytest.raises(BadInput, match="real numbers"):
+        unstable_count(0.1, "much", 0.1)
     with pytest.raises(BadInput, match="finite"):
         unstable_count(0.1, 0.8, math.nan)
     with pytest.raises(BadInput, match="radius"):
