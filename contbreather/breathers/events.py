@@ -20,10 +20,11 @@ from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability.arc import on_arc
-from contbreather.stability.characteristic import D
+from contbreather.stability.arc import OnArc, on_arc
+from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
-from contbreather.stability.winding import resolved_arc, unstable_count
+from contbreather.stability.isolated import closest_approach
+from contbreather.stability.winding import unstable_count
 
 Array = NDArray[np.float64]
 Scalar = Callable[[Breather], float]
@@ -213,21 +214,12 @@ def _b_slope(breather: Breather, name: str) -> float:
 
 def _pairs(breather: Breather) -> int:
     """Complex pairs of isolated multipliers outside the unit circle."""
-    gamma, k, b = breather.gamma, breather.k, breather.b
-    chain = InfiniteChain()
-    c, d = 1.0 + k, 0.5 * (1.0 - k)
-    beyond_one = b > 0.5 * c * c * chain.psi(gamma)
-    beyond_minus_one = d * d + 0.5 * chain.chi(gamma) * (b + 0.5 * c * c * chain.eta(gamma)) < 0
-    return (unstable_count(gamma, k, b).count - beyond_one - beyond_minus_one) // 2
+    return unstable_count(breather.gamma, breather.k, breather.b).pairs
 
 
 def _arc_locus(point: Point) -> Locus:
     breather: Breather = point.solution
-    arc, F, _ = resolved_arc(breather.gamma, breather.k, breather.b)
-    if arc.nu.size < 4 or breather.gamma == 0.0:
-        raise Undefined("at gamma = 0 there is no band for a pair to come out of")
-    distance = abs(F / np.gradient(F, arc.alpha))[1:-1]
-    nu = float(arc.nu[1 + int(distance.argmin())])
+    nu = closest_approach(breather.gamma, breather.k, breather.b).nu
     return Locus({"nu": nu}, _arc_conditions, _arc_derivative)
 
 
@@ -238,7 +230,11 @@ def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
 
 def _arc_derivative(curve: Curve, z: Array, extra: Array) -> Array:
     breather = _breather(curve, z)
-    F = on_arc(breather.gamma, extra[0], breather.k, breather.b)
+    return _along(curve, breather, on_arc(breather.gamma, extra[0], breather.k, breather.b))
+
+
+def _along(curve: Curve, breather: Breather, F: OnArc | Gradient) -> Array:
+    """Derivative of F along the curve's columns and the angle, through b and directly."""
     direct = {"gamma": F.d_gamma, "k": F.d_k}
     columns = [F.d_b * _b_slope(breather, name) + direct.get(name, 0.0) for name in _names(curve)]
     return np.stack([*columns, F.d_nu], axis=-1)
@@ -276,11 +272,17 @@ def _circle_locus(point: Point, ring: Ring, threshold: float) -> Locus:
         value = complex(D(breather.gamma, extra[0] + depth, breather.k, breather.b, ring))
         return np.array([value.real, value.imag])
 
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        breather = _breather(curve, z)
+        nu = extra[0] + depth
+        row = _along(curve, breather, D_gradient(breather.gamma, nu, breather.k, breather.b, ring))
+        return np.array([row.real, row.imag])
+
     mu = _upper(point.solution, ring)
     if not mu.size:
         raise Undefined("no complex multipliers on this ring")
     nearest = mu[abs(mu).argmax()]
-    return Locus({"nu": float(np.angle(nearest)) / math.pi}, conditions)
+    return Locus({"nu": float(np.angle(nearest)) / math.pi}, conditions, derivative)
 
 
 # --- grazing --------------------------------------------------------------------------------------
