@@ -1,5 +1,7 @@
 """Floor 1: curves H(z) = 0 and everything that walks them. Knows nothing of breathers."""
 
+from __future__ import annotations
+
 from .boundary import boundary
 from .branch import Branch, Point, Stop
 from .events import Event, Locus, branch_point, cusp, fold, hopf, user

@@ -1,8 +1,9 @@
-"""A problem together with the locus of one event: the longer problem whose curves are boundaries."""
+"""A problem together with the locus of one event: its curves are boundaries."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,8 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from . import derivatives
-from .newton import Undefined
-from .problem import OUT_OF_DOMAIN, Curve, Problem
+from .problem import Curve, Problem
 
 if TYPE_CHECKING:
     from .events import Locus
@@ -21,17 +21,18 @@ Params = Mapping[str, float]
 
 
 class Adjoined:
-    """Residual and derivatives of `problem` and the conditions of `locus`, with parameters freed.
+    """Residual and derivatives of a problem and the conditions of a locus together.
 
-    The unknowns are those of the problem, the extra ones of the locus, then ``released``: a
-    parameter that the conditions determine. ``free``, if any, stays a parameter.
+    `base` is the problem with one or two parameters freed. The unknowns are those of the problem,
+    the extra ones of the locus, then the first freed parameter, which the conditions determine; the
+    second, if any, stays a parameter.
     """
 
-    def __init__(self, problem: Problem, locus: Locus, released: str, free: str | None) -> None:
-        self.base = Curve(problem, (released,) if free is None else (released, free))
+    def __init__(self, base: Curve, locus: Locus) -> None:
+        self.base = base
         self.locus = locus
-        self.free = free
-        self.n = self.base.size
+        self.free = base.free[1] if len(base.free) > 1 else None
+        self.n = base.size
         self.extra = sum(np.size(value) for value in locus.extra.values())
 
     def split(self, x: Array, params: Params) -> tuple[Array, Array]:
@@ -52,15 +53,7 @@ class Adjoined:
             )
         return np.concatenate([own, conditions])
 
-    def jacobian(self, x: Array, params: Params) -> Array:
-        return self._whole(x, params)[:, : x.size]
-
-    def sensitivity(self, x: Array, params: Params, name: str) -> Array:
-        if name != self.free:
-            raise BadInput(f"the boundary was set up in {self.free!r}, not {name!r}")
-        return self._whole(x, params)[:, x.size]
-
-    def _whole(self, x: Array, params: Params) -> Array:
+    def whole(self, x: Array, params: Params) -> Array:
         """All derivatives, columns in the order: unknowns, extra, released, free."""
         z, extra = self.split(x, params)
         n, m = self.n, self.extra
@@ -72,22 +65,71 @@ class Adjoined:
         whole[n:, n : n + m] = rows[:, z.size :]
         return whole
 
+    def moved(self, longer: Problem, free: tuple[str, ...]) -> Problem:
+        """`longer`, a problem of this form, with its start and all its parameters meant."""
+        values = {**longer.start, **longer.params}
+        own = self.base.problem
+        base = own.at(**{name: values[name] for name in own.names})
+        together = Adjoined(Curve(base, free), self.locus)
+        return replace(longer, residual=together.residual, adjoined=together)
+
+    def freed(self, longer: Problem, free: tuple[str, ...]) -> Problem:
+        """`longer` with another parameter for its second."""
+        if not free or free == self.base.free[1:]:
+            return longer
+        return self.moved(longer, (self.base.free[0], *free))
+
     def _conditions_derivative(self, z: Array, extra: Array) -> Array:
         if self.locus.derivative is not None:
             return np.asarray(self.locus.derivative(self.base, z, extra))
         size = z.size
-        try:
-            return derivatives.differences(
-                lambda y: self.locus.conditions(self.base, y[:size], y[size:]),
-                np.append(z, extra),
-            )
-        except OUT_OF_DOMAIN as error:
-            raise Undefined(str(error)) from error
+        return derivatives.differences(
+            lambda y: self.locus.conditions(self.base, y[:size], y[size:]),
+            np.append(z, extra),
+            scales=np.append(self.base.scales, np.ones(extra.size)),
+        )
 
 
-def adjoined(problem: Problem, locus: Locus, released: str, free: str | None = None) -> Problem:
-    """`problem` with the conditions of `locus` added and the parameter `released` made unknown."""
-    together = Adjoined(problem, locus, released, free)
+def lifted(locus: Locus, together: Adjoined, suffix: str) -> Locus:
+    """The locus of an event of the shorter problem as one on the longer, its unknowns renamed."""
+    base, n, m = together.base, together.n, together.extra
+
+    def shortened(curve: Curve, z: Array) -> Array:
+        return together.split(z[: curve.size], curve.params(z))[0]
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        return np.asarray(locus.conditions(base, shortened(curve, z), extra))
+
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        assert locus.derivative is not None
+        rows = np.asarray(locus.derivative(base, shortened(curve, z), extra))
+        return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])
+
+    names = {f"{name}{suffix}": value for name, value in locus.extra.items()}
+    return replace(
+        locus,
+        extra=names,
+        conditions=conditions,
+        derivative=derivative if locus.derivative else None,
+        events=(),
+    )
+
+
+def adjoined(
+    problem: Problem,
+    locus: Locus,
+    released: str,
+    free: str | None = None,
+    *,
+    base: Curve | None = None,
+) -> Problem:
+    """`problem` with the conditions of `locus` added and the parameter `released` made unknown.
+
+    `base` is its curve with these parameters free, where there is one already.
+    """
+    if base is None:
+        base = Curve(problem, (released,) if free is None else (released, free))
+    together = Adjoined(base, locus)
     clash = set(locus.extra) & set(problem.names)
     if clash:
         raise BadInput(f"rename {sorted(clash)} in the problem: the locus needs these names")
@@ -95,8 +137,7 @@ def adjoined(problem: Problem, locus: Locus, released: str, free: str | None = N
         together.residual,
         {**problem.start, **locus.extra, released: problem.params[released]},
         {name: value for name, value in problem.params.items() if name != released},
-        jacobian=together.jacobian,
-        sensitivity=None if free is None else together.sensitivity,
         domain=problem.domain,
+        scales=problem.scales,
         adjoined=together,
     )

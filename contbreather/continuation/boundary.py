@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from ..errors import BadInput
-from .adjoin import adjoined
+from .adjoin import adjoined, lifted
 from .branch import Branch, Point
-from .events import Event
+from .events import Event, Locus
 from .newton import Undefined
 from .steps import Steps
 from .trace import Within, trace
@@ -96,11 +96,29 @@ def _traceable(point: Point) -> Event:
 
 
 def _met(kind: str, event: Event) -> Event:
-    """An event of the original problem as one on the boundary of another: PF-GR."""
+    """An event of the original problem as one on the boundary of another: PF-GR.
+
+    Where both have a locus, the meeting is located by the conditions of both at once.
+    """
+    suffix = f" of {event.kind}"
+
+    def locus(point: Point) -> Locus:
+        together = point.curve.problem.adjoined
+        assert event.locus is not None
+        assert together is not None
+        return lifted(event.locus(point.ground), together, suffix)
+
+    def verify(point: Point) -> str:
+        assert event.verify is not None
+        detail = {name.removesuffix(suffix): value for name, value in point.detail.items()}
+        return event.verify(replace(point.ground, detail=detail))
+
     return Event(
         f"{kind}-{event.kind}",
         lambda point: event.test(point.ground),
         terminal=event.terminal,
         positive=event.positive,
+        locus=locus if event.locus else None,
+        verify=verify if event.verify else None,
         met=event,
     )

@@ -130,7 +130,7 @@ class Point:
 
     def jacobian(self) -> Array:
         """Derivative of the equations, shape ``(n, n + 1)``: unknowns, then the free parameter."""
-        return self.curve.jacobian(self.z)
+        return self.curve.jacobian(self.z).copy()
 
     def __repr__(self) -> str:
         shown = {name: value for name, value in self.values.items() if np.ndim(value) == 0}
@@ -146,7 +146,8 @@ class Branch:
     ``branch["a"]`` is a column (an unknown, a parameter, a recorded number, or ``"arclength"``),
     ``branch[17]`` a `Point`, ``branch.special`` the labelled points, ``branch.first("PF")`` one of
     them. ``stop`` says why it ended where it does, ``began`` why where it starts (None where the
-    walk set out); ``reason`` and ``began_reason`` add what the equations said. ``doubtful`` keeps candidates that failed their verification.
+    walk set out); ``reason`` and ``began_reason`` add what the equations said. ``doubtful``
+    keeps candidates that failed their verification.
     """
 
     points: tuple[Point, ...]

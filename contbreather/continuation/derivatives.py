@@ -1,30 +1,56 @@
-"""Derivatives of a residual that came without any: complex steps where they hold, else differences."""
+"""Derivatives of a residual that came without: complex steps where they hold, else differences."""
 
 from __future__ import annotations
 
+import functools
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .newton import OUT_OF_DOMAIN
+
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
+Scheme = Callable[..., Array]  # scheme(function, z, columns=None)
 
 _IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small as this
 _RELATIVE = np.finfo(float).eps ** 0.2  # best step of the five-point formula
+_FINER = (1.0, 64.0, 64.0**2, 64.0**3)  # what a step is divided by until it suits the function
+_GOOD = 1e-7  # differences with two steps agree this well where they can be trusted
+_NOISE = 1e-11  # rounding of the terms of a row, divided by the relative step
 
 
-def differences(function: Function, z: Array, *, finer: float = 1.0) -> Array:
+def differences(
+    function: Function,
+    z: Array,
+    columns: Iterable[int] | None = None,
+    *,
+    scales: Array | None = None,
+    finer: Array | float = 1.0,
+) -> Array:
     """Five-point central differences, one column for each entry of `z`; about 1e-12 relative.
 
-    `finer` divides the step: two results that differ tell what the differences are worth.
+    Steps are relative to ``max(|z|, scales)`` and divided by `finer`; next to a rim, where a
+    step would leave the domain, shorter ones are taken.
     """
-    columns = []
-    for i in range(z.size):
-        h = _RELATIVE * max(1.0, abs(z[i])) / finer
-        columns.append(directional(function, z, np.eye(1, z.size, i)[0] * h) / h)
-    return np.stack(columns, axis=-1)
+    steps = _RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer
+    chosen = range(z.size) if columns is None else columns
+    return np.stack([_column(function, z, i, steps[i]) for i in chosen], axis=-1)
+
+
+def _column(function: Function, z: Array, i: int, step: float) -> Array:
+    for h in (step, step / 64, step / 4096):
+        try:
+            column = directional(function, z, np.eye(1, z.size, i)[0] * h) / h
+        except OUT_OF_DOMAIN:
+            if h < step / 1000:
+                raise
+            continue
+        if np.isfinite(column).all():
+            break
+    return column
 
 
 def directional(function: Function, z: Array, step: Array) -> Array:
@@ -34,31 +60,67 @@ def directional(function: Function, z: Array, step: Array) -> Array:
     return np.asarray((8 * near - far) / 12)
 
 
-def complex_steps(function: Function, z: Array) -> Array:
+def complex_steps(function: Function, z: Array, columns: Iterable[int] | None = None) -> Array:
     """Derivatives by imaginary perturbation, exact to rounding where `function` is analytic."""
-    columns = []
-    for i in range(z.size):
+    found = []
+    for i in range(z.size) if columns is None else columns:
         shifted = z.astype(complex)
         shifted[i] += 1j * _IMAGINARY
-        columns.append(np.imag(np.asarray(function(shifted))) / _IMAGINARY)
-    return np.stack(columns, axis=-1)
+        found.append(np.imag(np.asarray(function(shifted))) / _IMAGINARY)
+    return np.stack(found, axis=-1)
 
 
-def choose(function: Function, z: Array) -> Callable[[Function, Array], Array]:
+def choose(function: Function, z: Array, scales: Array) -> Scheme:
     """Complex steps if they agree with differences at `z`; anything not analytic does not."""
+    wanted, doubt, finer = estimate(function, z, scales)
+    fallback = functools.partial(differences, scales=scales, finer=finer)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", np.exceptions.ComplexWarning)
             exact = complex_steps(function, z)
     except (TypeError, ValueError, ArithmeticError, AttributeError, np.exceptions.ComplexWarning):
-        return differences  # the function does not take complex numbers
-    return complex_steps if agree(exact, differences(function, z)) else differences
+        return fallback  # the function does not take complex numbers
+    return complex_steps if misfit(exact, wanted, doubt) is None else fallback
 
 
-def agree(one: Array, other: Array, tolerance: float = 1e-6) -> bool:
-    """Whether two Jacobians are the same up to what differences can tell."""
-    if one.shape != other.shape or not (np.isfinite(one).all() and np.isfinite(other).all()):
-        return False
-    return bool(
-        np.abs(one - other).max(initial=0.0) <= tolerance * (1 + np.abs(other).max(initial=0.0))
-    )
+def estimate(function: Function, z: Array, scales: Array) -> tuple[Array, Array, Array]:
+    """Differences, how far each can be trusted, and the `finer` that suits each column.
+
+    A column is NaN where the function has no values to either side.
+    """
+    best: Array = np.full((1, z.size), np.nan)
+    doubt = np.full((1, z.size), np.inf)
+    finer = np.ones(z.size)
+    poor = np.arange(z.size)
+    for factor in _FINER:
+        try:
+            coarse = differences(function, z, poor, scales=scales, finer=factor)
+            fine = differences(function, z, poor, scales=scales, finer=8 * factor)
+        except OUT_OF_DOMAIN:
+            continue
+        if len(best) != len(fine):  # the first that could be had
+            best, doubt = (
+                np.resize(best, (len(fine), z.size)),
+                np.resize(doubt, (len(fine), z.size)),
+            )
+        apart = abs(coarse - fine)
+        better = apart.max(axis=0) < doubt[:, poor].max(axis=0)
+        where = poor[better]
+        best[:, where], doubt[:, where] = fine[:, better], apart[:, better]
+        finer[where] = 8 * factor if factor > 1 else 1.0
+        poor = poor[~(apart.max(axis=0) <= _GOOD * abs(fine).max(axis=0))]
+        if not poor.size:
+            break
+    sizes = np.maximum(scales, abs(z))
+    terms = np.nan_to_num(abs(best) * sizes).max(axis=1)  # what each row adds up, and rounds
+    return best, doubt + _NOISE * terms[:, None] * finer / sizes, finer
+
+
+def misfit(given: Array, wanted: Array, doubt: Array) -> tuple[int, int] | None:
+    """The entry where a Jacobian is furthest off what differences can tell, if any is."""
+    wanted, doubt = np.broadcast_to(wanted, given.shape), np.broadcast_to(doubt, given.shape)
+    off = abs(given - wanted) - (10 * doubt + 1e-6 * abs(wanted))
+    off[~np.isfinite(given)] = np.inf
+    off[~np.isfinite(wanted)] = -np.inf  # differences cannot tell here
+    row, column = np.unravel_index(np.argmax(off), off.shape)
+    return (int(row), int(column)) if off[row, column] > 0 else None

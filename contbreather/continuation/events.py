@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import derivatives
 from .branch import Point
-from .newton import Solution, Undefined, newton
+from .crossing import along, crossing
+from .newton import Solution, Undefined
 from .problem import Curve
 
 Array = NDArray[np.float64]
 
-# A matrix is taken as rank deficient when its smallest singular value, relative to the size of the
-# derivative at the start of the branch, is below this; a located point has it at about 1e-12.
+# A balanced matrix is taken as rank deficient when its smallest singular value is below this; at a
+# located point it is about 1e-12.
 _RANK = 1e-7
 
 
@@ -141,11 +141,11 @@ def cusp() -> Event:
 def _fold_test(point: Point) -> float:
     if point.tangent.size:
         return float(point.tangent[-1])
-    return signed_smallest(point.jacobian()[:, : point.curve.size])
+    return signed_smallest(_balanced(point)[:, : point.curve.size])
 
 
 def _fold_locus(point: Point) -> Locus:
-    null = np.linalg.svd(point.jacobian()[:, : point.curve.size])[2][-1]
+    null = _null_vector(point)
     return Locus({"null": null}, _fold_conditions, _fold_derivative, events=(cusp(),))
 
 
@@ -157,30 +157,22 @@ def _fold_derivative(curve: Curve, z: Array, null: Array) -> Array:
     n = curve.size
     rows = np.zeros((n + 1, z.size + n))
     # second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v
-    rows[:n, : z.size] = _along(curve, z, null)
+    rows[:n, : z.size] = along(curve, z, null)
     rows[:n, z.size :] = curve.jacobian(z)[:, :n]
     rows[n, z.size :] = 2 * null
     return rows
 
 
 def _fold_verify(point: Point) -> str:
-    whole = point.jacobian()
-    values = np.linalg.svd(whole, compute_uv=False)
-    scale = _RANK * point.curve.scale
-    if values[-1] < scale:
+    if point.tangent.size and "null" not in point.detail:
+        return "a degenerate fold or a branch point: no null vector could be solved for"
+    whole = _balanced(point)
+    if np.linalg.svd(whole, compute_uv=False)[-1] < _RANK:
         return "a branch point, not a fold: the whole derivative loses rank"
     least = np.linalg.svd(whole[:, : point.curve.size], compute_uv=False)[-1]
-    if least > scale:
+    if least > _RANK:
         return f"the derivative in the unknowns is regular: least singular value {least:.2g}"
     return ""
-
-
-def _along(curve: Curve, z: Array, vector: Array) -> Array:
-    """Derivative of the Jacobian along a vector in the space of the unknowns."""
-    h = 1e-3 * max(1.0, float(abs(z).max())) / max(float(np.linalg.norm(vector)), 1e-300)
-    step = np.zeros(z.size)
-    step[: vector.size] = h * vector
-    return derivatives.directional(curve.jacobian, z, step) / h
 
 
 def _cusp_test(point: Point) -> float:
@@ -189,7 +181,7 @@ def _cusp_test(point: Point) -> float:
     n = ground.curve.size
     left, _, right = np.linalg.svd(ground.jacobian()[:, :n])
     sign = np.linalg.det(left) * np.linalg.det(right) * np.sign(right[-1] @ null)
-    return float(sign * left[:, -1] @ _along(ground.curve, ground.z, null)[:, :n] @ null / 2)
+    return float(sign * left[:, -1] @ along(ground.curve, ground.z, null)[:, :n] @ null / 2)
 
 
 # --- branch points ----------------------------------------------------------------------------
@@ -198,44 +190,22 @@ def _cusp_test(point: Point) -> float:
 def _branch_point_test(point: Point) -> float:
     if not point.tangent.size:
         return float("nan")  # of codimension two on a boundary: nothing to look for
-    whole = np.vstack([point.jacobian(), point.curve.dual(point.tangent)])
-    return signed_smallest(whole)
+    row = point.curve.dual(point.tangent) * point.curve.scales
+    return signed_smallest(np.vstack([_balanced(point), row]))
 
 
 def _branch_point_verify(point: Point) -> str:
-    values = np.linalg.svd(point.jacobian(), compute_uv=False)
-    scale = _RANK * point.curve.scale
-    if values[-1] > scale:
+    values = np.linalg.svd(_balanced(point), compute_uv=False)
+    if values[-1] > _RANK:
         return f"the derivative keeps its rank: smallest singular value {values[-1]:.2g}"
-    if values.size > 1 and values[-2] < scale:
+    if values.size > 1 and values[-2] < _RANK:
         return "the derivative loses more than one rank: not a simple branch point"
     return ""
 
 
 def _branch_point_polish(point: Point) -> tuple[Solution, Mapping[str, Any]]:
-    """Newton on H + beta w = 0, w^T H_z = 0, w . w = 1, regular at a simple branch point.
-
-    Along the curve itself Newton's iteration is singular there and good to 1e-8 only.
-    """
-    curve, n = point.curve, point.curve.size
-    size = point.z.size
-
-    def equations(y: Array) -> Array:
-        z, beta, left = y[:size], y[size], y[size + 1 :]
-        own = curve.equations(z) + beta * left
-        return np.concatenate([own, curve.jacobian(z).T @ left, [left.dot(left) - 1]])
-
-    def jacobian(y: Array) -> Array:
-        return derivatives.differences(equations, y)
-
-    left = np.linalg.svd(point.jacobian())[0][:, -1]
-    found = newton(equations, jacobian, np.concatenate([point.z, [0.0], left]))
-    return (
-        Solution(
-            found.z[:size], found.converged, found.iterations, found.residual, found.correction
-        ),
-        {"left": found.z[size + 1 :], "n": n},
-    )
+    found = crossing(point.curve, point.z)
+    return found.solution, {"tangents": found.tangents}
 
 
 # --- Hopf points ------------------------------------------------------------------------------
@@ -270,19 +240,52 @@ def _hopf_locus(point: Point) -> Locus:
         own = matrix @ (matrix @ null) + square * null
         return np.concatenate([own, [null.dot(null) - 1, reference.dot(null)]])
 
-    return Locus({"null": null, "omega2": float(values[nearest].imag ** 2)}, conditions)
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        null, square, n = extra[:-1], extra[-1], curve.size
+        matrix = curve.jacobian(z)[:, :n]
+        rows = np.zeros((n + 2, z.size + n + 1))
+        rows[:n, : z.size] = along(curve, z, matrix @ null) + matrix @ along(curve, z, null)
+        rows[:n, z.size : -1] = matrix @ matrix + square * np.eye(n)
+        rows[:n, -1] = null
+        rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * null, reference
+        return rows
+
+    square = float(values[nearest].imag ** 2)
+    return Locus({"null": null, "omega2": square}, conditions, derivative, events=(_TAKENS,))
+
+
+# Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.
+_TAKENS = Event("BT", lambda point: point["omega2"], terminal=True, positive=True)
 
 
 def _hopf_verify(point: Point) -> str:
-    square = point.detail.get("omega2")
-    if square is None:
-        return "a neutral saddle or an unresolved pair: no complex eigenvalues on the axis"
-    if square <= 0:
-        return f"a neutral saddle: omega^2 = {square:.3g} is not positive"
+    """Of the two eigenvalues that add up to nothing: are they a complex pair, or both zero?"""
+    n = point.curve.size
+    matrix = point.jacobian()[:, :n]
+    values = np.linalg.eigvals(matrix)
+    first, second = np.triu_indices(n, 1)
+    nearest = np.argmin(abs(values[first] + values[second]))
+    pair = values[[first[nearest], second[nearest]]]
+    # a double zero splits by the root of rounding
+    if not pair.imag.any() and abs(pair).max() > 1e-7 * np.linalg.norm(matrix, 2):
+        return (
+            f"a neutral saddle: the eigenvalues {pair[0].real:.3g} and {pair[1].real:.3g} are real"
+        )
     return ""
 
 
 # --- linear algebra that events share ---------------------------------------------------------
+
+
+def _balanced(point: Point) -> Array:
+    return point.curve.balanced(point.jacobian())
+
+
+def _null_vector(point: Point) -> Array:
+    """Unit vector of the unknowns that the derivative annihilates, or nearly so."""
+    n = point.curve.size
+    vector = np.linalg.svd(_balanced(point)[:, :n])[2][-1] * point.curve.scales[:n]
+    return vector / np.linalg.norm(vector)
 
 
 def signed_smallest(matrix: Array) -> float:

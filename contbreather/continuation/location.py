@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,15 +15,15 @@ from scipy.optimize import brentq
 from .adjoin import adjoined
 from .branch import Point
 from .events import Event
-from .newton import Solution, Undefined, newton, solve
-from .problem import OUT_OF_DOMAIN, Curve
+from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton, solve_oriented
+from .problem import Curve
 
 Array = NDArray[np.float64]
 Value = float | int
 
 _SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
 _ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
-_BESIDE = 0.1  # how far off the cubic a located event may lie, relative to the step
+_BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
 _ROUNDS = 4  # how often a step is looked through again, at the events found so far
 _AT_END = 1e-9  # a test this small, relative to its change over the step, vanishes at the end
 
@@ -37,13 +38,14 @@ class Segment:
         self.tolerance = tolerance
         chord = last.z - first.z
         dual = self.curve.dual(chord)
-        self._row = dual / dual.dot(chord)  # row . (z - z_first) is u
+        self._row = dual / dual.dot(chord)  # row . (z - z_first) is u, on the cubic too
+        self._slopes = [point.tangent / self._row.dot(point.tangent) for point in (first, last)]
         self._known: dict[float, Point] = {0.0: first, 1.0: last}
 
     def guess(self, u: float) -> tuple[Array, Array]:
         """Position and unit tangent on the cubic through both ends."""
         z0, z1 = self.first.z, self.last.z
-        d0, d1 = self.length * self.first.tangent, self.length * self.last.tangent
+        d0, d1 = self._slopes
         v = 1 - u
         z = v * v * (1 + 2 * u) * z0 + u * v * v * d0 + u * u * (1 + 2 * v) * z1 - u * u * v * d1
         slope = 6 * u * v * (z1 - z0) + v * (1 - 3 * u) * d0 + u * (3 * u - 2) * d1
@@ -51,53 +53,90 @@ class Segment:
 
     def provisional(self, u: float) -> Point:
         """The point on the cubic, not corrected: close enough to see the sign of a test."""
+        if u in self._known:
+            return self._known[u]
         z, tangent = self.guess(u)
         return self._point(u, z, tangent, math.nan)
 
     def at(self, u: float) -> Point:
         """The point of the curve at u, solved for."""
         if u not in self._known:
-            guess, slope = self.guess(u)
-            # the cubic runs a little ahead or behind: Newton keeps to the plane it starts in
-            guess += (u - self._row.dot(guess - self.first.z)) / self._row.dot(slope) * slope
-            equations, jacobian = self.curve.equations, self.curve.jacobian
-            found = newton(equations, jacobian, guess, row=self._row, tolerance=self.tolerance)
+            curve, (guess, slope) = self.curve, self.guess(u)
+            found = newton(
+                curve.equations,
+                curve.jacobian,
+                guess,
+                row=self._row,
+                metric=curve.metric,
+                tolerance=self.tolerance,
+            )
             if not found.converged:
                 raise Undefined("Newton's iteration failed between two points of the curve")
-            self._known[u] = self._on_curve(u, found, slope)
+            self._near(guess, found.z)
+            tangent, _ = tangent_at(curve, found.z, slope)
+            self._known[u] = self._point(u, found.z, tangent, found.residual)
         return self._known[u]
 
-    def settled(self, found: Solution, *, regular: bool) -> tuple[float, Point]:
-        """A polished solution and its u. Its tangent is solved for where the curve is regular;
-        at a branch point, where that is impossible, the cubic tells it."""
+    def settled(self, found: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
+        """A polished solution and its u. Where curves cross, their tangents are known; elsewhere
+        the tangent is solved for."""
         u = float(self._row.dot(found.z - self.first.z))
         guess, slope = self.guess(min(max(u, 0.0), 1.0))
-        off = found.z - guess
-        if math.sqrt(off.dot(self.curve.dual(off))) > _BESIDE * self.length:
-            raise Undefined("the location ended on another curve")
-        if regular:
-            return u, self._on_curve(u, found, slope)
-        return u, self._point(u, found.z, slope, found.residual)
+        self._near(guess, found.z)
+        if tangents:
+            tangent = closest(tangents, self.curve.dual(slope))
+        else:
+            tangent, _ = tangent_at(self.curve, found.z, slope)
+        return u, self._point(u, found.z, tangent, found.residual)
 
-    def _on_curve(self, u: float, found: Solution, slope: Array) -> Point:
-        return self._point(u, found.z, tangent_at(self.curve, found.z, slope), found.residual)
+    def _near(self, guess: Array, z: Array) -> None:
+        if self.curve.length(z - guess) > _BESIDE * self.length:
+            raise Undefined("the location ended on another curve")
 
     def _point(self, u: float, z: Array, tangent: Array, residual: float) -> Point:
         return Point(self.curve, z, tangent, self.first.arclength + u * self.length, residual)
 
 
-def tangent_at(curve: Curve, z: Array, along: Array) -> Array:
-    """Unit tangent at z, on the side of `along`; a null vector where the bordered matrix fails."""
+def tangent_at(curve: Curve, z: Array, along: Array) -> tuple[Array, int]:
+    """Unit tangent at z on the side of `along`, and the sign of the bordered determinant.
+
+    That sign is the same all along a curve and changes at branch points. Where the bordered
+    matrix is singular it is 0, and the tangent is the null vector closest to `along`.
+    """
     size = z.size
     matrix = np.empty((size, size))
     matrix[:-1], matrix[-1] = curve.jacobian(z), curve.dual(along)
     right = np.zeros(size)
     right[-1] = 1.0
-    tangent = solve(matrix, right)
+    tangent, side = solve_oriented(matrix, right)
     if tangent is None or not math.isfinite(tangent.sum()):
-        tangent = np.linalg.svd(matrix[:-1])[2][-1]
-        tangent = math.copysign(1.0, float(tangent.dot(matrix[-1]))) * tangent
-    return curve.normalised(tangent)
+        return _null_vector(matrix[:-1], matrix[-1], curve), 0
+    return curve.normalised(tangent), side
+
+
+def _null_vector(matrix: Array, row: Array, curve: Curve) -> Array:
+    if not math.isfinite(matrix.sum()):
+        raise Undefined("the derivatives are not finite")
+    _, sizes, right = np.linalg.svd(matrix)
+    null = right[int(np.count_nonzero(sizes > 1e-10 * sizes[0])) :]
+    nearest = (null @ row) @ null
+    return curve.normalised(nearest if curve.length(nearest) > 1e-10 else null[-1])
+
+
+def closest(tangents: Sequence[Array], row: Array) -> Array:
+    """The tangent that makes the smallest angle with a direction, turned to its side."""
+    nearest = max(tangents, key=lambda tangent: abs(float(tangent.dot(row))))
+    return nearest if nearest.dot(row) >= 0 else -nearest
+
+
+def measure(event: Event, point: Point) -> Value:
+    """The test of an event: an int where it counts, a float where it has zeros, NaN where it has
+    no value."""
+    try:
+        value = event.test(point)
+    except OUT_OF_DOMAIN:
+        return math.nan
+    return int(value) if isinstance(value, int | np.integer | np.bool_) else float(value)
 
 
 @dataclass
@@ -106,29 +145,37 @@ class Trail:
 
     event: Event
     values: dict[float, Value]
-    done: set[tuple[float, float]] = field(default_factory=set)  # brackets that were dealt with
+    done: list[tuple[float, float]] = field(default_factory=list)  # brackets that were dealt with
+    sure: set[float] = field(default_factory=lambda: {0.0, 1.0})  # where the value is final
 
     def changes(self) -> list[tuple[float, float]]:
         """Neighbouring places between which the test changes sign, or jumps."""
         known = sorted(u for u, value in self.values.items() if not math.isnan(value))
-        pairs = zip(known, known[1:], strict=False)
+        pairs = itertools.pairwise(known)
         return [p for p in pairs if p not in self.done and self._differ(*p)]
 
     def _differ(self, left: float, right: float) -> bool:
         a, b = self.values[left], self.values[right]
-        if isinstance(a, int | np.integer) and isinstance(b, int | np.integer):
-            return bool(a != b)  # bool is an int too
+        if self.jumps:
+            return a != b
         return a != 0 and (b == 0 or (a < 0) != (b < 0))
 
     @property
     def jumps(self) -> bool:
-        return isinstance(self.values[1.0], int | np.integer)
+        """Whether the test counts: all its values are int, but for NaN where it has none."""
+        return all(isinstance(v, int) or math.isnan(v) for v in self.values.values())
 
     def settle(self, u: float, left: float, right: float) -> None:
         """Remember an event at u: the test keeps its sign up to it, and the other one after it."""
         low, high = max(u - _ASIDE, left), min(u + _ASIDE, right)
         self.values[low], self.values[high] = self.values[left], self.values[right]
-        self.done.add((low, high))
+        self.done.append((low, high))
+        self.sure |= {low, high}
+
+    def learn(self, u: float, value: Value) -> None:
+        """Take in one more value, unless u is so close to an event that rounding decides it."""
+        if u not in self.values and not any(low <= u <= high for low, high in self.done):
+            self.values[u] = value
 
 
 @dataclass(frozen=True)
@@ -141,28 +188,39 @@ class Found:
 
 
 def find(
-    segment: Segment, events: Sequence[Event], before: Sequence[Value], *, first: bool, last: bool
+    segment: Segment,
+    events: Sequence[Event],
+    before: Sequence[Value],
+    *,
+    crossing: Point | None,
+    first: bool,
+    last: bool,
 ) -> Found:
     """All events on one step of a walk.
 
-    `before` are the tests at its start. With `first` (`last`) an event at the very start (end),
-    where rounding decides the sign of its test, counts as well.
+    `before` are the tests at its start, `crossing` a branch point known to lie on it. With `first`
+    (`last`) an event at the very start (end), where rounding decides the sign of its test, counts
+    as well.
+
+    Branch points come first. Next to them the corrector may end on the other curve, so all other
+    events are looked for on the pieces of curve between them.
     """
+    curve = segment.curve
+    curve.rows = np.maximum(0.5 * curve.rows, curve.row_sizes(segment.last.z))
     middle = segment.provisional(0.5)
-    trails = []
-    for event, value in zip(events, before, strict=True):
-        values = {0.0: value, 0.5: _quietly(event, middle), 1.0: event.test(segment.last)}
-        trails.append(Trail(event, values))
-    located: list[Point] = []
-    for trail in trails:
-        located += _at_ends(segment, trail, first, last)
-        _probe(segment, trail)
-    for _ in range(_ROUNDS):
-        fresh = [point for trail in trails for point in _search(segment, trail)]
-        located += fresh
-        if not fresh:
-            break
-        _look_at(segment, trails, fresh)
+    halfway = [measure(event, middle) for event in events]
+    trails = [
+        Trail(event, {0.0: value, 0.5: half, 1.0: measure(event, segment.last)})
+        for event, value, half in zip(events, before, halfway, strict=True)
+    ]
+    crossings = [trail for trail in trails if trail.event.polish is not None]
+    others = [trail for trail in trails if trail.event.polish is None]
+    located = list(_events_on(segment, crossings, first, last))
+    cuts = [p for p in located if "tangents" in p.detail] or ([crossing] if crossing else [])
+    if cuts and others:
+        located += _between(segment, cuts, others, first, last)
+    else:
+        located += _events_on(segment, others, first, last)
     located.sort(key=lambda point: point.arclength)
     good = tuple(point for point in located if point.located)
     doubtful = tuple(point for point in located if not point.located)
@@ -171,11 +229,39 @@ def find(
     return Found(good, doubtful, after)
 
 
-def _quietly(event: Event, point: Point) -> Value:
-    try:
-        return event.test(point)
-    except OUT_OF_DOMAIN:
-        return math.nan  # the provisional point may lie where the test has no value
+def _events_on(
+    segment: Segment, trails: Sequence[Trail], first: bool, last: bool
+) -> Iterator[Point]:
+    for trail in trails:
+        yield from _at_ends(segment, trail, first, last)
+        _probe(segment, trail)
+    for _ in range(_ROUNDS):
+        fresh = [point for trail in trails for point in _search(segment, trail)]
+        yield from fresh
+        if not fresh:
+            break
+        _look_at(segment, trails, fresh)
+
+
+def _between(
+    segment: Segment, cuts: Sequence[Point], trails: Sequence[Trail], first: bool, last: bool
+) -> Iterator[Point]:
+    """Events on the pieces between branch points; a piece as short as rounding has none."""
+    places = [segment.first, *sorted(cuts, key=lambda point: point.arclength), segment.last]
+    values = [trail.values[0.0] for trail in trails]
+    for start, end in itertools.pairwise(places):
+        if end.arclength - start.arclength < _ASIDE * segment.length:
+            continue
+        piece = Segment(start, end, segment.tolerance)
+        middle = piece.provisional(0.5)
+        parts = [
+            Trail(t.event, {0.0: value, 0.5: measure(t.event, middle), 1.0: measure(t.event, end)})
+            for t, value in zip(trails, values, strict=True)
+        ]
+        yield from _events_on(
+            piece, parts, first and start is segment.first, last and end is segment.last
+        )
+        values = [part.values[1.0] for part in parts]
 
 
 def _at_ends(segment: Segment, trail: Trail, first: bool, last: bool) -> Iterator[Point]:
@@ -184,10 +270,10 @@ def _at_ends(segment: Segment, trail: Trail, first: bool, last: bool) -> Iterato
         return
     start, end = trail.values[0.0], trail.values[1.0]
     change = abs(end - start)
-    if first and abs(start) <= _AT_END * change:
-        trail.values[0.0] = 0
+    if first and abs(start) < _AT_END * change:
+        trail.values[0.0] = 0.0
         yield _at_end(segment, trail.event, 0.0)
-    elif last and abs(end) <= _AT_END * change:
+    elif last and abs(end) < _AT_END * change:
         trail.values[1.0] = math.copysign(math.ulp(0.0), start)  # found already, no change left
         yield _at_end(segment, trail.event, 1.0)
 
@@ -213,7 +299,7 @@ def _probe(segment: Segment, trail: Trail) -> None:
             return
         if min(abs(vertex - u) for u in places) < 1e-6:
             return
-        trail.values[vertex] = _quietly(trail.event, segment.provisional(vertex))
+        trail.values[vertex] = measure(trail.event, segment.provisional(vertex))
         if trail.changes():
             return
         around = sorted([*places, vertex])
@@ -233,14 +319,10 @@ def _parabola(u: list[float], f: list[float]) -> tuple[float, float]:
 
 def _search(segment: Segment, trail: Trail) -> Iterator[Point]:
     """Locate each change of one test that was not dealt with yet."""
-    look = _look(segment, trail.event)
+    _make_sure(segment, trail)
     for left, right in trail.changes():
         try:
-            for u in (left, right):  # the middle was provisional: make sure of its value
-                if 0 < u < 1:
-                    trail.values[u] = look(u)
-            if (left, right) in trail.changes():
-                yield from _located(segment, trail, left, right)
+            yield from _located(segment, trail, left, right)
         except Undefined as error:
             trail.settle(0.5 * (left + right), left, right)
             point = segment.provisional(0.5 * (left + right))
@@ -249,12 +331,30 @@ def _search(segment: Segment, trail: Trail) -> Iterator[Point]:
             yield _special(point, trail.event, (left, right), segment)
 
 
+def _make_sure(segment: Segment, trail: Trail) -> None:
+    """Replace values seen on the cubic by those on the curve, wherever a change depends on them."""
+    look = _look(segment, trail.event)
+    while unsure := {u for pair in trail.changes() for u in pair} - trail.sure:
+        for u in unsure:
+            try:
+                trail.values[u] = look(u)
+            except Undefined:
+                trail.values[u] = math.nan
+        trail.sure |= unsure
+
+
 def _look(segment: Segment, event: Event) -> Callable[[float], Value]:
     """The test along the step. Next to a branch point the corrector may end on the other curve,
     so that an event with its own polish is looked for on the cubic."""
-    if event.polish is not None:
-        return lambda u: event.test(segment.provisional(u))
-    return lambda u: event.test(segment.at(u))
+    place = segment.at if event.polish is None else segment.provisional
+
+    def look(u: float) -> Value:
+        value = measure(event, place(u))
+        if math.isnan(value):
+            raise Undefined("the test has no value between two points of the curve")
+        return value
+
+    return look
 
 
 def _located(segment: Segment, trail: Trail, left: float, right: float) -> Iterator[Point]:
@@ -272,8 +372,8 @@ def _look_at(segment: Segment, trails: Sequence[Trail], fresh: Sequence[Point]) 
         if not 0 < u < 1:
             continue
         for trail in trails:
-            if trail.event is not point.event and u not in trail.values:
-                trail.values[u] = _quietly(trail.event, point)
+            if trail.event is not point.event:
+                trail.learn(u, measure(trail.event, point))
 
 
 # --- zeros and jumps --------------------------------------------------------------------------
@@ -292,12 +392,16 @@ def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
     if polished is not None:
         yield polished
         return
-    u = brentq(_look(segment, event), left, right, xtol=1e-15, rtol=1e-14)
+    look = _look(segment, event)
+    if float(look(left)) * float(look(right)) > 0:  # what was seen on the cubic is not there
+        trail.done.append((left, right))
+        return
+    u = brentq(look, left, right, xtol=1e-15, rtol=1e-14)
     polished = _polish(segment, event, u, left, right)
     point = polished[2] if polished else segment.at(u)
     if polished is not None:
         yield polished
-    elif abs(event.test(point)) > 1e-6 * (abs(a) + abs(b)):
+    elif abs(measure(event, point)) > 1e-6 * (abs(a) + abs(b)):
         reason = f"the test of {event.kind} changes sign without a zero: it jumps or has a pole"
         yield u, u, replace(point, detail={"reason": reason}, located=False)
     else:
@@ -305,11 +409,17 @@ def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
         yield u - width, u + width, point
 
 
-def _jump(segment: Segment, trail: Trail, left: float, right: float) -> Iterator[Place]:
-    """Each jump of an integer test in a bracket: by its locus once that agrees, else bisection."""
+def _jump(
+    segment: Segment, trail: Trail, left: float, right: float, attempt: float = 0.3
+) -> Iterator[Place]:
+    """Each jump of an integer test in a bracket: by its locus once that agrees, else bisection.
+
+    The locus is tried when the bracket has shrunk to `attempt`, and then at every eighth of it.
+    """
     event = trail.event
     middle = 0.5 * (left + right)
-    if right - left < 0.3:
+    if right - left < attempt:
+        attempt = (right - left) / 8
         polished = _polish(segment, event, middle, left, right)
         if polished is not None:
             yield polished
@@ -317,11 +427,11 @@ def _jump(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
     if right - left < _SHARP:
         yield left, right, segment.at(middle)
         return
-    trail.values[middle] = event.test(segment.at(middle))
+    trail.values[middle] = _look(segment, event)(middle)
     for low, high in ((left, middle), (middle, right)):
         if trail.values[low] != trail.values[high]:
-            yield from _jump(segment, trail, low, high)
-            trail.done.add((low, high))
+            yield from _jump(segment, trail, low, high, attempt)
+            trail.done.append((low, high))
 
 
 def _polish(segment: Segment, event: Event, u: float, left: float, right: float) -> Place | None:
@@ -334,21 +444,21 @@ def _polish(segment: Segment, event: Event, u: float, left: float, right: float)
         found, detail = event.polish(near) if event.polish else _on_locus(event, near)
         if not found.converged:
             return None
-        place, point = segment.settled(found, regular=event.polish is None)
+        place, point = segment.settled(found, detail.get("tangents", ()))
         if not left - _ASIDE <= place <= right + _ASIDE:
             return None
         low, high = place - _ASIDE, place + _ASIDE
         if event.polish is None and not _changes_across(segment, event, low, high):
             return None
-    except (Undefined, *OUT_OF_DOMAIN):
+    except OUT_OF_DOMAIN:
         return None  # the locus has no value here: location goes on without it
     return low, high, replace(point, detail=detail)
 
 
 def _changes_across(segment: Segment, event: Event, low: float, high: float) -> bool:
-    before, after = event.test(segment.at(low)), event.test(segment.at(high))
-    if isinstance(before, int | np.integer):
-        return bool(before != after)
+    before, after = measure(event, segment.at(low)), measure(event, segment.at(high))
+    if isinstance(before, int):
+        return before != after
     return before * after <= 0
 
 
@@ -356,9 +466,9 @@ def _on_locus(event: Event, near: Point) -> tuple[Solution, Mapping[str, Any]]:
     """Solve the problem and the conditions of the event for everything at once."""
     assert event.locus is not None
     locus = event.locus(near)
-    problem = adjoined(near.problem, locus, near.curve.free[0])
+    problem = adjoined(near.problem, locus, near.curve.free[0], base=near.curve)
     curve = Curve(problem, ())
-    found = newton(curve.equations, curve.jacobian, problem.x)
+    found = newton(curve.equations, curve.jacobian, problem.x, metric=curve.metric)
     n = near.curve.size
     names = {name: problem.slots[name] for name in locus.extra}
     detail = {name: _plain(found.z[at]) for name, at in names.items()}

@@ -1,4 +1,4 @@
-"""Bordered Newton iteration: n equations, n + 1 unknowns, and one linear condition to choose among them."""
+"""Bordered Newton iteration: n equations, n + 1 unknowns, one linear condition to choose."""
 
 from __future__ import annotations
 
@@ -10,7 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgesv
 
+from ..errors import BadInput
+
 Array = NDArray[np.float64]
+
+# What equations raise where they have no value; anything else is a bug and must surface.
+OUT_OF_DOMAIN = (BadInput, ArithmeticError, np.linalg.LinAlgError)
 
 
 class Undefined(ArithmeticError):
@@ -34,25 +39,39 @@ def solve(matrix: Array, right: Array) -> Array | None:
     return solution if info == 0 else None
 
 
+def solve_oriented(matrix: Array, right: Array) -> tuple[Array | None, int]:
+    """As `solve`, with the sign of the determinant, 0 where the matrix is singular."""
+    factors, pivots, solution, info = dgesv(matrix, right)
+    if info != 0:
+        return None, 0
+    sign = 1
+    for i, (pivot, row) in enumerate(zip(factors.diagonal().tolist(), pivots, strict=True)):
+        if (pivot < 0) != (row != i):
+            sign = -sign
+    return solution, sign
+
+
 def newton(
     equations: Callable[[Array], Array],
     jacobian: Callable[[Array], Array],
     z: Array,
     *,
     row: Array | None = None,
+    metric: Array | None = None,
     tolerance: float = 1e-9,
     most: int = 12,
 ) -> Solution:
     """Solve ``equations(z) = 0`` together with ``row . (z - z_start) = 0``.
 
-    `jacobian` returns an ``(m, n)`` array, with ``m = n`` without `row` and ``m = n - 1`` with it.
+    `jacobian` returns an ``(m, n)`` array, with ``m = n`` without `row` and ``m = n - 1`` with it;
+    `metric` holds the weights of a squared length, 1 if None.
     Raises `Undefined` where the equations have no value. A correction that grows ends the
     iteration unconverged: a shorter predictor step is then the cure.
     """
     size = z.size
     right = np.zeros(size)
     previous = math.inf
-    bound = tolerance * (1 + math.sqrt(z.dot(z)))
+    bound = tolerance * (1 + length(z, metric))
     for iteration in range(1, most + 1):
         value = equations(z)
         if row is None:
@@ -63,17 +82,27 @@ def newton(
             right[:-1] = value  # the linear condition holds at every iterate, its residual stays 0
         step = solve(matrix, right)
         if step is None:  # at a branch point: the shortest correction is as good as any
-            step = np.linalg.lstsq(matrix, right)[0]
-        length = math.sqrt(step.dot(step))
-        if not length < math.inf:
+            step = _shortest(matrix, right)
+        correction = length(step, metric)
+        if not correction < math.inf:
             raise Undefined("the Newton correction is not finite")
-        if length > 2 * previous and length > bound:
-            return Solution(z, False, iteration, _largest(value), length)
+        if correction > 2 * previous and correction > bound:
+            return Solution(z, False, iteration, _largest(value), correction)
         z = z - step
-        if length <= bound:
-            return Solution(z, True, iteration, _largest(equations(z)), length)
-        previous = length
+        if correction <= bound:
+            return Solution(z, True, iteration, _largest(equations(z)), correction)
+        previous = correction
     return Solution(z, False, most, _largest(equations(z)), previous)
+
+
+def length(z: Array, metric: Array | None) -> float:
+    return math.sqrt(z.dot(z) if metric is None else z.dot(z * metric))
+
+
+def _shortest(matrix: Array, right: Array) -> Array:
+    if not math.isfinite(matrix.sum()):
+        raise Undefined("the derivatives are not finite")
+    return np.asarray(np.linalg.lstsq(matrix, right)[0])
 
 
 def _largest(value: Array) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput, NotConverged
 from . import derivatives
-from .newton import Solution, Undefined, newton
+from .newton import OUT_OF_DOMAIN, Solution, Undefined, length, newton
 
 if TYPE_CHECKING:
     from .adjoin import Adjoined
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
 Residual = Callable[[Array, Params], Array]
-
-# What equations raise where they have no value; anything else is a bug and must surface.
-OUT_OF_DOMAIN = (BadInput, ArithmeticError, np.linalg.LinAlgError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +50,9 @@ class Problem:
         Name and function of a `Point` for each derived number to keep along a branch.
     domain : dict, optional
         ``{name: (low, high)}``, bounds of unknowns or parameters beyond which nothing is meant.
+    scales : dict, optional
+        Typical size of an unknown or parameter where that is far from 1: arclength, tolerance
+        and differences are measured in it.
     interpret : callable, optional
         Turns a `Point` into what it is to its user; ``point.solution`` calls it.
     label : str, optional
@@ -82,6 +82,7 @@ class Problem:
     events: tuple[Event, ...] = field(default=(), kw_only=True)
     record: Mapping[str, Callable[[Point], float]] = field(default_factory=dict, kw_only=True)
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
+    scales: Mapping[str, float] = field(default_factory=dict, kw_only=True)
     interpret: Callable[[Point], Any] | None = field(default=None, kw_only=True)
     label: str = field(default="", kw_only=True)
     adjoined: Adjoined | None = field(default=None, kw_only=True, repr=False)
@@ -98,6 +99,10 @@ class Problem:
                 raise BadInput(f"{name!r} has shape {array.shape}; a number was wanted")
             if not np.isfinite(array).all():
                 raise BadInput(f"{name!r} must be finite, got {value}")
+        self.check_names((*self.scales, *self.domain))
+        for name, size in self.scales.items():
+            if not 0 < size < math.inf:
+                raise BadInput(f"the scale of {name!r} must be finite and positive, got {size}")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -121,20 +126,15 @@ class Problem:
         values = [np.atleast_1d(np.asarray(value, dtype=float)) for value in self.start.values()]
         return np.concatenate(values)
 
-    @cached_property
-    def metric(self) -> Array | None:
-        """Weights of the squared arclength: an array unknown counts as its mean square, so that
-        a refined mesh keeps its steps. None where all weights are 1."""
-        weights = [np.full(np.size(v), 1 / np.size(v)) for v in self.start.values()]
-        joined = np.concatenate(weights)
-        return None if (joined == 1).all() else joined
-
     def at(self, **values: Any) -> Problem:
         """The same problem with other start values or parameters."""
         self.check_names(values)
         start = {name: values.get(name, value) for name, value in self.start.items()}
         params = {name: values.get(name, value) for name, value in self.params.items()}
-        return replace(self, start=start, params=params)
+        moved = replace(self, start=start, params=params)
+        return (
+            moved if self.adjoined is None else self.adjoined.moved(moved, self.adjoined.base.free)
+        )
 
     def check_names(self, names: Iterable[str]) -> None:
         """Raise `BadInput` at the first name that this problem does not have."""
@@ -146,10 +146,13 @@ class Problem:
         """The residual, or `Undefined` where it has none."""
         try:
             value = np.asarray(self.residual(x, params))
+            total = value.sum()
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
+        if isinstance(total, complex):  # what Python makes of (-1.0) ** 0.5
+            raise Undefined("the equations are not real")
         # the sum is finite unless an entry is not (or all but overflows, which is as bad)
-        if not math.isfinite(value.sum()):
+        if not math.isfinite(total):
             raise Undefined("the equations are not finite")
         return value
 
@@ -193,7 +196,21 @@ class Problem:
 
 
 class Curve:
-    """A problem with named parameters set free: H(z) with ``z = (x, free parameters)``."""
+    """A problem with named parameters set free: H(z) with ``z = (x, free parameters)``.
+
+    Attributes
+    ----------
+    slots : dict
+        Where each unknown and each free parameter lies in z.
+    scales : ndarray
+        Typical size of each entry of z.
+    metric : ndarray or None
+        Weights of the squared arclength, None where all are 1. An array unknown counts as its
+        mean square, so that a refined mesh keeps its steps.
+    rows : ndarray
+        Size of the derivative of each equation along the latest piece of curve: what is small
+        against it counts as zero.
+    """
 
     def __init__(self, problem: Problem, free: tuple[str, ...]) -> None:
         for name in free:
@@ -201,27 +218,44 @@ class Curve:
                 raise BadInput(
                     f"{name!r} is no parameter of this problem; it has {list(problem.params)}"
                 )
+        if problem.adjoined is not None:
+            problem = problem.adjoined.freed(problem, free)
         self.problem = problem
         self.free = free
         self.size = problem.x.size
         self.fixed = {name: float(value) for name, value in problem.params.items()}
         self.start = np.concatenate([problem.x, [self.fixed[name] for name in free]])
         self.slots = {**problem.slots, **{name: self.size + i for i, name in enumerate(free)}}
-        weights = problem.metric
-        self.metric = None if weights is None else np.concatenate([weights, np.ones(len(free))])
-        self._scheme: Callable[[Callable[[Array], Array], Array], Array] | None = None
+        names = (*problem.start, *free)
+        counts = [np.size(problem.start.get(name, 0.0)) for name in names]
+        self.scales = np.repeat([float(problem.scales.get(name, 1.0)) for name in names], counts)
+        weights = 1 / (np.repeat(counts, counts) * self.scales**2)
+        self.metric = None if (weights == 1).all() else weights
+        self._scheme: derivatives.Scheme | None = None
+        self._recent: list[tuple[Array, Array]] = []
 
     def dual(self, tangent: Array) -> Array:
         """The row whose product with z is the inner product of the arclength."""
         return tangent if self.metric is None else tangent * self.metric
 
+    def length(self, z: Array) -> float:
+        return length(z, self.metric)
+
     def normalised(self, z: Array) -> Array:
-        return z / math.sqrt(z.dot(self.dual(z)))
+        return z / length(z, self.metric)
 
     @cached_property
-    def scale(self) -> float:
-        """Size of the derivative at the start: what is small against it counts as zero."""
-        return float(np.linalg.norm(self.jacobian(self.start), 2))
+    def rows(self) -> Array:
+        return self.row_sizes(self.start)
+
+    def row_sizes(self, z: Array) -> Array:
+        sizes = abs(self.jacobian(z) * self.scales).max(axis=1)
+        sizes[sizes == 0] = 1.0
+        return sizes
+
+    def balanced(self, matrix: Array) -> Array:
+        """A derivative (its first columns, in the order of z) in units of `scales` and `rows`."""
+        return matrix * self.scales[: matrix.shape[1]] / self.rows[:, None]
 
     def params(self, z: Array) -> dict[str, float]:
         """All parameters at z, the free ones taken from it."""
@@ -234,39 +268,46 @@ class Curve:
         return self.problem.evaluate(z[: self.size], self.params(z))
 
     def jacobian(self, z: Array) -> Array:
-        """Derivative of `equations`, shape ``(n, n + len(free))``."""
-        problem, n = self.problem, self.size
-        x, params = z[:n], self.params(z)
-        if problem.jacobian is None or (self.free and problem.sensitivity is None):
-            return self._automatic(z)
-        matrix = np.empty((n, z.size))
+        """Derivative of `equations`, shape ``(n, n + len(free))``; not to be written to."""
+        for known, matrix in self._recent:
+            if known is z:
+                return matrix
         try:
-            matrix[:, :n] = problem.jacobian(x, params)
-            for i, name in enumerate(self.free):
-                matrix[:, n + i] = problem.sensitivity(x, params, name)  # type: ignore[misc]
+            matrix = self._jacobian(z)
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
+        self._recent = [(z, matrix), *self._recent[:2]]
         return matrix
 
-    def _automatic(self, z: Array) -> Array:
-        if self._scheme is None:
-            self._scheme = derivatives.choose(self._raw, z)
+    def _jacobian(self, z: Array) -> Array:
         problem, n = self.problem, self.size
-        try:
-            if problem.jacobian is None:
-                return self._scheme(self._raw, z)
-            matrix = np.empty((n, z.size))
-            matrix[:, :n] = problem.jacobian(z[:n], self.params(z))
-            matrix[:, n:] = self._scheme(lambda free: self._raw(np.append(z[:n], free)), z[n:])
-        except OUT_OF_DOMAIN as error:
-            raise Undefined(str(error)) from error
+        x = z[:n]
+        if problem.adjoined is not None:
+            return problem.adjoined.whole(x, self.params(z))[:, : z.size]
+        matrix = np.empty((n, z.size))
+        by_hand = 0
+        if problem.jacobian is not None:
+            params = self.params(z)
+            matrix[:, :n] = problem.jacobian(x, params)
+            by_hand = n
+            if problem.sensitivity is not None:
+                for i, name in enumerate(self.free):
+                    matrix[:, n + i] = problem.sensitivity(x, params, name)
+                by_hand = z.size
+        if by_hand < z.size:
+            if self._scheme is None:
+                self._scheme = derivatives.choose(self._raw, z, self.scales)
+            matrix[:, by_hand:] = self._scheme(self._raw, z, range(by_hand, z.size))
         return matrix
 
     def _raw(self, z: Array) -> Array:
         """The residual without checks, at a possibly complex z."""
         values: dict[str, Any] = dict(self.fixed)
         values.update(zip(self.free, z[self.size :], strict=True))
-        return np.asarray(self.problem.residual(z[: self.size], values))
+        value = np.asarray(self.problem.residual(z[: self.size], values))
+        if value.dtype.kind == "c" and z.dtype.kind != "c":
+            raise Undefined("the equations are not real")
+        return value
 
     def check(self) -> None:
         """Refuse wrong shapes and wrong derivatives before anything is built on them."""
@@ -276,22 +317,47 @@ class Curve:
                 f"the residual has shape {value.shape} for {self.size} unknowns; "
                 f"as many equations as unknowns, ({self.size},), were wanted"
             )
-        if self.problem.jacobian is None and self.problem.sensitivity is None:
-            return
-        given = self.jacobian(self.start)
-        try:
-            wanted = derivatives.differences(self._raw, self.start, finer=16.0)
-            if not np.isfinite(wanted).all() or derivatives.agree(given, wanted, 1e-5):
-                return
-            # next to a singularity differences are poor: refuse only what they can tell apart
-            doubt = abs(derivatives.differences(self._raw, self.start, finer=128.0) - wanted)
-        except OUT_OF_DOMAIN:
-            return  # the start lies at the rim of the domain, where differences cannot look
-        off = abs(given - wanted)
-        row, column = np.unravel_index(np.argmax(off - 10 * doubt), wanted.shape)
-        if off[row, column] <= 10 * doubt[row, column] + 1e-5 * (1 + abs(wanted).max()):
-            return
-        raise BadInput(
-            f"the Jacobian that was given does not fit the residual: its entry ({row}, {column}) "
-            f"is {given[row, column]:.8g}, differences give {wanted[row, column]:.8g}"
+        self._check_shapes()
+        wrong = self.misfit(self.start)
+        if wrong:
+            raise BadInput(wrong)
+
+    def _check_shapes(self) -> None:
+        problem, n = self.problem, self.size
+        x, params = self.start[:n], self.params(self.start)
+        if problem.jacobian is not None:
+            shape = np.shape(problem.jacobian(x, params))
+            if shape != (n, n):
+                raise BadInput(f"the Jacobian has shape {shape}; ({n}, {n}) was wanted")
+        if problem.sensitivity is not None:
+            for name in self.free:
+                shape = np.shape(problem.sensitivity(x, params, name))
+                if shape != (n,):
+                    raise BadInput(f"the sensitivity has shape {shape}; ({n},) was wanted")
+
+    def misfit(self, z: Array) -> str:
+        """What is wrong with derivatives that were given, seen at z: empty if nothing is."""
+        problem = self.problem
+        if problem.jacobian is None and problem.sensitivity is None and problem.adjoined is None:
+            return ""
+        given = self.jacobian(z)
+        # one direction through all entries tells whether any is wrong
+        direction = np.maximum(self.scales, abs(z)) * np.cos(np.arange(z.size))
+        wanted, doubt, _ = derivatives.estimate(
+            lambda t: self._raw(z + t[0] * direction), np.zeros(1), np.ones(1)
         )
+        if derivatives.misfit((given @ direction)[:, None], wanted, doubt) is None:
+            return ""
+        wanted, doubt, _ = derivatives.estimate(self._raw, z, self.scales)
+        entry = derivatives.misfit(given, wanted, doubt)
+        if entry is None:
+            return ""
+        return (
+            f"the Jacobian that was given does not fit the residual: its entry {entry} "
+            f"is {given[entry]:.8g}, differences give {wanted[entry]:.8g}"
+        )
+
+    def reconsider(self, z: Array) -> str:
+        """Choose anew how derivatives are taken, now for z; what is wrong with given ones."""
+        self._scheme, self._recent = None, []
+        return self.misfit(z)

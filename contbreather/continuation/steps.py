@@ -15,7 +15,7 @@ class Steps:
     Parameters
     ----------
     first : float
-        Arclength of the first step.
+        Arclength of the first step, if `largest` allows it.
     smallest : float
         A step that would have to be shorter ends the branch, with the reason.
     largest : float
@@ -45,10 +45,10 @@ class Steps:
         sizes = (self.smallest, self.first, self.largest, self.tolerance, self.growth)
         if not all(math.isfinite(size) and size > 0 for size in sizes):
             raise BadInput(f"every size in {self} must be finite and positive")
-        if not self.smallest <= self.first <= self.largest:
+        if not self.smallest <= min(self.first, self.largest):
             raise BadInput(
-                f"steps must be ordered smallest <= first <= largest, "
-                f"got {self.smallest:g}, {self.first:g}, {self.largest:g}"
+                f"no step may be shorter than smallest = {self.smallest:g}, "
+                f"got first = {self.first:g} and largest = {self.largest:g}"
             )
         if self.growth <= 1:
             raise BadInput(f"growth must exceed 1, got {self.growth:g}")

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
 from .branch import Branch, Point, Stop, labelled
+from .crossing import crossing
 from .events import Event
-from .location import Found, Segment, Value, find, tangent_at
+from .location import Found, Segment, Value, closest, find, measure, tangent_at
 from .newton import Solution, Undefined, newton, solve
 from .problem import Curve, Problem
 from .progress import Progress
@@ -29,6 +30,8 @@ _TURN = 0.45
 _AIM = 0.15
 _STRAY = 0.02
 _FINE = 1e-7  # relative distance at which a curve has come back to its start
+_GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
+_ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
 
 class Startable(Protocol):
@@ -121,9 +124,7 @@ def _gathered(walker: Generator[Point, None, End], shown: Progress) -> Branch:
     try:
         while True:
             try:
-                # where the equations overflow the branch ends, with its reason
-                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    points.append(next(walker))
+                points.append(next(walker))
             except StopIteration as stopped:
                 end = stopped.value
                 break
@@ -185,6 +186,8 @@ class Step:
 
     point: Point
     next_size: float
+    side: int = 0  # sign of the bordered determinant at its end, 0 where unknown
+    crossing: Point | None = None  # the branch point where that sign changed
     stop: Stop | None = None
 
 
@@ -202,33 +205,34 @@ class Walker:
     ) -> None:
         if towards not in ("up", "down"):
             raise BadInput(f"a walk goes towards 'up' or 'down', got {towards!r}")
-        Curve(problem, (free,)).check()
-        problem, found = problem.solve(tolerance=steps.tolerance)
-        self.curve = Curve(problem, (free,))
         self.steps = steps
         self.events: Sequence[Event] = problem.events if events is None else tuple(events)
-        self.bounds = _bounds(self.curve, within)
-        self.origin = self._origin(found, 1.0 if towards == "up" else -1.0)
-
-    def _origin(self, found: Solution, direction: float) -> Point:
-        along = np.zeros(self.curve.start.size)
-        along[-1] = direction
-        tangent = tangent_at(self.curve, self.curve.start, along)
-        return Point(self.curve, self.curve.start, tangent, 0.0, found.residual)
+        for event in self.events:
+            if not isinstance(event, Event):
+                raise BadInput(f"an Event was wanted, got {event!r}")
+        with _quiet():
+            self.curve, residual = _settled(problem, free, steps.tolerance)
+            self.bounds = _bounds(self.curve, within)
+            tangent, self.side = _first_tangent(self.curve)
+            if towards == "down":
+                tangent, self.side = -tangent, -self.side
+            self.origin = Point(self.curve, self.curve.start, tangent, 0.0, residual)
+            self.tests = self._first_tests()
 
     def run(self) -> Generator[Point, None, End]:
         """Step, look for events, yield: until the curve, the window or the numerics end."""
-        point, size, tests = self.origin, self.steps.first, self._first_tests()
+        point, size, tests = self.origin, self.steps.first, self.tests
         bend = np.zeros_like(point.z)
         doubtful: list[Point] = []
         end = Failed(Stop.MOST)
         for count in range(self.steps.most):
             try:
-                step = self.advance(point, bend, size)
-                if count > 2 and self._returns(point, step.point):
-                    step = replace(step, point=self._closing(point), stop=Stop.CLOSED)
-                found = self._events_on(point, step, tests, first=count == 0)
-                line, stop = self._line_up(point, step, found, first=count == 0)
+                with _quiet():
+                    step = self.advance(point, bend, size)
+                    if count > 2 and self._returns(point, step.point):
+                        step = replace(step, point=self._closing(point), stop=Stop.CLOSED)
+                    found = self._events_on(point, step, tests, first=count == 0)
+                    line, stop = self._line_up(point, step, found, first=count == 0)
             except Failed as failed:
                 end = failed
                 break
@@ -238,6 +242,7 @@ class Walker:
                 return End(stop, "", tuple(doubtful))
             bend = (step.point.tangent - point.tangent) / (step.point.arclength - point.arclength)
             point, size, tests = step.point, step.next_size, found.after
+            self.side = step.side or self.side
         if point is self.origin:
             yield point
         return End(end.stop, end.reason, tuple(doubtful))
@@ -246,6 +251,18 @@ class Walker:
 
     def advance(self, point: Point, bend: Array, size: float) -> Step:
         """The next point, with as many halvings of the step as it takes."""
+        try:
+            return self._halving(point, bend, size)
+        except Failed as failed:
+            if failed.stop is not Stop.NO_CONVERGENCE:
+                raise
+            # the scheme for derivatives was chosen, or those given were checked, at the start only
+            wrong = self.curve.reconsider(point.z)
+            if wrong:
+                raise Failed(failed.stop, wrong) from failed
+            return self._halving(point, bend, size)
+
+    def _halving(self, point: Point, bend: Array, size: float) -> Step:
         failed = Failed(Stop.NO_CONVERGENCE)
         size = min(size, self.steps.largest)
         while size >= self.steps.smallest:
@@ -269,11 +286,12 @@ class Walker:
             landing = self._crossed(point.z, found.z)
         if landing is not None:
             found = self._land(point, predicted, *landing)
-        last = self._accepted(point, found, size)
+        last, side, crossing = self._accepted(point, found, size)
         turn = _angle(curve, point.tangent, last.tangent)
         effort = 1.0 if found.iterations == 4 else (0.7 if found.iterations > 4 else math.inf)
         factor = min(_AIM / max(turn, 1e-12), effort, self.steps.growth)
-        return Step(last, size * max(factor, 0.5), None if landing is None else Stop.BOUND)
+        stop = None if landing is None else Stop.BOUND
+        return Step(last, size * max(factor, 0.5), side, crossing, stop)
 
     def _correct(self, predicted: Array, row: Array) -> Solution:
         found = newton(
@@ -281,6 +299,7 @@ class Walker:
             self.curve.jacobian,
             predicted,
             row=row,
+            metric=self.curve.metric,
             tolerance=self.steps.tolerance,
             most=8,
         )
@@ -314,14 +333,16 @@ class Walker:
             raise Failed(Stop.NO_CONVERGENCE, "two bounds within one step")
         return replace(found, z=z)
 
-    def _accepted(self, point: Point, found: Solution, size: float) -> Point:
+    def _accepted(
+        self, point: Point, found: Solution, size: float
+    ) -> tuple[Point, int, Point | None]:
         """The new point if the step is one smooth piece of curve, short against its features."""
         curve = self.curve
         chord = found.z - point.z
-        length = math.sqrt(chord.dot(curve.dual(chord)))
+        length = curve.length(chord)
         if not 0 < length <= 2 * size:
             raise Failed(Stop.NO_CONVERGENCE, "the corrector left the neighbourhood of the step")
-        tangent = tangent_at(curve, found.z, point.tangent)
+        tangent, side = tangent_at(curve, found.z, point.tangent)
         last = Point(curve, found.z, tangent, point.arclength + length, found.residual)
         if (
             _angle(curve, point.tangent, tangent) > _TURN
@@ -330,7 +351,14 @@ class Walker:
             raise Failed(Stop.NO_CONVERGENCE, "the curve turns too sharply")
         if self._strays(point, last, length):
             raise Failed(Stop.NO_CONVERGENCE, "the curve is not smooth at the smallest step")
-        return last
+        crossing = None
+        if side * self.side < 0:
+            crossing = self._crossing_on(Segment(point, last, self.steps.tolerance))
+            if crossing is None and size > _GAP * (1 + curve.length(last.z)):
+                raise Failed(Stop.NO_CONVERGENCE, "another curve is too close")
+        if self._peeks(point, last, length):
+            raise Failed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
+        return last, side, crossing
 
     def _strays(self, point: Point, last: Point, length: float) -> bool:
         """Whether the curve halfway is off the cubic through both ends: one residual tells."""
@@ -343,12 +371,41 @@ class Walker:
         off = solve(matrix, right)
         if off is None:
             return False  # a branch point halfway: the residual says nothing there
-        return math.sqrt(off.dot(self.curve.dual(off))) > _STRAY * length
+        return self.curve.length(off) > _STRAY * length
+
+    def _crossing_on(self, segment: Segment) -> Point | None:
+        """The branch point at which the determinant changed sign between both ends. If there is
+        none, the step ended on another curve."""
+        low, high = 0.0, 1.0
+        for _ in range(6):
+            middle = 0.5 * (low + high)
+            _, side = tangent_at(self.curve, *segment.guess(middle))
+            low, high = (middle, high) if side == self.side else (low, middle)
+        try:
+            found = crossing(self.curve, segment.guess(0.5 * (low + high))[0])
+            place, point = segment.settled(found.solution, found.tangents)
+        except Undefined:
+            return None
+        return point if -_STRAY < place < 1 + _STRAY else None
+
+    def _peeks(self, point: Point, last: Point, length: float) -> bool:
+        """Whether the cubic through both ends leaves the window and comes back."""
+        for slot, low, high in self.bounds:
+            slopes = length * point.tangent[slot], length * last.tangent[slot]
+            if slopes[0] * slopes[1] < 0:
+                u = slopes[0] / (slopes[0] - slopes[1])
+                z = Segment(point, last, self.steps.tolerance).guess(u)[0][slot]
+                slack = self.steps.tolerance * self.curve.scales[slot]
+                if not low - slack <= z <= high + slack:
+                    return True
+        return False
 
     # --- events and ends ---
 
     def _first_tests(self) -> tuple[Value, ...]:
-        values = tuple(event.test(self.origin) for event in self.events)
+        for event in self.events:
+            event.test(self.origin)  # a test that fails here, as for a wrong name, is a mistake
+        values = tuple(measure(event, self.origin) for event in self.events)
         for event, value in zip(self.events, values, strict=True):
             if event.positive and value < -1e-9:
                 raise BadInput(
@@ -363,7 +420,7 @@ class Walker:
         segment = Segment(point, step.point, self.steps.tolerance)
         last = step.stop is Stop.BOUND
         try:
-            return find(segment, self.events, tests, first=first, last=last)
+            return find(segment, self.events, tests, crossing=step.crossing, first=first, last=last)
         except Undefined as error:
             raise Failed(Stop.RIM, f"while locating an event: {error}") from error
 
@@ -397,17 +454,54 @@ class Walker:
             return False
         segment = Segment(point, last, self.steps.tolerance)
         gap = segment.guess(before / (before - after))[0] - self.origin.z
-        if math.sqrt(gap.dot(gap)) > 0.1 * segment.length:
+        if self.curve.length(gap) > 0.1 * segment.length:
             return False
         # across the start only: along the curve Newton's linear condition keeps the place
         near = self._correct(self.origin.z + gap - row.dot(gap) * self.origin.tangent, row)
         gap = near.z - self.origin.z
-        return math.sqrt(gap.dot(gap)) <= _FINE * (1 + math.sqrt(near.z.dot(near.z)))
+        return self.curve.length(gap) <= _FINE * (1 + self.curve.length(near.z))
 
     def _closing(self, point: Point) -> Point:
-        chord = self.origin.z - point.z
-        length = math.sqrt(chord.dot(self.curve.dual(chord)))
+        length = self.curve.length(self.origin.z - point.z)
         return replace(self.origin, arclength=point.arclength + length)
+
+
+def _quiet() -> np.errstate:
+    """Where equations overflow or divide by zero the branch ends, with its reason."""
+    return np.errstate(over="ignore", invalid="ignore", divide="ignore")
+
+
+def _settled(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:
+    """The curve with its start on it, and the residual there.
+
+    A start that is a solution to rounding is taken as it is: at a fold or a branch point, where
+    Newton's iteration at a fixed parameter is singular, it could only get worse.
+    """
+    curve = Curve(problem, (free,))
+    curve.check()
+    value = curve.equations(curve.start)
+    if (abs(value) <= _ROUNDING * curve.rows * (1 + abs(curve.start / curve.scales).max())).all():
+        return curve, float(abs(value).max())
+    problem, found = problem.solve(tolerance=tolerance)
+    return Curve(problem, (free,)), found.residual
+
+
+def _first_tangent(curve: Curve) -> tuple[Array, int]:
+    """The tangent at the start, upwards in the free parameter, and the sign of the determinant.
+
+    At a branch point it is that of the curve closest to the direction of the parameter.
+    """
+    z = curve.start
+    along = np.eye(1, z.size, z.size - 1)[0]
+    sizes = np.linalg.svd(np.vstack([curve.jacobian(z), along]) * curve.scales, compute_uv=False)
+    if sizes[-1] < 1e-7 * sizes[0]:
+        try:
+            found = crossing(curve, z)
+            if curve.length(found.solution.z - z) < _GAP * (1 + curve.length(z)):
+                return closest(found.tangents, curve.dual(along)), 0
+        except Undefined:
+            pass  # no branch point: a fold, or badly scaled equations
+    return tangent_at(curve, z, along)
 
 
 def _angle(curve: Curve, one: Array, other: Array) -> float:

@@ -1,0 +1,376 @@
+"""Problems with known answers. Every test of the engine that can takes all of them.
+
+A `Case` knows all its special points, in the order in which a walk from the low end to the high
+end meets them, from a road that is not the engine's: a formula, or 30 digits of mpmath.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+
+import mpmath
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation import Event, Problem, Steps, Stop, branch_point, fold, hopf
+
+Array = NDArray[np.float64]
+Known = tuple[str, Mapping[str, float]]  # kind, and values by name
+
+STATIC = (fold(), branch_point())
+ALL = (fold(), branch_point(), hopf())
+
+
+@dataclass(frozen=True)
+class Case:
+    """A curve and everything there is to find on it."""
+
+    name: str
+    problem: Problem
+    free: str
+    known: tuple[Known, ...]
+    within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    events: tuple[Event, ...] = ALL
+    accuracy: float = 1e-12
+    largest: float = 0.1  # steps at which the curve is walked; tests take other sizes too
+    stop: Stop = Stop.BOUND
+    starts: tuple[Mapping[str, float], ...] = ()  # other points to set out from
+
+    @property
+    def steps(self) -> Steps:
+        return Steps(first=0.1 * self.largest, largest=self.largest)
+
+
+# --- one unknown ------------------------------------------------------------------------------
+
+
+def scalar(
+    equation: Callable[[Array, Mapping[str, float]], float],
+    x: float,
+    params: Mapping[str, float],
+    **given: object,
+) -> Problem:
+    """A problem with one unknown ``x``."""
+    return Problem(lambda u, p: np.array([equation(u[0], p)]), {"x": x}, params, **given)
+
+
+CIRCLE = Case(
+    "circle",
+    scalar(lambda x, p: x**2 + p["mu"] ** 2 - 1, 1.0, {"mu": 0.0}),
+    "mu",
+    (("LP", {"x": 0.0, "mu": -1.0}), ("LP", {"x": 0.0, "mu": 1.0})),
+    stop=Stop.CLOSED,
+)
+
+
+def cusp_surface(x: float, mu: float) -> Problem:
+    """``h + mu x - x^3``, started on its surface."""
+    return scalar(lambda x, p: p["h"] + p["mu"] * x - x**3, x, {"mu": mu, "h": x**3 - mu * x})
+
+
+def _cusp() -> Case:
+    x = 1 / math.sqrt(3)
+    return Case(
+        "cusp",
+        cusp_surface(-0.9, 1.0),
+        "h",
+        (
+            ("LP", {"x": -x, "h": 2 * x**3}),
+            ("LP", {"x": x, "h": -2 * x**3}),
+        ),
+        within={"x": (-2.0, 2.0)},
+    )
+
+
+CUSP = _cusp()
+
+ISOLA = Case(  # with X = x^2, L = l^2: L = 1 - X -+ sqrt(0.8 - 4X), folds where X = 0
+    "isola",
+    scalar(
+        lambda x, p: (p["l"] ** 2 + x**2) ** 2 - 2 * (p["l"] ** 2 - x**2) + 0.2,
+        0.3,
+        {"l": math.sqrt(1 - 0.09 + math.sqrt(0.8 - 0.36))},
+    ),
+    "l",
+    (
+        ("LP", {"x": 0.0, "l": math.sqrt(1 - math.sqrt(0.8))}),
+        ("LP", {"x": 0.0, "l": math.sqrt(1 + math.sqrt(0.8))}),
+    ),
+    stop=Stop.CLOSED,
+)
+
+
+def crowded(eps: float) -> Case:
+    """``x (l - x^3 + eps x) = 0`` on its second factor: two folds around a branch point."""
+    x = math.sqrt(eps / 3)
+    l = 2 * x**3
+    return Case(
+        f"crowded {eps:g}",
+        scalar(lambda x, p: x * (p["l"] - x**3 + eps * x), 1.0, {"l": 1 - eps}),
+        "l",
+        (
+            ("LP", {"x": -x, "l": l}),
+            ("BP", {"x": 0.0, "l": 0.0}),
+            ("LP", {"x": x, "l": -l}),
+        ),
+        within={"x": (-1.0, 1.0)},
+    )
+
+
+PITCHFORK = Case(
+    "pitchfork, on the axis",
+    scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7}),
+    "mu",
+    (("BP", {"x": 0.0, "mu": 0.0}),),
+    within={"mu": (-1.0, 1.0)},
+)
+
+ARMS = Case(
+    "pitchfork, on the arms",
+    scalar(lambda x, p: x * (p["mu"] - x**2), -0.8, {"mu": 0.64}),
+    "mu",
+    (("BP", {"x": 0.0, "mu": 0.0}),),
+    within={"x": (-1.0, 1.0)},
+)
+
+TRANSCRITICAL = Case(
+    "transcritical",
+    scalar(lambda x, p: x * (p["mu"] - x) * (2 + x), -0.5, {"mu": -0.5}),
+    "mu",
+    (("BP", {"x": 0.0, "mu": 0.0}),),
+    within={"mu": (-1.0, 1.0)},
+)
+
+
+def imperfect(h: float) -> tuple[Case, Case]:
+    """``x (mu - x^2) + h = 0``: two curves that no longer cross, a fold on one of them."""
+    equation = scalar(lambda x, p: x * (p["mu"] - x**2) + p["h"], 1.0, {"mu": 1 - h, "h": h})
+    x = -((h / 2) ** (1 / 3))
+    return (
+        Case(f"imperfect {h:g}, above", equation, "mu", (), within={"mu": (-1.0, 1.5)}),
+        Case(
+            f"imperfect {h:g}, below",
+            equation.at(x=-1.0, mu=1 + h),
+            "mu",
+            (("LP", {"x": x, "mu": 3 * x * x}),),
+            within={"x": (-1.2, 1.0), "mu": (-2.0, 1.5)},
+            accuracy=1e-11,
+        ),
+    )
+
+
+LINE = Case(
+    "line",
+    scalar(lambda x, p: x - 2 * p["mu"], 0.0, {"mu": 0.0}),
+    "mu",
+    (),
+    within={"mu": (-1.0, 1.0)},
+)
+
+
+def _stiff() -> Case:
+    """The cusp again, its unknown in millions and its parameter in millionths."""
+    x = 1 / math.sqrt(3)
+    return Case(
+        "stiffly scaled",
+        scalar(
+            lambda x, p: 1e6 * p["h"] + 1e-6 * x - (1e-6 * x) ** 3,
+            -0.9e6,
+            {"h": 1e-6 * (0.9 - 0.9**3)},
+            scales={"x": 1e6, "h": 1e-6},
+        ),
+        "h",
+        (
+            ("LP", {"x": -1e6 * x, "h": 2e-6 * x**3}),
+            ("LP", {"x": 1e6 * x, "h": -2e-6 * x**3}),
+        ),
+        within={"x": (-2e6, 2e6)},
+    )
+
+
+# --- several unknowns -------------------------------------------------------------------------
+
+
+def brusselator() -> Problem:
+    def residual(u: Array, p: Mapping[str, float]) -> Array:
+        x, y = u
+        return np.array([p["A"] - (p["B"] + 1) * x + x * x * y, p["B"] * x - x * x * y])
+
+    return Problem(residual, {"X": 1.0, "Y": 1.0}, {"A": 1.0, "B": 1.0})
+
+
+BRUSSELATOR = Case(
+    "brusselator",
+    brusselator(),
+    "B",
+    (("HB", {"X": 1.0, "Y": 2.0, "B": 2.0}),),
+    within={"B": (0.1, 5.0)},
+)
+
+
+def _lorenz() -> Case:
+    s, b = 10.0, 8 / 3
+
+    def residual(u: Array, p: Mapping[str, float]) -> Array:
+        x, y, z = u
+        return np.array([s * (y - x), x * (p["r"] - z) - y, x * y - b * z])
+
+    x = math.sqrt(b * 19)
+    r = s * (s + b + 3) / (s - b - 1)
+    there = math.sqrt(b * (r - 1))
+    return Case(
+        "lorenz",
+        Problem(residual, {"x": x, "y": x, "z": 19.0}, {"r": 20.0}),
+        "r",
+        (
+            ("HB", {"x": -there, "z": r - 1, "r": r}),
+            ("BP", {"x": 0.0, "y": 0.0, "z": 0.0, "r": 1.0}),
+            ("HB", {"x": there, "z": r - 1, "r": r}),
+        ),
+        within={"x": (-9.0, 9.0)},
+        largest=0.5,
+    )
+
+
+NEUTRAL_SADDLE = Case(  # eigenvalues 1 + m and 2m - 1 add up to nothing at m = 0, and are real
+    "neutral saddle",
+    Problem(
+        lambda u, p: np.array(
+            [(1 + p["m"]) * u[0] + u[1] ** 2, (2 * p["m"] - 1) * u[1] + u[0] ** 2]
+        ),
+        {"x": 0.0, "y": 0.0},
+        {"m": -0.3},
+    ),
+    "m",
+    (),
+    within={"m": (-0.4, 0.4)},
+)
+
+
+def takens() -> Problem:
+    """Normal form of Bogdanov and Takens; LP on ``b1 = b2^2/4``, HB on ``b1 = 0, b2 < 0``."""
+
+    def residual(u: Array, p: Mapping[str, float]) -> Array:
+        x, y = u
+        return np.array([y, p["b1"] + p["b2"] * x + x * x + x * y])
+
+    x = 0.5 + math.sqrt(0.25 + 0.05)  # of b1 - x + x^2 = 0
+    return Problem(residual, {"x": x, "y": 0.0}, {"b1": -0.05, "b2": -1.0})
+
+
+TAKENS = Case(
+    "takens",
+    takens(),
+    "b1",
+    (
+        ("LP", {"x": 0.5, "b1": 0.25}),
+        ("HB", {"x": 0.0, "b1": 0.0}),
+    ),
+    within={"b1": (-1.0, 1.0)},
+)
+
+
+# --- Bratu: u'' + lam exp(u) = 0 ----------------------------------------------------------------
+
+
+@cache
+def bratu_fold() -> float:
+    """``lam = 8 theta^2 / cosh(theta)^2`` is largest where ``theta tanh(theta) = 1``."""
+    with mpmath.workdps(30):
+        theta = mpmath.findroot(lambda t: t * mpmath.tanh(t) - 1, 1.2)
+        return float(8 * theta**2 / mpmath.cosh(theta) ** 2)
+
+
+def chebyshev(n: int) -> Array:
+    """Second derivative on the inner Chebyshev nodes of (0, 1)."""
+    x = np.cos(np.pi * np.arange(n + 1) / n)
+    ends = np.r_[2.0, np.ones(n - 1), 2.0] * (-1.0) ** np.arange(n + 1)
+    first = np.outer(ends, 1 / ends) / (x[:, None] - x + np.eye(n + 1))
+    first -= np.diag(first.sum(axis=1))
+    return 4 * (first @ first)[1:-1, 1:-1]
+
+
+def bratu(second: Array, **given: object) -> Problem:
+    def residual(u: Array, p: Mapping[str, float]) -> Array:
+        return second @ u + p["lam"] * np.exp(u)
+
+    return Problem(residual, {"u": np.zeros(len(second))}, {"lam": 0.0}, **given)
+
+
+def analytic_bratu(second: Array) -> Problem:
+    return bratu(
+        second,
+        jacobian=lambda u, p: second + np.diag(p["lam"] * np.exp(u)),
+        sensitivity=lambda u, p, name: np.exp(u),
+    )
+
+
+BRATU = Case(  # far up, beyond this window, 20 nodes no longer resolve the solution
+    "bratu",
+    bratu(chebyshev(20)).at(lam=1.0),
+    "lam",
+    (("LP", {"lam": bratu_fold()}),),
+    within={"lam": (1.0, 5.0)},
+    accuracy=1e-9,
+    largest=0.3,
+)
+
+
+def mesh(n: int) -> Array:
+    """Second derivative by three points on n inner nodes of (0, 1)."""
+    bands = np.diag(np.full(n - 1, 1.0), 1) + np.diag(np.full(n - 1, 1.0), -1)
+    return (n + 1) ** 2 * (bands - 2 * np.eye(n))
+
+
+@cache
+def mesh_fold(n: int) -> float:
+    """Fold of the three-point Bratu problem, n even, by shooting from the middle: the two inner
+    values there are equal, the last node must be 0; lam is largest over the middle value."""
+    with mpmath.workdps(25):
+        h2 = mpmath.mpf(1) / (n + 1) ** 2
+
+        def end(lam: mpmath.mpf, top: mpmath.mpf) -> mpmath.mpf:
+            before, here = top, top
+            for _ in range(n // 2):
+                before, here = here, 2 * here - before - h2 * lam * mpmath.exp(here)
+            return here
+
+        def slope(top: mpmath.mpf) -> mpmath.mpf:
+            lam = mpmath.findroot(lambda value: end(value, top), (3.5, 3.52))
+            return mpmath.diff(lambda t: end(lam, t), top)
+
+        top = mpmath.findroot(slope, (1.18, 1.2), tol=1e-20)
+        return float(mpmath.findroot(lambda value: end(value, top), (3.5, 3.52)))
+
+
+# --- all of them ------------------------------------------------------------------------------
+
+SMALL = (
+    CIRCLE,
+    CUSP,
+    ISOLA,
+    crowded(1e-2),
+    crowded(1e-4),
+    PITCHFORK,
+    ARMS,
+    TRANSCRITICAL,
+    *imperfect(1e-2),
+    *imperfect(1e-5),
+    LINE,
+    _stiff(),
+    BRUSSELATOR,
+    _lorenz(),
+    NEUTRAL_SADDLE,
+    TAKENS,
+)
+ZOO = (*SMALL, BRATU)
+LORENZ = SMALL[-3]
+STIFF = SMALL[-5]
+
+
+def at_steps(case: Case, scale: float) -> Case:
+    """The same case walked with other steps."""
+    return replace(case, largest=case.largest * scale)
