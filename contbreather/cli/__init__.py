@@ -1,0 +1,91 @@
+"""The command `contbreather`: what a person types.
+
+Exit status: 0 done, 1 the numerics failed, 2 bad input. Whatever goes wrong is one sentence on
+standard error, never a traceback.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from contbreather import __version__
+from contbreather.errors import BadInput, ContbreatherError
+
+if TYPE_CHECKING:
+    from cyclopts import App
+
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line and return its exit status.
+
+    Examples
+    --------
+    >>> main(["point", "--a", "0.5", "--gamma", "0.3", "--k", "0.4"])
+    2
+    """
+    tokens = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        status = _run(tokens)
+        sys.stdout.flush()
+    except BadInput as error:
+        return _refused(error, BAD_INPUT)
+    except ContbreatherError as error:
+        return _refused(error, FAILED)
+    except KeyboardInterrupt:
+        return _refused("interrupted", INTERRUPTED)
+    except BrokenPipeError:  # the reader has seen enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    return status
+
+
+def _run(tokens: list[str]) -> int:
+    from cyclopts import CycloptsError
+
+    app = application()
+    try:
+        command, bound, *_ = app.parse_args(tokens, print_error=False, exit_on_error=False)
+    except CycloptsError as error:
+        raise BadInput(_sentence(error)) from error
+    status = command(*bound.args, **bound.kwargs)
+    return status if isinstance(status, int) else DONE
+
+
+def _sentence(error: Exception) -> str:
+    """What the parser has to say, on one line, with the way on."""
+    return f"{' '.join(str(error).split()).rstrip('.')}; see contbreather --help"
+
+
+def _refused(reason: object, status: int) -> int:
+    sys.stdout.flush()
+    print(f"contbreather: {reason}", file=sys.stderr)
+    return status
+
+
+def application() -> App:
+    """All commands; each imports what it needs when it runs."""
+    from cyclopts import App
+
+    from contbreather.cli import boundary, branch, figure, point, zones
+
+    app = App(
+        name="contbreather",
+        help="Exact discrete breathers of an impacting chain, continued, with their stability.",
+        version=__version__,
+        help_format="plaintext",
+    )
+    commands: tuple[Callable[..., Any], ...] = (
+        point.point,
+        branch.branch,
+        boundary.boundary,
+        zones.zones,
+        figure.figure,
+    )
+    for command in commands:
+        app.command(command)
+    return app

@@ -1,0 +1,45 @@
+"""`contbreather figure`: the figures of the paper."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from contbreather.cli.options import Csv, Json, Output
+from contbreather.cli.output import check_places, say, to_csv, to_figure, to_json
+from contbreather.errors import BadInput
+
+
+def figure(
+    number: Annotated[str | None, Parameter(help="2, 3 or 4, as the captions count.")] = None,
+    *,
+    csv: Csv = None,
+    output: Output = None,
+    json: Json = False,
+) -> None:
+    """A figure of the paper, with what is exact beside what the paper's rule says.
+
+    Without --output it writes figure2.png (3, 4) into the current directory, unless --json or
+    --csv is given.
+    """
+    from contbreather.paper import FIGURES
+
+    if number is None or number not in map(str, FIGURES):
+        there = ", ".join(map(str, FIGURES))
+        raise BadInput(f"figure {number or '(none given)'}: there are the figures {there}")
+    if output is None and csv is None and not json:
+        output = f"figure{number}.png"
+    check_places(csv, output)
+    found = FIGURES[int(number)]()
+    rows = list(found.rows())
+    made = []
+    if csv is not None:
+        made.append(to_csv(csv, rows, list(rows[0])))
+    if output is not None:
+        made.append(to_figure(output, found.draw))
+    if json:
+        paths = [str(path) for path in made]
+        to_json({"figure": int(number), "caption": found.caption, "rows": rows, "written": paths})
+        return
+    say(found.caption, *(f"Wrote {path}." for path in made))

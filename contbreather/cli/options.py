@@ -1,0 +1,222 @@
+"""Options that several commands share, and what is made of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from contbreather.errors import BadInput
+
+if TYPE_CHECKING:
+    from contbreather.breathers import Breather
+    from contbreather.continuation import Event
+    from contbreather.lattice import Forcing
+
+Json = Annotated[
+    bool,
+    Parameter(
+        name="--json",
+        negative="",
+        help="Print one JSON object, in full precision.",
+        show_default=False,
+    ),
+]
+Csv = Annotated[
+    str | None, Parameter(name="--csv", help="Write the numbers to this file, 17 digits each.")
+]
+Output = Annotated[
+    str | None, Parameter(name=["--output", "-o"], help="Draw to this file: .png, .pdf or .svg.")
+]
+Sites = Annotated[
+    int | None,
+    Parameter(help="Also judge stability on a ring of so many sites, as the paper does."),
+]
+Threshold = Annotated[
+    float | None,
+    Parameter(help="With --sites: modulus over a period beyond which it is unstable, 1.005 else."),
+]
+Window = Annotated[
+    tuple[float, float] | None,
+    Parameter(negative="", help="Lowest and highest value.", allow_leading_hyphen=True),
+]
+
+HARMONIC = "-cos(t)"
+PARAMETERS = ("a", "gamma", "k")
+MEANING = {
+    "a": "the amplitude of the forcing",
+    "gamma": "the coupling, in [0, 1/4)",
+    "k": "the restitution coefficient, in [0, 1]",
+}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Where:
+    """Parameters of a breather as they were typed; those that were not are None."""
+
+    a: Annotated[
+        float | None, Parameter(help="Amplitude of the forcing.", allow_leading_hyphen=True)
+    ] = None
+    gamma: Annotated[
+        float | None, Parameter(help="Coupling, in [0, 1/4).", allow_leading_hyphen=True)
+    ] = None
+    k: Annotated[
+        float | None, Parameter(help="Restitution, in [0, 1].", allow_leading_hyphen=True)
+    ] = None
+    forcing: Annotated[
+        str,
+        Parameter(
+            help="F(t)/a as a formula in t, antisymmetric over half the period 2 pi.",
+            allow_leading_hyphen=True,
+        ),
+    ] = HARMONIC
+    set: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help="NAME=VALUE of another letter in the formula.", negative="", show_default=False
+        ),
+    ] = ()
+
+    @property
+    def given(self) -> dict[str, float]:
+        """a, gamma and k as far as they were given."""
+        values = {name: getattr(self, name) for name in PARAMETERS}
+        return {name: value for name, value in values.items() if value is not None}
+
+    def need(self, *names: str) -> dict[str, float]:
+        """The values of these, or say which is missing."""
+        for name in names:
+            if name not in self.given:
+                raise BadInput(f"--{name} is missing: {MEANING[name]}")
+        return {name: self.given[name] for name in names}
+
+    def drive(self, free: tuple[str, ...] = ()) -> Forcing:
+        """The forcing; letters that are free and have no value begin at 1."""
+        from contbreather.lattice import Harmonic, Symbolic
+
+        letters = dict(_assignment(text) for text in self.set)
+        if self.forcing.replace(" ", "") == HARMONIC and not letters:
+            return Harmonic()
+        for name in free:
+            if name not in PARAMETERS:
+                letters.setdefault(name, 1.0)
+        return Symbolic(self.forcing, **letters)
+
+
+def _assignment(text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        number = None
+    if not equals or not name.strip().isidentifier() or number is None:
+        raise BadInput(f"--set {text!r}: NAME=VALUE was wanted, for instance --set c=2.7")
+    return name.strip(), number
+
+
+def ring_of(sites: int | None, threshold: float | None) -> tuple[int, float] | None:
+    """Sites and threshold of the paper's rule, if it was asked for."""
+    if sites is None and threshold is None:
+        return None
+    if sites is None:
+        raise BadInput("--threshold needs --sites: only on a ring is there a threshold")
+    return sites, 1.005 if threshold is None else threshold
+
+
+def events_by(sites: int | None, threshold: float | None) -> tuple[Event, ...] | None:
+    """Events with Neimark-Sacker points by the paper's rule; None for those of the breather."""
+    rule = ring_of(sites, threshold)
+    if rule is None:
+        return None
+    from contbreather.breathers.events import grazing, neimark_sacker, pitchfork, saddle_node
+    from contbreather.lattice import Ring
+
+    on_ring = neimark_sacker(on=Ring(rule[0]), threshold=rule[1])
+    return saddle_node(), pitchfork(), on_ring, grazing()
+
+
+def interval(name: str, window: tuple[float, float] | None) -> tuple[float, float]:
+    """The window of a parameter: what was typed, within its domain."""
+    import math
+
+    from contbreather.breathers.problem import DOMAIN
+    from contbreather.breathers.zones import WINDOWS
+
+    endless = (-math.inf, math.inf)
+    if window is None:
+        return WINDOWS.get(name, endless)
+    low, high = DOMAIN.get(name, endless)
+    if not all(math.isfinite(bound) for bound in window) or not window[0] < window[1]:
+        raise BadInput(
+            f"window {window[0]:g} {window[1]:g} of {name}: two finite numbers were wanted, the "
+            "smaller first"
+        )
+    inside = max(low, window[0]), min(high, window[1])
+    if not inside[0] < inside[1]:
+        raise BadInput(
+            f"the window {window[0]:g} to {window[1]:g} contains no breather: {name} is "
+            f"{MEANING.get(name, 'outside of it')}"
+        )
+    return inside
+
+
+def known(name: str, forcing: Forcing) -> str:
+    """The name of a parameter, or which there are."""
+    names = (*PARAMETERS, *forcing.params)
+    if name not in names:
+        raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")
+    return name
+
+
+def first_in(
+    free: str, window: tuple[float, float], values: dict[str, float], forcing: Forcing
+) -> Breather:
+    """An admissible breather somewhere in the window of the free parameter.
+
+    Raises
+    ------
+    BadInput
+        If there is none, with the reason at the last place that was looked at.
+    """
+    from contbreather.breathers import symmetric
+    from contbreather.errors import NoSolution
+
+    reason = ""
+    for value in _places(free, window, values, forcing):
+        own = {**values, free: value}
+        drive = forcing.at(**{free: value}) if free in forcing.params else forcing
+        try:
+            breather = symmetric(own["a"], own["gamma"], own["k"], forcing=drive)
+        except NoSolution as error:
+            reason = str(error)
+            continue
+        verdict = breather.admissibility()
+        if verdict.ok:
+            return breather
+        reason = f"at {free} = {value:.6g} {verdict.reason}"
+    fixed = ", ".join(f"{name} = {value:g}" for name, value in values.items() if name != free)
+    raise BadInput(
+        f"no breather with {fixed} for {free} between {window[0]:g} and {window[1]:g}: {reason}"
+    )
+
+
+def _places(
+    free: str, window: tuple[float, float], values: dict[str, float], forcing: Forcing
+) -> list[float]:
+    """Where to look for a breather in a window: first next to the fold, then evenly spread."""
+    import numpy as np
+
+    from contbreather.breathers import smallest_amplitude
+
+    low, high = window
+    if free == "a":
+        fold = smallest_amplitude(values["gamma"], values["k"], forcing)
+        high = min(high, max(1.0, 2.0 * low))
+        near = [factor * fold for factor in (1.5, 1.1, 1.01) if low <= factor * fold <= high]
+    else:
+        near = [values[free]] if free in values else []
+        low, high = max(low, -10.0), min(high, 10.0)
+    spread = np.linspace(low, high, 41)[[*range(1, 41, 2), *range(0, 41, 2)]].tolist()
+    return [value for value in (*near, *spread) if free != "a" or value > 0.0]

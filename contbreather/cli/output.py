@@ -1,0 +1,181 @@
+"""What a command leaves: a table for people, JSON or CSV for programs, a figure."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from contbreather.errors import BadInput
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+    from contbreather.continuation import Branch, Point
+
+PIPE_WIDTH = 160  # columns where there is no terminal to fit into
+
+
+def console() -> Console:
+    """Standard output for tables."""
+    from rich.console import Console
+
+    width = None if sys.stdout.isatty() else PIPE_WIDTH
+    return Console(highlight=False, width=width, soft_wrap=False)
+
+
+def check_places(table: str | None, figure: str | None) -> None:
+    """Refuse files that cannot be written before anything is computed."""
+    from contbreather.plotting.files import figure_path, writable
+
+    if table is not None:
+        writable(table)
+    if figure is not None:
+        figure_path(figure)
+    if table is not None and figure is not None and Path(table) == Path(figure):
+        raise BadInput(f"--csv and --output both name {table}; give them different names")
+
+
+def say(*lines: object, quiet: bool = False) -> None:
+    """Print for people, unless a program reads."""
+    if not quiet:
+        shown = console()
+        for line in lines:
+            shown.print(line, markup=False)
+
+
+def to_json(content: Mapping[str, Any]) -> None:
+    """One JSON object on standard output; what is not finite becomes null, never NaN."""
+    json.dump(_plain(content), sys.stdout, allow_nan=False, ensure_ascii=False)
+    sys.stdout.write("\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(name): _plain(one) for name, one in value.items()}
+    if hasattr(value, "tolist"):  # numpy's arrays and scalars
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, complex):
+        return [_plain(value.real), _plain(value.imag)]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def to_csv(path: str, rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Path:
+    """Rows under their columns, floats with 17 significant digits; absent values stay empty."""
+
+    from contbreather.plotting.files import written
+
+    def write(file: Path) -> None:
+        with file.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(columns)
+            for row in rows:
+                writer.writerow([_cell(row.get(name)) for name in columns])
+
+    return written(path, write)
+
+
+def _cell(value: Any) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    if isinstance(value, float):  # numpy's double is one
+        return f"{value:.17g}"
+    return str(value)
+
+
+def to_figure(path: str, draw: Callable[[], Figure | Axes]) -> Path:
+    """Draw and write."""
+    from contbreather.plotting.canvas import save_figure
+
+    return save_figure(draw(), path)
+
+
+# --- branches -----------------------------------------------------------------------------------
+
+
+def columns_of(branch: Branch) -> list[str]:
+    """The columns of a branch that are numbers."""
+    first = branch[0]
+    return [n for n in branch.names if n in OWN or not getattr(first[n], "ndim", 0)]
+
+
+OWN = ("arclength", "residual")  # columns that points have as attributes
+
+
+def branch_rows(branch: Branch) -> list[dict[str, Any]]:
+    """One row for each point, in order along the branch, with its label."""
+    names = columns_of(branch)
+    columns = [branch[name].tolist() for name in names]
+    return [
+        {**dict(zip(names, values, strict=True)), "label": point.label}
+        for point, values in zip(branch, zip(*columns, strict=True), strict=True)
+    ]
+
+
+def point_entry(point: Point) -> dict[str, Any]:
+    """A special point for JSON."""
+    numbers = {n: value for n, value in point.values.items() if not getattr(value, "ndim", 0)}
+    return {
+        "kind": point.kind,
+        "label": point.label,
+        **numbers,
+        "arclength": point.arclength,
+        "residual": point.residual,
+        "located": point.located,
+        **{name: value for name, value in point.detail.items() if name not in numbers},
+    }
+
+
+def branch_entry(branch: Branch) -> dict[str, Any]:
+    """A branch for JSON: all columns, special points, and why it ends where it does."""
+    return {
+        "columns": {name: branch[name] for name in columns_of(branch)},
+        "special": [point_entry(point) for point in branch.special],
+        "ends": ends(branch),
+    }
+
+
+def ends(branch: Branch) -> list[str]:
+    """The reason of each end, as sentences."""
+    sentences = []
+    sides = (
+        (branch[0], branch.began, branch.began_reason),
+        (branch[-1], branch.stop, branch.reason),
+    )
+    for point, stop, reason in sides:
+        if stop is not None:
+            why = f"{stop.value} ({reason})" if reason else stop.value
+            sentences.append(f"{point.label}: {why}")
+    return sentences
+
+
+def leave(
+    branch: Branch,
+    about: Mapping[str, Any],
+    table: str | None,
+    figure: str | None,
+    as_json: bool,
+) -> None:
+    """All that is wanted of one branch: files first, then JSON or a table."""
+    made = []
+    if table is not None:
+        made.append(to_csv(table, branch_rows(branch), [*columns_of(branch), "label"]))
+    if figure is not None:
+        from contbreather.plotting import plot
+
+        made.append(to_figure(figure, lambda: plot(branch)))
+    if as_json:
+        to_json({**about, **branch_entry(branch), "written": [str(path) for path in made]})
+        return
+    say(branch.table(), *(f"{end}." for end in ends(branch)))
+    say(*(f"Wrote {path}." for path in made))

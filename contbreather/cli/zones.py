@@ -1,0 +1,173 @@
+"""`contbreather zones`: the whole diagram of existence and stability."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from contbreather.cli.options import HARMONIC, Csv, Json, Output, Where, interval
+from contbreather.cli.output import check_places, say, to_csv, to_figure, to_json
+from contbreather.errors import BadInput
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from contbreather.breathers.zones import Zones
+    from contbreather.continuation import Branch
+
+RESTITUTIONS = (0.8, 0.4)  # the paper's
+FIGURE, TABLE = "zones.png", "zones.csv"
+COLUMNS = ("k", "curve", "gamma", "a", "p", "phi", "nu", "t", "piece", "label")
+
+Values = Annotated[
+    tuple[float, ...], Parameter(negative="", allow_leading_hyphen=True, show_default=False)
+]
+Span = Annotated[tuple[float, float] | None, Parameter(negative="", allow_leading_hyphen=True)]
+
+
+def zones(
+    *,
+    k: Values = (),
+    gamma: Values = (),
+    a: Values = (),
+    gamma_window: Span = None,
+    a_window: Span = None,
+    k_window: Span = None,
+    forcing: Annotated[str, Parameter(allow_leading_hyphen=True)] = HARMONIC,
+    set: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
+    csv: Csv = None,
+    output: Output = None,
+    json: Json = False,
+) -> None:
+    """Zone diagrams: limits of existence LP and GR, of stability PF and NS, where they meet.
+
+    Without files and without --json it writes zones.png and zones.csv.
+
+    Parameters
+    ----------
+    k
+        Restitution, one diagram in (gamma, a) for each; 0.8 and 0.4 unless another parameter is
+        given.
+    gamma
+        Coupling: diagrams in (k, a) instead.
+    a
+        Amplitude: diagrams in (k, gamma) instead.
+    gamma_window
+        Lowest and highest coupling to look at.
+    a_window
+        Lowest and highest amplitude.
+    k_window
+        Lowest and highest restitution.
+    forcing
+        F(t)/a as a formula in t.
+    set
+        NAME=VALUE of another letter in the formula.
+    """
+    from contbreather.breathers.zones import zones as diagram
+
+    name, values = _fixed(k, gamma, a)
+    if csv is None and output is None and not json:
+        csv, output = TABLE, FIGURE
+    check_places(csv, output)
+    drive = Where(forcing=forcing, set=set).drive()
+    given = {"gamma": gamma_window, "a": a_window, "k": k_window}
+    windows = {n: interval(n, window) for n, window in given.items() if window is not None}
+    planes: list[dict[str, Any]] = [{name: value} for value in values]
+    found = [diagram(**plane, forcing=drive, within=windows) for plane in planes]
+    made = []
+    if csv is not None:
+        made.append(to_csv(csv, (row for one in found for row in _rows(one)), COLUMNS))
+    if output is not None:
+        made.append(to_figure(output, lambda: _figure(found)))
+    if json:
+        entries = [_entry(one) for one in found]
+        to_json({"forcing": drive.describe(), "zones": entries, "written": [str(p) for p in made]})
+        return
+    say(_table(found), *(f"Wrote {path}." for path in made))
+
+
+def _fixed(
+    k: tuple[float, ...], gamma: tuple[float, ...], a: tuple[float, ...]
+) -> tuple[str, tuple[float, ...]]:
+    """The parameter that is fixed, and its values."""
+    given = {name: values for name, values in {"k": k, "gamma": gamma, "a": a}.items() if values}
+    if not given:
+        return "k", RESTITUTIONS
+    if len(given) > 1:
+        raise BadInput(
+            f"zones are drawn with one parameter fixed, but {' and '.join(given)} were given; "
+            "leave one"
+        )
+    return next(iter(given.items()))
+
+
+def _figure(found: list[Zones]) -> Any:
+    from contbreather.plotting import plot_zones
+
+    return plot_zones(found)[0]
+
+
+def _rows(diagram: Zones) -> Iterator[dict[str, Any]]:
+    """Points of all curves, in order along each; `piece` tells curves of one kind apart."""
+    fixed = dict([diagram.fixed])
+    for kind, branches in diagram.curves.items():
+        for piece, branch in enumerate(branches, start=1):
+            columns = _columns(branch)
+            for i, point in enumerate(branch):
+                numbers = {name: float(column[i]) for name, column in columns.items()}
+                label = {"curve": kind, "piece": piece, "label": point.label}
+                yield {**fixed, **numbers, **label}
+
+
+def _columns(branch: Branch) -> dict[str, Any]:
+    slots = branch.curve.slots
+    return {name: branch[name] for name in COLUMNS if name in slots}
+
+
+def _entry(diagram: Zones) -> dict[str, Any]:
+    curves = [
+        {"curve": kind, **_columns(branch), "labels": [point.label for point in branch]}
+        for kind, branches in diagram.curves.items()
+        for branch in branches
+    ]
+    return {"fixed": dict([diagram.fixed]), "pair": diagram.pair, "curves": curves,
+            "points": list(_points(diagram))}  # fmt: skip
+
+
+def _points(diagram: Zones) -> Iterator[dict[str, Any]]:
+    """The codim-2 points, each once."""
+    from contbreather.plotting.zones import meetings, names_of_meetings
+
+    for point, (_, _, name) in zip(meetings(diagram), names_of_meetings(diagram), strict=True):
+        breather = point.solution
+        yield {
+            "k": breather.k,
+            "meeting": name.replace("\N{EN DASH}", "-"),
+            "gamma": breather.gamma,
+            "a": breather.a,
+            "p": breather.p,
+            "phi": breather.phi,
+        }
+
+
+def _table(found: list[Zones]) -> Table:
+    from rich.table import Table
+
+    sizes = "; ".join(
+        f"{one.fixed[0]} = {one.fixed[1]:g}: "
+        + ", ".join(f"{kind} {sum(map(len, c))}" for kind, c in one.curves.items() if c)
+        for one in found
+    )
+    table = Table(
+        title="Where the curves meet", title_justify="left",
+        caption=f"Points on the curves at {sizes}", caption_justify="left",
+    )  # fmt: skip
+    rows = [row for one in found for row in _points(one)]
+    for name in ("k", "meeting", "gamma", "a", "p", "phi"):
+        table.add_column(name, justify="left" if name == "meeting" else "right")
+    for row in rows:
+        numbers = [f"{row[name]:.12g}" for name in ("gamma", "a", "p", "phi")]
+        table.add_row(f"{row['k']:.6g}", row["meeting"], *numbers)
+    return table
