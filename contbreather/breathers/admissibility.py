@@ -100,6 +100,8 @@ def _profiles(breather: Breather) -> tuple[NDArray[np.int64], FloatArray, _Grid]
     """u_n over one flight for the sites that matter, shape (sites, M)."""
     grid = _grid(_grid_size(breather))
     sites, weights = _distances(breather.lattice)
+    if breather.gamma == 0.0:  # without coupling they all move alike
+        sites, weights = sites[:1], weights[:1]
     x = 4.0 * breather.gamma
     powers = weights @ (x ** np.arange(TERMS + 1))
     first = 4.0 / math.pi * breather.lattice.first_harmonic(breather.gamma, sites)
@@ -326,7 +328,7 @@ def _centre(breather: Breather) -> tuple[float, float]:
     # the two ends, by de l'Hospital
     left = 2.0 * b.w_minus / pi if b.k > 0.0 else -b.acceleration / pi
     right = 2.0 * b.w_minus / (pi * (pi + b.k))
-    fenced = np.concatenate([[0.1 * s[0]], s, [pi - 0.1 * (pi - s[-1])]])
+    fenced = np.concatenate([[0.1 * s[0]], s, [pi - 1e-3 * (pi - s[-1])]])
     dips = _dips(ratio)
     inner = min(
         _deepest(b, float(s[i]), float(ratio[i]), (float(fenced[i]), float(fenced[i + 2])))
@@ -355,10 +357,13 @@ def _centre_grid(size: int) -> FloatArray:
 def _deepest(
     breather: Breather, s: float, value: float, within: tuple[float, float]
 ) -> tuple[float, float]:
-    """The minimum next to ``s`` of the ratio in `centre_margin`, and where: Newton."""
+    """The minimum next to ``s`` of the ratio in `centre_margin`: Newton, kept in by bisection."""
     b, pi, flight, k = breather, math.pi, breather.flight(0), breather.k
-    best, low, high = (value, s), *within
-    for _ in range(8):
+    best, (low, high) = (value, s), within
+    bisected = 0
+    for _ in range(60):
+        if bisected == 9:  # the ratio falls up to an end, which has a value of its own
+            break
         y, t = s - HALF_PI, b.phi + s
         u = b.a * b.forcing.f(t) + b.p * flight.value(y)
         v = b.a * b.forcing.df(t) + b.p * flight.slope(y)
@@ -369,8 +374,10 @@ def _deepest(
         d2 = 2.0 * (pi - s) - 2.0 * (2.0 * s + k)
         best = min(best, (n / d, s))
         tilt, bend = n1 * d - n * d1, n2 * d - n * d2
-        step = tilt / bend if bend > 0.0 else 0.0
-        if abs(step) <= 1e-14:
+        low, high = (low, s) if tilt > 0.0 else (s, high)
+        last, s = s, s - tilt / bend if bend > 0.0 else low
+        if not low < s < high:
+            bisected, s = bisected + 1, 0.5 * (low + high)
+        if abs(s - last) <= 1e-8:  # the value is flat there: this is 1e-16 of it
             break
-        s = min(max(s - step, low), high)
     return best

@@ -219,12 +219,17 @@ def _general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tup
 
     crests = _crests(_reduced(forcing, chi, q))
     heights = [reduced(phi) for phi in crests]
-    phases = []
+    phases: list[float] = []
+    touching = False
     for i, (phi, height) in enumerate(zip(crests, heights, strict=True)):
         slack = 8.0 * EPS * (a * abs(chi * forcing.df(phi)) + a * q * abs(forcing.f(phi)) + q)
-        if abs(height) <= slack:  # a double root: rounding must not decide whether it exists
+        touched, touching = touching, abs(height) <= slack
+        if touching:  # a double root: rounding must not decide whether it exists
             heights[i] = 0.0
-            phases.append(phi)
+            if not touched:
+                phases.append(phi)
+            elif abs(steepness(phi)) < abs(steepness(phases[-1])):
+                phases[-1] = phi  # of points on one flat top the one nearest its crest
     for i, left in enumerate(crests):
         right = crests[i + 1] if i + 1 < len(crests) else crests[0] + 2.0 * math.pi
         if heights[i] * heights[(i + 1) % len(crests)] < 0.0:
@@ -262,10 +267,8 @@ def _crests(harmonics: tuple[tuple[int, float, float], ...]) -> list[float]:
     largest = max(math.hypot(c, s) for c, s in slope.values())
     # a last coefficient that is nearly nothing would spoil the matrix; Newton restores it below
     kept = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
-    reach = 1e-3
     if max(kept) > 64:
         start = np.linspace(-math.pi, math.pi, 32 * highest, endpoint=False)
-        reach = 2.0 * math.pi / (32 * highest)
     else:
         # odd harmonics only: with Z = z^2 the matrix has half the size
         top = max(kept)
@@ -276,7 +279,7 @@ def _crests(harmonics: tuple[tuple[int, float, float], ...]) -> list[float]:
             poly[(top + m) // 2] += 0.5 * complex(c, s)
         half = 0.5 * np.angle(np.roots(poly))
         start = np.concatenate([half, half + math.pi])
-    found = [_settled(phi, harmonics, reach) for phi in start.tolist()]
+    found = [_settled(phi, harmonics) for phi in start.tolist()]
     distinct: list[float] = []
     for phi in sorted(math.remainder(phi, 2.0 * math.pi) for phi in found):
         if not distinct or phi - distinct[-1] > 1e-9:
@@ -284,10 +287,10 @@ def _crests(harmonics: tuple[tuple[int, float, float], ...]) -> list[float]:
     return distinct
 
 
-def _settled(phi: float, harmonics: Iterable[tuple[int, float, float]], reach: float) -> float:
-    """A few Newton steps to the extremum next to ``phi``; ``phi`` itself if there is none."""
+def _settled(phi: float, harmonics: Iterable[tuple[int, float, float]]) -> float:
+    """A few Newton steps to the extremum next to ``phi``; where there is none, anywhere will do."""
     x = phi
-    for _ in range(4):
+    for _ in range(8):
         slope = curvature = 0.0
         for m, c, s in harmonics:
             cos, sin = math.cos(m * x), math.sin(m * x)
@@ -295,5 +298,8 @@ def _settled(phi: float, harmonics: Iterable[tuple[int, float, float]], reach: f
             curvature -= m * m * (c * cos + s * sin)
         if curvature == 0.0:
             break
-        x -= slope / curvature
-    return x if abs(x - phi) < reach else phi
+        step = slope / curvature
+        x -= step
+        if abs(step) < 1e-15:
+            break
+    return x if abs(x - phi) < 1.0 else phi

@@ -77,12 +77,12 @@ def flight_of(gamma, n, s):
     return v, w
 
 
-def root_of(a, gamma, k):
+def root_of(a, gamma, k, *, upper=True):
     """p and phi of (11) by the quadratic for p; the phase by the arccosine, not by (13)."""
     a, k, chi = mp.mpf(a), mp.mpf(k), _chi(gamma)
     q = (1 - k) / (1 + k)
     disc = mp.sqrt(chi**2 - (chi**2 + q**2) * (1 - a**2))
-    p = (chi + disc) / (chi**2 + q**2)
+    p = (chi + (disc if upper else -disc)) / (chi**2 + q**2)
     return p, -mp.acos((1 - p * chi) / a)
 
 

@@ -125,6 +125,19 @@ def test_on_the_upper_limit_of_the_upper_branch_it_is_the_first(gamma, k):
     assert verdict.far > -1e-9
 
 
+def test_of_two_crests_nearly_as_high_the_higher_is_found():
+    """Without coupling u_1 = a f, so its peak is the forcing's own; two crests of f tie at tilt 0.
+
+    On the grid the wrong one of the two looks higher for about half of these.
+    """
+    for tilt in np.linspace(-1e-5, 1e-5, 41):
+        angle = math.pi / 3 + tilt
+        first = {1: 0.2 * math.cos(angle)}
+        forcing = Fourier.from_response(cos={3: 1.0, **first}, sin={1: 0.2 * math.sin(angle)})
+        b = symmetric(0.6, 0.0, 0.7, forcing=forcing)
+        assert neighbour_peak(b)[1] == pytest.approx(0.6 * forcing.peak(), abs=1e-15)
+
+
 def test_upper_limit_of_the_theory_notes():
     assert abs(admissibility(symmetric(0.806417833236, 0.1, 0.8)).margin) < 2e-12
     inside, outside = (admissibility(symmetric(a, 0.1, 0.8)) for a in (0.80641, 0.80642))
@@ -153,6 +166,17 @@ def test_centre_margin_is_positive_exactly_where_site_0_stays_between_its_walls(
     assert margin == pytest.approx(dense, abs=2e-3 * scale * (1 + abs(dense)))
     if abs(margin) > 1e-4:
         assert (margin > 0) == bool(np.all(np.abs(u) < 1.0))
+
+
+def test_of_two_dips_of_the_centre_the_deeper_is_found():
+    """Right after the impact lies a narrow dip that looks the shallower of two on any grid."""
+    forcing = Fourier(cos={1: -1.0, 9: -1.62, 21: -4.41}, sin={3: -1.8})
+    b = symmetric(0.4116339640522913, 0.0, 0.029542562745261687, forcing=forcing)
+    s = np.linspace(1e-3, math.pi - 1e-3, 400001)
+    u = b.displacement(0, b.phi + s)
+    dense = np.min((1 - u**2) / ((s + b.k) * s * (math.pi - s)))
+    dense *= (math.pi / 2 + b.k) * math.pi**2 / 4
+    assert centre_margin(b) == pytest.approx(dense, abs=1e-8)
 
 
 def test_site_0_meets_its_wall_again_for_small_k_as_the_paper_found():

@@ -298,7 +298,21 @@ def test_general_solver_gives_the_closed_form_for_a_cosine(k, lattice):
             assert math.remainder(x.phi - y.phi, 2 * math.pi) == pytest.approx(0.0, abs=4e-15)
 
 
-@pytest.mark.parametrize("forcing", [Harmonic(), TWO, Fourier(cos={1: -1.0, 5: 4.0}, sin={3: 2.0})])
+@pytest.mark.parametrize("gamma", [0.0, 0.2])
+@pytest.mark.parametrize("a", [0.9, 1.0 - 1e-6, 1.0 - 1e-12])
+def test_the_lower_branch_is_right_down_to_where_its_impacts_die(paper, gamma, a):
+    lower = symmetric_roots(a, gamma, 0.6)[1]
+    with mp.workdps(60):  # the arccosine of nearly 1 costs half of them
+        p, phi = paper.root(a, gamma, 0.6, upper=False)
+        assert abs(lower.p / p - 1) < 4e-16
+        assert abs(lower.phi / phi - 1) < 4e-16
+
+
+EXACT = [Harmonic(), TWO, Fourier(cos={1: -1.0, 5: 4.0}, sin={3: 2.0})]
+FAINT = Fourier(cos={1: -1.0, 3: -2.7, 9: 1e-7})  # too faint for the companion matrix
+
+
+@pytest.mark.parametrize("forcing", [*EXACT, FAINT])
 @pytest.mark.parametrize(("gamma", "k"), [(0.1, 0.8), (0.2499, 0.05), (0.0, 0.3), (0.2, 0.0)])
 def test_the_fold_is_the_smallest_amplitude_and_a_double_root(forcing, gamma, k):
     lowest = smallest_amplitude(gamma, k, forcing)
@@ -330,11 +344,26 @@ def test_above_the_fold_there_is_always_a_breather(gamma, k, times, c):
     assert b.residual < 1e-15 * (1 + a * strongest)
 
 
-def test_forcing_with_many_harmonics_is_solved_too():
+@pytest.fixture(scope="module")
+def square():
     """A rounded square wave from samples, its harmonics far beyond a companion matrix."""
     t = 2 * np.pi * np.arange(2048) / 2048
     forcing = Samples(-np.tanh(6 * np.cos(t)))
     assert forcing.highest > 64
+    return forcing
+
+
+def test_the_fold_of_a_forcing_with_many_harmonics_is_a_double_root(square):
+    lowest = smallest_amplitude(0.1, 0.6, square)
+    at = symmetric_roots(lowest, 0.1, 0.6, forcing=square)
+    assert len(at) == 1
+    here = {"a": lowest, "gamma": 0.1, "k": 0.6}
+    jacobian = Closure(square).jacobian(np.array([at[0].p, at[0].phi]), here)
+    assert abs(np.linalg.det(jacobian)) < 1e-13
+
+
+def test_forcing_with_many_harmonics_is_solved_too(square):
+    forcing = square
     chi, q, a = CHAIN.chi(0.1), 0.25, 0.5
     phi = np.linspace(-math.pi, math.pi, 40001)
     reduced = a * (chi * forcing.df(phi) + q * forcing.f(phi)) - q
