@@ -278,7 +278,7 @@ class Breather:
         Examples
         --------
         >>> b = symmetric(a=0.8, gamma=0.045, k=0.8)
-        >>> round(abs(b.multipliers(sites=400)).max(), 6)
+        >>> round(float(abs(b.multipliers(sites=400)).max()), 6)
         1.129438
         """
         from contbreather.stability import half_multipliers
