@@ -82,7 +82,7 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
     >>> branch = cb.trace(cb.symmetric(0.2, 0.08, 0.8), "gamma", events=[neimark_sacker()],
     ...                   towards="up", within={"gamma": (0, 0.1)})
     >>> round(branch.first("NS")["gamma"], 7)
-    0.096971
+    0.0969709
     """
     if on is None or isinstance(on, InfiniteChain):
         return Event("NS", _on_breather(_pairs), locus=_arc_locus, verify=_verify_angle)

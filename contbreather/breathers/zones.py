@@ -224,12 +224,14 @@ def _narrowed(name: str, window: tuple[float, float] | None) -> tuple[float, flo
 
 
 def _comb(name: str, within: Mapping[str, tuple[float, float]]) -> Iterable[float]:
-    """Values inside the window, at least seven."""
+    """Values inside the window and at its ends, at least nine."""
     low, high = within[name]
-    inside = [value for value in COMBS[name] if low <= value <= high]
-    if len(inside) >= 7:
-        return inside
-    return np.linspace(low, min(high, COMBS[name][-1]), 9)[1:-1].tolist()
+    low, high = max(low, COMBS[name][0]), min(high, COMBS[name][-1])
+    inside = [value for value in COMBS[name] if low < value < high]
+    if low > high:  # a window beyond the comb
+        low, high = within[name]
+    comb = [low, *inside, high] if len(inside) >= 7 else np.linspace(low, high, 9).tolist()
+    return [value for value in comb if value > 0 or name != "a"]  # no forcing, no breather
 
 
 def _on_curve(branch: Branch, point: Point, pair: tuple[str, str]) -> bool:
