@@ -1,0 +1,140 @@
+"""The first time at which a site reaches its wall, with none skipped.
+
+A displacement ``phi(s)`` is known as a formula, and so is a bound J on its third derivative over
+the step. From any time on, ``phi(s) <= phi + phi' x + (phi'' + J x_max) x^2/2`` for x <= x_max; up
+to the first root of that parabola no wall is reached. Walking from root to root never steps over a
+contact, however shallow; it converges quadratically to a crossing and geometrically to a grazing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.dynamics.compiled import compiled
+from contbreather.dynamics.flow import Drive, driven, driven_bound, site_at
+
+Array = NDArray[np.float64]
+
+CLOSE = 2e-15  # a gap of rounding
+STILL = 1e-12  # a velocity of rounding
+PUSHED = 1e-9  # an acceleration that is more than rounding
+WALKS = 4000  # steps of one search; the usual number is below ten
+NUDGE = 1e-11  # moves the search off a point where the gap is rounding; changes it by 1e-22
+NOTHING = 1e-100  # its square is no longer a number to reckon with
+NEVER = -1.0
+LOST = -2.0
+
+
+@compiled
+def parabola_root(gap: float, slope: float, bend: float) -> float:
+    """First x > 0 with ``slope x + bend x^2/2 = gap``, gap > 0; infinity if there is none."""
+    if bend <= NOTHING:
+        if slope <= NOTHING:
+            return math.inf
+        inside = slope * slope + 2.0 * bend * gap
+        return 2.0 * gap / (slope + math.sqrt(inside)) if inside >= 0.0 else math.inf
+    root = math.sqrt(slope * slope + 2.0 * bend * gap)
+    if slope > 0.0:
+        return 2.0 * gap / (slope + root)
+    return (root - slope) / bend
+
+
+@compiled
+def safe_advance(gap: float, slope: float, bend: float, jerk: float, room: float) -> float:
+    """How far one may go, at most ``room``, without reaching the wall."""
+    best, x = NUDGE, room
+    for _ in range(60):
+        root = parabola_root(gap, slope, bend + jerk * x)
+        if root >= x:
+            return max(best, x)
+        best = max(best, root)
+        if x <= 2.0 * root:
+            break
+        x = max(2.0 * root, 0.25 * x)
+        if x < NUDGE:
+            break
+    return best
+
+
+@compiled
+def first_contact(
+    rows: Array,
+    n: int,
+    h: float,
+    drive: Drive,
+    t: float,
+    sign: float,
+    level: float,
+    start: float,
+    limit: float,
+) -> float:
+    """First s in [start, limit] at which ``sign phi(s)`` comes up to ``level``.
+
+    ``phi`` is column n of ``rows`` plus ``drive``, t the time at s = 0. Touching from inside with
+    a velocity of rounding counts as contact only if the acceleration pushes on; the gap is not
+    asked for more than `CLOSE`, or a site lying at its wall would be walked along for ever.
+
+    Returns
+    -------
+    float
+        s, `NEVER`, or `LOST` if the walk did not come to an end.
+    """
+    jerk = third_bound(rows, n) / h**3 + driven_bound(drive, 3)
+    s = start
+    for _ in range(WALKS):
+        value, slope, bend = site_at(rows, n, h, s / h)
+        forced, forced_slope, forced_bend = driven(drive, t + s)
+        gap = level - sign * (value + forced)
+        slope = sign * (slope + forced_slope)
+        bend = sign * (bend + forced_bend)
+        if gap <= CLOSE:
+            if slope > STILL:
+                return s + (gap / slope if slope > 1e-3 else 0.0)
+            if slope > -STILL and bend > PUSHED:
+                return s
+        if s >= limit:
+            return NEVER
+        s = min(limit, s + safe_advance(max(gap, CLOSE), slope, bend, jerk, limit - s))
+    return LOST
+
+
+@compiled
+def third_bound(rows: Array, n: int) -> float:
+    """h^3 times a bound on the third derivative of a column over its step."""
+    total = 0.0
+    for j in range(3, rows.shape[0]):
+        total += j * (j - 1) * (j - 2) * abs(rows[j, n])
+    return total
+
+
+@compiled
+def fourth_bound(rows: Array, n: int) -> float:
+    """The same, one order higher."""
+    total = 0.0
+    for j in range(4, rows.shape[0]):
+        total += j * (j - 1) * (j - 2) * (j - 3) * abs(rows[j, n])
+    return total
+
+
+@compiled
+def reaches(rows: Array, middle: Array, end: Array, slack: Array) -> None:
+    """Displacements at mid step and at the end, and how far any may stray from between them.
+
+    Within a time d a function lies within ``d^2/8 max|phi''|`` of its chord. Here d is half a step;
+    what the forced motion adds to phi and to its second derivative is left to the caller.
+    """
+    top, size = rows.shape[0] - 1, rows.shape[1]
+    for n in range(size):
+        middle[n] = rows[top, n]
+        end[n] = rows[top, n]
+        slack[n] = top * (top - 1) * abs(rows[top, n])
+    for j in range(top - 1, -1, -1):
+        for n in range(size):
+            middle[n] = 0.5 * middle[n] + rows[j, n]
+            end[n] += rows[j, n]
+            slack[n] += j * (j - 1) * abs(rows[j, n])
+    for n in range(size):
+        slack[n] /= 32.0

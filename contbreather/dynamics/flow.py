@@ -1,0 +1,180 @@
+"""The damped ring between impacts, to rounding, with all its sites as polynomials of time.
+
+``v = u - a g(t)`` takes out the forced motion, the same at every site (``g'' + mu g' = F/a``), and
+leaves ``v'' + mu v' + gamma L v = 0``. Over a step h its Taylor series in s/h is summed to the last
+bit: the terms of a mode fall like ``(w h)^j/j!``, w < 1, whatever the number of sites. That is the
+exact propagator of the modes (18) written site by site, where it is a narrow band: N operations
+instead of N^2 or N log N, and at once a formula for every time inside the step, which is what the
+search for impacts needs.
+
+Rows are coefficients: ``rows[j, n]`` belongs to site n and ``(s/h)^j``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.dynamics.compiled import compiled
+
+Array = NDArray[np.float64]
+
+STEP = 0.5 * math.pi  # longest step; with more, the bounds of `contact` lose their grip
+LAST = 1e-18  # size of the first term left out, relative to the first one
+
+
+class Drive(NamedTuple):
+    """A trigonometric sum ``sum of c cos(m t) + s sin(m t)``: the forced motion, or the force."""
+
+    m: Array
+    c: Array
+    s: Array
+
+
+def terms(reach: float) -> int:
+    """How many powers of s/h are needed where the fastest rate times h is ``reach``."""
+    j, size = 0, 1.0
+    while size > LAST or j < 4:
+        j += 1
+        size *= reach / j
+    return j + 1
+
+
+@compiled
+def driven(drive: Drive, t: float) -> tuple[float, float, float]:
+    """The sum at time t, and its first and second derivative."""
+    value = slope = bend = 0.0
+    for i in range(drive.m.size):
+        m = drive.m[i]
+        cosine, sine = math.cos(m * t), math.sin(m * t)
+        own = drive.c[i] * cosine + drive.s[i] * sine
+        value += own
+        slope += m * (drive.s[i] * cosine - drive.c[i] * sine)
+        bend -= m * m * own
+    return value, slope, bend
+
+
+@compiled
+def driven_jerk(drive: Drive, t: float) -> float:
+    """The third derivative of the sum at time t."""
+    total = 0.0
+    for i in range(drive.m.size):
+        m = drive.m[i]
+        total += m * m * m * (drive.c[i] * math.sin(m * t) - drive.s[i] * math.cos(m * t))
+    return total
+
+
+@compiled
+def driven_terms(drive: Drive, t: float, h: float, column: Array) -> None:
+    """Taylor coefficients of the sum around t in powers of s/h, to be held in ``column``."""
+    for j in range(column.size):
+        column[j] = 0.0
+    for i in range(drive.m.size):
+        m = drive.m[i]
+        cosine, sine = math.cos(m * t), math.sin(m * t)
+        own = drive.c[i] * cosine + drive.s[i] * sine
+        turned = drive.s[i] * cosine - drive.c[i] * sine
+        for j in range(column.size):
+            column[j] += own
+            # the next derivative over (j + 1)!, times h^(j + 1)
+            own, turned = turned * (m * h / (j + 1)), -own * (m * h / (j + 1))
+
+
+@compiled
+def driven_bound(drive: Drive, order: int) -> float:
+    """No derivative of that order is ever larger."""
+    total = 0.0
+    for i in range(drive.m.size):
+        size = abs(drive.c[i]) + abs(drive.s[i])
+        for _ in range(order):
+            size *= drive.m[i]
+        total += size
+    return total
+
+
+@compiled
+def expand(v: Array, w: Array, h: float, gamma: float, mu: float, rows: Array) -> None:
+    """Fill ``rows`` from displacements v and velocities w of a ring."""
+    size, top = v.size, rows.shape[0] - 1
+    for n in range(size):
+        rows[0, n] = v[n]
+        rows[1, n] = h * w[n]
+    for j in range(top - 1):
+        pull = -gamma * h * h / ((j + 1) * (j + 2))
+        drag = -mu * h / (j + 2)
+        _raise(rows[j], rows[j + 1], rows[j + 2], pull, drag)
+
+
+@compiled
+def _raise(now: Array, following: Array, new: Array, pull: float, drag: float) -> None:
+    """One more power, at every site; with one site or two the neighbours coincide."""
+    last = now.size - 1
+    if last == 0:
+        new[0] = drag * following[0]
+        return
+    new[0] = pull * (2.0 * now[0] - (now[last] + now[1])) + drag * following[0]
+    for n in range(1, last):
+        new[n] = pull * (2.0 * now[n] - (now[n - 1] + now[n + 1])) + drag * following[n]
+    new[last] = pull * (2.0 * now[last] - (now[last - 1] + now[0])) + drag * following[last]
+
+
+@compiled
+def expand_held(
+    v: Array,
+    w: Array,
+    h: float,
+    gamma: float,
+    mu: float,
+    held: NDArray[np.int8],
+    column: Array,
+    rows: Array,
+) -> None:
+    """The same with some sites resting on their walls: they move as ``wall - a g(t)``.
+
+    ``column`` holds the Taylor coefficients of a g.
+    """
+    size, top = v.size, rows.shape[0] - 1
+    for j in range(top + 1):
+        if j == 0:
+            for n in range(size):
+                rows[0, n] = v[n]
+        elif j == 1:
+            for n in range(size):
+                rows[1, n] = h * w[n]
+        else:
+            pull = -gamma * h * h / (j * (j - 1))
+            _raise(rows[j - 2], rows[j - 1], rows[j], pull, -mu * h / j)
+        for n in range(size):
+            if held[n] != 0:
+                rows[j, n] = (held[n] if j == 0 else 0.0) - column[j]
+
+
+@compiled
+def state_at(rows: Array, h: float, x: float, v: Array, w: Array) -> None:
+    """Displacements and velocities of all sites at s = x h."""
+    top = rows.shape[0] - 1
+    size = v.size
+    for n in range(size):
+        v[n] = rows[top, n]
+        w[n] = top * rows[top, n]
+    for j in range(top - 1, 0, -1):
+        for n in range(size):
+            v[n] = v[n] * x + rows[j, n]
+            w[n] = w[n] * x + j * rows[j, n]
+    for n in range(size):
+        v[n] = v[n] * x + rows[0, n]
+        w[n] = w[n] / h
+
+
+@compiled
+def site_at(rows: Array, n: int, h: float, x: float) -> tuple[float, float, float]:
+    """Displacement, velocity and acceleration of one site at s = x h."""
+    v = w = b = 0.0
+    for j in range(rows.shape[0] - 1, -1, -1):
+        b = b * x + 2.0 * w
+        w = w * x + v
+        v = v * x + rows[j, n]
+    return v, w / h, b / (h * h)

@@ -1,0 +1,488 @@
+"""The impacting ring, simulated exactly: eq. (1), the reset law (2), optional linear damping.
+
+Between impacts the flow is summed to rounding (`contbreather.dynamics.flow`), impacts are bracketed
+so that none can be missed and polished to 1e-12 (`contact`), and rests on a wall are part of the
+motion (`cruise`). The only error left is rounding.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.dynamics.conditions import (
+    PERIOD,
+    Conditions,
+    State,
+    check_state,
+    number,
+    reduced,
+    whole,
+)
+from contbreather.errors import NotConverged
+from contbreather.lattice import Forcing, Harmonic
+
+if TYPE_CHECKING:
+    from contbreather.dynamics.cruise import Law, Log, Watch, Work
+
+Array = NDArray[Any]
+
+IMPACT = np.dtype(
+    [
+        ("time", "f8"),
+        ("period", "i8"),
+        ("phase", "f8"),
+        ("site", "i8"),
+        ("wall", "i1"),
+        ("before", "f8"),
+        ("after", "f8"),
+    ]
+)
+REST = np.dtype(
+    [
+        ("time", "f8"),
+        ("period", "i8"),
+        ("phase", "f8"),
+        ("site", "i8"),
+        ("wall", "i1"),
+        ("begins", "?"),
+    ]
+)
+MOMENT = 0.2  # seconds a stretch should take: how long an interruption waits
+ROOM = 2**21  # numbers a stretch may hold: 16 MB
+
+
+class RunStop(enum.Enum):
+    """Why a run ended; the value is the sentence a user reads."""
+
+    DONE = "went through all its periods"
+    INTERRUPTED = "interrupted; all periods up to here are kept"
+    CHATTER = "ended at a chatter that does not come to rest"
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Sites to record densely, and at how many equal times in each period.
+
+    Examples
+    --------
+    >>> Sample(sites=(0, 1), per_period=128).per_period
+    128
+    """
+
+    sites: Sequence[int] = (0,)
+    per_period: int = 64
+
+    def __post_init__(self) -> None:
+        whole("per_period", self.per_period, 1)
+        object.__setattr__(self, "sites", tuple(int(n) for n in self.sites))
+
+
+class Record(NamedTuple):
+    """Chosen sites at many times: `u` and `v` have shape (times, sites)."""
+
+    times: Array
+    sites: tuple[int, ...]
+    u: Array
+    v: Array
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Some successive periods of a run: what happened in them, and the states after each."""
+
+    first: int
+    u: Array
+    v: Array
+    impacts: NDArray[np.void]
+    rests: NDArray[np.void]
+    dense_u: Array
+    dense_v: Array
+    stop: RunStop | None = None
+    reason: str = ""
+
+    @property
+    def periods(self) -> int:
+        return len(self.u)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What `simulate` leaves behind.
+
+    Attributes
+    ----------
+    impacts : structured ndarray
+        One row for each impact in order of time: ``time``, ``period`` (number of the period since
+        t0), ``phase`` (time modulo 2 pi, to 1e-15 however long the run), ``site``, ``wall``
+        (+1 or -1), velocities ``before`` and ``after``.
+    rests : structured ndarray
+        Where a site came to rest on a wall after a chatter (``begins`` True) or left it (False).
+    strobe : State
+        ``u``, ``v`` of shape (periods + 1, N) at ``times`` = t0 + 2 pi j.
+    final : State
+        The state at the end, ready to be simulated again.
+    end : float
+        The time of `final`.
+    record : Record or None
+        Chosen sites at many times.
+    conditions : Conditions
+    stop : RunStop
+    reason : str
+        Says more where the run did not go through all its periods.
+    """
+
+    impacts: NDArray[np.void]
+    rests: NDArray[np.void]
+    times: Array
+    strobe: State
+    final: State
+    end: float
+    record: Record | None
+    conditions: Conditions
+    stop: RunStop
+    reason: str = ""
+
+    @property
+    def sites(self) -> int:
+        return self.final.u.size
+
+    @property
+    def periods(self) -> int:
+        """Whole periods completed."""
+        return len(self.times) - 1
+
+    def at_site(self, n: int, wall: int | None = None) -> NDArray[np.void]:
+        """The impacts of one site, on one wall or on both."""
+        chosen = self.impacts["site"] == n % self.sites
+        if wall is not None:
+            chosen &= self.impacts["wall"] == wall
+        return self.impacts[chosen]
+
+    def __repr__(self) -> str:
+        what = self.reason or self.stop.value
+        return (
+            f"<Run of {self.sites} sites over {self.periods} periods: "
+            f"{len(self.impacts)} impacts; {what}>"
+        )
+
+
+def simulate(
+    state: Any,
+    *,
+    a: float,
+    gamma: float,
+    k: float,
+    periods: float,
+    damping: float = 0.0,
+    t0: float = 0.0,
+    forcing: Forcing | None = None,
+    sample: Sample | None = None,
+    progress: bool | None = None,
+) -> Run:
+    """Let a ring of impacting sites go from any state.
+
+    Parameters
+    ----------
+    state : pair of array_like, shape (N,)
+        Displacements and velocities of all sites at t0; N = 1 is a single oscillator.
+    a, gamma, k : float
+        Amplitude of the forcing, coupling in [0, 1/4), restitution in [0, 1].
+    periods : float
+        Length of the run in periods 2 pi of the forcing; a fraction is allowed at the end.
+    damping : float
+        mu of a linear damping ``mu u'`` of every site.
+    t0 : float
+        Time of the state; the forcing depends on it.
+    forcing : Forcing, optional
+        `Harmonic`, F = -a cos t, unless given.
+    sample : Sample, optional
+        Sites to record densely. Impacts and the states once in a period are always recorded.
+    progress : bool, optional
+        Show progress on standard error; by default on long runs at a terminal.
+
+    Returns
+    -------
+    Run
+        After Ctrl-C as well, with the periods completed until then.
+
+    Raises
+    ------
+    BadInput
+        A state outside the walls, or a parameter outside its range.
+    NotConverged
+        If velocities grow beyond all reason.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import symmetric
+    >>> b = symmetric(a=0.5, gamma=0.08, k=0.8)
+    >>> run = simulate(b.state(20), a=0.5, gamma=0.08, k=0.8, periods=1)
+    >>> abs(run.final.u - run.strobe.u[0]).max() < 1e-13
+    True
+    >>> len(run.impacts)
+    2
+    """
+    start = check_state(state)
+    conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
+    length = number("periods", periods, 0.0, 1e12, "a length in periods, at least 0")
+    count, rest = int(length), length - int(length)
+    stretches: list[Stretch] = []
+    stop, reason = RunStop.DONE, ""
+    t = reduced(t0)
+    try:
+        for one in walk(start, conditions, periods=count, t0=t, sample=sample, progress=progress):
+            stretches.append(one)
+            if one.stop is not None:
+                stop, reason = one.stop, one.reason
+    except KeyboardInterrupt:
+        stop = RunStop.INTERRUPTED
+    last = _after(start, stretches)
+    end = float(t0) + PERIOD * sum(one.periods for one in stretches)
+    if rest > 0.0 and stop is RunStop.DONE:
+        part = fraction(last, conditions, t, rest, count)
+        stretches.append(part)
+        stop, reason = part.stop or stop, part.reason
+        if part.stop is None:
+            last = State(part.u[0].copy(), part.v[0].copy())
+            end += PERIOD * rest
+    return _gathered(start, stretches, last, end, float(t0), conditions, sample, stop, reason)
+
+
+def _after(start: State, stretches: list[Stretch]) -> State:
+    if not stretches or not stretches[-1].periods:
+        filled = [one for one in stretches if one.periods]
+        if not filled:
+            return start
+        stretches = filled
+    return State(stretches[-1].u[-1].copy(), stretches[-1].v[-1].copy())
+
+
+def _gathered(
+    start: State,
+    stretches: list[Stretch],
+    final: State,
+    end: float,
+    t0: float,
+    conditions: Conditions,
+    sample: Sample | None,
+    stop: RunStop,
+    reason: str,
+) -> Run:
+    """One run from its stretches, with times counted from t0."""
+    full = [one for one in stretches if one.periods and one.u.size]
+    whole_ones = [one for one in full if not isinstance(one, Part)]
+    u = np.concatenate([start.u[None], *(one.u for one in whole_ones)])
+    v = np.concatenate([start.v[None], *(one.v for one in whole_ones)])
+    impacts = np.concatenate([np.empty(0, IMPACT), *(one.impacts for one in stretches)])
+    rests = np.concatenate([np.empty(0, REST), *(one.rests for one in stretches)])
+    for table in (impacts, rests):
+        table["time"] += t0
+    record = None
+    if sample is not None:
+        record = _record(full, sample, start.u.size, t0)
+    times = t0 + PERIOD * np.arange(len(u))
+    return Run(impacts, rests, times, State(u, v), final, end, record, conditions, stop, reason)
+
+
+def _record(stretches: list[Stretch], sample: Sample, sites: int, t0: float) -> Record:
+    count = sample.per_period
+    empty = np.empty((0, len(sample.sites)))
+    u = np.concatenate([empty, *(one.dense_u.reshape(-1, len(sample.sites)) for one in stretches)])
+    v = np.concatenate([empty, *(one.dense_v.reshape(-1, len(sample.sites)) for one in stretches)])
+    times = t0 + PERIOD / count * np.arange(len(u))
+    return Record(times, tuple(n % sites for n in sample.sites), u, v)
+
+
+# --- stretch by stretch --------------------------------------------------------------------------
+
+
+def walk(
+    state: State,
+    conditions: Conditions,
+    *,
+    periods: int,
+    t0: float,
+    first: int = 0,
+    sample: Sample | None = None,
+    progress: bool | None = None,
+) -> Iterator[Stretch]:
+    """Yield a run in stretches of about a fifth of a second: what `simulate` and `record` drive.
+
+    Times of events are counted from t0. Where the stretches are cut has no influence on anything.
+    """
+    from contbreather.dynamics.progress import Bar
+
+    machine = Machine(state, conditions, t0, sample)
+    count, done = 4, 0
+    with Bar(progress, periods) as bar:
+        while done < periods:
+            began = time.perf_counter()
+            one = machine.advance(min(count, periods - done), first + done)
+            done += one.periods
+            bar.advance(done)
+            yield one
+            if one.stop is not None:
+                return
+            if time.perf_counter() - began < 0.5 * MOMENT:
+                count = min(2 * count, machine.roomy)
+
+
+@dataclass(frozen=True)
+class Part(Stretch):
+    """A fraction of a period: its one state is not a stroboscopic one."""
+
+
+def fraction(state: State, conditions: Conditions, t0: float, rest: float, first: int) -> Stretch:
+    """Less than a period."""
+    machine = Machine(state, conditions, t0, None)
+    one = machine.advance(1, first, span=PERIOD * rest)
+    return Part(**vars(one))
+
+
+@dataclass
+class Machine:
+    """The compiled loop with its state and its room."""
+
+    state: State
+    conditions: Conditions
+    t0: float
+    sample: Sample | None
+    law: Law = field(init=False)
+    work: Work = field(init=False)
+    log: Log = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.law = law_of(self.conditions)
+        self.work = work_of(self.state.u.size, self.law.size)
+        self.log = log_of(256)
+        self.state = State(self.state.u.copy(), self.state.v.copy())
+
+    @property
+    def roomy(self) -> int:
+        """How many periods one stretch may have."""
+        dense = self.sample.per_period * len(self.sample.sites) if self.sample else 0
+        return max(1, ROOM // (2 * self.state.u.size + 2 * dense))
+
+    def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Stretch:
+        """As many periods (or one of another length), fewer only with a reason."""
+        from contbreather.dynamics.cruise import CHATTER, DONE, FULL, cruise
+
+        u, v = self.state
+        strobe_u, strobe_v = np.empty((2, periods, u.size))
+        watch = watch_of(self.sample, periods, u.size)
+        done, status, site, self.log.used[0] = 0, FULL, 0, 0
+        while status == FULL:
+            here = (self.t0, span, first + done, self.law, self.work, self.log)
+            rest = watch._replace(u=watch.u[done:], v=watch.v[done:])
+            more, status, site = cruise(u, v, *here, rest, strobe_u[done:], strobe_v[done:])
+            done += more
+            if status == FULL:
+                self.log = log_of(2 * self.log.phase.size, self.log)
+        if status not in (DONE, CHATTER):
+            raise NotConverged(self._failed(status, first + done))
+        impacts, rests = tables(self.log, self.t0)
+        kept = (strobe_u[:done], strobe_v[:done], impacts, rests, watch.u[:done], watch.v[:done])
+        if status == DONE:
+            return Stretch(first, *kept)
+        return Stretch(first, *kept, RunStop.CHATTER, self._chatter(site, first + done))
+
+    def _chatter(self, site: int, period: int) -> str:
+        return (
+            f"site {site} hits its wall more than {self.law.most} times in period {period} "
+            f"(k = {self.conditions.k}): a chatter that does not come to rest; the state before "
+            "that period is kept, go on from it with a smaller k"
+        )
+
+    def _failed(self, status: int, period: int) -> str:
+        from contbreather.dynamics.cruise import ASTRAY
+
+        if status == ASTRAY:
+            return (
+                f"in period {period} the search for the next impact did not come to an end "
+                f"({self.conditions}): please report it with the state"
+            )
+        return (
+            f"the motion blows up in period {period} (a = {self.conditions.a}, k = "
+            f"{self.conditions.k}): velocities beyond all reason; check the state and the forcing"
+        )
+
+
+def law_of(conditions: Conditions) -> Law:
+    """The conditions as the compiled loop wants them."""
+    from contbreather.dynamics.cruise import Law
+    from contbreather.dynamics.flow import STEP, Drive, terms
+
+    k, mu, gamma = float(conditions.k), float(conditions.damping), float(conditions.gamma)
+    motion, force = Drive(*conditions.motion), Drive(*conditions.force)
+    rate = max(2.0 * math.sqrt(gamma), mu, 0.25)
+    # a site that rests on its wall moves, in v, with the forcing: its harmonics must converge too
+    step = min(STEP, 3.0 / rate, 4.0 / float(motion.m.max()))
+    reach = step * max(rate, float(motion.m.max()))
+    most = 1000 + int(40.0 / max(1.0 - k, 4e-4))
+    return Law(gamma, mu, k, step, terms(reach), most, motion, force)
+
+
+def work_of(sites: int, count: int) -> Work:
+    from contbreather.dynamics.cruise import Work
+
+    v, w, middle, end, slack, when = np.empty((6, sites))
+    side, held, fresh = np.zeros((3, sites), np.int8)
+    rows, lift, column = np.empty((count, sites)), np.empty((count, 1)), np.empty(count)
+    hits = np.zeros(sites, np.int64)
+    return Work(v, w, rows, lift, column, middle, end, slack, when, side, held, fresh, hits)
+
+
+def log_of(size: int, old: Log | None = None) -> Log:
+    """An empty log, or a longer copy of an old one."""
+    from contbreather.dynamics.cruise import Log
+
+    kinds: tuple[Any, ...] = ("i8", "f8", "i8", "i1", "i1", "f8", "f8")
+    columns: list[NDArray[Any]] = [np.zeros(size, kind) for kind in kinds]
+    new = Log(np.zeros(1, np.int64), *columns)
+    if old is not None:
+        used = new.used[0] = old.used[0]
+        before: list[Any] = list(old[1:])
+        for fresh, full in zip(columns, before, strict=True):
+            fresh[:used] = full[:used]
+    return new
+
+
+def watch_of(sample: Sample | None, periods: int, sites: int) -> Watch:
+    from contbreather.dynamics.cruise import Watch
+
+    if sample is None:
+        empty = np.empty((periods, 0, 0))
+        return Watch(np.empty(0, np.int64), np.empty(0), empty, empty)
+    chosen = np.array([n % sites for n in sample.sites], np.int64)
+    grid: Array = PERIOD / sample.per_period * np.arange(sample.per_period)
+    u, v = np.full((2, periods, grid.size, chosen.size), np.nan)
+    return Watch(chosen, grid, u, v)
+
+
+def tables(log: Log, t0: float) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Impacts, and rests and releases, with times counted from t0."""
+    from contbreather.dynamics.cruise import HIT
+    from contbreather.dynamics.cruise import REST as COMES_TO_REST
+
+    used = int(log.used[0])
+    _, period, phase, site, kind, wall, before, after = (column[:used] for column in log)
+    found = []
+    for dtype, chosen in ((IMPACT, kind == HIT), (REST, kind != HIT)):
+        table = np.empty(int(chosen.sum()), dtype)
+        table["time"] = PERIOD * period[chosen] + (phase[chosen] - t0)
+        table["period"], table["phase"] = period[chosen], phase[chosen] % PERIOD
+        table["site"], table["wall"] = site[chosen], wall[chosen]
+        if dtype is IMPACT:
+            table["before"], table["after"] = before[chosen], after[chosen]
+        else:
+            table["begins"] = kind[chosen] == COMES_TO_REST
+        found.append(table)
+    return found[0], found[1]

@@ -1,0 +1,460 @@
+"""The impacting ring against the exact breather, a general ODE solver, and laws of mechanics."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from contbreather.breathers import symmetric
+from contbreather.dynamics import RunStop, Sample, simulate
+from contbreather.errors import BadInput
+from contbreather.lattice import Fourier, Harmonic, Ring
+from contbreather.stability import dense_half_map
+
+PI = math.pi
+
+PARAMETERS = [  # a, gamma, k
+    (0.1, 0.08, 0.8),
+    (0.5, 0.08, 0.8),
+    (0.2, 0.11, 0.8),
+    (0.82, 0.04, 0.8),
+    (0.3, 0.05, 0.4),
+    (0.5, 0.12, 0.4),
+    (0.7, 0.06, 0.2),
+    (0.9, 0.02, 0.6),
+    (0.35, 0.2, 0.8),
+    (0.6, 0.0, 1.0),
+]
+
+
+def laplacian(sites):
+    matrix = np.zeros((sites, sites))
+    for n in range(sites):
+        for other in ((n + 1) % sites, (n - 1) % sites):
+            matrix[n, n] += 1.0
+            matrix[n, other] -= 1.0
+    return matrix
+
+
+def generator(sites, gamma, damping):
+    return np.block(
+        [
+            [np.zeros((sites, sites)), np.eye(sites)],
+            [-gamma * laplacian(sites), -damping * np.eye(sites)],
+        ]
+    )
+
+
+def with_events(u, v, a, gamma, k, damping, span):
+    """The same motion by a general solver: small steps, one event for each site and wall."""
+    sites, lap = len(u), laplacian(len(u))
+
+    def slope(t, x):
+        push = -gamma * lap @ x[:sites] - damping * x[sites:] - a * np.cos(t)
+        return np.concatenate([x[sites:], push])
+
+    def wall(n, sign):
+        def gap(t, x):
+            return 1.0 - sign * x[n]
+
+        gap.terminal, gap.direction = True, -1.0
+        return gap
+
+    events = [wall(n, sign) for n in range(sites) for sign in (1.0, -1.0)]
+    t, x, hits = 0.0, np.concatenate([u, v]), []
+    while t < span:
+        flown = solve_ivp(
+            slope, (t, span), x, "DOP853", rtol=1e-13, atol=1e-14, max_step=0.01, events=events
+        )
+        t, x = flown.t[-1], flown.y[:, -1].copy()
+        for i, times in enumerate(flown.t_events):
+            if times.size:
+                n = i // 2
+                hits.append((t, n, x[sites + n]))
+                x[sites + n] *= -k
+    return x[:sites], x[sites:], hits
+
+
+# --- the exact breather ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sites", [10, 20, 400])
+@pytest.mark.parametrize(("a", "gamma", "k"), PARAMETERS)
+def test_exact_breather_comes_back_after_one_period(a, gamma, k, sites):
+    u, v = symmetric(a, gamma, k).state(sites)
+    run = simulate((u, v), a=a, gamma=gamma, k=k, periods=1)
+    assert np.abs(run.final.u - u).max() < 1e-12
+    assert np.abs(run.final.v - v).max() < 1e-12
+    assert len(run.impacts) == 2
+
+
+def test_impacts_are_those_of_the_closure_to_rounding():
+    own = symmetric(0.5, 0.08, 0.8, lattice=Ring(20))
+    run = simulate(own.state(20), a=0.5, gamma=0.08, k=0.8, periods=3)
+    assert run.impacts["site"].tolist() == [0] * 6
+    assert run.impacts["wall"].tolist() == [-1, 1] * 3
+    assert np.allclose(run.at_site(0, 1)["phase"], own.phi % (2 * PI), rtol=0, atol=1e-13)
+    assert np.allclose(run.at_site(0, -1)["phase"], own.phi + PI, rtol=0, atol=1e-13)
+    assert np.allclose(run.at_site(0, 1)["before"], own.w_minus, rtol=0, atol=1e-13)
+    assert np.allclose(run.impacts["after"], -0.8 * run.impacts["before"], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("sites", "a", "gamma", "k"),
+    [(20, 0.9, 0.06, 0.4), (10, 0.7, 0.1, 0.2), (400, 0.7, 0.06, 0.2)],
+)
+def test_stable_breather_stays_exact_over_a_thousand_periods(sites, a, gamma, k):
+    own = symmetric(a, gamma, k, lattice=Ring(sites))
+    assert np.abs(own.multipliers()).max() < 1.0 + 1e-9
+    run = simulate(own.state(sites), a=a, gamma=gamma, k=k, periods=1000)
+    assert np.abs(run.strobe.u - run.strobe.u[0]).max() < 1e-10
+    assert np.abs(run.strobe.v - run.strobe.v[0]).max() < 1e-10
+    assert np.ptp(run.at_site(0, 1)["phase"]) < 1e-10
+
+
+def test_ten_thousand_periods_without_drift():
+    own = symmetric(0.7, 0.06, 0.2, lattice=Ring(20))
+    run = simulate(own.state(20), a=0.7, gamma=0.06, k=0.2, periods=10_000)
+    assert run.periods == 10_000
+    assert np.abs(run.final.u - run.strobe.u[0]).max() < 1e-11
+
+
+def test_other_forcing_moves_its_own_breather():
+    forcing = Fourier.from_response(cos={1: 1.0, 3: 0.1}, sin={5: 0.02})
+    own = symmetric(0.4, 0.1, 0.7, forcing=forcing, lattice=Ring(12))
+    state = own.state(12)
+    run = simulate(state, a=0.4, gamma=0.1, k=0.7, periods=1, forcing=forcing)
+    assert np.abs(run.final.u - state[0]).max() < 1e-13
+    other = simulate(state, a=0.4, gamma=0.1, k=0.7, periods=1, forcing=Harmonic())
+    assert np.abs(other.final.u - state[0]).max() > 1e-2
+
+
+def test_run_may_start_at_any_time():
+    own = symmetric(0.5, 0.08, 0.8, lattice=Ring(20))
+    t0 = 17.3
+    run = simulate(own.state(20, t0), a=0.5, gamma=0.08, k=0.8, periods=2, t0=t0)
+    assert np.abs(run.final.u - run.strobe.u[0]).max() < 1e-12
+    assert run.times[0] == t0
+    assert run.end == pytest.approx(t0 + 4 * PI, abs=1e-13)
+    since = run.at_site(0, 1)["time"] - own.phi
+    assert np.abs(np.sin(since)).max() < 1e-13
+    assert np.all(np.diff(run.impacts["time"]) > 0)
+
+
+def test_dense_samples_are_the_closed_form():
+    own = symmetric(0.5, 0.08, 0.8, lattice=Ring(20))
+    sample = Sample(sites=(0, 1, -1, 10), per_period=50)
+    run = simulate(own.state(20), a=0.5, gamma=0.08, k=0.8, periods=2, sample=sample)
+    assert run.record.sites == (0, 1, 19, 10)
+    assert run.record.u.shape == (100, 4)
+    for i, n in enumerate((0, 1, -1, 10)):
+        assert np.allclose(run.record.u[:, i], own.displacement(n, run.record.times), atol=1e-13)
+        assert np.allclose(run.record.v[:, i], own.velocity(n, run.record.times), atol=1e-12)
+
+
+# --- the half map ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sites", "a", "gamma", "k"), [(6, 0.5, 0.08, 0.8), (20, 0.2, 0.11, 0.8), (3, 0.7, 0.06, 0.4)]
+)
+def test_differences_of_the_simulated_half_map_are_the_half_map(sites, a, gamma, k):
+    """Started a moment before the impact, the half map is Q(pi - d) S Q(d), similar to QS."""
+    own = symmetric(a, gamma, k, lattice=Ring(sites))
+    early, h = 0.3, 2e-4
+    u, v = own.state(sites, own.phi - early)
+    flow = generator(sites, gamma, 0.0)
+    forward = expm(early * flow)
+    half = np.linalg.solve(forward, dense_half_map(sites, gamma, k, own.b)) @ forward
+
+    def image(x):
+        settings = {"a": a, "gamma": gamma, "k": k, "periods": 0.5, "t0": own.phi - early}
+        return np.concatenate(simulate((x[:sites], x[sites:]), **settings).final)
+
+    start, columns = np.concatenate([u, v]), []
+    for i in range(2 * sites):
+        step = np.zeros(2 * sites)
+        step[i] = h
+        near = (image(start + step) - image(start - step)) / (2 * h)
+        far = (image(start + 2 * step) - image(start - 2 * step)) / (4 * h)
+        columns.append((4 * near - far) / 3)
+    assert np.abs(np.array(columns).T - half).max() < 1e-8
+
+
+# --- any motion at all ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("sites", "damping"), [(1, 0.0), (2, 0.1), (4, 0.0), (5, 0.3)])
+def test_motion_is_that_of_a_general_solver_with_events(sites, damping):
+    rng = np.random.default_rng(sites)
+    u, v = rng.uniform(-0.8, 0.8, sites), rng.normal(0.0, 1.5, sites)
+    a, gamma, k = 0.6, 0.2, 0.75
+    wanted = with_events(u, v, a, gamma, k, damping, 3 * PI)
+    run = simulate((u, v), a=a, gamma=gamma, k=k, damping=damping, periods=1.5)
+    assert len(wanted[2]) >= 3
+    assert run.impacts["site"].tolist() == [hit[1] for hit in wanted[2]]
+    assert np.allclose(run.impacts["time"], [hit[0] for hit in wanted[2]], rtol=0, atol=1e-10)
+    assert np.allclose(run.impacts["before"], [hit[2] for hit in wanted[2]], rtol=0, atol=1e-10)
+    assert np.allclose(run.final.u, wanted[0], rtol=0, atol=1e-10)
+    assert np.allclose(run.final.v, wanted[1], rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.02, 0.6, 3.0])
+def test_free_flight_is_the_matrix_exponential(damping):
+    """Over- and underdamped modes, and the zero mode, at once."""
+    sites, gamma = 7, 0.24
+    rng = np.random.default_rng(5)
+    u, v = rng.uniform(-0.2, 0.2, sites), rng.normal(0.0, 0.02, sites)
+    run = simulate((u, v), a=0.0, gamma=gamma, k=0.5, damping=damping, periods=1)
+    assert not run.impacts.size
+    wanted = expm(2 * PI * generator(sites, gamma, damping)) @ np.concatenate([u, v])
+    assert np.allclose(np.concatenate(run.final), wanted, rtol=0, atol=2e-15 * 50)
+
+
+def energy(gamma, u, v):
+    return 0.5 * np.sum(v**2, axis=-1) + 0.5 * gamma * np.sum((u - np.roll(u, 1, -1)) ** 2, axis=-1)
+
+
+def test_elastic_walls_without_forcing_keep_the_energy():
+    rng = np.random.default_rng(0)
+    u, v = rng.uniform(-0.9, 0.9, 12), rng.normal(size=12)
+    run = simulate((u, v), a=0.0, gamma=0.2, k=1.0, periods=200)
+    assert len(run.impacts) > 1000
+    assert np.ptp(energy(0.2, *run.strobe)) < 1e-11
+
+
+def test_elastic_motion_run_backwards_returns():
+    """cos t is even: reversed velocities retrace the motion, all its impacts included."""
+    rng = np.random.default_rng(8)
+    u, v = rng.uniform(-0.9, 0.9, 6), rng.normal(size=6)
+    conditions = {"a": 0.3, "gamma": 0.1, "k": 1.0, "periods": 2}
+    there = simulate((u, v), **conditions)
+    back = simulate((there.final.u, -there.final.v), **conditions)
+    assert len(there.impacts) == len(back.impacts) > 5
+    assert np.allclose(back.final.u, u, rtol=0, atol=1e-9)
+    assert np.allclose(back.final.v, -v, rtol=0, atol=1e-9)
+
+
+def test_mirror_images_hit_at_the_same_time_and_stay_mirror_images():
+    rng = np.random.default_rng(3)
+    half_u, half_v = rng.uniform(-0.9, 0.9, 5), rng.normal(size=5)
+    u = np.concatenate([half_u, half_u[3:0:-1]])  # u[n] = u[-n] on a ring of 8
+    v = np.concatenate([half_v, half_v[3:0:-1]])
+    run = simulate((u, v), a=0.5, gamma=0.2, k=0.9, periods=200)
+    assert len(run.impacts) > 500
+    assert np.array_equal(run.final.u[1:], run.final.u[:0:-1])
+    assert np.array_equal(run.final.v[1:], run.final.v[:0:-1])
+
+
+def test_ring_in_unison_is_one_oscillator():
+    one = simulate(([0.3], [1.1]), a=0.7, gamma=0.2, k=0.7, periods=5)
+    many = simulate((np.full(30, 0.3), np.full(30, 1.1)), a=0.7, gamma=0.2, k=0.7, periods=5)
+    assert len(many.impacts) == 30 * len(one.impacts)
+    assert np.allclose(many.final.u, one.final.u[0], rtol=0, atol=1e-12)
+
+
+# --- no impact is missed --------------------------------------------------------------------------
+
+
+def launch(excess):
+    """One site under F = -a cos t that rises to 1 + excess at t = pi/4, and stays below elsewhere.
+
+    u = c + d t + a cos t with u'(pi/4) = 0: the crest is at -pi/4 + pi... of curvature -a cos t,
+    so t = pi/4 is a maximum.
+    """
+    a = 0.4
+    top = 0.25 * PI
+    d = a * math.sin(top)
+    c = 1.0 + excess - d * top - a * math.cos(top)
+    return a, ([c + a], [d]), top
+
+
+@pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12, 1e-14])
+def test_shallow_impact_is_found(excess):
+    a, state, top = launch(excess)
+    run = simulate(state, a=a, gamma=0.1, k=0.5, periods=0.2)
+    depth = math.sqrt(2 * excess / (a * math.cos(top)))  # time before the crest, to leading order
+    first = run.impacts[0]
+    assert first["time"] == pytest.approx(top - depth, abs=depth**2 + 1e-8)
+    assert first["before"] == pytest.approx(a * math.cos(top) * depth, rel=0.2, abs=1e-8)
+
+
+@pytest.mark.parametrize("excess", [-1e-13, -1e-9, -1e-3])
+def test_near_miss_is_no_impact(excess):
+    a, state, _ = launch(excess)
+    assert not simulate(state, a=a, gamma=0.1, k=0.5, periods=0.2).impacts.size
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    sites=st.integers(1, 9),
+    a=st.floats(0.0, 2.0),
+    gamma=st.floats(0.0, 0.2499),
+    k=st.floats(0.0, 1.0),
+    damping=st.sampled_from([0.0, 0.05, 1.0]),
+)
+def test_no_site_is_ever_beyond_a_wall(seed, sites, a, gamma, k, damping):
+    rng = np.random.default_rng(seed)
+    state = rng.uniform(-1.0, 1.0, sites), rng.normal(size=sites)
+    sample = Sample(sites=range(sites), per_period=300)
+    run = simulate(state, a=a, gamma=gamma, k=k, damping=damping, periods=4, sample=sample)
+    assert run.stop is RunStop.DONE or k > 0.95
+    assert np.all(np.abs(run.record.u) <= 1.0 + 1e-13)
+    assert np.all(np.isfinite(run.record.v))
+    assert np.all(np.diff(run.impacts["time"]) > -1e-11)
+    assert np.allclose(run.impacts["after"], -k * run.impacts["before"], rtol=0, atol=1e-14)
+
+
+# --- rest on a wall -------------------------------------------------------------------------------
+
+
+def test_chatter_ends_at_rest_and_the_wall_lets_go_where_the_force_turns():
+    """A single site pressed against its wall by the forcing leaves it when -a cos t turns."""
+    run = simulate(([0.2], [0.3]), a=1.5, gamma=0.1, k=0.1, periods=30)
+    begins, ends = run.rests[run.rests["begins"]], run.rests[~run.rests["begins"]]
+    assert len(begins) >= 10
+    assert np.all(ends["time"][: len(begins)] > begins["time"])
+    turning = np.where(ends["wall"] > 0, 1.5 * PI, 0.5 * PI)
+    assert np.allclose(ends["phase"], turning, rtol=0, atol=1e-12)
+
+
+def test_chatter_is_the_geometric_series_of_its_impacts():
+    """Each impact of a chatter is k times the one before; resolved to the end and not cut short."""
+    run = simulate(([0.2], [0.3]), a=1.5, gamma=0.1, k=0.1, periods=30)
+    rest = run.rests[run.rests["begins"]][-1]
+    chatter = run.impacts[run.impacts["time"] <= rest["time"]][-4:]
+    assert np.allclose(chatter["before"][1:] / chatter["before"][:-1], 0.1, rtol=2e-3)
+    push = -1.5 * math.cos(rest["phase"]) * rest["wall"]
+    flights = np.diff(chatter["time"])
+    assert np.allclose(flights, 2 * np.abs(chatter["after"][:-1]) / push, rtol=1e-2)
+
+
+def test_resting_site_holds_its_neighbours_like_a_wall():
+    """Two sites: while 0 rests, 1 is an oscillator on a fixed spring, solved by the matrix."""
+    gamma, a = 0.2, 0.3
+    u, v = np.array([1.0, 0.2]), np.array([0.0, 0.1])
+    t0 = 0.75 * PI  # the force points to +1 and the spring pulls by 0.4 (1 - u_1) only
+    run = simulate((u, v), a=a, gamma=gamma, k=0.5, periods=0.02, t0=t0)
+    assert not run.impacts.size
+
+    def slope(t, x):
+        return [x[1], -gamma * 2 * (x[0] - 1.0) - a * math.cos(t)]
+
+    push = -a * math.cos(t0) - 2 * gamma * (1.0 - 0.2)
+    held = push > 0
+    wanted = solve_ivp(slope, (t0, t0 + 0.04 * PI), [0.2, 0.1], rtol=1e-12, atol=1e-14)
+    assert held == (run.final.u[0] == 1.0)
+    if held:
+        assert run.final.u[1] == pytest.approx(wanted.y[0, -1], abs=1e-11)
+
+
+@pytest.mark.parametrize("k", [0.0, 0.3])
+def test_resting_neighbour_is_a_fixed_end(k):
+    """A strong force holds site 0 of three on its wall; the others swing on fixed springs."""
+    gamma, a, t0 = 0.1, 2.0, 0.75 * PI
+    u, v = np.array([1.0, -0.2, 0.1]), np.array([0.0, -2.0, -1.9])
+    run = simulate((u, v), a=a, gamma=gamma, k=k, periods=0.05, t0=t0)
+    assert run.final.u[0] == 1.0
+    assert run.final.v[0] == 0.0
+    assert not run.impacts.size
+
+    def slope(t, x):
+        force = -a * math.cos(t)
+        left = force - gamma * (2 * x[0] - 1.0 - x[1])
+        right = force - gamma * (2 * x[1] - 1.0 - x[0])
+        return [x[2], x[3], left, right]
+
+    swing = solve_ivp(slope, (t0, t0 + 0.1 * PI), [-0.2, 0.1, -2.0, -1.9], rtol=1e-12, atol=1e-14)
+    assert np.allclose(run.final.u[1:], swing.y[:2, -1], rtol=0, atol=1e-11)
+
+
+def test_plastic_impact_rests_at_once_when_pushed_and_flies_off_when_not():
+    pushed = simulate(([0.9], [0.5]), a=1.0, gamma=0.0, k=0.0, periods=0.2, t0=0.75 * PI)
+    assert len(pushed.impacts) == 1
+    assert pushed.rests["begins"].tolist() == [True]
+    assert pushed.final.u[0] == 1.0
+    pulled = simulate(([0.9], [1.0]), a=1.0, gamma=0.0, k=0.0, periods=0.1, t0=0.0)
+    assert len(pulled.impacts) == 1
+    assert not pulled.rests.size
+    assert pulled.final.u[0] < 1.0
+
+
+def test_endless_chatter_ends_with_a_reason():
+    """Elastic rebounds under a steady push never come to rest; the run says so and stops."""
+    run = simulate(([1.0], [-1e-6]), a=1.0, gamma=0.1, k=1.0, periods=3, t0=0.75 * PI)
+    assert run.stop is RunStop.CHATTER
+    assert "site 0 hits its wall more than" in run.reason
+    assert run.periods == 0
+
+
+# --- a run is cut and taken up again --------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("k", "a"), [(0.8, 0.5), (0.1, 1.5)])
+def test_run_taken_up_from_its_final_state_is_the_same_run_bit_for_bit(k, a):
+    rng = np.random.default_rng(2)
+    state = rng.uniform(-0.9, 0.9, 9), rng.normal(size=9)
+    conditions = {"a": a, "gamma": 0.12, "k": k, "damping": 0.01, "t0": 0.4}
+    whole = simulate(state, periods=40, **conditions)
+    first = simulate(state, periods=17, **conditions)
+    second = simulate(first.final, periods=23, **conditions)
+    assert np.array_equal(whole.final.u, second.final.u)
+    assert np.array_equal(whole.final.v, second.final.v)
+    both = np.concatenate([first.impacts["before"], second.impacts["before"]])
+    assert np.array_equal(whole.impacts["before"], both)
+
+
+def test_interrupted_run_keeps_the_periods_it_completed(monkeypatch):
+    from contbreather.dynamics import impacting
+
+    advance = impacting.Machine.advance
+    calls = []
+
+    def interrupted(self, *args, **kwargs):
+        calls.append(1)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return advance(self, *args, **kwargs)
+
+    monkeypatch.setattr(impacting.Machine, "advance", interrupted)
+    state = symmetric(0.5, 0.08, 0.8).state(20)
+    run = simulate(state, a=0.5, gamma=0.08, k=0.8, periods=1000)
+    assert run.stop is RunStop.INTERRUPTED
+    assert 0 < run.periods < 1000
+    assert np.array_equal(run.final.u, run.strobe.u[-1])
+    assert len(run.impacts) == 2 * run.periods
+
+
+# --- what cannot be worked with -------------------------------------------------------------------
+
+GOOD = {"a": 0.5, "gamma": 0.08, "k": 0.8, "periods": 1}
+REST = (np.zeros(4), np.zeros(4))
+
+
+@pytest.mark.parametrize(
+    ("state", "changed", "sentence"),
+    [
+        (([0.0, 1.2], [0.0, 0.0]), {}, r"u\[1\] = 1.2 lies outside the walls"),
+        (([0.0, 0.2], [0.0]), {}, r"a pair \(u, v\) of rows of equal length"),
+        (([], []), {}, "a pair"),
+        (([0.0], [math.nan]), {}, r"v\[0\] = nan of the state is no finite number"),
+        (([0.0], [1e9]), {}, "blow up the energy"),
+        (3.0, {}, "a state is a pair"),
+        (REST, {"damping": -0.1}, "damping = -0.1: a damping coefficient, at least 0"),
+        (REST, {"k": 1.1}, "k = 1.1: a restitution coefficient between 0 and 1"),
+        (REST, {"gamma": 0.25}, "gamma = 0.25"),
+        (REST, {"a": math.inf}, "a = inf: an amplitude"),
+        (REST, {"periods": -1}, "periods = -1"),
+        (REST, {"t0": math.nan}, "t0 = nan"),
+    ],
+)
+def test_bad_input_is_refused_with_a_sentence(state, changed, sentence):
+    with pytest.raises(BadInput, match=sentence):
+        simulate(state, **{**GOOD, **changed})
