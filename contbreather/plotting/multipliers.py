@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 NARROW = 150.0  # points: in axes narrower than that a pair takes two lines
-ALONE = 6.0  # times 1/sites: off the band by more, a multiplier does not belong to it
+ALONE = 3.0  # times 1/sites: off the band by more, a multiplier does not belong to it
 
 
 def plot_multipliers(

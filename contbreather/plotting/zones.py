@@ -41,7 +41,8 @@ ORDER = ("PF", "NS", "LP", "GR")  # of the two names of a meeting
 SHADES = {"S": "#D9EAF5", "US": "#FBE6D5"}
 RASTER = 420  # pixels along each side of the map of regions; a pixel is thinner than a line
 SMALL = 1e-3  # of the map: regions below that get no letter
-LETTER = 9.0  # pixels of the map from a letter to the rim of its region
+# Sizes of letters, and how many pixels of the map the rim of the region must be away for each.
+LETTERS = (("large", 20.0), ("small", 13.0), ("xx-small", 8.0))
 PROBES = 5  # points of a region that must agree
 
 
@@ -63,6 +64,7 @@ def plot_zones(
 
     A region is lettered S or US by the number of unstable multipliers at several points inside of
     it, of the chain that the zones were computed for; nothing is assumed about sides of curves.
+    Where a forcing allows several breathers, it is the one with the largest p.
 
     Parameters
     ----------
@@ -249,12 +251,7 @@ def _shade(zones: Zones, ax: Axes, window: tuple[float, float, float, float]) ->
     for region in found:
         if region.verdict:
             image[numbers == region.number] = to_rgba(SHADES[region.verdict])
-            # a letter stands for a region it fits into
-            if region.depth > LETTER:
-                ax.text(
-                    region.x, region.y, region.verdict, ha="center", va="center",
-                    fontsize="large", fontweight="bold", zorder=2,
-                )  # fmt: skip
+            _letter(ax, region)
     (x0, x1), (y0, y1) = (extent(zones, name) for name in zones.pair)
     ax.imshow(
         image, extent=(x0, x1, y0, y1), origin="lower", aspect="auto", interpolation="nearest",
@@ -262,6 +259,17 @@ def _shade(zones: Zones, ax: Axes, window: tuple[float, float, float, float]) ->
     )  # fmt: skip
     ax.set_xlim(window[:2])
     ax.set_ylim(window[2:])
+
+
+def _letter(ax: Axes, region: Region) -> None:
+    """As large as fits into the region; none where none fits."""
+    for size, room in LETTERS:
+        if region.depth > room:
+            ax.text(
+                region.x, region.y, region.verdict, ha="center", va="center",
+                fontsize=size, fontweight="bold", zorder=2,
+            )  # fmt: skip
+            return
 
 
 # --- words --------------------------------------------------------------------------------------

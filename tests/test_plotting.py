@@ -1,0 +1,397 @@
+"""Figures say what was computed, can be read, and are written whole or not at all."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.breathers.zones import Zones, zones
+from contbreather.continuation import Branch
+from contbreather.errors import BadInput
+from contbreather.plotting import new_figure, plot, plot_multipliers, plot_zones, save_figure
+from contbreather.plotting import zones as zone_plots
+from contbreather.plotting.canvas import MARKERS, MEETING, marker
+from contbreather.plotting.files import written
+from contbreather.plotting.labels import Labels
+
+
+@pytest.fixture(scope="module")
+def in_a() -> Branch:
+    return cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.0, 0.99)})
+
+
+@pytest.fixture(scope="module")
+def diagram() -> Zones:
+    return zones(k=0.8)
+
+
+def curves(ax) -> list:
+    return [line for line in ax.get_lines() if line.get_linestyle() != "None"]
+
+
+def words(ax) -> list:
+    return [text for text in ax.texts if text.get_text()]
+
+
+def boxes(ax) -> list:
+    ax.figure.draw_without_rendering()
+    found = [text.get_window_extent() for text in words(ax)]
+    legend = ax.get_legend()
+    return [*found, legend.get_window_extent()] if legend else found
+
+
+def overlaps(ax) -> int:
+    return sum(one.overlaps(other) for one, other in itertools.combinations(boxes(ax), 2))
+
+
+# --- branches -----------------------------------------------------------------------------------
+
+
+def test_line_is_solid_exactly_where_the_infinite_chain_is_stable(in_a: Branch) -> None:
+    ax = plot(in_a)
+    for line in curves(ax):
+        dashed = line.get_linestyle() == "--"
+        for p in np.asarray(line.get_ydata())[3:-3:5]:
+            # on this branch p tells the breather: a by (13) from p
+            chi, q = cb.InfiniteChain().chi(0.04), 0.2 / 1.8
+            a = np.hypot(1 - p * chi, p * q)
+            roots = (cb.symmetric(a, 0.04, 0.8), *cb.symmetric_roots(a, 0.04, 0.8))
+            breather = min(roots, key=lambda b: abs(b.p - p))
+            if abs(breather.p - p) < 1e-6:
+                assert (breather.stability().unstable > 0) == dashed
+
+
+def test_line_changes_its_style_at_the_fold_and_at_the_pitchfork(in_a: Branch) -> None:
+    drawn = curves(plot(in_a))
+    assert [line.get_linestyle() for line in drawn] == ["--", "-", "--"]
+    ends = [line.get_xdata()[-1] for line in drawn[:-1]]
+    assert ends == pytest.approx([in_a.first("LP")["a"], in_a.first("PF")["a"]], abs=1e-12)
+
+
+def test_problem_without_a_count_of_unstable_directions_is_one_solid_line() -> None:
+    cusp = cb.Problem(
+        lambda x, p: np.array([p["h"] + p["mu"] * x[0] - x[0] ** 3]),
+        start={"x": 1.5},
+        params={"mu": 1.0, "h": 1.875},
+    )
+    branch = cb.trace(cusp, "h", within={"x": (-1.5, 1.5)}, events=[cb.fold()])
+    ax = plot(branch)
+    (line,) = curves(ax)
+    assert line.get_linestyle() == "-"
+    assert ax.get_legend() is None
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("h", "x")
+
+
+def test_boundary_is_solid_and_drawn_in_its_two_parameters(diagram: Zones) -> None:
+    ax = plot(diagram.curves["NS"][0])
+    assert {line.get_linestyle() for line in curves(ax)} == {"-"}
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\gamma$", "$a$")
+
+
+def test_curve_goes_through_every_point_and_bends_between_them(in_a: Branch) -> None:
+    x, y = (
+        np.concatenate([getattr(line, f"get_{c}data")() for line in curves(plot(in_a))])
+        for c in "xy"
+    )
+    for point in in_a:
+        assert np.hypot(x - point["a"], y - point["p"]).min() < 1e-12
+    chi, q = cb.InfiniteChain().chi(0.04), 0.2 / 1.8
+    assert np.abs(x - np.hypot(1 - y * chi, y * q)).max() < 1e-3
+
+
+def test_every_special_point_has_its_marker_and_its_label(in_a: Branch) -> None:
+    ax = plot(in_a)
+    points = [line for line in ax.get_lines() if line.get_linestyle() == "None"]
+    shown = {line.get_marker(): (line.get_xdata()[0], line.get_ydata()[0]) for line in points}
+    for point in in_a.special:
+        assert shown[marker(point.kind)] == pytest.approx((point["a"], point["p"]))
+    assert {text.get_text() for text in words(ax)} == {p.label for p in in_a.special}
+
+
+def test_kinds_have_markers_of_their_own() -> None:
+    assert len({*MARKERS.values(), MEETING}) == len(MARKERS) + 1
+
+
+def test_doubtful_location_is_labelled_with_a_question_mark(in_a: Branch) -> None:
+    from dataclasses import replace
+
+    doubtful = tuple(replace(p, located=False) if p.kind == "PF" else p for p in in_a)
+    shown = {text.get_text() for text in words(plot(replace(in_a, points=doubtful)))}
+    assert "PF1?" in shown
+
+
+def test_words_cover_neither_each_other_nor_the_rim(in_a: Branch) -> None:
+    ax = plot(in_a)
+    assert overlaps(ax) == 0
+    frame = ax.bbox
+    for text in words(ax):
+        box = text.get_window_extent()
+        assert frame.x0 <= box.x0
+        assert box.x1 <= frame.x1
+
+
+def test_words_at_one_place_are_spread_out() -> None:
+    figure, (ax,) = new_figure()
+    ax.plot([0, 1], [0, 1])
+    labels = Labels(ax)
+    labels.avoid([0, 1], [0, 1])
+    for i in range(8):
+        labels.place(0.5, 0.5, f"word {i}")
+    figure.draw_without_rendering()
+    assert overlaps(ax) == 0
+
+
+def test_branches_of_one_call_have_different_colours(in_a: Branch) -> None:
+    other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
+    assert len({line.get_color() for line in curves(plot(in_a, other))}) == 2
+
+
+def test_second_call_on_the_same_axes_takes_the_next_colour(in_a: Branch) -> None:
+    ax = plot(in_a)
+    first = {line.get_color() for line in curves(ax)}
+    plot(in_a, ax=ax)
+    assert len({line.get_color() for line in curves(ax)}) == len(first) + 1
+
+
+def test_unknown_column_is_refused_with_the_known_ones(in_a: Branch) -> None:
+    with pytest.raises(BadInput, match=r"no column 'b'; this branch has"):
+        plot(in_a, x="b")
+    with pytest.raises(BadInput, match="at least one branch"):
+        plot()
+
+
+def test_caller_keeps_its_own_axes_and_style(in_a: Branch) -> None:
+    _, (ax,) = new_figure()
+    assert plot(in_a, ax=ax) is ax
+
+
+# --- zones --------------------------------------------------------------------------------------
+
+
+def test_regions_carry_the_verdict_of_the_infinite_chain(diagram: Zones) -> None:
+    """Checked by another road: the multipliers themselves on a ring of 1600 sites."""
+    found, _ = zone_plots.regions(diagram)
+    judged = [r for r in found if r.verdict]
+    assert sorted(r.verdict for r in judged) == ["S", "US", "US"]
+    for region in judged:
+        breather = cb.symmetric(region.y, region.x, 0.8)
+        outside = np.abs(breather.multipliers(sites=1600, half=True)).max() > 1.02
+        assert region.verdict == ("US" if outside else "S")
+
+
+def test_outside_of_existence_there_is_no_letter(diagram: Zones) -> None:
+    found, _ = zone_plots.regions(diagram)
+    for region in found:
+        exists = region.y > cb.breathers.smallest_amplitude(region.x, 0.8)
+        if not exists or not cb.symmetric(region.y, region.x, 0.8).admissibility().ok:
+            assert region.verdict == ""
+
+
+def test_letters_follow_the_count_and_not_the_side_of_a_curve(
+    diagram: Zones, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(zone_plots, "unstable", lambda breather: 0)
+    found, _ = zone_plots.regions(diagram)
+    assert {region.verdict for region in found} <= {"S", ""}
+
+
+def test_region_whose_points_disagree_gets_no_letter(
+    diagram: Zones, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flips = itertools.cycle([0, 1])
+    monkeypatch.setattr(zone_plots, "unstable", lambda breather: next(flips))
+    found, _ = zone_plots.regions(diagram)
+    assert {region.verdict for region in found} == {""}
+
+
+def test_each_kind_of_curve_looks_different(diagram: Zones) -> None:
+    looks = {
+        line.get_label(): (line.get_color(), line.get_linestyle())
+        for line in curves(plot_zones(diagram))
+    }
+    assert len(looks) == len(set(map(str, looks.values()))) == 4
+
+
+def test_meetings_are_marked_once_and_named(diagram: Zones) -> None:
+    ax = plot_zones(diagram)
+    shown = {text.get_text() for text in words(ax)}
+    assert {"PF–GR", "NS–GR", "NS–LP"} <= shown
+    marked = [line for line in ax.get_lines() if line.get_marker() == MEETING]
+    assert len(marked) == 3
+    for line in marked:
+        near = [
+            np.hypot(line.get_xdata()[0] - p["gamma"], line.get_ydata()[0] - p["a"])
+            for p in diagram.special
+        ]
+        assert sorted(near)[1] < 1e-6  # seen from both curves, drawn once
+
+
+def test_panels_are_lettered_and_explained_below_not_inside(diagram: Zones) -> None:
+    panels = plot_zones([diagram, diagram])
+    assert [ax.get_title(loc="left")[:3] for ax in panels] == ["(a)", "(b)"]
+    assert all(ax.get_legend() is None for ax in panels)
+    (legend,) = panels[0].figure.legends
+    panels[0].figure.draw_without_rendering()
+    assert legend.get_window_extent().y1 < panels[1].bbox.y0
+
+
+def test_words_of_a_zone_diagram_do_not_overlap(diagram: Zones) -> None:
+    assert overlaps(plot_zones(diagram)) == 0
+
+
+def test_type_is_readable_in_a_journal_column(diagram: Zones) -> None:
+    figure = plot_zones(diagram).figure
+    assert 2.54 * figure.get_size_inches()[0] == pytest.approx(8.5)
+    ax = figure.axes[0]
+    labels = [ax.xaxis.label, ax.yaxis.label, *ax.get_xticklabels(), *words(ax)]
+    assert all(6.0 <= text.get_fontsize() <= 10.0 for text in labels)
+
+
+def test_zones_and_axes_must_be_as_many(diagram: Zones) -> None:
+    _, axes = new_figure(2)
+    with pytest.raises(BadInput, match="1 zone diagrams need as many axes, got 2"):
+        plot_zones([diagram], axes)
+
+
+# --- multipliers --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("half", "labels"), [(True, {"1.0628", "0.6158"}), (False, {"1.1294", "0.3792"})]
+)
+def test_multipliers_off_the_band_are_labelled_with_their_values(half: bool, labels: set) -> None:
+    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=half)
+    assert {text.get_text() for text in words(ax)} == labels
+
+
+def test_all_multipliers_are_drawn_and_those_outside_stand_out() -> None:
+    breather = cb.symmetric(0.2, 0.11, 0.8)
+    ax = plot_multipliers(breather, sites=100, half=True)
+    dots = [line for line in ax.get_lines() if line.get_marker() == "o"]
+    drawn = np.concatenate([line.get_xdata() + 1j * line.get_ydata() for line in dots])
+    want = breather.multipliers(sites=100, half=True)
+    np.testing.assert_allclose(np.sort_complex(drawn), np.sort_complex(want))
+    colours = {line.get_color() for line in dots if len(line.get_xdata())}
+    assert len(colours) == 2
+
+
+def test_arcs_end_where_the_band_ends() -> None:
+    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True)
+    arcs = [line for line in ax.get_lines() if line.get_linewidth() > 3]
+    ends = sorted(np.angle(a.get_xdata()[-1] + 1j * a.get_ydata()[-1]) / np.pi for a in arcs)
+    assert ends == pytest.approx([-2 * 0.045**0.5, 2 * 0.045**0.5])
+    assert ax.get_aspect() == 1.0
+
+
+# --- files --------------------------------------------------------------------------------------
+
+
+def drawn() -> object:
+    made, (ax,) = new_figure()
+    ax.plot([0, 1], [1, 0])
+    return made
+
+
+@pytest.fixture
+def figure() -> object:
+    return drawn()
+
+
+@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
+def test_the_same_drawing_gives_the_same_file(suffix: str, tmp_path: Path) -> None:
+    one, two = (save_figure(drawn(), tmp_path / f"{n}.{suffix}") for n in "12")
+    assert one.read_bytes() == two.read_bytes()
+    assert {path.name for path in tmp_path.iterdir()} == {f"1.{suffix}", f"2.{suffix}"}
+
+
+def test_failed_writing_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    target = tmp_path / "table.csv"
+    target.write_text("old")
+
+    def half(file: Path) -> None:
+        file.write_text("ha")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(BadInput, match=r"table\.csv: No space left on device"):
+        written(target, half)
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_file_is_complete_the_moment_it_has_its_name(tmp_path: Path) -> None:
+    target = tmp_path / "table.csv"
+
+    def slowly(file: Path) -> None:
+        file.write_text("one\n")
+        assert not target.exists()
+        file.write_text("one\ntwo\n")
+
+    assert written(target, slowly).read_text() == "one\ntwo\n"
+
+
+def test_file_has_the_permissions_of_any_new_file(tmp_path: Path) -> None:
+    (tmp_path / "plain").touch()
+    made = written(tmp_path / "made", lambda file: file.touch())
+    assert made.stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_symbolic_link_stays_one(tmp_path: Path) -> None:
+    (tmp_path / "real.txt").write_text("old")
+    link = tmp_path / "link.txt"
+    link.symlink_to("real.txt")
+    written(link, lambda file: file.write_text("new"))
+    assert link.is_symlink()
+    assert (tmp_path / "real.txt").read_text() == "new"
+
+
+def test_device_is_written_to_and_not_replaced() -> None:
+    written(os.devnull, lambda file: file.write_text("gone"))
+    assert stat.S_ISCHR(Path(os.devnull).stat().st_mode)
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("", "name of the file to write is empty"),
+        ("folder", "it is a directory"),
+        ("nowhere/x.png", "there is no directory"),
+        ("x.jpeg", r"suffix must be one of \.png, \.pdf, \.svg"),
+        ("x", r"suffix must be one of \.png, \.pdf, \.svg"),
+    ],
+)
+def test_bad_place_for_a_figure_is_refused(
+    figure, name: str, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(BadInput, match=sentence):
+        save_figure(figure, name)
+
+
+def test_drawing_and_saving_does_without_pyplot(tmp_path: Path) -> None:
+    """pyplot opens windows and keeps every figure; a library has no business with it."""
+    code = (
+        "import sys, contbreather as cb\n"
+        "from contbreather.plotting import plot, save_figure\n"
+        "branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), 'a', within={'a': (0.4, 0.6)})\n"
+        f"save_figure(plot(branch), {str(tmp_path / 'x.png')!r})\n"
+        "assert 'matplotlib.pyplot' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_figures_belong_to_pyplot_if_the_caller_uses_it() -> None:
+    from matplotlib import pyplot
+
+    made, _ = new_figure()
+    assert pyplot.fignum_exists(made.number)
+    pyplot.close(made)
