@@ -68,7 +68,8 @@ def process(
     command: Sequence[str | Path], *, cwd: Path = ROOT, env: dict[str, str] | None = None
 ) -> tuple[float, str]:
     """Wall time and standard output of a whole process; Absent if it cannot be run."""
-    full = {**os.environ, **ONE_THREAD, **(env or {})}
+    # compiled files are written, as they are where a package is installed (empty: unset)
+    full = {**os.environ, **ONE_THREAD, "PYTHONDONTWRITEBYTECODE": "", **(env or {})}
     start = time.perf_counter()
     try:
         run = subprocess.run(

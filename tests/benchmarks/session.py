@@ -77,8 +77,7 @@ def zones_process(environment: Path, folder: Path) -> float:
     home = folder / "home"
     home.mkdir(exist_ok=True)
     caches = {"HOME": home, "XDG_CACHE_HOME": home / "cache", "MPLCONFIGDIR": home / "mpl"}
-    own = {"PYTHONPATH": "", "PYTHONDONTWRITEBYTECODE": ""}  # empty is as good as unset
-    env = {**own, **{name: str(path) for name, path in caches.items()}}
+    env = {"PYTHONPATH": "", **{name: str(path) for name, path in caches.items()}}
     return process([environment / "bin" / "contbreather", "zones"], cwd=folder, env=env)[0]
 
 
