@@ -39,8 +39,8 @@ class MultiplierFigure:
             f"{2 * self.sites} eigenvalues of the monodromy matrix (QS)^2 on a ring of "
             f"{self.sites} sites; bars: band of the infinite chain. Below: by how much their "
             "moduli exceed 1, against the angle of mu, the eigenvalues of QS. Dashed: the paper's "
-            f"threshold {self.threshold:g}; arrow: the isolated multiplier of the infinite chain, "
-            "which is beyond the axis."
+            f"threshold {self.threshold:g}; arrow: the isolated multiplier of the infinite "
+            "chain (exact), which is beyond the axis."
         )
 
     def verdicts(self) -> tuple[str, str]:

@@ -1,0 +1,662 @@
+"""What a person types: the numbers of the library, one sentence for everything that is refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.breathers import admissibility, neighbour_peak, smallest_amplitude
+from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main
+from contbreather.errors import NotConverged
+from contbreather.stability.arc import on_arc
+
+POINT = ["point", "--a", "0.5", "--gamma", "0.12", "--k", "0.4"]
+BRANCH = ["branch", "--free", "a", "--gamma", "0.1", "--k", "0.8"]
+TWO_HARMONICS = "-cos(t) - 2.7*cos(3*t)"
+
+Output = tuple[int, str, str]
+
+
+@pytest.fixture
+def run(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., Output]:
+    """Run a command line in an empty directory: status, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def line(*arguments: str) -> Output:
+        status = main(arguments)
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return line
+
+
+def typed(*arguments: str, where: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """The command in a process of its own."""
+    package = Path(cb.__file__).parents[1]
+    return subprocess.run(
+        [sys.executable, "-m", "contbreather", *arguments],
+        cwd=where,
+        env={**os.environ, "PYTHONPATH": str(package)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def strict(text: str) -> Any:
+    """Exactly one JSON value, without NaN or infinities."""
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{name} in JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+# --- what is refused ----------------------------------------------------------------------------
+
+REFUSED = {
+    "gamma at the band's closing": ("point --a 0.5 --gamma 0.25 --k 0.8", r"0 <= gamma < 1/4"),
+    "gamma negative": ("point --a 0.5 --gamma -0.1 --k 0.8", r"0 <= gamma < 1/4"),
+    "gamma nan": ("point --a 0.5 --gamma nan --k 0.8", r"0 <= gamma < 1/4"),
+    "gamma infinite": ("branch --free a --gamma inf --k 0.8", r"0 <= gamma < 1/4"),
+    "k above one": ("point --a 0.5 --gamma 0.1 --k 1.0001", r"0 <= k <= 1"),
+    "k negative": ("point --a 0.5 --gamma 0.1 --k -0.2", r"0 <= k <= 1"),
+    "k nan": ("zones --k nan", r"0 <= k <= 1"),
+    "k of zones": ("zones --k 2", r"0 <= k <= 1"),
+    "a below the fold": (
+        "point --a 0.05 --gamma 0.1 --k 0.8",
+        r"below the fold.*the smallest a is 0\.0570290371821",
+    ),
+    "a infinite": ("point --a inf --gamma 0.1 --k 0.8", r"a = inf: .* finite"),
+    "a nan": ("point --a nan --gamma 0.1 --k 0.8", r"a = nan: .* finite"),
+    "a zero": ("point --a 0 --gamma 0.1 --k 0.8", r"finite number > 0"),
+    "a no number": ("point --a half --gamma 0.1 --k 0.8", r'--a: unable to convert "half"'),
+    "a missing": ("point --gamma 0.1 --k 0.8", r"--a is missing: the amplitude"),
+    "k missing": ("point --gamma 0.1 --a 0.8", r"--k is missing: the restitution"),
+    "value missing": ("point --a", r"--a requires an argument"),
+    "even forcing": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing '-cos(t)+cos(2*t)'",
+        r"even harmonic 2: it is not antisymmetric",
+    ),
+    "forcing with a mean": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing '1-cos(t)'",
+        r"antisymmetric|mean",
+    ),
+    "wrong period": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing 'cos(t/2)'",
+        r"antisymmetric|period",
+    ),
+    "no formula": ("point --a 0.5 --gamma 0.12 --k 0.4 --forcing 'cos(t'", r"is no formula"),
+    "letter without value": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing '-cos(t)-c*cos(3*t)'",
+        r"needs a value for c",
+    ),
+    "value without letter": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --set c=1",
+        r"unknown forcing parameter c",
+    ),
+    "set without a number": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --set c=lots",
+        r"NAME=VALUE was wanted",
+    ),
+    "set without a name": ("point --a 0.5 --gamma 0.12 --k 0.4 --set =1", r"NAME=VALUE was wanted"),
+    "no sites": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --sites 0",
+        r"a ring needs a whole number of sites",
+    ),
+    "sites no number": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --sites many",
+        r"--sites: unable to convert",
+    ),
+    "threshold alone": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --threshold 1.005",
+        r"--threshold needs --sites",
+    ),
+    "threshold below one": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --sites 10 --threshold 0.9",
+        r"threshold = 0\.9",
+    ),
+    "threshold nan": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --sites 10 --threshold nan",
+        r"threshold = nan",
+    ),
+    "unknown option": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --amplitude 3",
+        r"Unknown option.*--amplitude",
+    ),
+    "unknown command": ("zone", r'Unknown command "zone"'),
+    "stray word": ("point --a 0.5 --gamma 0.12 --k 0.4 more", r"more"),
+    "no free parameter": ("branch --gamma 0.1 --k 0.8", r"--free is missing"),
+    "unknown free parameter": (
+        "branch --free b --gamma 0.1 --k 0.8",
+        r"unknown parameter 'b'; there are a, gamma, k",
+    ),
+    "unknown direction": (
+        "branch --free a --gamma 0.1 --k 0.8 --towards left",
+        r'"both", "up", "down"',
+    ),
+    "window above existence": (
+        "branch --free a --gamma 0.1 --k 0.8 --window 0.9 0.95",
+        r"no breather .* between 0\.9 and 0\.95: .*\(15\) is broken",
+    ),
+    "window below existence": (
+        "branch --free a --gamma 0.1 --k 0.8 --window 0.01 0.05",
+        r"no breather .* below the fold",
+    ),
+    "window the wrong way round": (
+        "branch --free a --gamma 0.1 --k 0.8 --window 0.9 0.5",
+        r"the smaller first",
+    ),
+    "window nan": ("branch --free a --gamma 0.1 --k 0.8 --window nan 0.5", r"two finite numbers"),
+    "window infinite": (
+        "branch --free a --gamma 0.1 --k 0.8 --window 0 inf",
+        r"two finite numbers",
+    ),
+    "half a window": ("branch --free a --gamma 0.1 --k 0.8 --window 0.5", r"--window requires 2"),
+    "window outside of the domain": (
+        "branch --free gamma --a 0.5 --k 0.8 --window 0.3 0.4",
+        r"contains no breather",
+    ),
+    "start outside of the window": (
+        "branch --free a --gamma 0.1 --k 0.8 --a 0.7 --window 0.1 0.6",
+        r"outside of the window",
+    ),
+    "start that is no breather": (
+        "branch --free a --gamma 0.1 --k 0.8 --a 0.95",
+        r"\(15\) is broken",
+    ),
+    "zones in an empty window": ("zones --gamma-window 0.3 0.4", r"contains no breather"),
+    "zones above existence": (
+        "zones --k 0.8 --gamma-window 0.2 0.24 --a-window 0.9 0.99",
+        r"no breather",
+    ),
+    "two fixed parameters": ("zones --k 0.8 --a 0.5", r"leave one"),
+    "unknown kind": ("boundary HB --k 0.8", r"'HB' is none of them"),
+    "no kind": ("boundary --k 0.8", r"LP, PF, NS or GR; none was given"),
+    "pair of one": ("boundary PF --pair a a --k 0.8", r"two different parameters"),
+    "unknown pair": ("boundary PF --pair a b --k 0.8", r"unknown parameter 'b'"),
+    "half a pair": ("boundary PF --pair a", r"--pair requires 2"),
+    "boundary not in the window": (
+        "boundary PF --k 0.8 --window 0.1 0.2",
+        r"no PF found for gamma between 0\.1 and 0\.2",
+    ),
+    "seed outside of the window": (
+        "boundary PF --k 0.8 --gamma 0.2 --window 0 0.1",
+        r"outside of the window",
+    ),
+    "no such figure": ("figure 9", r"there are the figures 2, 3, 4"),
+    "no figure": ("figure", r"there are the figures 2, 3, 4"),
+    "empty table name": (
+        "branch --free a --gamma 0.1 --k 0.8 --csv ''",
+        r"name of the file to write is empty",
+    ),
+    "table in a directory's place": (
+        "branch --free a --gamma 0.1 --k 0.8 --csv .",
+        r"it is a directory",
+    ),
+    "figure in a directory's place": ("zones -o .", r"it is a directory"),
+    "table nowhere": (
+        "branch --free a --gamma 0.1 --k 0.8 --csv nowhere/b.csv",
+        r"there is no directory nowhere",
+    ),
+    "unknown format": ("zones -o zones.jpeg", r"suffix must be one of"),
+    "one file for two": (
+        "branch --free a --gamma 0.1 --k 0.8 --csv b.png -o b.png",
+        r"different names",
+    ),
+    "unwritable": (
+        "branch --free a --gamma 0.1 --k 0.8 --csv /proc/b.csv",
+        r"cannot write /proc/b\.csv",
+    ),
+}
+
+
+@pytest.mark.parametrize(("line", "sentence"), REFUSED.values(), ids=REFUSED)
+def test_bad_input_is_one_sentence_and_status_2(
+    run: Callable[..., Output], line: str, sentence: str
+) -> None:
+    status, out, err = run(*shlex.split(line))
+    assert status == BAD_INPUT
+    assert out == ""
+    assert err.startswith("contbreather: ")
+    assert err.count("\n") == 1
+    assert "Traceback" not in err
+    assert re.search(sentence, err), err
+    assert list(Path().iterdir()) == []  # nothing half done is left
+
+
+def test_bad_input_is_refused_the_same_way_with_json(run: Callable[..., Output]) -> None:
+    status, out, err = run("point", "--a", "0.01", "--gamma", "0.1", "--k", "0.8", "--json")
+    assert (status, out) == (BAD_INPUT, "")
+    assert "the smallest a is" in err
+
+
+def test_bad_places_are_refused_before_anything_is_computed(
+    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(**kwargs: object) -> None:
+        raise AssertionError("computed first")
+
+    monkeypatch.setattr(import_module("contbreather.breathers.zones"), "zones", never)
+    assert run("zones", "-o", "nowhere/z.png")[0] == BAD_INPUT
+
+
+def test_numerics_that_fail_are_one_sentence_and_status_1(
+    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*args: object, **kwargs: object) -> None:
+        raise NotConverged("Newton's iteration went nowhere", residual=1.0)
+
+    monkeypatch.setattr("contbreather.breathers.symmetric_roots", fails)
+    status, out, err = run(*POINT)
+    assert (status, out) == (FAILED, "")
+    assert err == "contbreather: Newton's iteration went nowhere\n"
+
+
+def test_branch_that_breaks_off_is_shown_and_has_status_1(
+    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dataclasses import replace
+
+    from contbreather import continuation
+
+    whole = continuation.trace
+
+    def broken(*args: Any, **kwargs: Any) -> Any:
+        return replace(whole(*args, **kwargs), stop=cb.Stop.NO_CONVERGENCE, reason="too sharp")
+
+    monkeypatch.setattr(continuation, "trace", broken)
+    status, out, err = run(*BRANCH, "--json")
+    assert status == FAILED
+    assert strict(out)["columns"]["a"]
+    assert "broke off" in err
+    assert "too sharp" in err
+
+
+def test_interruption_has_its_own_status(
+    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*args: object, **kwargs: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("contbreather.breathers.symmetric_roots", stopped)
+    assert run(*POINT)[0] == INTERRUPTED
+
+
+def test_bugs_are_not_hidden(run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch) -> None:
+    def bug(*args: object, **kwargs: object) -> None:
+        raise KeyError("bug")
+
+    monkeypatch.setattr("contbreather.breathers.symmetric_roots", bug)
+    with pytest.raises(KeyError):
+        run(*POINT)
+
+
+# --- point --------------------------------------------------------------------------------------
+
+
+def test_point_gives_the_library_s_numbers_to_the_last_digit(run: Callable[..., Output]) -> None:
+    status, out, err = run(*POINT, "--json")
+    content, b = strict(out), cb.symmetric(0.5, 0.12, 0.4)
+    assert (status, err) == (DONE, "")
+    assert out.count("\n") == 1
+    wanted = {"a": b.a, "gamma": b.gamma, "k": b.k, "p": b.p, "phi": b.phi, "chi": b.chi}
+    assert {name: content[name] for name in wanted} == wanted
+    assert content["max_neighbour"] == admissibility(b).max_neighbour
+    verdict = b.stability()
+    assert (content["admissible"], content["stable"], content["unstable"]) == (True, True, 0)
+    assert content["over_reflecting"] == verdict.over_reflecting
+    assert "ring" not in content
+
+
+def test_point_on_a_ring_follows_the_paper_s_rule(run: Callable[..., Output]) -> None:
+    line = ["point", "--a", "0.2", "--gamma", "0.11", "--k", "0.8", "--json", "--sites", "40"]
+    ring = strict(run(*line, "--threshold", "1.02")[1])["ring"]
+    full = np.abs(cb.symmetric(0.2, 0.11, 0.8).multipliers(sites=40))
+    assert (ring["sites"], ring["threshold"]) == (40, 1.02)
+    assert ring["largest"] == pytest.approx(full.max(), abs=1e-13)
+    assert ring["unstable"] == np.sum(full > 1.02)
+    assert strict(run(*line)[1])["ring"]["threshold"] == 1.005
+
+
+def test_multipliers_in_json_are_pairs_of_real_and_imaginary_part(
+    run: Callable[..., Output],
+) -> None:
+    out = run("point", "--a", "0.2", "--gamma", "0.11", "--k", "0.8", "--json")[1]
+    multipliers = [complex(*pair) for pair in strict(out)["multipliers"]]
+    assert multipliers == cb.symmetric(0.2, 0.11, 0.8).stability().multipliers.tolist()
+
+
+def test_point_of_two_harmonics_has_the_numbers_of_the_notes(run: Callable[..., Output]) -> None:
+    line = ["point", "--a", "0.3", "--gamma", "0.12", "--k", "0.7", "--json", "--forcing"]
+    for extra in ([TWO_HARMONICS], ["-cos(t) - c*cos(3*t)", "--set", "c=2.7"]):
+        content = strict(run(*line, *extra)[1])
+        assert content["p"] == pytest.approx(0.669089966883616, abs=1e-14)
+        assert content["phi"] == pytest.approx(-3.03379882172877, abs=1e-13)
+        assert content["max_neighbour"] == pytest.approx(0.581967518208344, abs=1e-13)
+        assert len(content["other_roots"]) == 3
+
+
+def test_people_read_a_verdict_that_names_its_chain_and_threshold(
+    run: Callable[..., Output],
+) -> None:
+    _, out, _ = run(*POINT, "--sites", "40")
+    assert "Infinite chain: stable" in out
+    assert "Ring of 40 sites" in out
+    assert "threshold 1.005" in out
+    assert "0.680056001966" in out
+
+
+def test_solution_through_a_wall_is_not_called_a_breather(run: Callable[..., Output]) -> None:
+    line = ["point", "--a", "0.95", "--gamma", "0.1", "--k", "0.8"]
+    assert "No breather: site 1 reaches |u| = 1.15925" in run(*line)[1]
+    content = strict(run(*line, "--json")[1])
+    assert content["admissible"] is False
+    assert content["max_neighbour"] > 1
+
+
+RIM = {
+    "k = 0": (0.5, 0.1, 0.0),
+    "k = 1": (0.5, 0.1, 1.0),
+    "gamma = 0": (0.5, 0.0, 0.8),
+    "at the fold": (smallest_amplitude(0.1, 0.8), 0.1, 0.8),
+    "all at once": (0.9, 0.0, 1.0),
+    "band nearly closed": (0.01, 0.2499, 0.8),
+}
+
+
+@pytest.mark.parametrize(("a", "gamma", "k"), RIM.values(), ids=RIM)
+def test_rim_of_the_domain_works(
+    run: Callable[..., Output], a: float, gamma: float, k: float
+) -> None:
+    status, out, _ = run("point", f"--a={a!r}", f"--gamma={gamma}", f"--k={k}", "--json")
+    content = strict(out)
+    assert status == DONE
+    assert content["p"] == cb.symmetric(a, gamma, k).p
+    assert content["max_neighbour"] is not None
+
+
+def test_at_the_fold_the_verdict_is_not_certain(run: Callable[..., Output]) -> None:
+    fold = smallest_amplitude(0.1, 0.8)
+    out = run("point", f"--a={fold!r}", "--gamma", "0.1", "--k", "0.8", "--json")[1]
+    assert strict(out)["certain"] is False
+
+
+# --- branch -------------------------------------------------------------------------------------
+
+
+def test_branch_lists_its_special_points_and_why_it_ends(run: Callable[..., Output]) -> None:
+    status, out, err = run("branch", "--free", "a", "--gamma", "0.04", "--k", "0.8")
+    assert (status, err) == (DONE, "")
+    lines = [
+        line for line in out.splitlines() if line.startswith("\N{BOX DRAWINGS LIGHT VERTICAL}")
+    ]
+    labels = [line.split()[1] for line in lines]
+    assert [label[:2] for label in labels][1:] == ["LP", "PF", "GR"]
+    assert "0.777632425944" in out
+    assert "GR" in out.splitlines()[-1]
+    assert "ended at a terminal event" in out
+
+
+def test_branch_in_json_is_all_columns_and_special_points(run: Callable[..., Output]) -> None:
+    content = strict(run(*BRANCH, "--window", "0.3", "0.7", "--json")[1])
+    columns = content["columns"]
+    assert content["free"] == "a"
+    assert {"p", "phi", "a", "gamma", "k", "unstable"} <= set(columns)
+    assert (columns["a"][0], columns["a"][-1]) == (0.3, 0.7)
+    for a, p in zip(columns["a"], columns["p"], strict=True):
+        assert p == pytest.approx(cb.symmetric(a, 0.1, 0.8).p, abs=1e-13)
+    assert [point["kind"] for point in content["special"]][::2] == ["EP", "EP"]
+
+
+@pytest.mark.parametrize(
+    ("free", "rest", "kind", "value"),
+    [
+        ("gamma", ["--a", "0.2", "--k", "0.8"], "NS", 0.0969710),
+        ("a", ["--gamma", "0.04", "--k", "0.8"], "PF", 0.777632425944),
+        ("k", ["--a", "0.2", "--gamma", "0.0969709466"], "NS", 0.8),
+    ],
+)
+def test_branch_in_any_parameter_finds_a_start_by_itself(
+    run: Callable[..., Output], free: str, rest: list[str], kind: str, value: float
+) -> None:
+    special = strict(run("branch", "--free", free, *rest, "--json")[1])["special"]
+    found = [point[free] for point in special if point["kind"] == kind]
+    assert found == pytest.approx([value], abs=1e-7)
+
+
+def test_branch_in_a_letter_of_the_forcing(run: Callable[..., Output]) -> None:
+    line = ["branch", "--free", "c", "--a", "0.3", "--gamma", "0.12", "--k", "0.7"]
+    formula = ["--forcing", "-cos(t) - c*cos(3*t)", "--window", "0", "2.7", "--json"]
+    columns = strict(run(*line, *formula)[1])["columns"]
+    assert columns["c"][-1] == 2.7
+    assert columns["p"][-1] == pytest.approx(0.669089966883616, abs=1e-12)
+
+
+def test_branch_by_the_paper_s_rule(run: Callable[..., Output]) -> None:
+    line = ["branch", "--free", "gamma", "--a", "0.2", "--k", "0.8", "--window", "0.08", "0.1"]
+    special = strict(run(*line, "--sites", "400", "--json")[1])["special"]
+    first = next(point["gamma"] for point in special if point["kind"] == "NS")
+    assert first == pytest.approx(0.0915527427, abs=1e-9)
+
+
+def test_branch_as_a_table_has_17_digits_and_labels(run: Callable[..., Output]) -> None:
+    status, out, _ = run(*BRANCH, "--csv", "b.csv", "-o", "b.pdf", "--json")
+    content, rows = strict(out), table(Path("b.csv"))
+    assert status == DONE
+    assert content["written"] == ["b.csv", "b.pdf"]
+    assert [float(row["p"]) for row in rows] == content["columns"]["p"]
+    labels = [row["label"] for row in rows if row["label"]]
+    assert labels == [point["label"] for point in content["special"]]
+    assert Path("b.pdf").read_bytes().startswith(b"%PDF")
+
+
+# --- boundary -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["LP", "pf", "NS", "GR"])
+def test_boundary_of_each_kind_needs_no_seed(run: Callable[..., Output], kind: str) -> None:
+    columns = strict(run("boundary", kind, "--k", "0.8", "--json")[1])["columns"]
+    check = DEFINING[kind.upper()]
+    for i in range(0, len(columns["a"]), 7):
+        assert check({name: column[i] for name, column in columns.items()})
+
+
+@pytest.mark.parametrize(
+    ("pair", "fixed"),
+    [("k a", "--gamma=0.04"), ("k gamma", "--a=0.8"), ("a gamma", "--k=0.8")],
+)
+def test_boundary_in_any_pair(run: Callable[..., Output], pair: str, fixed: str) -> None:
+    columns = strict(run("boundary", "PF", "--pair", *pair.split(), fixed, "--json")[1])["columns"]
+    for i in range(0, len(columns["a"]), 5):
+        assert DEFINING["PF"]({name: column[i] for name, column in columns.items()})
+
+
+def test_boundary_shows_where_it_meets_others(run: Callable[..., Output]) -> None:
+    status, out, _ = run("boundary", "PF", "--k", "0.8", "--csv", "pf.csv", "-o", "pf.svg")
+    assert status == DONE
+    assert "PF-GR1" in out
+    assert "Wrote pf.csv." in out
+    assert table(Path("pf.csv"))[0]["gamma"] == "0"
+    assert "<svg" in Path("pf.svg").read_text()
+
+
+# --- zones --------------------------------------------------------------------------------------
+
+
+def fold(row: dict[str, float]) -> bool:
+    return math.isclose(row["a"], smallest_amplitude(row["gamma"], row["k"]), abs_tol=1e-10)
+
+
+def pitchfork(row: dict[str, float]) -> bool:
+    chain, q = cb.InfiniteChain(), (1 - row["k"]) / (1 + row["k"])
+    sigma = chain.sigma(row["gamma"])
+    p = 1 / (chain.chi(row["gamma"]) - 2 * sigma)
+    return math.isclose(row["a"], p * math.hypot(q, 2 * sigma), abs_tol=1e-10)
+
+
+def neimark(row: dict[str, float]) -> bool:
+    b = cb.symmetric(row["a"], row["gamma"], row["k"]).b
+    return bool(np.abs(on_arc(row["gamma"], row["nu"], row["k"], b).value).max() < 1e-9)
+
+
+def grazing(row: dict[str, float]) -> bool:
+    if row["gamma"] == 0.0:
+        return math.isclose(row["a"], 1.0, abs_tol=1e-10)
+    height = neighbour_peak(cb.symmetric(row["a"], row["gamma"], row["k"]))[1]
+    return math.isclose(height, 1.0, abs_tol=1e-10)
+
+
+DEFINING = {"LP": fold, "PF": pitchfork, "NS": neimark, "GR": grazing}
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """`contbreather zones` as a person runs it for the first time, in an empty directory."""
+    folder = tmp_path_factory.mktemp("bare")
+    return folder, typed("zones", where=folder)
+
+
+def test_bare_zones_writes_a_figure_and_a_table(bare) -> None:
+    folder, done = bare
+    assert (done.returncode, done.stderr) == (DONE, "")
+    assert {path.name for path in folder.iterdir()} == {"zones.png", "zones.csv"}
+    assert (folder / "zones.png").read_bytes().startswith(b"\x89PNG")
+    assert "Wrote zones.png." in done.stdout
+    for meeting in ("PF-GR", "NS-GR", "NS-LP"):
+        assert done.stdout.count(meeting) == 2  # once for each k
+
+
+def test_table_of_zones_begins_with_k_curve_gamma_a(bare) -> None:
+    folder, _ = bare
+    assert (folder / "zones.csv").read_text().startswith("k,curve,gamma,a,")
+    rows = table(folder / "zones.csv")
+    found = {(float(row["k"]), row["curve"]) for row in rows}
+    assert found == {(k, kind) for k in (0.8, 0.4) for kind in DEFINING}
+
+
+@pytest.mark.parametrize("kind", DEFINING)
+def test_every_row_of_the_table_solves_the_equation_of_its_curve(bare, kind: str) -> None:
+    rows = [row for row in table(bare[0] / "zones.csv") if row["curve"] == kind]
+    assert len(rows) >= 120  # 60 for each k
+    for row in rows[:: max(1, len(rows) // 60)]:
+        text = {name: row[name] for name in ("k", "gamma", "a", "nu") if row[name]}
+        assert DEFINING[kind]({name: float(value) for name, value in text.items()}), row
+
+
+def test_numbers_of_the_table_have_17_significant_digits(bare) -> None:
+    for row in table(bare[0] / "zones.csv")[::9]:
+        for name in ("k", "gamma", "a", "p", "phi"):
+            assert row[name] == f"{float(row[name]):.17g}"
+            assert float(row[name]) == float(repr(float(row[name])))
+
+
+def test_rows_are_in_order_along_each_curve(bare) -> None:
+    rows = table(bare[0] / "zones.csv")
+    for key in {(row["k"], row["curve"], row["piece"]) for row in rows}:
+        curve = [r for r in rows if (r["k"], r["curve"], r["piece"]) == key]
+        at = np.array([[float(row[name]) for name in ("gamma", "a", "p")] for row in curve])
+        steps = np.linalg.norm(np.diff(at, axis=0), axis=1)
+        assert steps.max() < 0.1  # no jump from one end to the other
+        for i in range(1, len(at) - 1):  # and no step back
+            assert np.dot(at[i] - at[i - 1], at[i + 1] - at[i]) > 0
+
+
+def test_zones_print_for_programs_without_writing(run: Callable[..., Output]) -> None:
+    line = ["zones", "--k", "0.8", "--gamma-window", "0", "0.06", "--json"]
+    content = strict(run(*line)[1])
+    assert list(Path().iterdir()) == []
+    (diagram,) = content["zones"]
+    assert diagram["fixed"] == {"k": 0.8}
+    assert diagram["pair"] == ["gamma", "a"]
+    pf = next(curve for curve in diagram["curves"] if curve["curve"] == "PF")
+    for gamma, a in zip(pf["gamma"], pf["a"], strict=True):
+        assert pitchfork({"gamma": gamma, "a": a, "k": 0.8})
+
+
+@pytest.mark.parametrize(("name", "value"), [("gamma", "0.05"), ("a", "0.5")])
+def test_zones_in_other_planes(run: Callable[..., Output], name: str, value: str) -> None:
+    status, _, _ = run("zones", f"--{name}", value, "-o", "z.png", "--csv", "z.csv")
+    assert status == DONE
+    rows = table(Path("z.csv"))
+    assert {float(row[name]) for row in rows} == {float(value)}
+    for row in [row for row in rows if row["curve"] == "LP"][::10]:
+        assert fold({name: float(row[name]) for name in ("k", "gamma", "a")})
+
+
+def test_zones_of_another_forcing(run: Callable[..., Output]) -> None:
+    line = ["zones", "--k", "0.7", "--gamma-window", "0.1", "0.14", "--forcing", TWO_HARMONICS]
+    content = strict(run(*line, "--json")[1])
+    assert "cos(3 * t)" in content["forcing"]
+    forcing = cb.Symbolic(TWO_HARMONICS)
+    lows = [curve for curve in content["zones"][0]["curves"] if curve["curve"] == "LP"]
+    smallest = [
+        smallest_amplitude(gamma, 0.7, forcing) - a
+        for curve in lows
+        for gamma, a in zip(curve["gamma"], curve["a"], strict=True)
+    ]
+    assert max(smallest) < 1e-10
+    assert min(map(abs, smallest)) < 1e-10
+
+
+# --- figure and the rest ------------------------------------------------------------------------
+
+
+def test_figure_writes_its_picture_and_says_what_is_exact(run: Callable[..., Output]) -> None:
+    status, out, _ = run("figure", "4")
+    assert status == DONE
+    assert Path("figure4.png").read_bytes().startswith(b"\x89PNG")
+    assert "infinite chain (exact)" in " ".join(out.split())
+    assert "Wrote figure4.png." in out
+
+
+def test_figure_for_programs(run: Callable[..., Output]) -> None:
+    content = strict(run("figure", "3", "--json", "--csv", "m.csv")[1])
+    assert content["written"] == ["m.csv"]
+    assert len(content["rows"]) == 1600
+    assert [float(row["modulus"]) for row in table(Path("m.csv"))] == [
+        row["modulus"] for row in content["rows"]
+    ]
+
+
+def test_help_and_version_are_quick_for_they_load_no_numerics() -> None:
+    code = (
+        "import sys; from contbreather.cli import main; status = main(['branch', '--help']);"
+        "heavy = {'numpy', 'scipy', 'matplotlib', 'sympy'} & set(sys.modules);"
+        "sys.exit(status or (f'loaded {heavy}' if heavy else 0))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == DONE, done.stderr
+    assert "--free" in done.stdout
+
+
+def test_version_is_the_package_s(run: Callable[..., Output]) -> None:
+    assert run("--version")[:2] == (DONE, f"{cb.__version__}\n")
+
+
+def test_reader_that_has_seen_enough_is_no_error() -> None:
+    line = f"{sys.executable} -m contbreather figure 3 --json | head -c 100"
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=False)
+    assert done.stdout.startswith('{"figure": 3')
+    assert done.stderr == ""
