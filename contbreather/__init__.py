@@ -45,6 +45,7 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.lattice import Ring as Ring
     from contbreather.lattice import Samples as Samples
     from contbreather.lattice import Symbolic as Symbolic
+    from contbreather.plotting import plot as plot
 
 __version__ = "0.1.0"
 
@@ -77,6 +78,7 @@ _HOME = {
     "cusp": "contbreather.continuation",
     "hopf": "contbreather.continuation",
     "user": "contbreather.continuation",
+    "plot": "contbreather.plotting",
     "BadInput": "contbreather.errors",
     "ContbreatherError": "contbreather.errors",
     "NoSolution": "contbreather.errors",

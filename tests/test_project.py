@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -51,6 +53,23 @@ def test_checks_can_be_executed() -> None:
 @pytest.mark.parametrize("extra", ["test", "dev", "docs"])
 def test_extra_that_the_readme_or_the_checks_name_exists(extra: str) -> None:
     assert PROJECT["project"]["optional-dependencies"][extra]
+
+
+def third_party(tree: ast.Module) -> set[str]:
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            names.add(str(node.module).split(".")[0])
+    return names - set(sys.stdlib_module_names) - {"contbreather"}
+
+
+def test_every_package_that_is_imported_is_declared() -> None:
+    declared = {re.split(r"[\[<>=~!; ]", one)[0] for one in PROJECT["project"]["dependencies"]}
+    files = (ROOT / "contbreather").rglob("*.py")
+    used = {name for path in files for name in third_party(ast.parse(path.read_text("utf-8")))}
+    assert used <= declared
 
 
 def test_typed_marker_is_there() -> None:
