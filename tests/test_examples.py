@@ -1,0 +1,51 @@
+"""Every example runs, quietly and quickly, and writes what it says."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import contbreather
+
+EXAMPLES = sorted((Path(contbreather.__file__).parents[1] / "examples").glob("*.py"))
+
+
+def load(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"example_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    return example
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example_runs_and_complains_of_nothing(
+    path: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    made = load(path).main()
+    out, err = capsys.readouterr()
+    assert out
+    assert err == ""
+    assert "nan" not in out
+    for file in made or ():
+        assert file.stat().st_size > 0
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example_tells_its_story_first(path: Path) -> None:
+    """A heading and a paragraph, as the gallery of the documentation wants it."""
+    story = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+    assert story is not None
+    title, rule, *rest = story.splitlines()
+    assert set(rule) == {"="}
+    assert len(rule) >= len(title)
+    assert any(line.strip() for line in rest)
