@@ -66,6 +66,7 @@ class Log(NamedTuple):
     wall: NDArray[np.int8]
     before: Array
     after: Array
+    push: Array  # acceleration just before an impact
 
 
 class Watch(NamedTuple):
@@ -168,7 +169,15 @@ def first_event(law: Law, work: Work, t: float, h: float) -> float:
 
 @compiled
 def note(
-    log: Log, period: int, t: float, n: int, kind: int, wall: int, before: float, after: float
+    log: Log,
+    period: int,
+    t: float,
+    n: int,
+    kind: int,
+    wall: int,
+    before: float,
+    after: float,
+    push: float,
 ) -> bool:
     """Write one event down, unless the log is full."""
     i = log.used[0]
@@ -181,6 +190,7 @@ def note(
     log.wall[i] = np.int8(wall)
     log.before[i] = before
     log.after[i] = after
+    log.push[i] = push
     log.used[0] = i + 1
     return True
 
@@ -216,23 +226,25 @@ def settle(law: Law, work: Work, log: Log, period: int, t: float, dt: float) -> 
             wall = int(work.held[n])
             work.fresh[n] = work.held[n]
             work.held[n] = 0
-            if not note(log, period, t, n, LEAVE, wall, 0.0, 0.0):
+            if not note(log, period, t, n, LEAVE, wall, 0.0, 0.0, 0.0):
                 return -1
             continue
         wall = int(work.side[n])
         before = work.w[n] + velocity
         after = -law.k * before + 0.0  # no minus zero
+        # the push at rest has the wall's sign; u'' as it is just before has the drag besides
+        push = wall * outward(law, work, n, float(wall), t)[0] - law.mu * before
         work.v[n] = wall - motion
         work.w[n] = after - velocity
         work.hits[n] += 1
-        if not note(log, period, t, n, HIT, wall, before, after):
+        if not note(log, period, t, n, HIT, wall, before, after, push):
             return -1
         if work.hits[n] > law.most:
             return n + 1
         if comes_to_rest(law, work, n, float(wall), t, abs(after)):
             work.held[n] = np.int8(wall)
             work.w[n] = -velocity
-            if not note(log, period, t, n, REST, wall, after, 0.0):
+            if not note(log, period, t, n, REST, wall, after, 0.0, 0.0):
                 return -1
     return 0
 
@@ -259,7 +271,8 @@ def one_period(
         h = min(law.step, span - s)
         if resting(work):
             driven_terms(law.motion, t, h, work.column)
-            expand_held(work.v, work.w, h, law.gamma, law.mu, work.held, work.column, work.rows)
+            args = (law.gamma, law.mu, work.held, 1.0, work.column, work.rows)
+            expand_held(work.v, work.w, h, *args)
         else:
             expand(work.v, work.w, h, law.gamma, law.mu, work.rows)
         dt = first_event(law, work, t, h)

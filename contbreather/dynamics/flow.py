@@ -129,12 +129,14 @@ def expand_held(
     gamma: float,
     mu: float,
     held: NDArray[np.int8],
+    level: float,
     column: Array,
     rows: Array,
 ) -> None:
     """The same with some sites resting on their walls: they move as ``wall - a g(t)``.
 
-    ``column`` holds the Taylor coefficients of a g.
+    ``column`` holds the Taylor coefficients of a g, ``level`` is 1; with zeros and 0 the sites
+    held do not move at all, which is what perturbations do.
     """
     size, top = v.size, rows.shape[0] - 1
     for j in range(top + 1):
@@ -149,7 +151,7 @@ def expand_held(
             _raise(rows[j - 2], rows[j - 1], rows[j], pull, -mu * h / j)
         for n in range(size):
             if held[n] != 0:
-                rows[j, n] = (held[n] if j == 0 else 0.0) - column[j]
+                rows[j, n] = (level * held[n] if j == 0 else 0.0) - column[j]
 
 
 @compiled

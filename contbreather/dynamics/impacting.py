@@ -43,6 +43,7 @@ IMPACT = np.dtype(
         ("wall", "i1"),
         ("before", "f8"),
         ("after", "f8"),
+        ("acceleration", "f8"),
     ]
 )
 REST = np.dtype(
@@ -122,7 +123,7 @@ class Run:
     impacts : structured ndarray
         One row for each impact in order of time: ``time``, ``period`` (number of the period since
         t0), ``phase`` (time modulo 2 pi, to 1e-15 however long the run), ``site``, ``wall``
-        (+1 or -1), velocities ``before`` and ``after``.
+        (+1 or -1), velocities ``before`` and ``after``, ``acceleration`` just before.
     rests : structured ndarray
         Where a site came to rest on a wall after a chatter (``begins`` True) or left it (False).
     strobe : State
@@ -444,7 +445,7 @@ def log_of(size: int, old: Log | None = None) -> Log:
     """An empty log, or a longer copy of an old one."""
     from contbreather.dynamics.cruise import Log
 
-    kinds: tuple[Any, ...] = ("i8", "f8", "i8", "i1", "i1", "f8", "f8")
+    kinds: tuple[Any, ...] = ("i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
     columns: list[NDArray[Any]] = [np.zeros(size, kind) for kind in kinds]
     new = Log(np.zeros(1, np.int64), *columns)
     if old is not None:
@@ -473,7 +474,7 @@ def tables(log: Log, t0: float) -> tuple[NDArray[np.void], NDArray[np.void]]:
     from contbreather.dynamics.cruise import REST as COMES_TO_REST
 
     used = int(log.used[0])
-    _, period, phase, site, kind, wall, before, after = (column[:used] for column in log)
+    _, period, phase, site, kind, wall, before, after, push = (column[:used] for column in log)
     found = []
     for dtype, chosen in ((IMPACT, kind == HIT), (REST, kind != HIT)):
         table = np.empty(int(chosen.sum()), dtype)
@@ -482,6 +483,7 @@ def tables(log: Log, t0: float) -> tuple[NDArray[np.void], NDArray[np.void]]:
         table["site"], table["wall"] = site[chosen], wall[chosen]
         if dtype is IMPACT:
             table["before"], table["after"] = before[chosen], after[chosen]
+            table["acceleration"] = push[chosen]
         else:
             table["begins"] = kind[chosen] == COMES_TO_REST
         found.append(table)

@@ -1,0 +1,188 @@
+"""A periodic motion of the damped ring near a given state: Newton's method on the exact flow.
+
+The closed form of the breather knows no damping. What attracts on a damped ring is found here,
+whatever its impacts: the state that the flow over n periods (or, for symmetric motions, over half a
+period with its sign changed) brings back. The derivative is that of the variational flow, so the
+convergence is quadratic, and the multipliers come with the solution.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.dynamics.conditions import Conditions, State, check_state, number, whole
+from contbreather.dynamics.impacting import Run, RunStop, Sample, simulate
+from contbreather.dynamics.tangent import variation
+from contbreather.errors import BadInput, ContbreatherError, NotConverged
+from contbreather.lattice import Forcing, Harmonic
+
+Array = NDArray[Any]
+
+STEPS = 30
+SOLVED = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicMotion:
+    """A state that returns, and what small perturbations of it become.
+
+    Attributes
+    ----------
+    state : State
+        At time `t0`.
+    t0 : float
+    periods : int
+        n: the motion repeats after 2 pi n.
+    symmetric : bool
+        Whether u(t + pi) = -u(t) was imposed.
+    conditions : Conditions
+    half : ndarray or None
+        For symmetric motions the multipliers of the half map; those over 2 pi are the squares.
+    multipliers : ndarray, shape (2 N,)
+        Over 2 pi n, largest first.
+    residual : float
+        Largest |state after - state before|.
+    """
+
+    state: State
+    t0: float
+    periods: int
+    symmetric: bool
+    conditions: Conditions
+    half: Array | None
+    multipliers: Array
+    residual: float
+
+    @property
+    def largest(self) -> float:
+        """Largest modulus of a multiplier over 2 pi n; below 1 the motion attracts."""
+        return float(np.abs(self.multipliers[0]))
+
+    @property
+    def growth(self) -> float:
+        """Exponential rate, per unit of time, at which perturbations grow in the end."""
+        return math.log(self.largest) / (2.0 * math.pi * self.periods)
+
+    def run(self, *, periods: int | None = None, sample: Sample | None = None) -> Run:
+        """The motion itself, simulated over its period or longer."""
+        length = self.periods if periods is None else periods
+        c = self.conditions
+        settings: dict[str, Any] = {
+            **c.as_params(),
+            "forcing": c.forcing,
+            "t0": self.t0,
+            "sample": sample,
+        }
+        return simulate(self.state, periods=length, **settings)
+
+
+def periodic(
+    state: Any,
+    *,
+    a: float,
+    gamma: float,
+    k: float,
+    damping: float = 0.0,
+    periods: int = 1,
+    symmetric: bool = False,
+    t0: float = 0.0,
+    forcing: Forcing | None = None,
+) -> PeriodicMotion:
+    """The periodic motion of the impacting ring nearest to a state.
+
+    Parameters
+    ----------
+    state, a, gamma, k, damping, t0, forcing
+        As in `simulate`. t0 must not be the time of an impact of the motion looked for.
+    periods : int
+        n, for a period of 2 pi n.
+    symmetric : bool
+        Look for u(t + pi) = -u(t): half the work, and its own multipliers tell a pitchfork from
+        a fold. With ``periods=1`` only.
+
+    Raises
+    ------
+    NotConverged
+        If Newton's method finds none; the residual tells how far it got.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import symmetric
+    >>> b = symmetric(a=0.1, gamma=0.08, k=0.8)
+    >>> found = periodic(b.state(20), a=0.1, gamma=0.08, k=0.8, damping=0.005, symmetric=True)
+    >>> round(found.largest, 4)
+    0.9979
+    """
+    conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
+    start = check_state(state)
+    count = whole("periods", periods, 1)
+    if symmetric and count != 1:
+        raise BadInput(f"periods = {count}: a symmetric motion has the period 2 pi of its forcing.")
+    number("t0", t0, -1e300, 1e300, "a time")
+    length, sign = (0.5, -1.0) if symmetric else (float(count), 1.0)
+    x, image, matrix = _newton(np.concatenate(start), conditions, t0, length, sign)
+    eigenvalues = np.linalg.eigvals(matrix)
+    multipliers = eigenvalues**2 if symmetric else eigenvalues
+    order = np.argsort(-np.abs(multipliers))
+    u, v = np.split(x, 2)
+    return PeriodicMotion(
+        State(u, v),
+        float(t0),
+        count,
+        symmetric,
+        conditions,
+        eigenvalues[order] if symmetric else None,
+        multipliers[order],
+        float(np.abs(sign * image - x).max()),
+    )
+
+
+def _newton(
+    x: Array, conditions: Conditions, t0: float, length: float, sign: float
+) -> tuple[Array, Array, Array]:
+    """Solution, its image, the derivative of the flow there."""
+    settings: dict[str, Any] = {**conditions.as_params(), "forcing": conditions.forcing, "t0": t0}
+
+    def flow(state: Array) -> tuple[Array, Array]:
+        run = simulate(np.split(state, 2), periods=length, **settings)
+        if run.stop is not RunStop.DONE:
+            raise NotConverged(run.reason)
+        return np.concatenate(run.final), variation(run)
+
+    image, matrix = flow(x)
+    for _ in range(STEPS):
+        defect = sign * image - x
+        size = np.abs(defect).max()
+        if size < SOLVED:
+            return x, image, matrix
+        step = np.linalg.lstsq(sign * matrix - np.eye(x.size), -defect, rcond=1e-13)[0]
+        x, image, matrix = _shortened(flow, x, step, sign, float(size))
+    raise NotConverged(
+        f"no periodic motion near this state: the residual is {size:.2g} after {STEPS} Newton "
+        "steps; start closer, or let the damped ring settle first.",
+        residual=float(size),
+    )
+
+
+def _shortened(
+    flow: Any, x: Array, step: Array, sign: float, size: float
+) -> tuple[Array, Array, Array]:
+    """The longest of the step's halves that leads closer to a solution, inside the walls."""
+    for j in range(12):
+        new = x + 0.5**j * step
+        try:
+            image, matrix = flow(new)
+        except ContbreatherError:  # outside the walls
+            continue
+        if np.abs(sign * image - new).max() < size:
+            return new, image, matrix
+    raise NotConverged(
+        f"no periodic motion near this state: Newton's method stops at a residual of {size:.2g}; "
+        "start closer, or let the damped ring settle first.",
+        residual=size,
+    )

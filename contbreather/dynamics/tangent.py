@@ -1,0 +1,190 @@
+"""What becomes of small perturbations along a run: the variational flow with its saltations.
+
+Between impacts perturbations obey the unforced chain, whatever the orbit does. At an impact of site
+n only that site's pair changes, by the block of (19), with damping
+
+    ``du+ = -k du-,   dv+ = -k dv- + b du-,   b = (1 + k)(u''/u' + mu)``,
+
+both just before. A site that rests on its wall has no perturbation; where the wall lets go, nothing
+jumps. So the tangent flow needs of an orbit only the list of its impacts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced, whole
+from contbreather.dynamics.impacting import Run, law_of, walk
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import Forcing, Harmonic
+
+Array = NDArray[Any]
+
+
+def kicks(
+    impacts: NDArray[np.void], rests: NDArray[np.void], conditions: Conditions, t0: float
+) -> tuple[Array, Array, Array, Array]:
+    """Events as the compiled loop wants them: time in its period, site, b (or a code), period.
+
+    ``time`` of the tables counts from the start of the run; a NaN of b marks where a rest begins,
+    an infinite one where it ends.
+    """
+    b = (1.0 + conditions.k) * (impacts["acceleration"] / impacts["before"] + conditions.damping)
+    codes = np.where(rests["begins"], np.nan, np.inf)
+    period = np.concatenate([impacts["period"], rests["period"]])
+    phase = np.concatenate([impacts["phase"], rests["phase"]])
+    rough = np.concatenate([impacts["time"], rests["time"]]) - PERIOD * period
+    # the phase is exact, the time says which turn it belongs to
+    since = phase - reduced(t0)
+    since += PERIOD * np.round((rough - since) / PERIOD)
+    site = np.concatenate([impacts["site"], rests["site"]])
+    entry = np.concatenate([b, codes])
+    # at equal times the impact comes before the rest it leads to
+    order = np.lexsort((np.isnan(entry), since, period))
+    return since[order], site[order], entry[order], period[order]
+
+
+def variation(run: Run, vectors: ArrayLike | None = None) -> Array:
+    """The derivative of a run's final state with respect to its first one, times some vectors.
+
+    Parameters
+    ----------
+    run : Run
+    vectors : array_like, shape (2 N, m), optional
+        Perturbations (u_0 .. u_N-1, u'_0 .. u'_N-1) of the first state, in columns; the identity
+        unless given, for the whole matrix. The run must not begin or end at an impact.
+
+    Returns
+    -------
+    ndarray, shape (2 N, m)
+
+    Examples
+    --------
+    >>> from contbreather.breathers import symmetric
+    >>> from contbreather.dynamics import simulate
+    >>> b = symmetric(a=0.5, gamma=0.08, k=0.8)
+    >>> matrix = variation(simulate(b.state(5), a=0.5, gamma=0.08, k=0.8, periods=1))
+    >>> round(float(np.linalg.det(matrix)), 10)  # k^2 for each of the two impacts
+    0.4096
+    """
+    from contbreather.dynamics.tangent_flow import carry
+
+    sites = run.sites
+    columns = np.eye(2 * sites) if vectors is None else np.array(vectors, dtype=float)
+    if columns.ndim != 2 or len(columns) != 2 * sites:
+        raise BadInput(
+            f"perturbations of {sites} sites are columns of length {2 * sites}; "
+            f"an array of shape {columns.shape} was given."
+        )
+    tables = run.impacts.copy(), run.rests.copy()
+    for table in tables:
+        table["time"] -= run.times[0]
+    events = kicks(*tables, run.conditions, run.times[0])
+    du, dv = np.ascontiguousarray(columns.T.reshape(-1, 2, sites).transpose(1, 0, 2))
+    held = resting(State(run.strobe.u[0], run.strobe.v[0]), run.conditions, run.times[0])
+    rest = run.end - run.times[-1]
+    spans = np.array([PERIOD] * run.periods + ([rest] if rest > 1e-12 else []))
+    carry(du, dv, held, spans, 0, law_of(run.conditions), *events, np.empty((len(spans), 0)))
+    return np.concatenate([du, dv], axis=1).T
+
+
+def resting(state: State, conditions: Conditions, t0: float) -> NDArray[np.int8]:
+    """Sites that rest on a wall: at it, without velocity, pushed against it."""
+    u, v = state
+    m, c, s = conditions.force
+    force = np.sum(c * np.cos(m * reduced(t0)) + s * np.sin(m * reduced(t0)))
+    push = force - conditions.gamma * (2.0 * u - np.roll(u, 1) - np.roll(u, -1))
+    return ((np.abs(u) == 1.0) & (v == 0.0) & (u * push > 0.0)).astype(np.int8)
+
+
+@dataclass(frozen=True)
+class Lyapunov:
+    """The largest Lyapunov exponents of a motion.
+
+    Attributes
+    ----------
+    exponents : ndarray
+        In descending order, per unit of time; a multiplier mu of an orbit of period T is
+        exp(T exponent) in modulus.
+    error : ndarray
+        Standard error from the spread of its means over tenths of the run.
+    periods : int
+        Over how many periods it was averaged.
+    """
+
+    exponents: Array
+    error: Array
+    periods: int
+
+
+def lyapunov(
+    state: Any,
+    *,
+    a: float,
+    gamma: float,
+    k: float,
+    periods: int,
+    damping: float = 0.0,
+    count: int = 2,
+    settle: int = 0,
+    t0: float = 0.0,
+    forcing: Forcing | None = None,
+    seed: int = 0,
+) -> Lyapunov:
+    """The largest Lyapunov exponents of the impacting ring, saltations included.
+
+    Perturbations are carried along the exact motion and orthonormalised once in a period
+    (Benettin). The forcing's phase is no degree of freedom: a torus of one frequency beside the
+    forcing has one exponent zero, a periodic motion none.
+
+    Parameters
+    ----------
+    state, a, gamma, k, damping, t0, forcing
+        As in `simulate`.
+    periods : int
+        Over which to average.
+    count : int
+        How many exponents, at most 2 N.
+    settle : int
+        Periods to let pass before.
+    seed : int
+        Of the first perturbations.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import symmetric
+    >>> b = symmetric(a=0.7, gamma=0.06, k=0.2)
+    >>> found = lyapunov(b.state(5), a=0.7, gamma=0.06, k=0.2, periods=200, count=1)
+    >>> abs(found.exponents[0]) < 0.01  # a stable breather of an undamped ring is neutral
+    True
+    """
+    from contbreather.dynamics.tangent_flow import carry
+
+    start = check_state(state)
+    conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
+    sites, wanted = start.u.size, whole("count", count, 1)
+    if wanted > 2 * sites:
+        raise BadInput(f"count = {count}: a ring of {sites} sites has {2 * sites} exponents.")
+    rng = np.random.default_rng(seed)
+    du, dv = rng.normal(size=(2, wanted, sites))
+    held, law, first = resting(start, conditions, t0), law_of(conditions), reduced(t0)
+    total = whole("settle", settle, 0) + whole("periods", periods, 10)
+    grown = []
+    for one in walk(start, conditions, periods=total, t0=first, progress=False):
+        if one.stop is not None:
+            raise NotConverged(one.reason)
+        growth = np.empty((one.periods, wanted))
+        spans = np.full(one.periods, PERIOD)
+        events = kicks(one.impacts, one.rests, conditions, first)
+        carry(du, dv, held, spans, one.first, law, *events, growth)
+        grown.append(growth)
+    rates = np.concatenate(grown)[settle:] / PERIOD
+    tenths = np.array([part.mean(axis=0) for part in np.array_split(rates, 10)])
+    order = np.argsort(-rates.mean(axis=0))
+    error = tenths[2:].std(axis=0) / math.sqrt(8.0)
+    return Lyapunov(rates.mean(axis=0)[order], error[order], periods)

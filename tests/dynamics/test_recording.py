@@ -1,0 +1,151 @@
+"""Runs on disk: cut anywhere, taken up again, the same bits."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contbreather
+from contbreather.breathers import symmetric
+from contbreather.dynamics import Sample, open_recording, record, recording, simulate
+from contbreather.errors import BadInput
+from contbreather.lattice import Fourier
+
+ROOT = Path(contbreather.__file__).parents[1]
+CONDITIONS = {"a": 0.2, "gamma": 0.11, "k": 0.8, "damping": 0.005}
+
+
+@pytest.fixture
+def state():
+    rng = np.random.default_rng(7)
+    u, v = symmetric(0.2, 0.11, 0.8).state(12)
+    return u + rng.normal(0, 1e-3, 12), v
+
+
+def assert_same(recorded, run):
+    assert recorded.periods == run.periods
+    assert np.array_equal(recorded.strobe().u, run.strobe.u)
+    assert np.array_equal(recorded.strobe().v, run.strobe.v)
+    assert np.array_equal(recorded.final.u, run.final.u)
+    assert np.array_equal(recorded.impacts, run.impacts)
+
+
+def test_run_on_disk_is_the_run_in_memory(tmp_path, state):
+    sample = Sample(sites=(0, 1), per_period=8)
+    run = simulate(state, **CONDITIONS, periods=60, sample=sample, t0=1.0)
+    recorded = record(tmp_path / "run", state, **CONDITIONS, periods=60, sample=sample, t0=1.0)
+    assert_same(recorded, run)
+    assert_same(open_recording(tmp_path / "run"), run)
+    dense = np.concatenate([s.dense_u.reshape(-1, 2) for s in recorded.stretches()])
+    assert np.array_equal(dense, run.record.u)
+
+
+def test_run_goes_on_where_it_stopped_with_the_same_bits(tmp_path, state):
+    for periods in (13, 13, 40, 100):
+        recorded = record(tmp_path / "run", state, **CONDITIONS, periods=periods)
+        assert recorded.periods == periods
+    assert len(recorded.files) == 3
+    assert_same(recorded, simulate(state, **CONDITIONS, periods=100))
+
+
+def test_interrupted_recording_keeps_every_finished_period(tmp_path, state, monkeypatch):
+    advance = contbreather.dynamics.impacting.Machine.advance
+    calls = []
+
+    def interrupted(self, *args, **kwargs):
+        calls.append(1)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        return advance(self, *args, **kwargs)
+
+    monkeypatch.setattr(contbreather.dynamics.impacting.Machine, "advance", interrupted)
+    first = record(tmp_path / "run", state, **CONDITIONS, periods=200)
+    assert 0 < first.periods < 200
+    second = record(tmp_path / "run", state, **CONDITIONS, periods=200)
+    assert_same(second, simulate(state, **CONDITIONS, periods=200))
+
+
+def test_killed_recording_goes_on_from_its_last_file(tmp_path, state):
+    np.savez(tmp_path / "state.npz", u=state[0], v=state[1])
+    script = (
+        "import sys, numpy as np\n"
+        "from contbreather.dynamics import recording\n"
+        "recording.EVERY = 0.02\n"
+        f"state = tuple(np.load(r'{tmp_path}/state.npz')[x] for x in 'uv')\n"
+        f"recording.record(r'{tmp_path}/run', state, **{CONDITIONS!r}, periods=10**6)\n"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": str(ROOT)}
+    )
+    try:
+        for _ in range(1200):
+            if len(list((tmp_path / "run").glob("0*.npz"))) >= 3:
+                break
+            time.sleep(0.05)
+    finally:
+        child.send_signal(signal.SIGKILL)
+        child.wait()
+    done = open_recording(tmp_path / "run").periods
+    assert done > 0
+    recorded = record(tmp_path / "run", state, **CONDITIONS, periods=done + 50)
+    run = simulate(state, **CONDITIONS, periods=done + 50)
+    assert np.array_equal(recorded.final.u, run.final.u)
+    assert np.array_equal(recorded.impacts, run.impacts)
+
+
+def test_memory_does_not_grow_with_the_length_of_a_run(tmp_path, state, monkeypatch):
+    """What is pending is written as soon as it exceeds its room."""
+    monkeypatch.setattr(recording, "LARGEST", 2000)
+    largest = []
+    write = recording._write
+
+    def watched(run, pieces):
+        largest.append(sum(2 * p.u.size for p in pieces))
+        return write(run, pieces)
+
+    monkeypatch.setattr(recording, "_write", watched)
+    monkeypatch.setattr(contbreather.dynamics.impacting, "ROOM", 500)
+    recorded = record(tmp_path / "run", state, **CONDITIONS, periods=600)
+    assert recorded.periods == 600
+    assert max(largest) <= 2500
+    assert len(recorded.files) >= 5
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"a": 0.21}, "holds another run: a is 0.2 there and 0.21 here"),
+        ({"sample": Sample((0,), 4)}, "holds another run: sample is None there"),
+        ({"forcing": Fourier(cos={1: -1.0, 3: 0.1})}, "holds another run: harmonics"),
+        ({"state": ([0.0], [0.0])}, "holds a run from another state"),
+    ],
+)
+def test_folder_of_another_run_is_refused(tmp_path, state, changed, sentence):
+    record(tmp_path / "run", state, **CONDITIONS, periods=2)
+    other = {**CONDITIONS, "periods": 4, "state": state, **changed}
+    with pytest.raises(BadInput, match=sentence):
+        record(tmp_path / "run", **other)
+    assert open_recording(tmp_path / "run").periods == 2
+
+
+def test_other_forcing_is_taken_up_too(tmp_path, state):
+    forcing = Fourier(cos={1: -1.0, 3: 0.1}, sin={5: 0.3})
+    record(tmp_path / "run", state, **CONDITIONS, periods=3, forcing=forcing)
+    recorded = record(tmp_path / "run", state, **CONDITIONS, periods=7, forcing=forcing)
+    run = simulate(state, **CONDITIONS, periods=7, forcing=forcing)
+    assert np.array_equal(recorded.final.u, run.final.u)
+
+
+def test_places_that_hold_no_run_are_refused(tmp_path, state):
+    with pytest.raises(BadInput, match="no run in"):
+        open_recording(tmp_path)
+    (tmp_path / "note.txt").touch()
+    with pytest.raises(BadInput, match="is not empty and holds no run"):
+        record(tmp_path, state, **CONDITIONS, periods=2)
