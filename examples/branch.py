@@ -12,7 +12,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import contbreather as cb
-from contbreather.plotting import new_figure, plot, plot_multipliers, save_figure
+from contbreather.plotting import new_figure, plot_multipliers, save_figure
 
 
 def main(folder: Path = Path()) -> list[Path]:
@@ -30,8 +30,8 @@ def main(folder: Path = Path()) -> list[Path]:
     pitchforks = cb.boundary(branch.first("PF"), ("gamma", "a"), within={"gamma": (0.0, 0.25)})
 
     figure, (above, below) = new_figure(2)
-    plot(branch, x="a", y="p", ax=above)
-    plot(pitchforks, ax=below)
+    cb.plot(branch, x="a", y="p", ax=above)
+    cb.plot(pitchforks, ax=below)
 
     # The multiplier that leaves the unit circle at +1 of the half map.
     beyond = cb.symmetric(a=0.82, gamma=0.04, k=0.8)

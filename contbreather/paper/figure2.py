@@ -121,8 +121,8 @@ def figure2(
 
     Examples
     --------
-    >>> figure2((0.4,), points=5).lines[0].kind  # doctest: +SKIP
-    'NS'
+    >>> [(line.kind, line.sites) for line in figure2((0.4,), points=5).lines]
+    [('NS', 400), ('PF', 400)]
     """
     exact = tuple(zones(k=k, progress=progress) for k in restitutions)
     lines = []

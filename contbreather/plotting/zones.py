@@ -88,8 +88,8 @@ def plot_zones(
     --------
     >>> from contbreather.breathers.zones import zones
     >>> ax = plot_zones(zones(k=0.8, within={"gamma": (0, 0.06)}))
-    >>> [text.get_text() for text in ax.texts if text.get_text() in ("S", "US")]
-    ['US', 'S']
+    >>> sorted(text.get_text() for text in ax.texts if text.get_text() in ("S", "US"))
+    ['S', 'US']
     """
     several = [zones] if isinstance(zones, Zones) else list(zones)
     if not several:
