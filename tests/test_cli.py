@@ -583,6 +583,16 @@ def test_rows_are_in_order_along_each_curve(bare) -> None:
             assert np.dot(at[i] - at[i - 1], at[i + 1] - at[i]) > 0
 
 
+def test_labelled_rows_solve_both_equations_of_their_meeting(bare) -> None:
+    rows = [row for row in table(bare[0] / "zones.csv") if "-" in row["label"]]
+    assert len(rows) >= 8
+    for row in rows:
+        point = {name: float(row[name]) for name in ("k", "gamma", "a", "nu") if row[name]}
+        for kind in row["label"].rstrip("123456789").split("-"):
+            if kind != "NS" or "nu" in point:  # its angle is known on its own curve only
+                assert DEFINING[kind](point), row
+
+
 def test_zones_print_for_programs_without_writing(run: Callable[..., Output]) -> None:
     line = ["zones", "--k", "0.8", "--gamma-window", "0", "0.06", "--json"]
     content = strict(run(*line)[1])

@@ -195,6 +195,15 @@ def test_outside_of_existence_there_is_no_letter(diagram: Zones) -> None:
             assert region.verdict == ""
 
 
+@pytest.mark.parametrize(
+    ("gamma", "a", "verdict"),
+    [(0.1, 0.5, "S"), (0.1, 0.9, ""), (0.1, 0.03, ""), (0.01, 0.9, "US"), (0.2, 0.3, "US")],
+)
+def test_verdict_at_a_point(diagram: Zones, gamma: float, a: float, verdict: str) -> None:
+    """Beyond grazing and below the fold there is none: no breather, no stability."""
+    assert zone_plots._verdict(diagram, gamma, a) == verdict
+
+
 def test_letters_follow_the_count_and_not_the_side_of_a_curve(
     diagram: Zones, monkeypatch: pytest.MonkeyPatch
 ) -> None:
