@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 from importlib.metadata import version as installed
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
@@ -21,7 +23,9 @@ extensions = [
     "sphinx.ext.viewcode",
     "sphinx-mathjax-offline",  # MathJax beside the pages: formulas need no network either
 ]
-exclude_patterns = ["_build", "jupyter_execute", "**/.ipynb_checkpoints"]
+# What the gallery leaves beside its pages is not a page.
+exclude_patterns = ["_build", "jupyter_execute", "auto_examples/*.ipynb", "**sg_execution_times*"]
+suppress_warnings = ["config.cache"]  # the gallery's settings hold a function
 
 myst_enable_extensions = ["amsmath", "dollarmath", "deflist"]
 myst_heading_anchors = 3
@@ -38,12 +42,25 @@ html_theme = "furo"
 html_title = f"contbreather {release}"
 html_show_sourcelink = False
 
-if any(EXAMPLES.glob("*.py")):  # each is run: its page shows the figure that it really draws
+
+def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -> str:
+    """Show the figures that an example saved: it writes files, as it does for everybody else."""
+    from sphinx_gallery.scrapers import figure_rst
+
+    shown = []
+    for figure in sorted(Path(found["src_file"]).parent.glob("*.png")):
+        shown.append(next(found["image_path_iterator"]))
+        shutil.move(figure, shown[-1])
+    return str(figure_rst(shown, settings["src_dir"]))
+
+
+if any(EXAMPLES.glob("*.py")):  # each is run: its page shows what it really draws
     extensions.append("sphinx_gallery.gen_gallery")
     sphinx_gallery_conf = {
         "examples_dirs": str(EXAMPLES),
         "gallery_dirs": "auto_examples",
         "filename_pattern": r"\.py$",
+        "image_scrapers": (saved_figures,),
         "download_all_examples": False,
         "show_memory": False,
     }
