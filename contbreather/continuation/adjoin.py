@@ -14,7 +14,7 @@ from . import derivatives
 from .problem import Curve, Problem
 
 if TYPE_CHECKING:
-    from .events import Locus
+    from .events import Event, Locus
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -28,9 +28,10 @@ class Adjoined:
     second, if any, stays a parameter.
     """
 
-    def __init__(self, base: Curve, locus: Locus) -> None:
+    def __init__(self, base: Curve, locus: Locus, event: Event | None = None) -> None:
         self.base = base
         self.locus = locus
+        self.event = event
         self.free = base.free[1] if len(base.free) > 1 else None
         self.n = base.size
         self.extra = sum(np.size(value) for value in locus.extra.values())
@@ -70,7 +71,7 @@ class Adjoined:
         values = {**longer.start, **longer.params}
         own = self.base.problem
         base = own.at(**{name: values[name] for name in own.names})
-        together = Adjoined(Curve(base, free), self.locus)
+        together = Adjoined(Curve(base, free), self.locus, self.event)
         return replace(longer, residual=together.residual, adjoined=together)
 
     def freed(self, longer: Problem, free: tuple[str, ...]) -> Problem:
@@ -122,14 +123,16 @@ def adjoined(
     free: str | None = None,
     *,
     base: Curve | None = None,
+    event: Event | None = None,
 ) -> Problem:
     """`problem` with the conditions of `locus` added and the parameter `released` made unknown.
 
-    `base` is its curve with these parameters free, where there is one already.
+    `base` is its curve with these parameters free, where there is one already; `event` is what
+    the locus is of, where the longer problem is one of boundaries.
     """
     if base is None:
         base = Curve(problem, (released,) if free is None else (released, free))
-    together = Adjoined(base, locus)
+    together = Adjoined(base, locus, event)
     clash = set(locus.extra) & set(problem.names)
     if clash:
         raise BadInput(f"rename {sorted(clash)} in the problem: the locus needs these names")

@@ -10,6 +10,7 @@ from .adjoin import adjoined, lifted
 from .branch import Branch, Point
 from .events import Event, Locus
 from .newton import Undefined
+from .problem import Problem
 from .steps import Steps
 from .trace import Within, trace
 
@@ -29,7 +30,8 @@ def boundary(
     Parameters
     ----------
     point : Point
-        A special point of a branch (``branch.first("PF")``) or of another boundary.
+        A special point of a branch (``branch.first("PF")``), or any point of another boundary. From
+        where two kinds meet, the boundary of the other one is followed.
     pair : tuple of two str
         The two free parameters; `towards` refers to the first.
     within, towards, steps, progress
@@ -61,41 +63,53 @@ def boundary(
     >>> bool(np.allclose(4 * line["mu"] ** 3, 27 * line["h"] ** 2))
     True
     """
+    event = _traceable(point)
+    longer = boundary_problem(point.ground, event, pair, events)
+    return trace(longer, pair[0], within=within, towards=towards, steps=steps, progress=progress)
+
+
+def boundary_problem(
+    ground: Point, event: Event, pair: tuple[str, str], events: Iterable[Event] | None = None
+) -> Problem:
+    """The problem whose curve in ``pair[0]`` is the boundary through a point, `pair[1]` being one
+    of its unknowns."""
     if len(pair) != 2 or pair[0] == pair[1]:
         raise BadInput(f"a boundary needs two different parameters, got {pair}")
-    event = _traceable(point)
-    ground = point.ground
     base = ground.problem
     for name in pair:
         if name not in base.params:
             raise BadInput(f"{name!r} is no parameter here; it has {list(base.params)}")
+    if event.locus is None:
+        raise BadInput(f"{event.kind} has no locus to trace in two parameters")
     try:
-        locus = event.locus(ground)  # type: ignore[misc]  # _traceable made sure of it
+        locus = event.locus(ground)
     except Undefined as error:
-        raise BadInput(f"{point.label or event.kind} cannot be traced on: {error}") from error
-    longer = adjoined(base, locus, released=pair[1], free=pair[0])
+        raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
+    longer = adjoined(base, locus, released=pair[1], free=pair[0], event=event)
     given = base.events if events is None else tuple(events)
-    met = [_met(event.kind, other) for other in given if other.kind != event.kind]
-    longer = replace(
+    others = [met(event.kind, other) for other in given if other.kind != event.kind]
+    return replace(
         longer,
-        events=(*locus.events, *met),
+        events=(*locus.events, *others),
         record=base.record,
         label=f"{event.kind} boundary",
     )
-    return trace(longer, pair[0], within=within, towards=towards, steps=steps, progress=progress)
 
 
 def _traceable(point: Point) -> Event:
-    """The event to trace from a special point; at a meeting of two, the one that was met."""
-    if point.event is None:
+    """The event to trace from a point: what happened there, the one that was met where two meet,
+    and otherwise the one whose boundary the point lies on."""
+    event, together = point.event, point.curve.problem.adjoined
+    if event is not None:
+        event = event.met or event
+    if (event is None or event.locus is None) and together is not None:
+        event = together.event
+    if event is None:
         raise BadInput(f"{point!r} is no special point: nothing to trace as a boundary")
-    event = point.event.met or point.event
-    if event.locus is None:
-        raise BadInput(f"{point.label or event.kind} has no locus to trace in two parameters")
     return event
 
 
-def _met(kind: str, event: Event) -> Event:
+def met(kind: str, event: Event) -> Event:
     """An event of the original problem as one on the boundary of another: PF-GR.
 
     Where both have a locus, the meeting is located by the conditions of both at once.

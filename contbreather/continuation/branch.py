@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_SEAM = 1e-10  # relative arclength within which two branches meet
+
 
 class Stop(enum.Enum):
     """Why a branch ended; the value is the sentence a user reads."""
@@ -87,6 +89,8 @@ class Point:
         problem = self.curve.problem
         if name in problem.params:
             return float(problem.params[name])
+        if name in self.detail:
+            return self.detail[name]
         if name in problem.record:
             return problem.record[name](self.ground)
         raise BadInput(f"no {name!r} at this point; it has {[*problem.names, *problem.record]}")
@@ -200,7 +204,7 @@ class Branch:
         if name in problem.params:
             return np.full(len(self.points), float(problem.params[name]))
         if name in problem.record:
-            return np.array([problem.record[name](point.ground) for point in self.points])
+            return np.array([point[name] for point in self.points])
         raise BadInput(f"no column {name!r}; this branch has {list(self.names)}")
 
     def first(self, kind: str) -> Point:
@@ -214,15 +218,12 @@ class Branch:
         """This branch followed by another that starts where this one ends, relabelled."""
         if not np.allclose(self.points[-1].z, other.points[0].z, rtol=0, atol=1e-8):
             raise BadInput("branches join where one ends and the other starts; these do not meet")
-        seam = other.points[0] if other.points[0].event is not None else self.points[-1]
-        if seam.kind in ("EP", "MX"):
-            seam = replace(seam, kind="", label="")
         shift = self.points[-1].arclength - other.points[0].arclength
-        moved = (_shifted(point, shift) for point in other.points[1:])
-        points = (*self.points[:-1], replace(seam, arclength=self.points[-1].arclength), *moved)
+        moved = [_shifted(point, shift) for point in other.points]
+        points = _joined(list(self.points), moved)
         return replace(
             self,
-            points=labelled(points),
+            points=labelled(tuple(points)),
             stop=other.stop,
             reason=other.reason,
             doubtful=self.doubtful + tuple(_shifted(p, shift) for p in other.doubtful),
@@ -284,6 +285,19 @@ def labelled(points: tuple[Point, ...]) -> tuple[Point, ...]:
             point = replace(point, label=f"{point.kind}{count[point.kind]}")
         numbered.append(point)
     return tuple(numbered)
+
+
+def _joined(before: list[Point], after: list[Point]) -> list[Point]:
+    """Both, with what happens at the seam once: an event is known by its object, and a point where
+    nothing happens is left out beside one where something does."""
+    seam = before[-1].arclength
+    near = _SEAM * (after[-1].arclength - before[0].arclength)
+    head = [point for point in before if point.arclength < seam - near]
+    tail = [point for point in after if point.arclength > seam + near]
+    there = [point for point in (*before, *after) if abs(point.arclength - seam) <= near]
+    special = {id(point.event): point for point in there if point.event is not None}
+    plain = replace(before[-1], kind="", label="")
+    return [*head, *(special.values() or [plain]), *tail]
 
 
 def _shifted(point: Point, shift: float) -> Point:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import derivatives
-from .newton import Solution, Undefined
+from .newton import Solution, Undefined, solve
 from .problem import Curve
 
 Array = NDArray[np.float64]
@@ -46,7 +46,9 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
         turned = [curve.balanced(along(curve, z, vector * curve.scales)) for vector in null]
         second = _finite(np.stack([w @ change for change in turned]))
         form = second @ null.T  # w^T H_zz on the null space
-        c = np.linalg.lstsq(form, -null @ (w @ matrix) - second @ rest)[0]
+        c = solve(form, -null @ (w @ matrix) - second @ rest)
+        if c is None:
+            break
         step = (null.T @ c + rest) * curve.scales
         correction = curve.length(step)
         z = z + step

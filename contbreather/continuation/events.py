@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 # A balanced matrix is taken as rank deficient when its smallest singular value is below this; at a
 # located point it is about 1e-12.
 _RANK = 1e-7
+_ZERO = 1e-6  # relative size of eigenvalues that are both zero: a double zero splits by a root
 
 
 @dataclass(frozen=True)
@@ -190,11 +191,13 @@ def _cusp_test(point: Point) -> float:
 def _branch_point_test(point: Point) -> float:
     if not point.tangent.size:
         return float("nan")  # of codimension two on a boundary: nothing to look for
-    row = point.curve.dual(point.tangent) * point.curve.scales
-    return signed_smallest(np.vstack([_balanced(point), row]))
+    whole = np.vstack([point.jacobian(), point.curve.dual(point.tangent)])
+    return signed_smallest(whole * point.curve.scales)
 
 
 def _branch_point_verify(point: Point) -> str:
+    if "tangents" not in point.detail:
+        return "no two curves were found to cross here"
     values = np.linalg.svd(_balanced(point), compute_uv=False)
     if values[-1] > _RANK:
         return f"the derivative keeps its rank: smallest singular value {values[-1]:.2g}"
@@ -224,12 +227,7 @@ def _hopf_test(point: Point) -> float:
 
 
 def _hopf_locus(point: Point) -> Locus:
-    values, vectors = np.linalg.eig(point.jacobian()[:, : point.curve.size])
-    complex_ones = np.flatnonzero(abs(values.imag) > 1e-12 * abs(values).max())
-    if not complex_ones.size:
-        raise Undefined("no complex pair of eigenvalues: a neutral saddle, not a Hopf point")
-    nearest = complex_ones[np.argmin(abs(values[complex_ones].real))]
-    real, imaginary = vectors[:, nearest].real, vectors[:, nearest].imag
+    square, real, imaginary = _axis_pair(point.jacobian()[:, : point.curve.size])
     null = real / np.linalg.norm(real)
     reference = imaginary - (imaginary @ null) * null
     reference /= np.linalg.norm(reference)
@@ -250,12 +248,27 @@ def _hopf_locus(point: Point) -> Locus:
         rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * null, reference
         return rows
 
-    square = float(values[nearest].imag ** 2)
     return Locus({"null": null, "omega2": square}, conditions, derivative, events=(_TAKENS,))
 
 
+def _axis_pair(matrix: Array) -> tuple[float, Array, Array]:
+    """omega^2 of the eigenvalues nearest the imaginary axis, and two vectors of their plane."""
+    values, vectors = np.linalg.eig(matrix)
+    size = _ZERO * np.linalg.norm(matrix, 2)
+    if np.count_nonzero(abs(values) < size) == 2:  # both zero, with one eigenvector
+        null = np.linalg.svd(matrix)[2][-1]
+        # in this order: a fold satisfies the same conditions with omega = 0 and its null vector
+        return 0.0, np.linalg.lstsq(matrix, null)[0], null
+    pairs = np.flatnonzero(values.imag > 0)
+    if not pairs.size:
+        raise Undefined("no complex pair of eigenvalues: a neutral saddle, not a Hopf point")
+    nearest = pairs[np.argmin(abs(values[pairs].real))]
+    vector = vectors[:, nearest]
+    return float(values[nearest].imag ** 2), vector.real, vector.imag
+
+
 # Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.
-_TAKENS = Event("BT", lambda point: point["omega2"], terminal=True, positive=True)
+_TAKENS = Event("BT", lambda point: point["omega2"], terminal=True, positive=True, met=fold())
 
 
 def _hopf_verify(point: Point) -> str:
@@ -266,8 +279,7 @@ def _hopf_verify(point: Point) -> str:
     first, second = np.triu_indices(n, 1)
     nearest = np.argmin(abs(values[first] + values[second]))
     pair = values[[first[nearest], second[nearest]]]
-    # a double zero splits by the root of rounding
-    if not pair.imag.any() and abs(pair).max() > 1e-7 * np.linalg.norm(matrix, 2):
+    if not pair.imag.any() and abs(pair).max() > _ZERO * np.linalg.norm(matrix, 2):
         return (
             f"a neutral saddle: the eigenvalues {pair[0].real:.3g} and {pair[1].real:.3g} are real"
         )

@@ -24,6 +24,7 @@ Value = float | int
 _SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
 _ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
 _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
+_BEYOND = 1e-4  # and how far, to see whether it changes back before the end of the step
 _ROUNDS = 4  # how often a step is looked through again, at the events found so far
 _AT_END = 1e-9  # a test this small, relative to its change over the step, vanishes at the end
 
@@ -179,6 +180,16 @@ class Trail:
 
 
 @dataclass(frozen=True)
+class Ends:
+    """Whether a step starts or ends the walk: an event at the very start or end, where rounding
+    decides the sign of its test, counts as well; on a closed curve only once."""
+
+    first: bool = False
+    last: bool = False
+    closed: bool = False
+
+
+@dataclass(frozen=True)
 class Found:
     """The events on one step, in order, and the candidates that failed their verification."""
 
@@ -193,14 +204,11 @@ def find(
     before: Sequence[Value],
     *,
     crossing: Point | None,
-    first: bool,
-    last: bool,
+    ends: Ends,
 ) -> Found:
     """All events on one step of a walk.
 
-    `before` are the tests at its start, `crossing` a branch point known to lie on it. With `first`
-    (`last`) an event at the very start (end), where rounding decides the sign of its test, counts
-    as well.
+    `before` are the tests at its start, `crossing` a branch point known to lie on it.
 
     Branch points come first. Next to them the corrector may end on the other curve, so all other
     events are looked for on the pieces of curve between them.
@@ -215,12 +223,12 @@ def find(
     ]
     crossings = [trail for trail in trails if trail.event.polish is not None]
     others = [trail for trail in trails if trail.event.polish is None]
-    located = list(_events_on(segment, crossings, first, last))
+    located = list(_events_on(segment, crossings, ends))
     cuts = [p for p in located if "tangents" in p.detail] or ([crossing] if crossing else [])
     if cuts and others:
-        located += _between(segment, cuts, others, first, last)
+        located += _between(segment, cuts, others, ends)
     else:
-        located += _events_on(segment, others, first, last)
+        located += _events_on(segment, others, ends)
     located.sort(key=lambda point: point.arclength)
     good = tuple(point for point in located if point.located)
     doubtful = tuple(point for point in located if not point.located)
@@ -229,11 +237,9 @@ def find(
     return Found(good, doubtful, after)
 
 
-def _events_on(
-    segment: Segment, trails: Sequence[Trail], first: bool, last: bool
-) -> Iterator[Point]:
+def _events_on(segment: Segment, trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
     for trail in trails:
-        yield from _at_ends(segment, trail, first, last)
+        yield from _at_ends(segment, trail, ends)
         _probe(segment, trail)
     for _ in range(_ROUNDS):
         fresh = [point for trail in trails for point in _search(segment, trail)]
@@ -244,7 +250,7 @@ def _events_on(
 
 
 def _between(
-    segment: Segment, cuts: Sequence[Point], trails: Sequence[Trail], first: bool, last: bool
+    segment: Segment, cuts: Sequence[Point], trails: Sequence[Trail], ends: Ends
 ) -> Iterator[Point]:
     """Events on the pieces between branch points; a piece as short as rounding has none."""
     places = [segment.first, *sorted(cuts, key=lambda point: point.arclength), segment.last]
@@ -258,24 +264,25 @@ def _between(
             Trail(t.event, {0.0: value, 0.5: measure(t.event, middle), 1.0: measure(t.event, end)})
             for t, value in zip(trails, values, strict=True)
         ]
-        yield from _events_on(
-            piece, parts, first and start is segment.first, last and end is segment.last
-        )
+        at_first, at_last = start is segment.first, end is segment.last
+        own = Ends(ends.first and at_first, ends.last and at_last, ends.closed and at_last)
+        yield from _events_on(piece, parts, own)
         values = [part.values[1.0] for part in parts]
 
 
-def _at_ends(segment: Segment, trail: Trail, first: bool, last: bool) -> Iterator[Point]:
+def _at_ends(segment: Segment, trail: Trail, ends: Ends) -> Iterator[Point]:
     """Events at the very start or end of the walk, within rounding."""
     if trail.jumps:
         return
     start, end = trail.values[0.0], trail.values[1.0]
     change = abs(end - start)
-    if first and abs(start) < _AT_END * change:
+    if ends.first and abs(start) < _AT_END * change:
         trail.values[0.0] = 0.0
         yield _at_end(segment, trail.event, 0.0)
-    elif last and abs(end) < _AT_END * change:
-        trail.values[1.0] = math.copysign(math.ulp(0.0), start)  # found already, no change left
-        yield _at_end(segment, trail.event, 1.0)
+    elif (ends.last or ends.closed) and abs(end) < _AT_END * change:
+        trail.values[1.0] = math.copysign(math.ulp(0.0), start)  # no change left to be found
+        if ends.last:
+            yield _at_end(segment, trail.event, 1.0)
 
 
 def _at_end(segment: Segment, event: Event, u: float) -> Point:
@@ -362,6 +369,10 @@ def _located(segment: Segment, trail: Trail, left: float, right: float) -> Itera
     for low, high, point in finder(segment, trail, left, right):
         u = 0.5 * (low + high)
         trail.settle(u, left, right)
+        if not trail.jumps and trail.event.polish is None:
+            for beyond in (u - _BEYOND, u + _BEYOND):
+                if left < beyond < right:
+                    trail.learn(beyond, measure(trail.event, segment.at(beyond)))
         yield _special(point, trail.event, (low, high), segment)
 
 
@@ -396,7 +407,7 @@ def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
     if float(look(left)) * float(look(right)) > 0:  # what was seen on the cubic is not there
         trail.done.append((left, right))
         return
-    u = brentq(look, left, right, xtol=1e-15, rtol=1e-14)
+    u = brentq(look, left, right, xtol=1e-15, rtol=1e-14, disp=False)
     polished = _polish(segment, event, u, left, right)
     point = polished[2] if polished else segment.at(u)
     if polished is not None:

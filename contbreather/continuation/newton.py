@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgesv
 
-from ..errors import BadInput
-
 Array = NDArray[np.float64]
 
-# What equations raise where they have no value; anything else is a bug and must surface.
-OUT_OF_DOMAIN = (BadInput, ArithmeticError, np.linalg.LinAlgError)
+# What equations raise where they have no value: `BadInput` and ``math.sqrt(-1.0)`` among them, both
+# ValueError. Anything else is a bug and must surface.
+OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 
 
 class Undefined(ArithmeticError):

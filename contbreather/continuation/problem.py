@@ -34,7 +34,7 @@ class Problem:
     residual : callable
         ``residual(x, params) -> array`` with as many entries as `x`. `x` is a one-dimensional
         array in the order of `start`, `params` a dict of floats. Where the equations have no
-        value it raises `BadInput`, an `ArithmeticError` or returns a NaN: the branch ends there.
+        value it raises a `ValueError` or `ArithmeticError` or returns a NaN: the branch ends there.
     start : dict
         Name and start value of each unknown; a value may be a one-dimensional array.
     params : dict
@@ -170,14 +170,14 @@ class Problem:
             found = newton(curve.equations, curve.jacobian, self.x, tolerance=tolerance, most=30)
         except Undefined as error:
             raise NotConverged(
-                f"the start {self._shown()} is no solution (residual {before:.3g}) and Newton's "
+                f"the start {self.shown()} is no solution (residual {before:.3g}) and Newton's "
                 f"iteration from it leaves the domain: {error}",
                 residual=before,
             ) from error
         scale = 1 + float(abs(found.z).max())
         if not found.converged or found.residual > 1e-6 * scale:
             raise NotConverged(
-                f"the start {self._shown()} is no solution: residual {before:.3g}, and "
+                f"the start {self.shown()} is no solution: residual {before:.3g}, and "
                 f"{found.residual:.3g} after {found.iterations} Newton iterations; "
                 "start closer to a solution or at other parameters",
                 residual=before,
@@ -188,7 +188,8 @@ class Problem:
         }
         return replace(self, start=start), found
 
-    def _shown(self) -> str:
+    def shown(self) -> str:
+        """The start and the parameters, as far as they are numbers."""
         values = {**self.start, **self.params}
         return ", ".join(
             f"{name}={float(value):.6g}" for name, value in values.items() if np.ndim(value) == 0
@@ -311,7 +312,12 @@ class Curve:
 
     def check(self) -> None:
         """Refuse wrong shapes and wrong derivatives before anything is built on them."""
-        value = self.equations(self.start)
+        try:
+            value = self.equations(self.start)
+        except Undefined as error:
+            raise BadInput(
+                f"the equations have no value at the start {self.problem.shown()}: {error}"
+            ) from error
         if value.shape != (self.size,):
             raise BadInput(
                 f"the residual has shape {value.shape} for {self.size} unknowns; "

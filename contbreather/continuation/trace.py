@@ -10,11 +10,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import BadInput
+from ..errors import BadInput, NotConverged
 from .branch import Branch, Point, Stop, labelled
 from .crossing import crossing
 from .events import Event
-from .location import Found, Segment, Value, closest, find, measure, tangent_at
+from .location import Ends, Found, Segment, Value, closest, find, measure, tangent_at
 from .newton import Solution, Undefined, newton, solve
 from .problem import Curve, Problem
 from .progress import Progress
@@ -28,8 +28,9 @@ Within = Mapping[str, tuple[float, float]]
 # the curve to hide inside a step.
 _TURN = 0.45
 _AIM = 0.15
-_STRAY = 0.02
+_STRAY = 0.003
 _FINE = 1e-7  # relative distance at which a curve has come back to its start
+_OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
 _ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
@@ -102,6 +103,8 @@ def trace(
     """
     if towards not in ("both", "up", "down"):
         raise BadInput(f"towards must be 'both', 'up' or 'down', got {towards!r}")
+    if events is not None:
+        events = tuple(events)  # both walks need them
     with Progress(progress, free) as shown:
         sides = ("down", "up") if towards == "both" else (towards,)
         branches = []
@@ -386,7 +389,7 @@ class Walker:
             place, point = segment.settled(found.solution, found.tangents)
         except Undefined:
             return None
-        return point if -_STRAY < place < 1 + _STRAY else None
+        return point if -_OUTSIDE < place < 1 + _OUTSIDE else None
 
     def _peeks(self, point: Point, last: Point, length: float) -> bool:
         """Whether the cubic through both ends leaves the window and comes back."""
@@ -418,9 +421,9 @@ class Walker:
         if not self.events:
             return Found((), (), ())
         segment = Segment(point, step.point, self.steps.tolerance)
-        last = step.stop is Stop.BOUND
+        ends = Ends(first, step.stop is Stop.BOUND, step.stop is Stop.CLOSED)
         try:
-            return find(segment, self.events, tests, crossing=step.crossing, first=first, last=last)
+            return find(segment, self.events, tests, crossing=step.crossing, ends=ends)
         except Undefined as error:
             raise Failed(Stop.RIM, f"while locating an event: {error}") from error
 
@@ -482,8 +485,32 @@ def _settled(problem: Problem, free: str, tolerance: float) -> tuple[Curve, floa
     value = curve.equations(curve.start)
     if (abs(value) <= _ROUNDING * curve.rows * (1 + abs(curve.start / curve.scales).max())).all():
         return curve, float(abs(value).max())
-    problem, found = problem.solve(tolerance=tolerance)
+    try:
+        problem, found = problem.solve(tolerance=tolerance)
+    except NotConverged:
+        nearest = _nearest(curve, tolerance)
+        if nearest is None:
+            raise
+        return nearest
     return Curve(problem, (free,)), found.residual
+
+
+def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
+    """The curve started at a solution a hair away, with another value of the parameter: just
+    beyond a fold there is none at the same."""
+    z = curve.start
+    try:
+        tangent, _ = tangent_at(curve, z, np.eye(1, z.size, z.size - 1)[0])
+        row, metric = curve.dual(tangent), curve.metric
+        found = newton(
+            curve.equations, curve.jacobian, z, row=row, metric=metric, tolerance=tolerance
+        )
+    except Undefined:
+        return None
+    if not found.converged or curve.length(found.z - z) > _GAP * (1 + curve.length(z)):
+        return None
+    moved = Point(curve, found.z, tangent, 0.0, found.residual)
+    return Curve(moved.problem, curve.free), found.residual
 
 
 def _first_tangent(curve: Curve) -> tuple[Array, int]:

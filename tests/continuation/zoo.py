@@ -106,15 +106,15 @@ ISOLA = Case(  # with X = x^2, L = l^2: L = 1 - X -+ sqrt(0.8 - 4X), folds where
 def crowded(eps: float) -> Case:
     """``x (l - x^3 + eps x) = 0`` on its second factor: two folds around a branch point."""
     x = math.sqrt(eps / 3)
-    l = 2 * x**3
+    high = 2 * x**3
     return Case(
         f"crowded {eps:g}",
         scalar(lambda x, p: x * (p["l"] - x**3 + eps * x), 1.0, {"l": 1 - eps}),
         "l",
         (
-            ("LP", {"x": -x, "l": l}),
+            ("LP", {"x": -x, "l": high}),
             ("BP", {"x": 0.0, "l": 0.0}),
-            ("LP", {"x": x, "l": -l}),
+            ("LP", {"x": x, "l": -high}),
         ),
         within={"x": (-1.0, 1.0)},
     )
