@@ -1,0 +1,224 @@
+"""What happens to orbits with impacts on their branch: LP, PF, PD, NS, GR, each with its locus.
+
+A multiplier +1 is a zero of the orbit's own equations, offsets included, so folds (and, in
+`contbreather.breathers.orbit_problem`, branch points) are the engine's; -1 is one scalar, a pair on
+the circle is counted and located by two equations for its angle, grazing by two and the time.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.orbit_admissibility import admissibility, motion
+from contbreather.breathers.orbits import Orbit
+from contbreather.continuation import Event, Locus, Point, fold
+from contbreather.continuation.newton import Undefined
+from contbreather.continuation.problem import Curve
+from contbreather.errors import BadInput
+from contbreather.lattice import Lattice, Ring
+from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.winding import Count
+
+Array = NDArray[np.float64]
+
+PAPER = 1.005  # threshold on rings, over one period
+
+
+def orbit_fold() -> Event:
+    """LP of an orbit with two impacts and unequal flights.
+
+    Where its flights become equal the branch turns back as well, but that is its pitchfork. There
+    the test of a fold and the asymmetry vanish together, and their ratio does not.
+    """
+    plain = fold()
+
+    def test(point: Point) -> float:
+        asymmetry = _orbit(point).asymmetry
+        return math.nan if asymmetry == 0.0 else plain.test(point) / asymmetry
+
+    return Event("LP", test, locus=plain.locus, verify=plain.verify)
+
+
+def pitchfork_of_arms() -> Event:
+    """PF of an orbit with two impacts: both flights become equal, ``t2 - t1 = pi``.
+
+    Nothing changes sign there but the asymmetry itself: both arms are mirror images.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> from contbreather.breathers.arms import asymmetric
+    >>> arm = asymmetric(0.8, 0.04, 0.8).problem
+    >>> branch = cb.trace(arm, "a", towards="down", events=[pitchfork_of_arms()],
+    ...                   within={"a": (0.7, 0.81)})
+    >>> round(branch.first("PF")["a"], 12)
+    0.777632425944
+    """
+    locus = Locus({}, _equal_flights, _equal_flights_slope)
+    return Event("PF", lambda point: _orbit(point).asymmetry, locus=lambda point: locus)
+
+
+def period_doubling() -> Event:
+    """PD: a multiplier passes -1 (`OrbitMap.minus_one`)."""
+    return Event(
+        "PD",
+        lambda point: _orbit(point).map.minus_one(),
+        locus=lambda point: Locus({}, _minus_one),
+        verify=_verify_doubling,
+    )
+
+
+def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = PAPER) -> Event:
+    """NS: a complex pair of multipliers leaves the unit circle.
+
+    Of the infinite chain unless ``on`` is a ring: there a pair passes the modulus ``threshold``
+    over one period, as in the paper.
+    """
+    if not isinstance(on, Ring):
+        return Event("NS", _chain_pairs, locus=_arc_locus)
+    if not (math.isfinite(threshold) and threshold > 1.0):
+        raise BadInput(
+            f"threshold = {threshold}: on a ring multipliers sit on the unit circle; a modulus "
+            "above 1 is wanted, 1.005 in the paper"
+        )
+    return Event(
+        "NS",
+        lambda point: _counted(_orbit(point).map, threshold).pairs,
+        locus=lambda point: _circle_locus(point, threshold),
+    )
+
+
+def orbit_grazing() -> Event:
+    """GR: a site comes to touch a wall at an impact that the orbit does not name; terminal."""
+    return Event(
+        "GR",
+        lambda point: admissibility(_orbit(point)).margin,
+        terminal=True,
+        positive=True,
+        locus=_grazing_locus,
+    )
+
+
+def events_on(lattice: Lattice) -> tuple[Event, ...]:
+    """The events that any orbit with impacts can meet, apart from multipliers +1."""
+    return (period_doubling(), orbit_neimark_sacker(on=lattice), orbit_grazing())
+
+
+def unstable(orbit: Orbit) -> int:
+    """Multipliers outside: isolated ones on the infinite chain, beyond the threshold on a ring."""
+    return _counted(orbit.map, 1.0 if orbit.lattice.sites is None else PAPER).count
+
+
+@lru_cache(maxsize=64)
+def _counted(map: OrbitMap, radius: float) -> Count:
+    # the event and the column of a table ask for the same count
+    return map.count(radius)
+
+
+def _orbit(point: Point) -> Orbit:
+    orbit: Orbit = point.solution
+    return orbit
+
+
+def _at(curve: Curve, z: Array) -> Orbit:
+    return _orbit(Point(curve, z, np.empty(0), 0.0, 0.0))
+
+
+# --- equal flights ------------------------------------------------------------------------------
+
+
+def _equal_flights(curve: Curve, z: Array, extra: Array) -> Array:
+    return np.array([z[curve.slots["t2"]] - z[curve.slots["t1"]] - math.pi])
+
+
+def _equal_flights_slope(curve: Curve, z: Array, extra: Array) -> Array:
+    row = np.zeros((1, z.size))
+    row[0, curve.slots["t2"]], row[0, curve.slots["t1"]] = 1.0, -1.0
+    return row
+
+
+# --- period doubling ------------------------------------------------------------------------------
+
+
+def _minus_one(curve: Curve, z: Array, extra: Array) -> Array:
+    return np.array([_at(curve, z).map.minus_one()])
+
+
+def _verify_doubling(point: Point) -> str:
+    map = _orbit(point).map
+    size = float(np.prod([1.0 + abs(kick.b) for kick in map.kicks]))
+    value = map.minus_one()
+    return "" if abs(value) < 1e-8 * size else f"D(-1) = {value:.2g} is not zero"
+
+
+# --- Neimark-Sacker -------------------------------------------------------------------------------
+
+
+def _chain_pairs(point: Point) -> int:
+    return _counted(_orbit(point).map, 1.0).pairs
+
+
+def _arc_locus(point: Point) -> Locus:
+    """F = 0 on the circle, at the angle where it is nearest to that."""
+    map = _orbit(point).map
+    if map.gamma == 0.0 and map.lattice.sites is None:
+        raise Undefined("at gamma = 0 there is no band for a pair to come out of")
+    return Locus({"kappa": map.nearest()}, _arc_conditions)
+
+
+def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
+    value = complex(_at(curve, z).map.F(np.array([extra[0]]))[0])
+    return np.array([value.real, value.imag])
+
+
+def _circle_locus(point: Point, threshold: float) -> Locus:
+    """A multiplier of the ring on the circle of the threshold."""
+    depth = -0.5j * math.log(threshold) / math.pi
+    mu = _orbit(point).map.coupled_multipliers()
+    mu = mu[mu.imag > 0.0]
+    nearest = mu[int(np.abs(np.abs(mu) - threshold).argmin())]
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        value = complex(_at(curve, z).map.D(np.array([extra[0] + depth]))[0])
+        return np.array([value.real, value.imag])
+
+    return Locus({"kappa": float(np.angle(nearest)) / (2.0 * math.pi)}, conditions)
+
+
+# --- grazing --------------------------------------------------------------------------------------
+
+
+def _grazing_locus(point: Point) -> Locus:
+    """``u = wall, u' = 0`` at an unknown time, for the site that is closest to its walls."""
+    orbit = _orbit(point)
+    worst = admissibility(orbit)
+    site, t = worst.site, worst.time
+    if site in orbit.equations.sites and any(t == impact.time for impact in orbit.impacts):
+        raise Undefined(f"an impact of site {site} itself loses its velocity: no grazing to follow")
+    wall = math.copysign(1.0, motion(orbit, site, t)[0])
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        u, v, _ = motion(_at(curve, z), site, float(extra[0]))
+        return np.array([wall * u - 1.0, wall * v])
+
+    return Locus({"t": t}, conditions, events=(_other_grazing(site),))
+
+
+def _other_grazing(site: int | None) -> Event:
+    """Where one site grazes, the others must still keep off their walls."""
+
+    def test(point: Point) -> float:
+        orbit = _orbit(point)
+        margins = admissibility(orbit)
+        own = "far" if site is None else "centre" if site in orbit.equations.sites else "neighbours"
+        kinds = {"far", "neighbours", "centre"} - {own}
+        if orbit.gamma == 0.0 and own != "centre":
+            kinds = {"centre"}  # without coupling all others follow the forcing alike
+        return min(float(getattr(margins, kind)) for kind in kinds)
+
+    met = Event("GR", lambda point: test(point), locus=_grazing_locus)
+    return Event("GR-GR", test, terminal=True, positive=True, met=met)

@@ -1,0 +1,333 @@
+"""Periodic Green's function: how the lattice answers unit impulses that recur once a period.
+
+Over T = 2 pi n, mode w answers ``g_w(s) = cos(w (T/2 - s))/(2 w sin(w T/2))``, s in [0, T]. Its
+limit ``1/(w^2 T)`` is a static push: it belongs to the offsets of the orbit, which balance the
+mean impulses, and is taken out here, mode by mode,
+
+    ``h_d(s) = <cos(d theta) [g_w(s) - 1/(w^2 T)]>``,   d the distance between the two sites.
+
+Time in units of n turns every n into n = 1 with ``n^2 gamma`` in place of gamma. There, with
+``y = pi - s``, partial fractions give
+``h = -(1/pi) sum over j of <cos(d theta)/(j^2 - w^2)> cos js``. Expanded in ``w^2``, the
+sums over j are Bernoulli polynomials: one even polynomial in y holds the moments of the band up to
+order 18, and what is beyond lives in the harmonics 1 and 2 alone (of the third there is 9^-19). So
+the limits w -> 0 and gamma -> 0 are exact, impacts included.
+
+Where ``2 sqrt(gamma) >= 1/n`` a harmonic j/n of the orbit lies in the band. The infinite chain
+radiates it: no localised orbit of that period exists. A ring has modes of its own, which are then
+summed one by one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import zeta
+
+from contbreather.errors import BadInput
+from contbreather.lattice.green import TERMS
+from contbreather.lattice.modes import Lattice, Ring, check_gamma
+
+FloatArray = NDArray[np.float64]
+Table = tuple[float, ...]
+Four = tuple[Any, Any, Any, Any]
+
+POWERS = 16  # even powers of y: pi^32/32! < 1e-19
+LOW = 0.5  # modes of a resonant ring below this, in units of 1/n, go by the polynomial
+APART = 1e-9  # a mode this close to a harmonic is in resonance with it
+
+
+class Modes(NamedTuple):
+    """Modes summed one by one: ``alpha cos(W y) + beta y sin(W y)``, and a constant for all."""
+
+    W: FloatArray
+    alpha: FloatArray
+    beta: FloatArray
+    constant: float
+
+
+@dataclass(frozen=True)
+class Wave:
+    """One site's answer to unit impulses once a period, or that answer's slope in gamma.
+
+    In units of n: ``sum of powers[i] y^2i + first cos y + second cos 2y``, ``y = pi - s``. Values
+    for floats and for arrays alike; floats never touch numpy.
+    """
+
+    periods: int
+    powers: Table
+    first: float
+    second: float
+    modes: Modes | None = None
+    tables: tuple[Table, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        even = [(2 * i, c) for i, c in enumerate(self.powers)]
+        tables = (
+            [c for _, c in even],
+            [m * c for m, c in even[1:]],  # slope/y
+            [m * (m - 1) * c for m, c in even[1:]],  # curvature
+            [m * (m - 1) * (m - 2) * c for m, c in even[2:]],  # jerk/y
+            [m * (m - 2) * c for m, c in even[2:]],  # slope of slope/y, over y
+        )
+        object.__setattr__(self, "tables", tuple(tuple(table[::-1]) for table in tables))
+
+    def at(self, s: Any) -> Four:
+        """Value and first three derivatives at any time s since an impulse; at the impulse
+        itself those just after it."""
+        n = self.periods
+        value, slope, curvature, jerk = self.about(math.pi - (s / n) % (2.0 * math.pi))
+        return n * value, -slope, curvature / n, -jerk / (n * n)
+
+    def about(self, y: Any) -> Four:
+        """The same for n = 1 as a function of ``y = pi - s`` in [-pi, pi], derivatives in y."""
+        z = y * y
+        t = self.tables
+        c, s = (math.cos(y), math.sin(y)) if isinstance(y, float) else (np.cos(y), np.sin(y))
+        a, b, c2, s2 = self.first, self.second, c * c - s * s, 2.0 * c * s
+        four = (
+            _horner(t[0], z) + a * c + b * c2,
+            _horner(t[1], z) * y - a * s - 2.0 * b * s2,
+            _horner(t[2], z) - a * c - 4.0 * b * c2,
+            _horner(t[3], z) * y + a * s + 8.0 * b * s2,
+        )
+        if self.modes is None:
+            return four
+        more = _mode_by_mode(self.modes, y)
+        return tuple(one + other for one, other in zip(four, more, strict=True))
+
+    def slope_ratio(self, y: float) -> tuple[float, float]:
+        """``slope/y`` and its derivative in y for n = 1, smooth through mid period y = 0."""
+        z = y * y
+        (s1, d1), (s2, d2) = sinc(y), sinc(2.0 * y)
+        value = _horner(self.tables[1], z) - self.first * s1 - 4.0 * self.second * s2
+        bend = y * _horner(self.tables[4], z) - self.first * d1 - 8.0 * self.second * d2
+        return value, bend
+
+
+def _horner(table: Table, z: Any) -> Any:
+    total = 0.0
+    for c in table:
+        total = total * z + c
+    return total
+
+
+def sinc(y: float) -> tuple[float, float]:
+    """``sin(y)/y`` and its derivative."""
+    if abs(y) < 0.2:
+        z = y * y
+        value = 1.0 - z / 6.0 * (
+            1.0 - z / 20.0 * (1.0 - z / 42.0 * (1.0 - z / 72.0 * (1.0 - z / 110.0)))
+        )
+        slope = -y / 3.0 * (1.0 - z / 10.0 * (1.0 - z / 28.0 * (1.0 - z / 54.0 * (1.0 - z / 88.0))))
+        return value, slope
+    value = math.sin(y) / y
+    return value, (math.cos(y) - value) / y
+
+
+def _mode_by_mode(modes: Modes, y: Any) -> Four:
+    W, alpha, beta, constant = modes
+    angle = np.multiply.outer(y, W)
+    c, s = np.cos(angle), np.sin(angle)
+    y = np.asarray(y)
+    W2 = W * W
+    return (
+        c @ alpha + y * (s @ beta) + constant,
+        s @ (beta - alpha * W) + y * (c @ (beta * W)),
+        c @ (2.0 * beta * W - alpha * W2) - y * (s @ (beta * W2)),
+        s @ (alpha * W2 * W - 3.0 * beta * W2) - y * (c @ (beta * W2 * W)),
+    )
+
+
+# --- from a lattice -------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=4096)
+def wave(lattice: Lattice, gamma: float, distance: int, periods: int = 1) -> Wave:
+    """The periodic Green's function between two sites, without its static part.
+
+    Parameters
+    ----------
+    lattice : InfiniteChain or Ring
+    gamma : float
+        Coupling in [0, 1/4).
+    distance : int
+        Bonds between the site that is pushed and the one that is watched.
+    periods : int
+        n, for impulses that recur after 2 pi n.
+
+    Raises
+    ------
+    BadInput
+        In resonance: on the infinite chain where a harmonic 1/n lies in the band,
+        ``gamma >= 1/(4 n^2)``; on a ring where one of its modes is a harmonic.
+
+    Examples
+    --------
+    An impulse changes the velocity of its own site by 1, and of no other:
+
+    >>> from contbreather.lattice.modes import InfiniteChain
+    >>> after = [wave(InfiniteChain(), 0.12, d).at(0.0)[1] for d in (0, 1)]
+    >>> [abs(round(2 * slope, 12)) for slope in after]
+    [1.0, 0.0]
+    """
+    scaled = check_coupling(lattice, gamma, periods)
+    if scaled >= 0.25:
+        return _resonant(lattice, gamma, distance, periods)[0]
+    moments = lattice.moments(distance) * (4.0 * scaled) ** _ORDERS
+    first = float(lattice.first_harmonic(scaled, distance))
+    second = float(lattice.first_harmonic(0.25 * scaled, distance))
+    return _from_moments(moments, first, 0.25 * second, periods)
+
+
+@lru_cache(maxsize=4096)
+def wave_slope(lattice: Lattice, gamma: float, distance: int, periods: int = 1) -> Wave:
+    """Derivative of `wave` with respect to gamma: again a `Wave`; parameters and errors alike.
+
+    Examples
+    --------
+    >>> from contbreather.lattice.modes import InfiniteChain
+    >>> chain, h = InfiniteChain(), 1e-5
+    >>> low, high = (wave(chain, 0.12 + x, 2).at(1.0)[0] for x in (-h, h))
+    >>> round((high - low) / (2 * h) - wave_slope(chain, 0.12, 2).at(1.0)[0], 6) + 0.0
+    0.0
+    """
+    scaled = check_coupling(lattice, gamma, periods)
+    if scaled >= 0.25:
+        return _resonant(lattice, gamma, distance, periods)[1]
+    n2 = periods * periods
+    powers = (4.0 * scaled) ** np.maximum(_ORDERS - 1, 0)
+    moments = lattice.moments(distance) * 4.0 * _ORDERS * powers
+    first = float(lattice.dfirst_harmonic(scaled, distance))
+    second = float(lattice.dfirst_harmonic(0.25 * scaled, distance))
+    return _from_moments(n2 * moments, n2 * first, 0.0625 * n2 * second, periods)
+
+
+def check_coupling(lattice: Lattice, gamma: float, periods: int) -> float:
+    """``n^2 gamma``, or why no orbit of n periods lives at this coupling."""
+    gamma = check_gamma(gamma)
+    if isinstance(periods, bool) or not isinstance(periods, int) or periods < 1:
+        raise BadInput(f"periods = {periods!r}: a whole number of forcing periods, 1 or more.")
+    scaled = periods * periods * gamma
+    if scaled >= 0.25 and lattice.sites is None:
+        raise BadInput(
+            f"an orbit of {periods} forcing periods has the harmonic 1/{periods}, which lies in "
+            f"the band [0, {2 * math.sqrt(gamma):.6g}] of gamma = {gamma:.6g}: the infinite chain "
+            f"radiates it away. Stay below gamma = 1/{4 * periods**2}, or take a ring."
+        )
+    return scaled
+
+
+_ORDERS = np.arange(TERMS + 1)
+_QUARTERS = 0.25 ** (_ORDERS + 1.0)
+
+
+def _from_moments(moments: FloatArray, first: float, second: float, periods: int) -> Wave:
+    """`Wave` from ``<w^2l cos>`` and the whole harmonics ``<cos/(j^2 - w^2)>``, j = 1, 2."""
+    # what the polynomial already holds of both harmonics
+    first -= float(moments.sum())
+    second -= float(moments @ _QUARTERS)
+    # -(1/pi) cos s = (1/pi) cos y, -(1/pi) cos 2s = -(1/pi) cos 2y
+    return Wave(
+        periods, tuple((_bernoulli() @ moments).tolist()), first / math.pi, -second / math.pi
+    )
+
+
+@lru_cache(maxsize=1)
+def _bernoulli() -> FloatArray:
+    """``-1/pi`` times the coefficients of y^2i in ``sum over j of (-1)^j cos(jy)/j^(2l+2)``."""
+    table = np.zeros((POWERS, TERMS + 1))
+    for i in range(POWERS):
+        for order in range(max(i - 1, 0), TERMS + 1):
+            r = 2 * (order + 1 - i)
+            alternating = 0.5 if r == 0 else (1.0 - 2.0 ** (1 - r)) * zeta(r)
+            table[i, order] = (-1) ** i * alternating / (math.pi * math.factorial(2 * i))
+    return table
+
+
+# --- a ring with modes beyond its first harmonic --------------------------------------------
+
+
+@lru_cache(maxsize=256)
+def _resonant(lattice: Lattice, gamma: float, distance: int, periods: int) -> tuple[Wave, Wave]:
+    """`wave` and `wave_slope` of a ring whose band reaches over a harmonic."""
+    theta, weight, w = lattice.nodes(gamma)
+    W, amplitude = periods * w, weight * np.cos(distance * theta)
+    off = np.abs(W - np.round(W))
+    clash = np.flatnonzero((off < APART) & (W > 0.5))
+    if clash.size:
+        raise BadInput(
+            f"on {lattice} at gamma = {gamma:.9g} the mode of frequency {w[clash[0]]:.9g} is in "
+            f"resonance with an orbit of {periods} forcing periods: change gamma or the ring."
+        )
+    low = LOW > W
+    x, a = W[low] ** 2, amplitude[low]
+    powers = x[:, None] ** _ORDERS
+    moments, slopes = a @ powers, (a @ (powers * _ORDERS)) / gamma
+    whole = [a @ (1.0 / (j * j - x)) for j in (1, 2)]
+    bent = [a @ (x / (j * j - x) ** 2) / gamma for j in (1, 2)]
+    smooth = _from_moments(moments, float(whole[0]), float(whole[1]), periods)
+    steep = _from_moments(slopes, float(bent[0]), float(bent[1]), periods)
+    value, slope = _high_modes(W[~low], amplitude[~low], gamma)
+    return (
+        Wave(periods, smooth.powers, smooth.first, smooth.second, value),
+        Wave(periods, steep.powers, steep.first, steep.second, slope),
+    )
+
+
+def _high_modes(W: FloatArray, a: FloatArray, gamma: float) -> tuple[Modes, Modes]:
+    sine, cosine = np.sin(math.pi * W), np.cos(math.pi * W)
+    alpha = a / (2.0 * W * sine)
+    value = Modes(W, alpha, np.zeros_like(W), -float(np.sum(a / (2.0 * math.pi * W * W))))
+    speed = W / (2.0 * gamma)  # dW/dgamma
+    alpha_slope = -alpha * (1.0 / W + math.pi * cosine / sine) * speed
+    constant = float(np.sum(a / (math.pi * W**3) * speed))
+    return value, Modes(W, alpha_slope, -alpha * speed, constant)
+
+
+def is_resonant(lattice: Lattice, gamma: float, periods: int) -> bool:
+    """Whether a harmonic of an orbit of n periods lies inside the band (rings only)."""
+    return isinstance(lattice, Ring) and 4.0 * periods * periods * gamma >= 1.0
+
+
+# --- many sites at once -------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def wave_table(
+    lattice: Lattice, gamma: float, distances: tuple[int, ...], periods: int = 1
+) -> FloatArray | None:
+    """The numbers of `wave` for several distances at once: rows to multiply `wave_basis` with.
+
+    None on a ring whose modes are summed one by one.
+    """
+    scaled = check_coupling(lattice, gamma, periods)
+    if scaled >= 0.25:
+        return None
+    moments = _moments(lattice, distances) * (4.0 * scaled) ** _ORDERS
+    n = np.array(distances)
+    first = np.asarray(lattice.first_harmonic(scaled, n)) - moments.sum(axis=1)
+    second = 0.25 * np.asarray(lattice.first_harmonic(0.25 * scaled, n)) - moments @ _QUARTERS
+    ends = np.stack([first, -second], axis=1) / math.pi
+    return periods * np.concatenate([moments @ _bernoulli().T, ends], axis=1)
+
+
+@lru_cache(maxsize=64)
+def _moments(lattice: Lattice, distances: tuple[int, ...]) -> FloatArray:
+    return np.array([lattice.moments(distance) for distance in distances])
+
+
+def wave_basis(s: FloatArray, periods: int = 1) -> FloatArray:
+    """What every site's answer at the times s is made of, shape (POWERS + 2, times)."""
+    y = math.pi - (s / periods) % (2.0 * math.pi)
+    basis = np.empty((POWERS + 2, y.size))
+    basis[0], basis[1:POWERS] = 1.0, y * y
+    np.multiply.accumulate(basis[:POWERS], axis=0, out=basis[:POWERS])
+    basis[POWERS] = np.cos(y)
+    basis[POWERS + 1] = 2.0 * basis[POWERS] ** 2 - 1.0
+    return basis

@@ -1,0 +1,499 @@
+"""Stability of any periodic orbit with impacts: the monodromy matrix, reduced to the impacts.
+
+Over n forcing periods ``M = Q(T_m) S_m ... Q(T_1) S_1``: free flights Q and one 2x2 block ``S_j``
+at the impacting site for each of the m impacts (19). A perturbation that grows by mu a period is
+known from what it is at the impacts, ``x_i = sum over j of X_ij(mu) (S_j - 1) x_j`` with the mean
+propagators X of `contbreather.stability.propagators`. So, whatever the number of sites,
+
+    ``D(mu) = det(1 - X(mu) (S - 1))``,   2m x 2m,   D -> 1 as mu -> infinity,
+
+vanishes at the multipliers the impacts make. With mu = exp(2 pi i kappa) the aliases kappa and
+kappa - 1 may lie in the band. Each enters X as a matrix of rank one times its resolvent g, infinite
+at mu = 1 and at the band's edges: we border the determinant by these vectors, with 1/g in the
+corner. ``F = D/(g(kappa) g(kappa - 1))`` is that bordered determinant, continuous and bounded along
+the whole unit circle, arcs included (there: the limit from outside). Its turning along the upper
+half of the circle is a whole number of half turns and counts the multipliers outside:
+``count = 1 - turning/pi``; the 1 is what the resolvents themselves turn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice.modes import InfiniteChain, Lattice, Ring
+from contbreather.lattice.periodic import check_coupling
+from contbreather.stability.monodromy import Kick, monodromy
+from contbreather.stability.propagators import (
+    DEEP,
+    Propagators,
+    in_band,
+    propagators,
+    resolvent,
+    root,
+)
+from contbreather.stability.saltation import saltation
+from contbreather.stability.winding import Count
+
+Array = NDArray[Any]
+
+GRID = 24  # samples between two singular places of the circle; refinement does the rest
+TURN = 0.6  # largest step of F between neighbouring samples, relative to its modulus
+DEPTH = 40  # halvings of one interval
+CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
+EDGE = 1e-7  # with several sites the very ends of the band are not evaluated
+
+
+@dataclass(frozen=True)
+class OrbitMap:
+    """The map of small perturbations over one period of an orbit with impacts.
+
+    Parameters
+    ----------
+    gamma, k : float
+        Coupling and restitution coefficient.
+    kicks : sequence of (site, time, b)
+        The impacts of one period in order; b as in `saltation_entry`.
+    periods : int
+        n, for an orbit of period 2 pi n.
+    lattice : InfiniteChain or Ring
+
+    Raises
+    ------
+    BadInput
+        Without impacts, times out of order or beyond one period, gamma or k out of range, or a
+        resonance (see `contbreather.lattice.periodic.wave`).
+
+    Examples
+    --------
+    The symmetric breather hits both walls half a period apart; it is stable below its pitchfork:
+
+    >>> [OrbitMap(0.04, 0.8, [(0, 0.0, b), (0, math.pi, b)]).count().count for b in (0.9, 1.1)]
+    [0, 1]
+    """
+
+    gamma: float
+    k: float
+    kicks: tuple[Kick, ...]
+    periods: int = 1
+    lattice: Lattice = InfiniteChain()
+
+    def __post_init__(self) -> None:
+        kicks = tuple(Kick(int(site), float(time), float(b)) for site, time, b in self.kicks)
+        object.__setattr__(self, "kicks", kicks)
+        if not kicks:
+            raise BadInput("an orbit without impacts is neutral: give at least one impact.")
+        if not all(math.isfinite(kick.time + kick.b) for kick in kicks):
+            raise BadInput("the times of impact and the entries b must be finite numbers.")
+        if not 0.0 <= self.k <= 1.0:
+            raise BadInput(f"k = {self.k}: a restitution coefficient lies between 0 and 1.")
+        times = [kick.time for kick in kicks]
+        late = times[-1] - times[0] - 2.0 * math.pi * self.periods
+        if late > 0.0 or any(b < a for a, b in pairwise(times)):
+            raise BadInput(
+                f"impacts at {times}: give them in order of time, all within one period "
+                f"2 pi {self.periods}."
+            )
+        check_coupling(self.lattice, self.gamma, self.periods)
+
+    @property
+    def scaled(self) -> float:
+        """The coupling in units of n forcing periods."""
+        return self.periods**2 * self.gamma
+
+    @property
+    def edge(self) -> float:
+        """Upper edge of the band as a kappa."""
+        return 2.0 * math.sqrt(self.scaled)
+
+    # --- the reduced matrix ---
+
+    @cached_property
+    def _sites(self) -> tuple[Array, Array]:
+        """Sites of the impacts, from the first one on, and distances between any two impacts."""
+        sites = np.array([kick.site for kick in self.kicks])
+        sites = sites - sites.min()
+        apart = np.abs(sites[:, None] - sites)
+        ring = self.lattice.sites
+        return sites, apart if ring is None else np.minimum(apart % ring, -apart % ring)
+
+    @cached_property
+    def _propagators(self) -> list[tuple[Array, Array, Propagators]]:
+        """Pairs (i, j) of impacts and their propagators, by distance."""
+        times = np.array([kick.time for kick in self.kicks]) / self.periods
+        apart = times[:, None] - times
+        found = []
+        for distance in np.unique(self._sites[1]):
+            i, j = np.nonzero(self._sites[1] == distance)
+            same = propagators(self.lattice, self.scaled, int(distance), apart[i, j])
+            found.append((i, j, same))
+        return found
+
+    @cached_property
+    def _jumps(self) -> Array:
+        """``S_j - 1`` with velocities in units of 1/n, shape (m, 2, 2)."""
+        one = np.eye(2)
+        return np.array([saltation(self.k, self.periods * kick.b) - one for kick in self.kicks])
+
+    def _matrix(self, kappa: Array, without: Sequence[int] = ()) -> Array:
+        """``1 - X (S - 1)``, shape (K, 2m, 2m)."""
+        m = len(self.kicks)
+        X = np.empty((kappa.size, m, 2, m, 2), dtype=complex)
+        for i, j, pairs in self._propagators:
+            one = pairs.near(kappa, without) if np.all(kappa.imag > -DEEP) else pairs.deep(kappa)
+            X[:, i, 0, j, 0] = X[:, i, 1, j, 1] = one.turn.T
+            X[:, i, 0, j, 1] = one.reach.T
+            X[:, i, 1, j, 0] = one.pull.T
+        kicked = np.einsum("kiajb,jbc->kiajc", X, self._jumps).reshape(-1, 2 * m, 2 * m)
+        return np.eye(2 * m) - kicked
+
+    def D(self, kappa: Any) -> Array:
+        """The reduced determinant at ``mu = exp(2 pi i kappa)``, Im kappa <= 0.
+
+        On the chain's band it is the limit from |mu| > 1; infinite at mu = 1 and at its edges.
+        """
+        values = np.atleast_1d(np.asarray(kappa, dtype=complex))
+        values = values - np.round(values.real)
+        out = np.empty_like(values)
+        deep = values.imag <= -DEEP
+        for part in (deep, ~deep):
+            if np.any(part):
+                out[part] = np.linalg.det(self._matrix(values[part]))
+        return out.reshape(np.shape(kappa))
+
+    def F(self, kappa: Array) -> Array:
+        """D over the resolvents of the aliases 0 and -1: bounded for all kappa in [0, 1/2]."""
+        m = len(self.kicks)
+        kappa = np.asarray(kappa, dtype=complex)
+        matrix = np.zeros((kappa.size, 2 * m + 2, 2 * m + 2), dtype=complex)
+        single = not self._sites[0].any()
+        aliases = (0, -1)
+        if single:
+            matrix[:, : 2 * m, : 2 * m] = self._matrix(kappa, aliases)
+        else:
+            matrix[:, : 2 * m, : 2 * m] = self._several(kappa)
+        for row, alias in enumerate(aliases):
+            at = kappa + alias
+            on = np.ones(kappa.size) if single else in_band(self.scaled, at)
+            column, line = self._border(at, alias)
+            matrix[:, : 2 * m, 2 * m + row] = on[:, None] * column
+            matrix[:, 2 * m + row, : 2 * m] = on[:, None] * line
+            matrix[:, 2 * m + row, 2 * m + row] = _inverse(self.lattice, self.scaled, at)
+        return np.asarray(np.linalg.det(matrix))
+
+    def _border(self, kappa: Array, alias: int) -> tuple[Array, Array]:
+        """The vectors of the rank-one part of X that goes with an alias, each shape (K, 2m)."""
+        sites = self._sites[0]
+        times = np.array([kick.time for kick in self.kicks]) / self.periods
+        wave = np.exp(1j * alias * times) * self._waves(kappa)
+        ones = np.ones((kappa.size, sites.size))
+        speed = 1j * kappa[:, None] * ones
+        column = wave[..., None] * np.stack([ones, speed], axis=-1)
+        row = wave.conj()[..., None] * np.stack([speed, ones], axis=-1) / (2.0 * math.pi)
+        row = np.einsum("kja,jab->kjb", row, self._jumps)
+        size = 2 * sites.size
+        return column.reshape(-1, size), row.reshape(-1, size)
+
+    def _waves(self, kappa: Array) -> Array:
+        """``cos(theta n)`` at the impacting sites for kappa in the band, shape (K, m)."""
+        sites = self._sites[0]
+        if not sites.any():
+            return np.ones((kappa.size, 1))
+        theta = 2.0 * np.arcsin(np.clip(kappa.real / self.edge, -1.0, 1.0))
+        return np.cos(np.multiply.outer(theta, sites))
+
+    def _several(self, kappa: Array) -> Array:
+        """`_matrix` for several sites, less the rank-one parts of aliases in the band."""
+        matrix = self._matrix(kappa)
+        m = len(self.kicks)
+        for alias in (0, -1):
+            at = kappa + alias
+            inside = np.flatnonzero(in_band(self.scaled, at))
+            if inside.size:
+                column, row = self._border(at[inside], alias)
+                g = resolvent(self.lattice, self.scaled, at[inside], 0)
+                # what the border brings: -g column row
+                matrix[inside] += (g[:, None] * column)[:, :, None] * row[:, None, :]
+        return matrix.reshape(-1, 2 * m, 2 * m)
+
+    # --- real multipliers as scalars ---
+
+    def plus_one(self) -> float:
+        """Vanishes where a multiplier is +1: D at mu = 1 without the pole of the band's end.
+
+        It is the determinant of the orbit's own equations, offsets included: folds, pitchforks
+        and branch points alike.
+        """
+        if len({kick.site for kick in self.kicks}) > 1:
+            raise BadInput("several sites: a multiplier +1 is told by the orbit's own equations.")
+        m = len(self.kicks)
+        kappa = np.zeros(1, dtype=complex)
+        matrix = np.zeros((2 * m + 1, 2 * m + 1), dtype=complex)
+        matrix[:-1, :-1] = self._matrix(kappa, (0,))[0]
+        column, row = self._border(kappa, 0)
+        matrix[:-1, -1], matrix[-1, :-1] = column[0], row[0]
+        return float(np.linalg.det(matrix).real)
+
+    def minus_one(self) -> float:
+        """Vanishes where a multiplier is -1, a period doubling.
+
+        ``D/(1 + |g|^2)`` at mu = -1, real: bounded also where the band's edge passes there.
+        """
+        half = np.array([0.5 + 0j])
+        inverse = complex(_inverse(self.lattice, self.scaled, half)[0])
+        size = abs(inverse) ** 2
+        if size > 1.0 or self._sites[0].any():
+            value = np.linalg.det(self._matrix(half))[0] * size
+        else:
+            value = self.F(half)[0]
+        return float(value.real / (1.0 + size))
+
+    # --- counting ---
+
+    def count(self, radius: float = 1.0) -> Count:
+        """Number of multipliers over the period outside a circle, a complex pair counting two.
+
+        Parameters
+        ----------
+        radius : float
+            1 on the infinite chain: the exact question of stability, answered on the circle
+            itself. On a ring above 1; there all multipliers are computed and counted.
+
+        Returns
+        -------
+        Count
+            ``nu`` is 2 kappa: the place nearest to zero is at ``mu = exp(i pi nu)``.
+        """
+        if self.lattice.sites is not None:
+            return self._ring_count(radius)
+        if radius != 1.0:
+            raise BadInput(
+                f"radius = {radius}: on the infinite chain multipliers are counted outside the "
+                "unit circle, radius=1."
+            )
+        if self.gamma == 0.0:
+            return _counted(self._uncoupled(), 1.0)
+        kappa, F = self._resolved()
+        turning = float(np.sum(np.angle(F[1:] * F[:-1].conj())))
+        half_turns = round(turning / math.pi)
+        size = np.abs(F) / self._terms
+        least = int(size.argmin())
+        certain = bool(size[least] > CERTAIN) and abs(turning / math.pi - half_turns) < 0.01
+        count = 1 - half_turns
+        # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa - 1), and of F at -1
+        ends = int(F[0].real > 0.0) + int(F[-1].real < 0.0)
+        nu = 2.0 * float(kappa[least].real)
+        return Count(count, certain, float(size[least]), nu, (count - ends) // 2)
+
+    def nearest(self) -> float:
+        """kappa on the circle where a multiplier is closest to passing: a start for its angle."""
+        kappa, F = self._resolved()
+        x = kappa.real
+        inner = np.flatnonzero((x > 0.0) & (x < 0.5))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = F / np.gradient(F, x)
+        best = inner[int(np.nanargmin(np.abs(step[inner])))]
+        near = x[best] - step[best].real
+        return float(near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best])
+
+    @cached_property
+    def _terms(self) -> float:
+        """Size of what may cancel in F."""
+        return float(np.prod([1.0 + abs(self.periods * kick.b) for kick in self.kicks]))
+
+    def _resolved(self) -> tuple[Array, Array]:
+        """kappa in [0, 1/2] and F there, so close that F turns by less than a radian between."""
+        places, values = [], []
+        for low, high in self._pieces():
+            x = np.linspace(0.0, 1.0, GRID + 1)
+            place = _ends_resolved(low, high)
+            if self._sites[0].any():  # stay off the singular ends
+                x = EDGE + (1.0 - 2.0 * EDGE) * x
+            x, F = _refined(x, place, self.F)
+            places.append(place(x))
+            values.append(F)
+        return np.concatenate(places), np.concatenate(values)
+
+    def _pieces(self) -> list[tuple[float, float]]:
+        """[0, 1/2] cut where an edge of the band lies: F has square roots there."""
+        edges = {edge for edge in (self.edge, 1.0 - self.edge) if 0.0 < edge < 0.5}
+        places = [0.0, *sorted(edges), 0.5]
+        return [piece for piece in pairwise(places) if piece[1] > piece[0]]
+
+    # --- rings, and sites without coupling ---
+
+    def _ring_count(self, radius: float) -> Count:
+        if not 1.0 < radius < math.inf:
+            raise BadInput(
+                f"radius = {radius}: a ring has its band on the unit circle; count its "
+                "multipliers outside a radius above 1 (the paper takes 1.005)."
+            )
+        return _counted(self.coupled_multipliers(), radius)
+
+    def _uncoupled(self) -> Array:
+        """gamma = 0: every impacting site for itself."""
+        found = []
+        for site in sorted({kick.site for kick in self.kicks}):
+            own = [kick._replace(site=0) for kick in self.kicks if kick.site == site]
+            found.append(OrbitMap(0.0, self.k, tuple(own), self.periods, Ring(1)).multipliers())
+        return np.concatenate(found)
+
+    def monodromy(self) -> Array:
+        """The monodromy matrix on a ring, in the modes that some impact sees."""
+        return monodromy(self._ring(), self.gamma, self.k, self.kicks, self.periods)
+
+    def _ring(self) -> Ring:
+        if not isinstance(self.lattice, Ring):
+            raise BadInput(
+                "the infinite chain has a continuous spectrum; ask for all multipliers on a "
+                "ring, or for the isolated ones outside the circle, unstable_multipliers()."
+            )
+        return self.lattice
+
+    def coupled_multipliers(self) -> Array:
+        """On a ring: multipliers of the modes that some impact sees, the others left out."""
+        return np.linalg.eigvals(self.monodromy()).astype(complex)
+
+    def multipliers(self) -> Array:
+        """All 2N multipliers over the period on a ring.
+
+        Those of modes with a node at the impacting site are ``exp(+-i w T)`` exactly. Together
+        they multiply to ``k^(2m)``.
+
+        Examples
+        --------
+        >>> kicks = [(0, 0.0, 0.3), (0, 2.0, 0.5)]
+        >>> mu = OrbitMap(0.1, 0.8, kicks, lattice=Ring(9)).multipliers()
+        >>> mu.size, round(float(np.prod(mu).real), 12)  # 0.8^4
+        (18, 0.4096)
+        """
+        ring = self._ring()
+        found = self.coupled_multipliers()
+        if found.size == 2 * ring.sites:
+            return found
+        j = np.arange(1, (ring.sites + 1) // 2)
+        w = ring.frequencies(self.gamma)[j]
+        idle = np.exp(2j * math.pi * self.periods * w)
+        return np.concatenate([found, idle, idle.conj()])
+
+    def unstable_multipliers(self) -> Array:
+        """The multipliers outside the unit circle on the infinite chain, largest first.
+
+        Newton's method on D from many starts, held to the winding number.
+
+        Raises
+        ------
+        NotConverged
+            If fewer or more zeros are found than the winding number asks for.
+        """
+        if self.lattice.sites is not None:
+            raise BadInput("on a ring ask for multipliers() and compare with a threshold.")
+        if self.gamma == 0.0:
+            mu = self._uncoupled()
+            mu = mu[np.abs(mu) > 1.0]
+            return mu[np.argsort(-np.abs(mu), kind="stable")]
+        wanted = self.count()
+        for more in (1, 2, 4):
+            mu = _zeros(self.D, self._starts(more)) if wanted.count else np.empty(0, complex)
+            if mu.size == wanted.count:
+                return mu
+        if not wanted.certain:
+            return mu
+        raise NotConverged(
+            f"the winding number says {wanted.count} multipliers outside the unit circle, "
+            f"Newton's method found {mu.size}: {mu}.",
+            residual=wanted.distance,
+        )
+
+    def _starts(self, more: int) -> Array:
+        """kappa of the upper half plane of mu, outside the circle."""
+        kappa, F = self._resolved()
+        likely = np.argsort(np.abs(F / (np.abs(np.gradient(F)) + 1e-300)))[: 8 * more]
+        depth = np.array([1e-4, 2e-3, 0.01, 0.04, 0.12, 0.3, 0.7])
+        across = np.linspace(0.0, 0.5, 8 * more + 1)[:, None]
+        near = (kappa[likely].real[:, None] - 1j * depth).ravel()
+        return np.concatenate([(across - 1j * depth).ravel(), near])
+
+
+def _inverse(lattice: Lattice, gamma: float, kappa: Array) -> Array:
+    """1/g, which is 0 at kappa = 0 and at the band's edges."""
+    if lattice.sites is not None:
+        with np.errstate(divide="ignore"):
+            return np.asarray(1.0 / resolvent(lattice, gamma, kappa, 0))
+    safe = np.where(kappa == 0.0, 1.0, kappa)
+    return np.where(kappa == 0.0, 0.0, -safe * safe * root(gamma, safe))
+
+
+def _counted(mu: Array, radius: float) -> Count:
+    """A count by the multipliers themselves."""
+    size = np.abs(mu)
+    nearest = int(np.argmin(np.abs(size - radius)))
+    distance = float(abs(size[nearest] - radius))
+    outside = mu[size > radius]
+    pairs = int(np.count_nonzero(outside.imag > 0.0))
+    nu = abs(float(np.angle(mu[nearest]))) / math.pi
+    return Count(outside.size, distance > CERTAIN, distance, nu, pairs)
+
+
+def _ends_resolved(low: float, high: float) -> Callable[[Array], Array]:
+    """kappa from x in [0, 1], so that a square root at either end is smooth in x."""
+    return lambda x: 0.5 * (low + high) - 0.5 * (high - low) * np.cos(math.pi * x) + 0j
+
+
+def _refined(
+    x: Array, place: Callable[[Array], Array], value: Callable[[Array], Array]
+) -> tuple[Array, Array]:
+    """Samples halved wherever the function moves by much of its modulus."""
+    F = value(place(x))
+    for _ in range(DEPTH):
+        size = np.abs(F)
+        steep = np.abs(F[1:] - F[:-1]) > TURN * np.minimum(size[1:], size[:-1])
+        wide = steep.copy()
+        wide[1:] |= steep[:-1]
+        wide[:-1] |= steep[1:]
+        i = np.flatnonzero(wide & (x[1:] - x[:-1] > 1e-13))
+        if i.size == 0:
+            break
+        middle = 0.5 * (x[i] + x[i + 1])
+        x, F = np.insert(x, i + 1, middle), np.insert(F, i + 1, value(place(middle)))
+    return x, F
+
+
+def _zeros(D: Callable[[Array], Array], kappa: Array) -> Array:
+    """Zeros of D outside the circle as multipliers, conjugates together, the largest first."""
+    found: list[Array] = []
+    h = 1e-5
+    for _ in range(40):
+        with np.errstate(all="ignore"):
+            step = D(kappa) * 2.0 * h / (D(kappa + h) - D(kappa - h))
+        size = np.abs(step)
+        done = size < 1e-11
+        found.append(kappa[done] - step[done])
+        going = ~done & np.isfinite(step)
+        kappa = kappa[going] - step[going] * np.minimum(1.0, 0.1 / size[going])
+        kappa = np.abs(kappa.real - np.round(kappa.real)) + 1j * kappa.imag
+        kappa = kappa[(kappa.imag < 0.0) & (kappa.imag > -6.0)]
+        if kappa.size == 0:
+            break
+    distinct: list[complex] = []
+    for one in np.concatenate(found):
+        one = complex(abs(one.real - round(one.real)), one.imag)
+        if one.imag < 0.0 and all(abs(one - other) > 1e-7 for other in distinct):
+            distinct.append(one)
+    mu: list[complex] = []
+    for one in sorted(distinct, key=lambda kappa: kappa.imag):
+        if min(one.real, 0.5 - one.real) < 1e-9:
+            one = complex(round(2.0 * one.real) / 2.0, one.imag)
+            mu.append(complex(np.exp(2j * math.pi * one).real))
+        else:
+            value = complex(np.exp(2j * math.pi * one))
+            mu += [value, value.conjugate()]
+    return np.array(mu, dtype=complex)

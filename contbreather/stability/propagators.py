@@ -1,0 +1,217 @@
+"""Mean propagators between two impacts of a periodic orbit, for perturbations that grow by mu.
+
+A kick at one impact that recurs every period, mu times as large, moves the state at another by
+
+    ``X(s) = <cos(d theta) [[G', G], [G'', G']](s)>``,   s the time between, d the distance,
+
+G the Green's function with ``G(s + 2 pi) = mu G(s)``; time is in units of n forcing periods, as in
+`contbreather.lattice.periodic`. With mu = exp(2 pi i kappa) it is a sum over the aliases
+``kappa_j = kappa + j``, ``G = (1/2 pi) sum of exp(i kappa_j s)/(w^2 - kappa_j^2)``, whose mean over
+the band is the lattice's resolvent. ``exp(i kappa s)`` is a change of basis and is left out.
+Aliases up to |j| = 5 are exact; of the rest, expanded in w/kappa_j and then in kappa, remain the
+sums ``S_p(s) = sum over |j| > 5 of exp(ijs)/j^p``, known from Bernoulli polynomials.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import comb, zeta
+
+from contbreather.lattice.modes import Lattice, Ring
+
+Array = NDArray[Any]
+
+NEAR = 5  # aliases |j| <= 5 are exact
+ORDERS = 11  # of w^2/kappa_j^2 <= 1/30: below rounding
+POWERS = 22  # of kappa/(6 - w) <= 1/5: 4e-16
+FAR = 64  # |j| up to which high powers of 1/j are summed: 64^-9 < 1e-16
+CLOSED = 9  # lower powers come from Bernoulli polynomials
+DEEP = 0.5  # beyond this |Im kappa|, 40 modes are the infinite chain
+MODES = 40
+_ALIASES = np.arange(-NEAR, NEAR + 1)
+_HIGHEST = 2 * ORDERS + POWERS
+
+
+class Entries(NamedTuple):
+    """``[[turn, reach], [pull, turn]]`` for pairs of impacts, shape (pairs, K)."""
+
+    turn: Array  # G': displacement from displacement, velocity from velocity
+    reach: Array  # G: displacement from velocity
+    pull: Array  # G'': velocity from displacement
+
+
+def root(gamma: float, kappa: Array) -> Array:
+    """``sqrt(1 - 4 gamma/kappa^2)`` for Im kappa <= 0; on the band its limit from below."""
+    z = 4.0 * gamma / (kappa * kappa)
+    r = np.sqrt(1.0 - z)
+    band = in_band(gamma, kappa)
+    if np.any(band):
+        r[band] = -1j * np.copysign(np.sqrt(np.abs(z[band] - 1.0)), kappa[band].real)
+    return r
+
+
+def in_band(gamma: float, kappa: Array) -> Array:
+    """Where kappa is real and inside the band, its edges included."""
+    return (kappa.imag == 0.0) & (kappa.real**2 <= 4.0 * gamma)
+
+
+def resolvent(lattice: Lattice, gamma: float, kappa: Array, distance: int) -> Array:
+    """``<cos(d theta)/(w^2 - kappa^2)>`` for Im kappa <= 0; on the chain's band the limit from
+    below, infinite at kappa = 0 and at the band's edges."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r = root(gamma, kappa)
+        square = kappa * kappa
+        g = -1.0 / (square * r)
+        if lattice.sites is None and distance == 0:
+            return g
+        xi = -4.0 * gamma / (square * (1.0 + r) ** 2)
+        if lattice.sites is None:
+            return g * xi**distance
+        return g * (xi**distance + xi ** (lattice.sites - distance)) / (1.0 - xi**lattice.sites)
+
+
+@dataclass(frozen=True)
+class Propagators:
+    """All that does not depend on kappa, for pairs of impacts at one distance.
+
+    ``times`` are s between the pairs, ``tails`` the Taylor coefficients in kappa of what the
+    aliases beyond `NEAR` add to (turn, reach, pull).
+    """
+
+    lattice: Lattice
+    gamma: float
+    distance: int
+    times: Array  # (pairs,)
+    phases: Array  # (pairs, 2 NEAR + 1): exp(ijs)
+    tails: Array  # (3, pairs, POWERS)
+
+    def near(self, kappa: Array, without: Sequence[int] = ()) -> Entries:
+        """Entries for |kappa| <= 1, Im kappa <= 0, shape (pairs, K).
+
+        ``without`` names aliases whose singular parts ``g (1, i kappa)^T (i kappa, 1)`` are left
+        out: the caller brings them back by a border.
+        """
+        s = kappa + _ALIASES[:, None]
+        own = 1.0 if self.distance == 0 else 0.0
+        g = resolvent(self.lattice, self.gamma, s, self.distance)
+        for alias in without:
+            g[alias + NEAR] = 0.0
+        is_g = 1j * s * g
+        powers = np.empty((POWERS, kappa.size), dtype=complex)
+        powers[0], powers[1:] = 1.0, kappa
+        tail = self.tails @ np.multiply.accumulate(powers, axis=0, out=powers)
+        turn = (self.phases @ is_g + tail[0]) / (2.0 * math.pi)
+        reach = (self.phases @ g + tail[1]) / (2.0 * math.pi)
+        pull = (self.phases @ (1j * s * is_g - own) + tail[2]) / (2.0 * math.pi)
+        # an impact meets what earlier periods left, not its own kick: G'(0-) = G'(0) - 1/2
+        turn[self.times == 0.0] -= 0.5 * own
+        return Entries(turn, reach, pull)
+
+    def deep(self, kappa: Array) -> Entries:
+        """Entries for |Im kappa| >= `DEEP` by modes, with ``exp(i kappa s)`` left out again."""
+        sites = MODES + 2 * self.distance
+        if self.lattice.sites is not None:
+            sites = min(sites, self.lattice.sites)
+        theta, weight, w = Ring(sites).nodes(self.gamma)
+        amplitude = weight * np.cos(self.distance * theta)
+        late = np.where(self.times <= 0.0, 1.0, 0.0)
+        mu = np.exp(2j * math.pi * kappa)
+        now = (self.times + 2.0 * math.pi * late)[:, None, None]
+        before = now - 2.0 * math.pi
+        slope = 1.0 - 2.0 * np.cos(2.0 * math.pi * w) / mu[:, None] + mu[:, None] ** -2
+        share = amplitude / slope
+        back = np.exp(-1j * kappa * now[:, 0])  # mu^-1 exp(-i kappa s) for the late ones
+
+        def mean(now_part: Array, before_part: Array) -> Array:
+            return np.sum((now_part - before_part / mu[:, None]) * share, axis=-1) * back
+
+        def reach(s: Array) -> Array:
+            return s * np.sinc(w * s / math.pi)
+
+        return Entries(
+            mean(np.cos(w * now), np.cos(w * before)),
+            mean(reach(now), reach(before)),
+            mean(-w * np.sin(w * now), -w * np.sin(w * before)),
+        )
+
+
+def propagators(lattice: Lattice, gamma: float, distance: int, times: Array) -> Propagators:
+    """`Propagators` for pairs of impacts the times apart, at one distance."""
+    sums = _sums(times)
+    tails = np.stack([sums @ weights for weights in _weights(lattice, gamma, distance)])
+    phases = np.exp(1j * np.multiply.outer(times, _ALIASES))
+    return Propagators(lattice, gamma, distance, times, phases, tails)
+
+
+@lru_cache(maxsize=1)
+def _expansions() -> Array:
+    """``[3, ORDERS, p - 1, a]``: coefficient of kappa^a S_p <w^2l cos> in (turn, reach, pull)."""
+    table = np.zeros((3, ORDERS, _HIGHEST, POWERS), dtype=complex)
+    a = np.arange(POWERS)
+    for order in range(ORDERS):
+        # i kappa_j g, g and -kappa_j^2 g - 1 as -kappa_j^-q <w^2l>, each with its q
+        for kind, q, factor in (
+            (0, 2 * order + 1, -1j),
+            (1, 2 * order + 2, -1.0),
+            (2, 2 * order, 1.0),
+        ):
+            if q > 0:
+                table[kind, order, q + a - 1, a] = factor * (-1.0) ** a * comb(q - 1 + a, a)
+    return table
+
+
+@lru_cache(maxsize=256)
+def _weights(lattice: Lattice, gamma: float, distance: int) -> Array:
+    """``[3, p - 1, a]``: Taylor coefficients of the tails per sum S_p."""
+    moments = lattice.moments(distance)[:ORDERS] * (4.0 * gamma) ** np.arange(ORDERS)
+    return np.tensordot(moments, _expansions(), axes=(0, 1))
+
+
+@lru_cache(maxsize=1)
+def _far_powers() -> Array:
+    """``j^-p`` for NEAR < j <= FAR, p = CLOSED + 1 .. _HIGHEST."""
+    j = np.arange(NEAR + 1.0, FAR + 1.0)[:, None]
+    return j ** -np.arange(CLOSED + 1.0, _HIGHEST + 1.0)
+
+
+@lru_cache(maxsize=1)
+def _bernoulli() -> Array:
+    """``[p - 1, i]``: sum over j >= 1 of cos(js)/j^p (p even), sin(js)/j^p (p odd), as
+    polynomials in ``y = pi - s``."""
+    table = np.zeros((CLOSED, CLOSED + 1))
+    for p in range(1, CLOSED + 1):
+        even = p + p % 2
+        for i in range(p % 2, even // 2 + 1):
+            r = even - 2 * i
+            alternating = 0.5 if r == 0 else (1.0 - 2.0 ** (1 - r)) * zeta(r)
+            power = 2 * i - p % 2
+            table[p - 1, power] = -((-1) ** i) * alternating / math.factorial(power)
+    return table
+
+
+def _sums(times: Array) -> Array:
+    """S_p(s) for p = 1 .. _HIGHEST, shape (pairs, _HIGHEST)."""
+    y = math.pi - np.asarray(times) % (2.0 * math.pi)
+    closed = y[:, None] ** np.arange(CLOSED + 1) @ _bernoulli().T
+    closed[np.asarray(times) == 0.0, 0] = 0.0  # the mean of its jump
+    j = np.arange(1, FAR + 1)
+    angle = np.multiply.outer(times, j)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    for p in range(1, CLOSED + 1):
+        waves = sine if p % 2 else cosine
+        closed[:, p - 1] -= waves[:, :NEAR] @ (1.0 / j[:NEAR] ** float(p))
+    sums = np.empty((y.size, _HIGHEST), dtype=complex)
+    sums[:, :CLOSED] = closed
+    far = slice(NEAR, FAR)
+    sums[:, CLOSED:] = cosine[:, far] @ _far_powers()
+    odd = np.arange(_HIGHEST) % 2 == 0  # p = 1, 3, 5 ...
+    sums[:, CLOSED:][:, odd[CLOSED:]] = sine[:, far] @ _far_powers()[:, odd[CLOSED:]]
+    # exp(ijs)/j^p over j and -j: twice the cosine, or 2i times the sine
+    return sums * np.where(odd, 2j, 2.0)
