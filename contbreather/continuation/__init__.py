@@ -7,6 +7,7 @@ from .branch import Branch, Point, Stop
 from .events import Event, Locus, branch_point, cusp, fold, hopf, user
 from .problem import Problem
 from .refine import refined
+from .seed import Seed
 from .steps import Steps
 from .trace import trace, walk
 
@@ -16,6 +17,7 @@ __all__ = [
     "Locus",
     "Point",
     "Problem",
+    "Seed",
     "Steps",
     "Stop",
     "boundary",

@@ -87,7 +87,8 @@ def boundary_problem(
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
     longer = adjoined(base, locus, released=pair[1], free=pair[0], event=event)
     given = base.events if events is None else tuple(events)
-    others = [met(event.kind, other) for other in given if other.kind != event.kind]
+    known = {event.kind, *locus.covers}
+    others = [met(event.kind, other) for other in given if other.kind not in known]
     return replace(
         longer,
         events=(*locus.events, *others),

@@ -16,6 +16,7 @@ from .branch import Point
 from .crossing import along, crossing
 from .newton import Solution, Undefined
 from .problem import Curve
+from .seed import Seed
 
 Array = NDArray[np.float64]
 
@@ -40,12 +41,16 @@ class Locus:
         ``(curve, z, extra) -> (m + 1, len(z) + m) array``; differences are taken without it.
     events : tuple of Event
         What can happen on the boundary itself, a cusp on a fold curve for instance.
+    covers : frozenset of str
+        Kinds of events of the original problem that `events` look for already, under their own
+        names: BT and ZH are where a fold curve meets HB.
     """
 
     extra: Mapping[str, Any]
     conditions: Callable[[Curve, Array, Array], Array]
     derivative: Callable[[Curve, Array, Array], Array] | None = None
     events: tuple[Event, ...] = ()
+    covers: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -72,6 +77,12 @@ class Event:
         ``polish(point) -> (Solution, detail)`` sharpens a located point that has no locus.
     met : Event, optional
         On a boundary of another kind: the event of the original problem that was met.
+    arms : callable, optional
+        ``arms(point) -> tuple of Seed``: where the other curves set out that leave a located
+        point. `switch` follows them.
+    analysis : callable, optional
+        ``analysis(point) -> dict``: what else to know of a verified point, coefficients of its
+        normal form for instance. Kept in ``point.detail``.
 
     Examples
     --------
@@ -89,6 +100,8 @@ class Event:
         default=None, kw_only=True
     )
     met: Event | None = field(default=None, kw_only=True)
+    arms: Callable[[Point], tuple[Seed, ...]] | None = field(default=None, kw_only=True)
+    analysis: Callable[[Point], Mapping[str, Any]] | None = field(default=None, kw_only=True)
 
 
 def user(name: str, value: float, *, terminal: bool = False) -> Event:
@@ -122,7 +135,13 @@ def fold() -> Event:
 def branch_point() -> Event:
     """BP: another curve of solutions crosses this one; the derivative in unknowns and parameter
     together loses rank."""
-    return Event("BP", _branch_point_test, verify=_branch_point_verify, polish=_branch_point_polish)
+    return Event(
+        "BP",
+        _branch_point_test,
+        verify=_branch_point_verify,
+        polish=_branch_point_polish,
+        arms=_branch_point_arms,
+    )
 
 
 def hopf() -> Event:
@@ -209,6 +228,14 @@ def _branch_point_verify(point: Point) -> str:
 def _branch_point_polish(point: Point) -> tuple[Solution, Mapping[str, Any]]:
     found = crossing(point.curve, point.z)
     return found.solution, {"tangents": found.tangents}
+
+
+def _branch_point_arms(point: Point) -> tuple[Seed, ...]:
+    """Both directions of the curve that crosses the one the point was found on."""
+    row = point.curve.dual(point.tangent)
+    across = min(point.detail["tangents"], key=lambda tangent: abs(float(tangent.dot(row))))
+    problem = point.problem
+    return tuple(Seed(problem, point.z, side * across, point.tangent) for side in (1, -1))
 
 
 # --- Hopf points ------------------------------------------------------------------------------

@@ -499,4 +499,6 @@ def _special(point: Point, event: Event, bracket: tuple[float, float], segment: 
     reason = point.detail.get("reason") or (event.verify(point) if event.verify else "")
     if reason:
         return replace(point, located=False, detail={**point.detail, "reason": reason})
+    if event.analysis is not None:
+        point = replace(point, detail={**point.detail, **event.analysis(point)})
     return point

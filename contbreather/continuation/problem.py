@@ -55,6 +55,12 @@ class Problem:
         and differences are measured in it.
     interpret : callable, optional
         Turns a `Point` into what it is to its user; ``point.solution`` calls it.
+    images : callable, optional
+        ``images(x, params) -> tuple of arrays``: the solutions that a symmetry of the equations
+        makes of one, its mirror image or the other phases of a cycle. Diagrams recognise them.
+    simpler : callable, optional
+        ``simpler(point) -> Problem or None``: where a solution is one of a smaller problem too, a
+        fixed point among the cycles of period 2, that problem with the solution as its start.
     label : str, optional
         Shown in tables.
     adjoined : Adjoined, optional
@@ -84,6 +90,8 @@ class Problem:
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
     scales: Mapping[str, float] = field(default_factory=dict, kw_only=True)
     interpret: Callable[[Point], Any] | None = field(default=None, kw_only=True)
+    images: Callable[[Array, Params], tuple[Array, ...]] | None = field(default=None, kw_only=True)
+    simpler: Callable[[Point], Problem | None] | None = field(default=None, kw_only=True)
     label: str = field(default="", kw_only=True)
     adjoined: Adjoined | None = field(default=None, kw_only=True, repr=False)
 

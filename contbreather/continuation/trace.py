@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput, NotConverged
 from .branch import Branch, Point, Stop, labelled
@@ -32,6 +33,8 @@ _STRAY = 0.003
 _FINE = 1e-7  # relative distance at which a curve has come back to its start
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
+_AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
+_SKEW = 1e-3  # how far a direction that was given may be off the tangent
 _ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
 
@@ -59,7 +62,8 @@ def trace(
     towards: str = "both",
     events: Iterable[Event] | None = None,
     steps: Steps | None = None,
-    progress: bool | None = None,
+    progress: bool | Progress | None = None,
+    along: ArrayLike | None = None,
 ) -> Branch:
     """Follow the curve of solutions through a start, with one parameter free.
 
@@ -80,6 +84,9 @@ def trace(
         Step sizes and tolerance.
     progress : bool, optional
         Show progress on standard error; by default on long walks at a terminal only.
+    along : array_like, shape (n + 1,), optional
+        Direction to set out in, unknowns and then the free parameter, in place of `towards`. The
+        start is then taken as it is: several curves may leave it.
 
     Returns
     -------
@@ -105,11 +112,13 @@ def trace(
         raise BadInput(f"towards must be 'both', 'up' or 'down', got {towards!r}")
     if events is not None:
         events = tuple(events)  # both walks need them
-    with Progress(progress, free) as shown:
-        sides = ("down", "up") if towards == "both" else (towards,)
+    with progress if isinstance(progress, Progress) else Progress(progress, free) as shown:
+        sides = ("down", "up") if towards == "both" and along is None else (towards,)
         branches = []
         for side in sides:
-            walker = walk(start, free, within=within, towards=side, events=events, steps=steps)
+            walker = walk(
+                start, free, within=within, towards=side, events=events, steps=steps, along=along
+            )
             branches.append(_gathered(walker, shown))
             if branches[0].stop is Stop.CLOSED:
                 return branches[0]
@@ -156,6 +165,7 @@ def walk(
     towards: str = "up",
     events: Iterable[Event] | None = None,
     steps: Steps | None = None,
+    along: ArrayLike | None = None,
 ) -> Generator[Point, None, End]:
     """Walk a curve in one direction, yielding each point as it is found: `trace` by hand.
 
@@ -170,7 +180,7 @@ def walk(
     [0.0, 0.007]
     """
     problem = start if isinstance(start, Problem) else start.problem
-    walker = Walker(problem, free, within, towards, events, steps or Steps())
+    walker = Walker(problem, free, within, towards, events, steps or Steps(), along)
     return walker.run()
 
 
@@ -205,8 +215,9 @@ class Walker:
         towards: str,
         events: Iterable[Event] | None,
         steps: Steps,
+        along: ArrayLike | None = None,
     ) -> None:
-        if towards not in ("up", "down"):
+        if along is None and towards not in ("up", "down"):
             raise BadInput(f"a walk goes towards 'up' or 'down', got {towards!r}")
         self.steps = steps
         self.events: Sequence[Event] = problem.events if events is None else tuple(events)
@@ -214,11 +225,15 @@ class Walker:
             if not isinstance(event, Event):
                 raise BadInput(f"an Event was wanted, got {event!r}")
         with _quiet():
-            self.curve, residual = _settled(problem, free, steps.tolerance)
+            if along is None:
+                self.curve, residual = _settled(problem, free, steps.tolerance)
+                tangent, self.side = _first_tangent(self.curve)
+                if towards == "down":
+                    tangent, self.side = -tangent, -self.side
+            else:
+                self.curve, residual, tangent = _given(problem, free, along)
+                self.side = 0
             self.bounds = _bounds(self.curve, within)
-            tangent, self.side = _first_tangent(self.curve)
-            if towards == "down":
-                tangent, self.side = -tangent, -self.side
             self.origin = Point(self.curve, self.curve.start, tangent, 0.0, residual)
             self.tests = self._first_tests()
 
@@ -511,6 +526,28 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
         return None
     moved = Point(curve, found.z, tangent, 0.0, found.residual)
     return Curve(moved.problem, curve.free), found.residual
+
+
+def _given(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, Array]:
+    """The curve, the residual at its start, and the tangent there, both as they were given."""
+    curve = Curve(problem, (free,))
+    curve.check()
+    tangent = np.asarray(along, dtype=float)
+    if tangent.shape != curve.start.shape or not 0 < curve.length(tangent) < math.inf:
+        raise BadInput(f"a direction of shape {curve.start.shape} was wanted, got {along!r}")
+    tangent, z = curve.normalised(tangent), curve.start
+    # where curves cross the derivatives may vanish: their size is that a little further on
+    ahead = z + _AHEAD * (1 + curve.length(z)) * tangent
+    with contextlib.suppress(Undefined):
+        curve.rows = np.maximum(curve.rows, curve.row_sizes(ahead))
+    value = curve.equations(z)
+    off, skew = abs(value / curve.rows).max(), abs(curve.jacobian(z) @ tangent / curve.rows).max()
+    if off > _GAP * (1 + curve.length(z)) or skew > _SKEW:
+        raise BadInput(
+            f"no curve leaves the start in this direction: the residual there is {off:.2g}, "
+            f"and {skew:.2g} is its change along the direction"
+        )
+    return curve, float(abs(value).max()), tangent
 
 
 def _first_tangent(curve: Curve) -> tuple[Array, int]:
