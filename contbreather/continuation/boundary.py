@@ -87,8 +87,12 @@ def boundary_problem(
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
     longer = adjoined(base, locus, released=pair[1], free=pair[0], event=event)
     given = base.events if events is None else tuple(events)
-    known = {event.kind, *locus.covers}
-    others = [met(event.kind, other) for other in given if other.kind not in known]
+    others = [
+        one
+        for other in given
+        if other.kind != event.kind
+        for one in other.meets.get(event.kind, (met(event.kind, other),))
+    ]
     return replace(
         longer,
         events=(*locus.events, *others),
@@ -105,6 +109,10 @@ def _traceable(point: Point) -> Event:
         event = event.met or event
     if (event is None or event.locus is None) and together is not None:
         event = together.event
+    if event is None and point.kind not in ("", "EP", "MX"):
+        raise BadInput(
+            f"{point!r} was loaded without its equations; load(path, problem=...) attaches them"
+        )
     if event is None:
         raise BadInput(f"{point!r} is no special point: nothing to trace as a boundary")
     return event

@@ -41,16 +41,12 @@ class Locus:
         ``(curve, z, extra) -> (m + 1, len(z) + m) array``; differences are taken without it.
     events : tuple of Event
         What can happen on the boundary itself, a cusp on a fold curve for instance.
-    covers : frozenset of str
-        Kinds of events of the original problem that `events` look for already, under their own
-        names: BT and ZH are where a fold curve meets HB.
     """
 
     extra: Mapping[str, Any]
     conditions: Callable[[Curve, Array, Array], Array]
     derivative: Callable[[Curve, Array, Array], Array] | None = None
     events: tuple[Event, ...] = ()
-    covers: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -77,6 +73,9 @@ class Event:
         ``polish(point) -> (Solution, detail)`` sharpens a located point that has no locus.
     met : Event, optional
         On a boundary of another kind: the event of the original problem that was met.
+    meets : dict, optional
+        ``{kind: events}`` to look for on the boundary of another kind in place of the meeting of
+        both, where that has names of its own: on a fold curve HB is met at BT and ZH.
     arms : callable, optional
         ``arms(point) -> tuple of Seed``: where the other curves set out that leave a located
         point. `switch` follows them.
@@ -100,6 +99,7 @@ class Event:
         default=None, kw_only=True
     )
     met: Event | None = field(default=None, kw_only=True)
+    meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict, kw_only=True)
     arms: Callable[[Point], tuple[Seed, ...]] | None = field(default=None, kw_only=True)
     analysis: Callable[[Point], Mapping[str, Any]] | None = field(default=None, kw_only=True)
 
