@@ -9,6 +9,7 @@ from .problem import Problem
 from .refine import refined
 from .seed import Seed
 from .steps import Steps
+from .store import load, save
 from .trace import trace, walk
 
 __all__ = [
@@ -25,7 +26,9 @@ __all__ = [
     "cusp",
     "fold",
     "hopf",
+    "load",
     "refined",
+    "save",
     "trace",
     "user",
     "walk",

@@ -247,8 +247,9 @@ class Branch:
         """A rich table with a line for each special point."""
         from rich.table import Table
 
-        scalars = [name for name, value in self.points[0].values.items() if np.ndim(value) == 0]
-        moving = [n for n in scalars if n in self.curve.slots] + list(self.problem.record)
+        start = self.points[0]
+        names = (*self.curve.slots, *self.problem.record)
+        moving = [name for name in names if np.ndim(start[name]) == 0]
         table = Table(title=self.describe(), title_justify="left", caption_justify="left")
         for heading in ("label", *moving, "arclength", "residual"):
             table.add_column(heading, justify="left" if heading == "label" else "right")
