@@ -297,8 +297,9 @@ def _joined(before: list[Point], after: list[Point]) -> list[Point]:
     tail = [point for point in after if point.arclength > seam + near]
     there = [point for point in (*before, *after) if abs(point.arclength - seam) <= near]
     special = {id(point.event): point for point in there if point.event is not None}
-    plain = replace(before[-1], kind="", label="")
-    return [*head, *(special.values() or [plain]), *tail]
+    if not special and head and tail:
+        there = [replace(before[-1], kind="", label="")]  # no end any more
+    return [*head, *(special.values() or there[-1 if head else 0 :][:1]), *tail]
 
 
 def _shifted(point: Point, shift: float) -> Point:

@@ -7,15 +7,27 @@ end meets them, from a road that is not the engine's: a formula, or 30 digits of
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
+from typing import Any
 
 import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Event, Problem, Steps, Stop, branch_point, fold, hopf
+from contbreather.continuation import (
+    Branch,
+    Event,
+    Point,
+    Problem,
+    Steps,
+    Stop,
+    branch_point,
+    fold,
+    hopf,
+    trace,
+)
 
 Array = NDArray[np.float64]
 Known = tuple[str, Mapping[str, float]]  # kind, and values by name
@@ -37,11 +49,6 @@ class Case:
     accuracy: float = 1e-12
     largest: float = 0.1  # steps at which the curve is walked; tests take other sizes too
     stop: Stop = Stop.BOUND
-    starts: tuple[Mapping[str, float], ...] = ()  # other points to set out from
-
-    @property
-    def steps(self) -> Steps:
-        return Steps(first=0.1 * self.largest, largest=self.largest)
 
 
 # --- one unknown ------------------------------------------------------------------------------
@@ -157,7 +164,6 @@ def imperfect(h: float) -> tuple[Case, Case]:
             "mu",
             (("LP", {"x": x, "mu": 3 * x * x}),),
             within={"x": (-1.2, 1.0), "mu": (-2.0, 1.5)},
-            accuracy=1e-11,
         ),
     )
 
@@ -190,6 +196,8 @@ def _stiff() -> Case:
         within={"x": (-2e6, 2e6)},
     )
 
+
+STIFF = _stiff()
 
 # --- several unknowns -------------------------------------------------------------------------
 
@@ -234,6 +242,8 @@ def _lorenz() -> Case:
         largest=0.5,
     )
 
+
+LORENZ = _lorenz()
 
 NEUTRAL_SADDLE = Case(  # eigenvalues 1 + m and 2m - 1 add up to nothing at m = 0, and are real
     "neutral saddle",
@@ -314,7 +324,7 @@ BRATU = Case(  # far up, beyond this window, 20 nodes no longer resolve the solu
     "lam",
     (("LP", {"lam": bratu_fold()}),),
     within={"lam": (1.0, 5.0)},
-    accuracy=1e-9,
+    accuracy=1e-10,
     largest=0.3,
 )
 
@@ -360,17 +370,52 @@ SMALL = (
     *imperfect(1e-2),
     *imperfect(1e-5),
     LINE,
-    _stiff(),
+    STIFF,
     BRUSSELATOR,
-    _lorenz(),
+    LORENZ,
     NEUTRAL_SADDLE,
     TAKENS,
 )
 ZOO = (*SMALL, BRATU)
-LORENZ = SMALL[-3]
-STIFF = SMALL[-5]
 
 
-def at_steps(case: Case, scale: float) -> Case:
-    """The same case walked with other steps."""
-    return replace(case, largest=case.largest * scale)
+def trace_case(case: Case, scale: float = 1.0, first: float = 0.1, **given: Any) -> Branch:
+    """The whole curve of a case, with steps `scale` times as long as usual."""
+    largest = case.largest * scale
+    how = {
+        "within": case.within,
+        "events": case.events,
+        "steps": Steps(first=first * largest, largest=largest, most=20000),
+    }
+    return trace(given.pop("start", case.problem), case.free, **{**how, **given})
+
+
+def events_of(branch: Branch) -> list[Point]:
+    """The special points without the ends."""
+    return [point for point in branch.special if point.kind not in ("EP", "MX")]
+
+
+def wrong(case: Case, branch: Branch) -> str:
+    """What a branch of the whole curve has too much, too little or too far off: empty if nothing.
+
+    A curve may be walked either way, a closed one from anywhere on it.
+    """
+    found = events_of(branch)
+    turns = range(max(len(found), 1)) if case.stop is Stop.CLOSED else (0,)
+    orders = [[*one[i:], *one[:i]] for one in (found, found[::-1]) for i in turns]
+    misses = [_misses(case, order) for order in orders]
+    if branch.stop is not case.stop:
+        return f"{branch!r} stops otherwise"
+    return "" if "" in misses else min(misses, key=len)
+
+
+def _misses(case: Case, found: Sequence[Point]) -> str:
+    kinds, wanted = [point.kind for point in found], [kind for kind, _ in case.known]
+    if kinds != wanted:
+        return f"found {kinds}, wanted {wanted}"
+    for point, (_, values) in zip(found, case.known, strict=True):
+        for name, value in values.items():
+            size = max(case.problem.scales.get(name, 1.0), abs(value))
+            if not abs(point[name] - value) <= case.accuracy * size:
+                return f"{point!r}: {name} is off by {point[name] - value:.2g}"
+    return ""

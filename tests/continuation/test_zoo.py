@@ -1,0 +1,222 @@
+"""On every curve of the zoo everything there is to find is found, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from contbreather.continuation import Problem, Steps, boundary, fold, trace, walk
+
+from .zoo import (
+    ALL,
+    ARMS,
+    BRATU,
+    CUSP,
+    PITCHFORK,
+    SMALL,
+    STIFF,
+    ZOO,
+    Case,
+    analytic_bratu,
+    bratu_fold,
+    brusselator,
+    chebyshev,
+    crowded,
+    events_of,
+    imperfect,
+    mesh,
+    mesh_fold,
+    trace_case,
+    wrong,
+)
+
+every = pytest.mark.parametrize("case", ZOO, ids=lambda case: case.name)
+small = pytest.mark.parametrize("case", SMALL, ids=lambda case: case.name)
+
+
+@every
+@pytest.mark.parametrize("scale", [0.3, 1.0, 3.0, 10.0])
+def test_all_events_are_found_and_no_false_one_whatever_the_steps(case: Case, scale: float) -> None:
+    branch = trace_case(case, scale)
+    assert wrong(case, branch) == ""
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.sampled_from(SMALL), st.floats(0.25, 40.0), st.floats(1e-4, 1.0))
+@example(crowded(1e-6), 10.0, 0.1)
+@example(crowded(1e-8), 3.0, 0.1)
+@example(imperfect(1e-8)[0], 10.0, 0.1)
+@example(imperfect(1e-8)[1], 0.5, 0.1)
+@example(imperfect(1e-8)[1], 3.0, 0.1)
+@example(ARMS, 0.3, 0.1)
+def test_first_and_largest_step_do_not_matter(case: Case, scale: float, first: float) -> None:
+    assert wrong(case, trace_case(case, scale, first)) == ""
+
+
+@small
+def test_every_point_solves_the_equations(case: Case) -> None:
+    branch = trace_case(case)
+    for point in branch:
+        value = case.problem.residual(point.x, point.params)
+        assert abs(value).max() <= 1e-12
+        assert abs(value).max() <= point.residual + 1e-15  # that of an event has its locus in it
+
+
+@small
+def test_a_walk_that_starts_at_an_event_finds_it_and_all_others(case: Case) -> None:
+    branch = trace_case(case)
+    for point in events_of(branch):
+        if point.kind == "BP" and case is not PITCHFORK:
+            continue  # several curves leave a branch point: see the tests of walks
+        again = trace_case(case, start=point)
+        assert wrong(case, again) == "", point
+
+
+@small
+def test_both_directions_together_are_what_both_gives(case: Case) -> None:
+    whole = trace_case(case)
+    up, down = (trace_case(case, towards=side) for side in ("up", "down"))
+    if case.known and whole.began is None:  # closed
+        assert len(events_of(up)) == len(events_of(down)) == len(events_of(whole))
+        return
+    assert len(up) + len(down) == len(whole) + 1
+    assert len(events_of(up)) + len(events_of(down)) == len(events_of(whole))
+    joined = down.reversed().join(up)
+    assert [p.label for p in joined.special] == [p.label for p in whole.special]
+    assert np.array_equal(joined["arclength"], whole["arclength"])
+
+
+@every
+def test_up_is_up_and_down_is_down(case: Case) -> None:
+    for side, sign in (("up", 1), ("down", -1)):
+        walker = walk(case.problem, case.free, towards=side, events=())
+        start, after = next(walker), next(walker)
+        assert sign * (after[case.free] - start[case.free]) > 0
+
+
+@every
+def test_arclength_grows_and_tangents_are_of_unit_length(case: Case) -> None:
+    branch = trace_case(case)
+    assert (np.diff(branch["arclength"]) > 0).all()
+    lengths = [branch.curve.length(point.tangent) for point in branch]
+    assert np.allclose(lengths, 1, rtol=0, atol=1e-12)
+    chords = np.diff(np.stack([point.z for point in branch]), axis=0)
+    along = [
+        branch.curve.dual(point.tangent).dot(chord)
+        for point, chord in zip(branch, chords, strict=False)
+    ]
+    assert (np.array(along) > 0).all()
+
+
+@every
+def test_special_points_say_where_they_were_seen_and_how_well_they_are_known(case: Case) -> None:
+    for point in events_of(trace_case(case)):
+        assert point.located
+        low, high = point.bracket
+        assert low <= point.arclength <= high
+        assert high - low < 1e-6
+        assert point.residual < 1e-12
+        assert point.label == f"{point.kind}{point.label.removeprefix(point.kind)}"
+
+
+# --- what each animal is in the zoo for -------------------------------------------------------
+
+
+def test_fold_curve_of_the_cusp_surface_is_the_cusp_curve_and_has_its_cusp() -> None:
+    first = trace_case(CUSP).first("LP")
+    line = boundary(first, ("mu", "h"), within={"mu": (-1.0, 2.0)})
+    assert abs(4 * line["mu"] ** 3 - 27 * line["h"] ** 2).max() < 1e-13
+    assert line["mu"].max() == 2.0
+    (point,) = events_of(line)
+    assert point.kind == "CP"
+    assert abs(point["mu"]) < 1e-12
+    assert abs(point["h"]) < 1e-12
+
+
+def test_hopf_line_of_the_brusselator() -> None:
+    problem = brusselator()
+    start = trace(problem, "B", events=ALL, within={"B": (0.1, 5.0)}).first("HB")
+    line = boundary(start, ("A", "B"), within={"A": (0.1, 3.0)}, events=())
+    assert abs(line["B"] - 1 - line["A"] ** 2).max() < 1e-12
+    assert abs(line["omega2"] - line["A"] ** 2).max() < 1e-12
+    assert line["A"].min() == 0.1
+    assert line["A"].max() == 3.0
+
+
+def test_fold_of_bratu_is_the_closed_form_to_the_accuracy_of_the_collocation() -> None:
+    assert bratu_fold() == pytest.approx(3.513830719125161, abs=1e-15)
+    errors = []
+    for nodes in (8, 12, 16):
+        problem = analytic_bratu(chebyshev(nodes)).at(lam=1.0)
+        branch = trace_case(replace(BRATU, problem=problem), events=[fold()])
+        errors.append(abs(branch.first("LP")["lam"] - bratu_fold()))
+    assert errors[0] < 1e-4
+    assert errors[1] < 1e-6
+    assert errors[2] < 1e-8
+
+
+@pytest.mark.parametrize("nodes", [50, 200])
+def test_fold_of_a_large_system_is_that_of_its_own_recurrence(nodes: int) -> None:
+    problem = analytic_bratu(mesh(nodes)).at(lam=1.0)
+    steps = Steps(first=0.1, largest=0.5)
+    branch = trace(problem, "lam", within={"lam": (1.0, 4.0)}, events=[fold()], steps=steps)
+    assert branch.first("LP")["lam"] == pytest.approx(mesh_fold(nodes), abs=2e-11)
+    assert len(branch) < 40  # arclength does not grow with the mesh
+
+
+def test_folds_on_both_sides_of_a_branch_point_within_one_step() -> None:
+    for eps in (1e-2, 1e-4, 1e-6):
+        case = crowded(eps)
+        branch = trace_case(case, 10.0)
+        folds = [point.arclength for point in events_of(branch) if point.kind == "LP"]
+        assert folds[1] - folds[0] < np.diff(branch["arclength"]).max()
+        assert wrong(case, branch) == ""
+
+
+def test_imperfection_is_followed_however_small_and_never_jumped() -> None:
+    for h in (1e-3, 1e-6, 1e-9):
+        above, below = imperfect(h)
+        for case in (above, below):
+            branch = trace_case(case, 10.0)
+            assert wrong(case, branch) == ""
+            assert abs(branch["x"] * (branch["mu"] - branch["x"] ** 2) + h).max() < 1e-14
+            assert (branch["x"] > 0).all() if case is above else (branch["x"] < 0).all()
+
+
+def test_stiff_scales_change_nothing_but_the_units() -> None:
+    plain, stiff = (trace_case(case) for case in (CUSP, STIFF))
+    assert len(plain) == len(stiff)
+    assert np.allclose(stiff["x"], 1e6 * plain["x"], rtol=1e-9)
+    assert np.allclose(stiff["arclength"], plain["arclength"], rtol=1e-9)
+
+
+def test_without_scales_stiff_events_are_still_told_apart() -> None:
+    bare = replace(STIFF.problem, scales={})
+    branch = trace(
+        bare, "h", within=STIFF.within, events=STIFF.events, steps=Steps(first=1e4, largest=1e5)
+    )
+    assert wrong(STIFF, branch) == ""
+
+
+def test_an_unknown_may_be_an_array() -> None:
+    branch = trace_case(BRATU)
+    assert branch["u"].shape == (len(branch), 19)
+    assert branch[3]["u"].shape == (19,)
+    assert np.allclose(branch["u"], branch["u"][:, ::-1], atol=1e-9)  # the solution is even
+
+
+def test_array_and_numbers_may_be_unknown_together() -> None:
+    second = chebyshev(12)
+
+    def residual(y, p):
+        u, top = y[:-1], y[-1]
+        return np.append(second @ u + p["lam"] * np.exp(u), top - u[5])
+
+    problem = Problem(residual, {"u": np.zeros(11), "top": 0.0}, {"lam": 1.0})
+    branch = trace(problem, "lam", within={"top": (0.0, 2.0)}, events=[fold()])
+    assert branch["top"][-1] == 2.0 or branch["top"][0] == 2.0
+    assert branch.first("LP")["lam"] == pytest.approx(bratu_fold(), abs=1e-6)
