@@ -122,6 +122,12 @@ def zones(
             "zones(k=0.8) draws the plane (gamma, a)"
         )
     ((name, value),) = given.items()
+    if name == "k" and value in (0.0, 1.0):
+        raise BadInput(
+            f"k = {value:g}: zones need 0 < k < 1. At k = 1 the folds are at a = 0 and every "
+            "multiplier on the arc is neutral; at k = 0 site 0 leaves its wall without velocity. "
+            "Take k close to it, and symmetric() for single breathers at the rim"
+        )
     search = _Search(name, float(value), forcing, lattice or InfiniteChain(), within or {})
     with Progress(progress, search.pair[0]) as shown:
         return search.run(shown)

@@ -183,7 +183,7 @@ def test_windows_narrow_the_search_and_empty_ones_are_refused() -> None:
         cb.zones(k=0.8, within={"k": (0.1, 0.2)})
 
 
-@pytest.mark.parametrize("k", [-0.1, 1.1, math.nan, math.inf])
+@pytest.mark.parametrize("k", [0.0, 1.0, -0.1, 1.1, math.nan, math.inf])
 def test_impossible_restitution_is_refused(k: float) -> None:
     with pytest.raises(cb.BadInput):
         cb.zones(k=k)
