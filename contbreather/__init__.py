@@ -32,6 +32,8 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.continuation import cusp as cusp
     from contbreather.continuation import fold as fold
     from contbreather.continuation import hopf as hopf
+    from contbreather.continuation import load as load
+    from contbreather.continuation import save as save
     from contbreather.continuation import trace as trace
     from contbreather.continuation import user as user
     from contbreather.continuation import walk as walk
@@ -78,6 +80,8 @@ _HOME = {
     "cusp": "contbreather.continuation",
     "hopf": "contbreather.continuation",
     "user": "contbreather.continuation",
+    "save": "contbreather.continuation",
+    "load": "contbreather.continuation",
     "plot": "contbreather.plotting",
     "BadInput": "contbreather.errors",
     "ContbreatherError": "contbreather.errors",
