@@ -37,6 +37,7 @@ PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
 FEWEST = 80  # points on a curve
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
+BESIDE = 3e-3  # how far from a meeting a curve is looked for that the comb missed
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,21 +155,39 @@ class _Search:
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
 
     def run(self, shown: Progress) -> Zones:
-        found = False
-        for x in _comb(self.pair[0], self.within):
-            for branch in self._branches(x):
-                found = True
-                shown.advance(branch[-1])
-                for point in branch.special:
-                    if point.kind in KINDS and point.located:
-                        self._follow(point)
-        if not found:
+        found = [self._scan(x, shown) for x in _comb(self.pair[0], self.within)]
+        if not any(found):
             raise BadInput(
                 f"no breather within {self.within} at {self.name} = {self.value:g}; "
                 "widen the window"
             )
+        # a curve too narrow for the comb still shows where it meets another: look beside that
+        low, high = self.within[self.pair[0]]
+        for met in self._unexplained():
+            for x in (met[self.pair[0]] - BESIDE, met[self.pair[0]] + BESIDE):
+                if low <= x <= high:
+                    self._scan(x, shown)
         curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
         return Zones((self.name, self.value), self.pair, curves)
+
+    def _scan(self, x: float, shown: Progress) -> bool:
+        """Trace branches at one value of the first parameter, and every new event on them."""
+        found = False
+        for branch in self._branches(x):
+            found = True
+            shown.advance(branch[-1])
+            for point in branch.special:
+                if point.kind in KINDS and point.located:
+                    self._follow(point)
+        return found
+
+    def _unexplained(self) -> list[Point]:
+        """Meetings with a curve that was not traced."""
+        branches = [branch for kind in KINDS for branch in self.curves[kind]]
+        return [p for b in branches for p in b.special if _is_meeting(p) and not self._known(p)]
+
+    def _known(self, point: Point) -> bool:
+        return any(_on_curve(b, point, self.pair) for b in self.curves[_followed(point)])
 
     def _branches(self, x: float) -> Iterator[Branch]:
         """Branches of admissible breathers in the second parameter, at one value of the first."""
@@ -200,18 +219,27 @@ class _Search:
         return found if admissibility(found).ok else None
 
     def _follow(self, point: Point) -> None:
-        """Trace an event as a boundary, unless it lies on one already; then what ends it."""
-        kind = (point.event.met or point.event).kind if point.event else point.kind
-        if any(_on_curve(branch, point, self.pair) for branch in self.curves[kind]):
+        """Trace an event as a boundary, unless it lies on one already."""
+        if self._known(point):
             return
         branch = boundary(
             point, self.pair, within=self.within, events=self.events, steps=STEPS, progress=False
         )
         branch = refined(branch, FEWEST)
-        self.curves[kind].append(branch)
+        self.curves[_followed(point)].append(branch)
         for end in branch.special:
             if end.kind == "GR-GR":  # another site takes over: the limit of existence goes on
                 self._follow(end)
+
+
+def _is_meeting(point: Point) -> bool:
+    return point.event is not None and point.event.met is not None
+
+
+def _followed(point: Point) -> str:
+    """The kind of the curve that leads on from a special point."""
+    event = point.event
+    return point.kind if event is None else (event.met or event).kind
 
 
 def _ending(event: Event) -> Event:

@@ -13,7 +13,7 @@ from contbreather.breathers.closure import smallest_amplitude
 from contbreather.stability import neimark_sacker, unstable_count
 
 CHAIN = cb.InfiniteChain()
-KS = (0.05, 0.2, 0.4, 0.8, 0.95, 0.99)
+KS = (0.001, 0.05, 0.2, 0.4, 0.8, 0.95, 0.99)
 
 
 @lru_cache(maxsize=8)
@@ -74,7 +74,7 @@ def test_neimark_sacker_line_is_complete(k: float) -> None:
     order = np.argsort(line["arclength"])
     gamma, a = line["gamma"][order], line["a"][order]
     seen = 0
-    for coupling in np.linspace(0.0203, 0.2453, 46):  # off the comb, so that no node is hit
+    for coupling in np.linspace(0.0203, 0.2453, 91):  # off the comb, so that no node is hit
         crossings = _crossings(gamma, a, coupling)
         wanted = [_amplitude(coupling, k, root.b) for root in neimark_sacker(coupling, k)]
         wanted = [value for value in wanted if value is not None]
