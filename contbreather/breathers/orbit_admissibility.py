@@ -114,11 +114,16 @@ def _reason(orbit: Orbit, margin: float, site: int | None, time: float) -> str:
 
 def motion(orbit: Orbit, site: int | None, t: float) -> tuple[float, float, float]:
     """Displacement, velocity and acceleration of a site (None: the far field) at one time."""
+    u, v, w = moved(orbit, site, t)
+    return u + (_far_offset(orbit) if site is None else float(orbit.offset(site))), v, w
+
+
+def moved(orbit: Orbit, site: int | None, t: float) -> tuple[float, float, float]:
+    """The same without the static offset."""
     a, f = orbit.a, orbit.forcing
     u, v, w = a * f.f(t), a * f.df(t), a * f.d2f(t)
     if site is None:
-        return u + _far_offset(orbit), v, w
-    u += float(orbit.offset(site))
+        return u, v, w
     for impact in orbit.impacts:
         distance = orbit.lattice.distance(site - impact.site)
         h = wave(orbit.lattice, orbit.gamma, distance, orbit.periods).at(t - impact.time)
@@ -247,7 +252,9 @@ def centre_margin(orbit: Orbit) -> tuple[int, float, float]:
     """
     best = (orbit.equations.sites[0], orbit.impacts[0].time, math.inf)
     for site in orbit.equations.sites:
+        first, T = orbit.impacts[0].time, orbit.period
         own = [i for i, impact in enumerate(orbit.impacts) if impact.site == site]
+        own.sort(key=lambda i: (orbit.impacts[i].time - first) % T)
         for first, second in zip(own, [*own[1:], own[0]], strict=True):
             when, margin = _flight_margin(orbit, first, second)
             if margin < best[2]:

@@ -8,18 +8,21 @@ the circle is counted and located by two equations for its angle, grazing by two
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.orbit_admissibility import admissibility, motion
+from contbreather.breathers.orbit_admissibility import admissibility, motion, moved
 from contbreather.breathers.orbits import Orbit
 from contbreather.continuation import Event, Locus, Point, fold
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput
 from contbreather.lattice import Lattice, Ring
+from contbreather.lattice.periodic import Wave, wave, wave_slope
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.winding import Count
 
@@ -67,7 +70,7 @@ def period_doubling() -> Event:
     return Event(
         "PD",
         lambda point: _orbit(point).map.minus_one(),
-        locus=lambda point: Locus({}, _minus_one),
+        locus=lambda point: Locus({}, _minus_one, _slopes(_minus_one)),
         verify=_verify_doubling,
     )
 
@@ -167,7 +170,7 @@ def _arc_locus(point: Point) -> Locus:
     map = _orbit(point).map
     if map.gamma == 0.0 and map.lattice.sites is None:
         raise Undefined("at gamma = 0 there is no band for a pair to come out of")
-    return Locus({"kappa": map.nearest()}, _arc_conditions)
+    return Locus({"kappa": map.nearest()}, _arc_conditions, _slopes(_arc_conditions))
 
 
 def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
@@ -186,7 +189,44 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
         value = complex(_at(curve, z).map.D(np.array([extra[0] + depth]))[0])
         return np.array([value.real, value.imag])
 
-    return Locus({"kappa": float(np.angle(nearest)) / (2.0 * math.pi)}, conditions)
+    kappa = float(np.angle(nearest)) / (2.0 * math.pi)
+    return Locus({"kappa": kappa}, conditions, _slopes(conditions))
+
+
+# --- derivatives of conditions that have none in closed form ---------------------------------------
+
+_STEP = 1e-3
+_CENTRAL = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
+_FORWARD = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4))
+
+
+def _slopes(
+    conditions: Callable[[Curve, Array, Array], Array],
+) -> Callable[[Curve, Array, Array], Array]:
+    """Differences of fourth order, one-sided where a parameter is next to the end of its domain:
+    boundaries start at gamma = 0 as well."""
+
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        both = np.concatenate([z, extra])
+        ends = {curve.slots[name]: ends for name, ends in curve.problem.domain.items()
+                if name in curve.slots}  # fmt: skip
+        columns = []
+        for i in range(both.size):
+            low, high = ends.get(i, (-math.inf, math.inf))
+            side, stencil = 1.0, _CENTRAL
+            if both[i] - 2.0 * _STEP < low:
+                stencil = _FORWARD
+            elif both[i] + 2.0 * _STEP >= high:
+                side, stencil = -1.0, _FORWARD
+            column = np.zeros(1)
+            for place, weight in stencil:
+                near = both.copy()
+                near[i] += side * place * _STEP
+                column = column + weight * conditions(curve, near[: z.size], near[z.size :])
+            columns.append(side * column / _STEP)
+        return np.stack(columns, axis=-1)
+
+    return derivative
 
 
 # --- grazing --------------------------------------------------------------------------------------
@@ -200,12 +240,80 @@ def _grazing_locus(point: Point) -> Locus:
     if site in orbit.equations.sites and any(t == impact.time for impact in orbit.impacts):
         raise Undefined(f"an impact of site {site} itself loses its velocity: no grazing to follow")
     wall = math.copysign(1.0, motion(orbit, site, t)[0])
+    share = _offset_share(orbit, site, wall)
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        u, v, _ = motion(_at(curve, z), site, float(extra[0]))
-        return np.array([wall * u - 1.0, wall * v])
+        orbit = _at(curve, z)
+        u, v, _ = moved(orbit, site, float(extra[0]))
+        return np.array([wall * (u + share @ orbit.offsets) - 1.0, wall * v])
 
-    return Locus({"t": t}, conditions, events=(_other_grazing(site),))
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        orbit, t = _at(curve, z), float(extra[0])
+        rows = [_motion_slope(orbit, site, share, t, name) for name in _names(curve)]
+        _, v, acceleration = moved(orbit, site, t)
+        return wall * np.array([*rows, (v, acceleration)]).T
+
+    return Locus({"t": t}, conditions, derivative, events=(_other_grazing(site),))
+
+
+def _offset_share(orbit: Orbit, site: int | None, wall: float) -> Array:
+    """Weights of the offsets in the static displacement of a site.
+
+    On a boundary that runs into gamma = 0 a site keeps to what holds for gamma > 0.
+    """
+    size = len(orbit.offsets)
+    if orbit.gamma == 0.0 and site not in orbit.equations.sites:
+        return np.zeros(size)
+    if site is None:
+        end = 0 if wall * orbit.offsets[0] >= wall * orbit.offsets[-1] else size - 1
+        return np.eye(size)[end]
+    unit = [replace(orbit, offsets=tuple(row)).offset(site) for row in np.eye(size).tolist()]
+    return np.array(unit, dtype=float)
+
+
+def _names(curve: Curve) -> tuple[str, ...]:
+    """What the columns of a derivative belong to."""
+    return (*curve.problem.start, *curve.free)
+
+
+def _motion_slope(
+    orbit: Orbit, site: int | None, share: Array, t: float, name: str
+) -> tuple[float, float]:
+    """Derivative of displacement and velocity at a fixed time."""
+    f, a = orbit.forcing, orbit.a
+    if name == "a":
+        return f.f(t), f.df(t)
+    if name in f.params:
+        return a * f.f_param(name, t, 0), a * f.f_param(name, t, 1)
+    if name[0] == "c" and name not in f.params:
+        return float(share[int(name[1:]) - 1 if len(name) > 1 else 0]), 0.0
+    if site is None or name == "k":
+        return 0.0, 0.0
+    if name == "gamma":
+        return _answers(orbit, site, t, wave_slope, orbit.impulses)[:2]
+    m = len(orbit.impacts)
+    if name == "p":
+        return _answers(orbit, site, t, wave, -2.0 * orbit.equations.walls)[:2]
+    one = np.zeros(m)
+    i = int(name[1:]) - 1
+    if name[0] == "J":
+        one[i] = 1.0
+        return _answers(orbit, site, t, wave, one)[:2]
+    one[i] = -orbit.impulses[i]
+    return _answers(orbit, site, t, wave, one)[1:]
+
+
+def _answers(
+    orbit: Orbit, site: int, t: float, make: Callable[..., Wave], weights: Array
+) -> tuple[float, float, float]:
+    """Weighted sum of what the impacts do to a site: value, slope, curvature."""
+    total = np.zeros(3)
+    for impact, weight in zip(orbit.impacts, weights.tolist(), strict=True):
+        if weight:
+            distance = orbit.lattice.distance(site - impact.site)
+            answer = make(orbit.lattice, orbit.gamma, distance, orbit.periods)
+            total += weight * np.array(answer.at(t - impact.time)[:3])
+    return float(total[0]), float(total[1]), float(total[2])
 
 
 def _other_grazing(site: int | None) -> Event:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 from contbreather.breathers.impacts import (
     Impact,
@@ -60,17 +59,11 @@ def domain_of(equations: OrbitEquations) -> dict[str, tuple[float, float]]:
 
 
 def orbit_from(equations: OrbitEquations, point: Point) -> Orbit:
-    """What a point of `impact_problem` is; impacts that have overtaken each other in order."""
+    """What a point of `impact_problem` is."""
     values = point.params
     times, impulses, offsets = equations.split(point.x)
-    period = 2.0 * math.pi * equations.periods
     named = zip(equations.sequence, times.tolist(), impulses.tolist(), strict=True)
     impacts = [Impact(site, wall, t, J) for (site, wall), t, J in named]
-    in_order = all(a.time < b.time for a, b in pairwise(impacts))
-    if not in_order or impacts[-1].time >= impacts[0].time + period:
-        first = impacts[0].time
-        late = [one._replace(time=first + (one.time - first) % period) for one in impacts]
-        impacts = sorted(late, key=lambda impact: impact.time)
     return Orbit(
         values["a"],
         values["gamma"],

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.breathers.closure import EPS, check_amplitude, restitution_ratio
-from contbreather.breathers.impacts import Impact, OrbitEquations, check_times, equations_of
+from contbreather.breathers.impacts import Impact, OrbitEquations, equations_of
 from contbreather.continuation import Point
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput
@@ -44,7 +44,7 @@ class Orbit:
     a, gamma, k : float
         Amplitude of the forcing, coupling, restitution coefficient.
     impacts : sequence of (site, wall, time, impulse)
-        Those of one period, in order of time.
+        Those of one period; times count modulo the period.
     offsets : sequence of float
         Static displacement of each impacting site, from left to right; 0 unless given.
     periods : int
@@ -55,8 +55,8 @@ class Orbit:
     Raises
     ------
     BadInput
-        For a sequence of impacts that cannot be, times out of order, impulses that push a site
-        into its wall, or parameters out of range.
+        For a sequence of impacts that cannot be, impulses that push a site into its wall, or
+        parameters out of range.
 
     Examples
     --------
@@ -93,7 +93,6 @@ class Orbit:
             map(math.isfinite, offsets)
         ):
             raise BadInput(f"impacts {impacts}, offsets {offsets}: finite numbers are wanted.")
-        check_times([impact.time for impact in impacts], self.periods)
         for i, impact in enumerate(impacts):
             if impact.wall * impact.impulse >= 0.0:
                 raise BadInput(
@@ -309,9 +308,12 @@ class Orbit:
         from contbreather.stability.monodromy import Kick
         from contbreather.stability.orbit import OrbitMap
 
+        first, T, b = self.impacts[0].time, self.period, self.entries.tolist()
         kicks = [
-            Kick(i.site, i.time, float(b)) for i, b in zip(self.impacts, self.entries, strict=True)
+            Kick(impact.site, first + (impact.time - first) % T, entry)
+            for impact, entry in zip(self.impacts, b, strict=True)
         ]
+        kicks.sort(key=lambda kick: kick.time)
         return OrbitMap(self.gamma, self.k, tuple(kicks), self.periods, self.lattice)
 
     def stability(

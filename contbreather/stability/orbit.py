@@ -425,11 +425,14 @@ class OrbitMap:
 
 def _inverse(lattice: Lattice, gamma: float, kappa: Array) -> Array:
     """1/g, which is 0 at kappa = 0 and at the band's edges."""
-    if lattice.sites is not None:
-        with np.errstate(divide="ignore"):
-            return np.asarray(1.0 / resolvent(lattice, gamma, kappa, 0))
     safe = np.where(kappa == 0.0, 1.0, kappa)
-    return np.where(kappa == 0.0, 0.0, -safe * safe * root(gamma, safe))
+    square, r = safe * safe, root(gamma, safe)
+    inverse = -square * r
+    if lattice.sites is not None:
+        lap = (-4.0 * gamma / (square * (1.0 + r) ** 2)) ** lattice.sites
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse = inverse * (1.0 - lap) / (1.0 + lap)
+    return np.where(kappa == 0.0, 0.0, inverse)
 
 
 def _counted(mu: Array, radius: float) -> Count:

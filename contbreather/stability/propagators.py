@@ -144,34 +144,26 @@ class Propagators:
 
 def propagators(lattice: Lattice, gamma: float, distance: int, times: Array) -> Propagators:
     """`Propagators` for pairs of impacts the times apart, at one distance."""
-    sums = _sums(times)
-    tails = np.stack([sums @ weights for weights in _weights(lattice, gamma, distance)])
+    moments = lattice.moments(distance)[:ORDERS] * (4.0 * gamma) ** np.arange(ORDERS)
+    which, number = _expansions()
+    terms = _sums(times)[:, which] * (number * moments[:, None])
+    tails = terms.sum(axis=2).transpose(1, 0, 2)
+    tails[0] *= 1j
     phases = np.exp(1j * np.multiply.outer(times, _ALIASES))
     return Propagators(lattice, gamma, distance, times, phases, tails)
 
 
 @lru_cache(maxsize=1)
-def _expansions() -> Array:
-    """``[3, ORDERS, p - 1, a]``: coefficient of kappa^a S_p <w^2l cos> in (turn, reach, pull)."""
-    table = np.zeros((3, ORDERS, _HIGHEST, POWERS), dtype=complex)
-    a = np.arange(POWERS)
-    for order in range(ORDERS):
-        # i kappa_j g, g and -kappa_j^2 g - 1 as -kappa_j^-q <w^2l>, each with its q
-        for kind, q, factor in (
-            (0, 2 * order + 1, -1j),
-            (1, 2 * order + 2, -1.0),
-            (2, 2 * order, 1.0),
-        ):
-            if q > 0:
-                table[kind, order, q + a - 1, a] = factor * (-1.0) ** a * comb(q - 1 + a, a)
-    return table
-
-
-@lru_cache(maxsize=256)
-def _weights(lattice: Lattice, gamma: float, distance: int) -> Array:
-    """``[3, p - 1, a]``: Taylor coefficients of the tails per sum S_p."""
-    moments = lattice.moments(distance)[:ORDERS] * (4.0 * gamma) ** np.arange(ORDERS)
-    return np.tensordot(moments, _expansions(), axes=(0, 1))
+def _expansions() -> tuple[Array, Array]:
+    """``[3, ORDERS, a]``: in (turn, reach, pull) the coefficient of kappa^a <w^2l cos> is this
+    number times that sum S_p."""
+    order, a = np.arange(ORDERS)[:, None], np.arange(POWERS)
+    which, number = [], []
+    # i kappa_j g, g and -kappa_j^2 g - 1 have -kappa_j^-q <w^2l> (but for i), each with its q
+    for q, factor in ((2 * order + 1, -1.0), (2 * order + 2, -1.0), (2 * order, 1.0)):
+        which.append(np.maximum(q + a - 1, 0))
+        number.append(np.where(q > 0, factor * (-1.0) ** a * comb(q - 1 + a, a), 0.0))
+    return np.stack(which), np.stack(number)
 
 
 @lru_cache(maxsize=1)

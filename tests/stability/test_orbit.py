@@ -1,0 +1,266 @@
+"""Reduced determinants, counts and multipliers of orbits, by dense matrices and known cases."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from contbreather.errors import BadInput
+from contbreather.lattice import InfiniteChain, Ring
+from contbreather.stability import D, unstable_count, unstable_multipliers
+from contbreather.stability.monodromy import Kick
+from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.orbit_verdict import orbit_stability
+from contbreather.stability.propagators import propagators
+from contbreather.stability.saltation import saltation
+
+
+def dense(sites, gamma, k, kicks, periods):
+    """Product of matrix exponentials and saltation matrices on all sites."""
+    laplacian = np.zeros((sites, sites))
+    for n in range(sites):
+        laplacian[n, n] -= 2
+        laplacian[n, (n + 1) % sites] += 1
+        laplacian[n, (n - 1) % sites] += 1
+    A = np.zeros((2 * sites, 2 * sites))
+    A[:sites, sites:], A[sites:, :sites] = np.eye(sites), gamma * laplacian
+    M = np.eye(2 * sites)
+    times = [kick[1] for kick in kicks] + [kicks[0][1] + 2 * np.pi * periods]
+    for i, (site, _, b) in enumerate(kicks):
+        S = np.eye(2 * sites)
+        pair = [site, sites + site]
+        S[np.ix_(pair, pair)] = saltation(k, b)
+        M = expm(A * (times[i + 1] - times[i])) @ S @ M
+    return M
+
+
+def paired(one, other):
+    """Largest distance between two spectra, matched greedily."""
+    other, worst = list(other), 0.0
+    for mu in sorted(one, key=abs, reverse=True):
+        nearest = min(range(len(other)), key=lambda i: abs(other[i] - mu))
+        worst = max(worst, abs(other.pop(nearest) - mu))
+    return worst
+
+
+CASES = [
+    (1, 0.1, 0.7, ((0, 0.0, 0.4), (0, 2.0, -0.9)), 1),
+    (2, 0.1, 0.7, ((0, 0.1, 0.4), (1, 2.0, 0.9)), 1),
+    (9, 0.2, 0.8, ((0, 0.0, 0.4), (0, 2.0, 0.9)), 1),
+    (10, 0.2, 0.8, ((3, 0.5, 0.4), (3, 2.0, 0.9), (3, 4.0, -0.3)), 1),
+    (12, 0.06, 0.5, ((2, 0.0, 0.4), (4, 0.7, 0.9), (4, 5.0, 1.3), (2, 9.0, -0.6)), 2),
+    (7, 0.0, 0.9, ((0, 0.0, 0.4), (1, 0.5, 0.2), (0, 3.0, 0.9)), 1),
+]
+
+
+@pytest.mark.parametrize(("sites", "gamma", "k", "kicks", "periods"), CASES)
+def test_multipliers_are_the_eigenvalues_of_flights_and_saltations(
+    sites, gamma, k, kicks, periods
+):
+    mu = OrbitMap(gamma, k, kicks, periods, Ring(sites)).multipliers()
+    assert mu.size == 2 * sites
+    # a double eigenvalue (a zero mode) is known to the root of rounding
+    assert paired(mu, np.linalg.eigvals(dense(sites, gamma, k, kicks, periods))) < 1e-6
+    assert abs(np.prod(mu) - k ** (2 * len(kicks))) < 1e-12
+
+
+@pytest.mark.parametrize(("sites", "gamma", "k", "kicks", "periods"), CASES[2:5])
+def test_every_multiplier_outside_is_a_zero_of_the_reduced_determinant(
+    sites, gamma, k, kicks, periods
+):
+    map = OrbitMap(gamma, k, kicks, periods, Ring(sites))
+    mu = map.coupled_multipliers()
+    mu = mu[np.abs(mu) > 1 + 1e-6]
+    assert mu.size
+    assert np.abs(map.D(np.log(mu) / (2j * np.pi))).max() < 1e-11
+
+
+def test_reduced_determinant_is_that_of_the_whole_matrix():
+    sites, gamma, k, kicks = 12, 0.06, 0.5, CASES[4][3]
+    map = OrbitMap(gamma, k, kicks, 2, Ring(sites))
+    M = dense(sites, gamma, k, kicks, 2)
+    flight = dense(sites, gamma, 1.0, ((0, 0.0, 0.0),), 2)
+    flight[:, [0, sites]] *= -1  # k = 1 turned two signs
+    for mu in (1.3, -1.1 + 0.4j, 40.0j):
+        whole = np.linalg.det(M - mu * np.eye(2 * sites)) / np.linalg.det(
+            flight - mu * np.eye(2 * sites)
+        )
+        assert map.D(np.log(complex(mu)) / (2j * np.pi)) == pytest.approx(whole, rel=1e-10)
+
+
+@pytest.mark.parametrize("gamma", [0.001, 0.04, 0.1, 0.2499])
+@pytest.mark.parametrize("distance", [0, 1, 4])
+@pytest.mark.parametrize("sites", [None, 9])
+def test_mean_propagators_are_means_over_the_modes(gamma, distance, sites):
+    times = np.array([0.0, 0.3, -1.2, 3.0, -6.2, 6.1])
+    lattice = InfiniteChain() if sites is None else Ring(sites)
+    pairs = propagators(lattice, gamma, distance, times)
+    theta, weight, w = Ring(4000 if sites is None else sites).nodes(gamma)
+    share = weight * np.cos(distance * theta)
+
+    def flight(s):
+        drift = s * np.sinc(w * s / np.pi)
+        return np.array([np.cos(w * s), drift, -w * np.sin(w * s)])
+
+    for depth in (0.1, 0.3, 0.6):
+        kappa = np.array([0.0, 0.2, 0.5, -0.3]) - 1j * depth
+        found = [pairs.near(kappa)] + ([pairs.deep(kappa)] if depth > 0.5 else [])
+        for i, s in enumerate(times):
+            late = s + 2 * np.pi * (s <= 0)
+            for j, mu in enumerate(np.exp(2j * np.pi * kappa)):
+                mode = 1 - 2 * np.cos(2 * np.pi * w) / mu + mu**-2
+                exact = (flight(late) - flight(late - 2 * np.pi) / mu) / mode @ share
+                exact = exact * np.exp(-1j * kappa[j] * late)
+                for entries in found:
+                    values = np.array([one[i, j] for one in entries])
+                    assert np.abs(values - exact).max() < 1e-13 * max(1, np.abs(exact).max())
+
+
+def test_symmetric_breather_is_its_half_map_twice():
+    gamma, k, b = 0.1, 0.8, 0.7
+    map = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])
+    for kappa in ([0.2 - 0.1j, 0.45 - 0.7j, 0.1 - 0.02j], [0.2 + 0j, 0.05, 0.42]):
+        kappa = np.array(kappa, dtype=complex)  # mu^2 of the half map: the second row on the band
+        halves = D(gamma, kappa, k, b) * D(gamma, kappa + 1, k, b)
+        assert np.abs(map.D(kappa) - halves).max() < 1e-13
+
+
+def test_count_of_a_symmetric_breather_is_that_of_its_half_map():
+    rng = np.random.default_rng(1)
+    seen = set()
+    for _ in range(150):
+        gamma, k, b = rng.uniform(5e-4, 0.2495), rng.uniform(0.2, 1), 2 * rng.normal()
+        wanted = unstable_count(gamma, k, b).count
+        seen.add(wanted)
+        found = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)]).count()
+        assert found.count == wanted
+        assert found.certain
+    assert seen >= {0, 1, 2}
+
+
+def random_orbit(rng, several):
+    periods = int(rng.integers(1, 3))
+    m = int(rng.integers(1, 5))
+    times = np.sort(rng.uniform(0, 2 * np.pi * periods, m))
+    sites = rng.integers(0, 3, m) if several else np.zeros(m, dtype=int)
+    kicks = tuple(
+        (int(n), t, b) for n, t, b in zip(sites, times.tolist(), rng.normal(size=m), strict=True)
+    )
+    return rng.uniform(5e-4, 0.2495) / periods**2, rng.uniform(0.2, 1), kicks, periods
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_winding_number_newton_and_a_long_ring_agree(several):
+    """Multipliers well outside the circle do not know whether the chain is infinite."""
+    rng = np.random.default_rng(3)
+    outside = 0
+    for _ in range(8 if several else 20):
+        gamma, k, kicks, periods = random_orbit(rng, several)
+        found = OrbitMap(gamma, k, kicks, periods).unstable_multipliers()
+        ring = OrbitMap(gamma, k, kicks, periods, Ring(101)).coupled_multipliers()
+        far, wanted = found[np.abs(found) > 1.6], ring[np.abs(ring) > 1.6]
+        assert far.size == wanted.size
+        assert paired(far, wanted) < 1e-7 * np.abs(far).max(initial=1)
+        outside += far.size
+    assert outside >= 5
+
+
+def test_multipliers_come_largest_first_and_in_pairs():
+    mu = OrbitMap(0.11, 0.8, [(0, 0.0, -0.28657), (0, math.pi, -0.28657)]).unstable_multipliers()
+    half = unstable_multipliers(0.11, 0.8, -0.28657)
+    assert mu.size == 2
+    assert mu[0] == mu[1].conjugate()
+    assert paired(mu, half**2) < 1e-11
+
+
+def test_a_multiplier_of_minus_one_is_a_zero_of_its_scalar():
+    def value(b, lattice):
+        return OrbitMap(0.04, 0.8, [(0, 0.0, b), (0, 2.7, 0.3)], lattice=lattice).minus_one()
+
+    for lattice in (InfiniteChain(), Ring(30)):
+        low, high = 0.0, 6.0
+        assert value(low, lattice) * value(high, lattice) < 0
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            if value(middle, lattice) * value(low, lattice) > 0:
+                low = middle
+            else:
+                high = middle
+        ring = OrbitMap(0.04, 0.8, [(0, 0.0, low), (0, 2.7, 0.3)], lattice=Ring(30))
+        gap = np.abs(ring.multipliers() + 1).min()
+        assert gap < (1e-12 if lattice == Ring(30) else 1e-9)
+
+
+@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(20)])
+def test_scalar_at_minus_one_is_bounded_where_the_band_passes_it(lattice):
+    values = [
+        OrbitMap(g, 0.8, [(0, 0.0, 0.5), (0, 2.7, 0.3)], lattice=lattice).minus_one()
+        for g in (0.0625 + np.array([-1e-9, 0.0, 1e-9])).tolist()
+    ]
+    # it has a square root there
+    assert np.all(np.abs(np.diff(values)) < 1e-3 * np.abs(values).max())
+
+
+def test_counts_change_by_one_across_plus_and_minus_one():
+    def of(b):
+        return OrbitMap(0.04, 0.8, [(0, 0.0, b), (0, 2.7, 0.3)])
+
+    grid = np.linspace(-9.0, 6.0, 61)
+    counts = np.array([of(b).count().count for b in grid])
+    signs = np.array([(of(b).plus_one() > 0, of(b).minus_one() > 0) for b in grid])
+    pairs = np.array([of(b).count().pairs for b in grid])
+    steps = np.diff(counts) - 2 * np.diff(pairs)
+    crossings = (signs[1:] != signs[:-1]).sum(axis=1)
+    assert crossings.sum() >= 2
+    assert np.array_equal(np.abs(steps) % 2, crossings % 2)
+
+
+def test_uncoupled_sites_answer_each_for_itself():
+    kicks = ((0, 0.0, 0.4), (1, 0.5, 3.0), (0, 3.0, 0.9), (1, 4.0, 2.0))
+    each = [
+        OrbitMap(0.0, 0.8, [(0, t, b) for n, t, b in kicks if n == site]).count().count
+        for site in (0, 1)
+    ]
+    assert OrbitMap(0.0, 0.8, kicks).count().count == sum(each)
+    assert OrbitMap(1e-5, 0.8, kicks).count().count == sum(each)
+
+
+def test_verdicts_name_their_chain():
+    map = OrbitMap(0.04, 0.8, [(0, 0.0, 1.1), (0, math.pi, 1.1)])
+    verdict = orbit_stability(map)
+    assert not verdict.stable
+    assert "infinite chain: unstable, 1 multiplier of the orbit" in repr(verdict)
+    assert verdict.multipliers.size == 1
+    ring = orbit_stability(OrbitMap(0.04, 0.8, map.kicks, lattice=Ring(20)))
+    assert "ring of 20 sites" in repr(ring)
+    assert "threshold 1.005" in repr(ring)
+    assert ring.largest == pytest.approx(abs(ring.multipliers[0]))
+
+
+def test_nonsense_is_refused_by_a_sentence():
+    good = [(0, 0.0, 0.5), (0, 3.0, 0.5)]
+    with pytest.raises(BadInput, match="without impacts"):
+        OrbitMap(0.1, 0.8, [])
+    with pytest.raises(BadInput, match="in order of time"):
+        OrbitMap(0.1, 0.8, good[::-1])
+    with pytest.raises(BadInput, match="in order of time"):
+        OrbitMap(0.1, 0.8, [(0, 0.0, 0.5), (0, 7.0, 0.5)])
+    with pytest.raises(BadInput, match="finite"):
+        OrbitMap(0.1, 0.8, [(0, 0.0, math.nan)])
+    with pytest.raises(BadInput, match="k = 1.2"):
+        OrbitMap(0.1, 1.2, good)
+    with pytest.raises(BadInput, match="radiates"):
+        OrbitMap(0.1, 0.8, good, periods=2)
+    with pytest.raises(BadInput, match="radius"):
+        OrbitMap(0.1, 0.8, good).count(1.1)
+    with pytest.raises(BadInput, match="above 1"):
+        OrbitMap(0.1, 0.8, good, lattice=Ring(5)).count()
+    with pytest.raises(BadInput, match="continuous spectrum"):
+        OrbitMap(0.1, 0.8, good).multipliers()
+    with pytest.raises(BadInput, match="threshold"):
+        orbit_stability(OrbitMap(0.1, 0.8, good, lattice=Ring(5)), threshold=1.0)
+    with pytest.raises(BadInput, match="several sites"):
+        OrbitMap(0.1, 0.8, [Kick(0, 0.0, 0.5), Kick(1, 1.0, 0.5)]).plus_one()
