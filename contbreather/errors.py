@@ -1,4 +1,4 @@
-"""Errors of contbreather: each is a sentence that says what was given, what was wanted, what to do."""
+"""Errors of contbreather: sentences that say what was given, what was wanted, what to do."""
 
 from __future__ import annotations
 
