@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from .boundary import boundary
 from .branch import Branch, Point, Stop
-from .events import Event, Locus, branch_point, cusp, fold, hopf, user
+from .codim2 import cusp, fold, hopf
+from .events import Event, Locus, branch_point, user
 from .problem import Problem
 from .refine import refined
 from .seed import Seed

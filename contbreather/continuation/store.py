@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from .boundary import boundary_problem, met
 from .branch import Branch, Point, Stop, labelled
-from .events import Event, branch_point, fold, hopf
+from .codim2 import fold, hopf
+from .events import Event, branch_point
 from .newton import Undefined
 from .problem import Curve, Problem
 

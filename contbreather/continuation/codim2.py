@@ -1,0 +1,242 @@
+"""Folds and Hopf points as curves in two parameters, and what happens on these curves.
+
+CP where two folds meet; for a flow ``x' = F`` also BT (a double zero eigenvalue), ZH (a zero and a
+pair on the imaginary axis), GH (the first Lyapunov coefficient vanishes) and HH (two pairs). Each
+is verified by the eigenvalues, and by coefficients of its normal form, before it is labelled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import events, normal_forms
+from .boundary import met
+from .branch import Point
+from .events import Event, Locus
+from .newton import OUT_OF_DOMAIN
+
+Array = NDArray[np.float64]
+
+_ZERO = 1e-5  # eigenvalues this small, relative to the derivative, are zero: double ones split
+
+
+def fold() -> Event:
+    """LP: the curve turns back in its free parameter.
+
+    Verified by a rank check: at a fold the derivative in the unknowns is singular, the one in
+    unknowns and parameter together is not (there it would be a branch point). As a curve in two
+    parameters it meets cusps (CP), and, where Hopf points are looked for too, BT and ZH.
+
+    Examples
+    --------
+    >>> import contbreather as cb, numpy as np
+    >>> mine = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})
+    >>> branch = cb.trace(mine, "mu", towards="down", events=[fold()], within={"x": (-1, 2)})
+    >>> abs(branch.first("LP")["mu"]) < 1e-12
+    True
+    """
+    return replace(_FOLD, meets={"HB": (_ON_HOPF_ZERO,)})
+
+
+def hopf() -> Event:
+    """HB: a complex pair of eigenvalues of the derivative in the unknowns crosses the imaginary
+    axis, for a flow ``x' = F(x, p)``.
+
+    A pair of real eigenvalues of opposite sign (a neutral saddle) is told apart. A located point
+    knows ``detail["omega"]``, the first Lyapunov coefficient ``detail["l1"]`` (for the eigenvector
+    of length 1; negative: a stable limit cycle is born) and what its sign means,
+    ``detail["criticality"]``. As a curve in two parameters it meets GH, ZH, HH, and ends at BT.
+
+    Examples
+    --------
+    >>> import contbreather as cb, numpy as np
+    >>> def residual(u, p):
+    ...     x, y = u
+    ...     return np.array([p["A"] - (p["B"] + 1) * x + x * x * y, p["B"] * x - x * x * y])
+    >>> brusselator = cb.Problem(residual, {"x": 1.0, "y": 1.0}, {"A": 1.0, "B": 1.0})
+    >>> point = cb.trace(brusselator, "B", within={"B": (0.5, 3)}, events=[hopf()]).first("HB")
+    >>> round(point["B"], 12), round(point.detail["l1"], 9), point.detail["criticality"]
+    (2.0, -0.5, 'supercritical')
+    """
+    return replace(_HOPF, analysis=_first_lyapunov, meets={"LP": (_BT_ON_FOLD, _ON_FOLD_HOPF)})
+
+
+# --- on curves of folds -----------------------------------------------------------------------
+
+
+def _fold_locus(point: Point) -> Locus:
+    locus = events.fold().locus(point)  # type: ignore[misc]  # a fold has one
+    return replace(locus, events=(cusp(),))
+
+
+def cusp() -> Event:
+    """CP, on a fold curve: two folds meet. The quadratic coefficient of the fold vanishes, and the
+    cubic one, ``detail["c"]``, does not."""
+    return replace(events.cusp(), verify=_cusp_verify, analysis=_cusp_analysis)
+
+
+def _cusp_verify(point: Point) -> str:
+    ground = point.ground
+    quadratic, cubic = normal_forms.cubic_at_cusp(ground.curve, ground.z)
+    if cubic.degenerate:
+        return f"the cubic coefficient vanishes as well: c = {cubic.value.real:.2g}"
+    if abs(quadratic.value) > 1e-4 * (quadratic.size + abs(cubic.value)):
+        return f"the quadratic coefficient {quadratic.value.real:.2g} is not zero"
+    return ""
+
+
+def _cusp_analysis(point: Point) -> Mapping[str, Any]:
+    ground = point.ground
+    return {"c": normal_forms.cubic_at_cusp(ground.curve, ground.z)[1].value.real}
+
+
+def oriented_overlap(matrix: Array, null: Array) -> float:
+    """``w . null`` with the left null vector w as in the adjugate, so that no sign jumps: zero
+    where the eigenvalue 0 is double with one eigenvector."""
+    left, _, right = np.linalg.svd(matrix)
+    sign = np.linalg.det(left) * np.linalg.det(right) * np.sign(right[-1] @ null)
+    return float(sign * left[:, -1] @ null / np.linalg.norm(null))
+
+
+def _overlap_on_fold(point: Point) -> float:
+    null = np.atleast_1d(point["null"])
+    if null.size < 2:
+        return math.nan
+    ground = point.ground
+    return oriented_overlap(ground.jacobian()[:, : ground.curve.size], null)
+
+
+def _takens_verify(point: Point) -> str:
+    ground = point.ground
+    try:
+        a, b = normal_forms.takens_bogdanov(ground.curve, ground.z)
+    except OUT_OF_DOMAIN as error:
+        return str(error)
+    if a.degenerate or b.degenerate:
+        return f"degenerate: a = {a.value.real:.2g}, b = {b.value.real:.2g}"
+    return ""
+
+
+def _takens_analysis(point: Point) -> Mapping[str, Any]:
+    ground = point.ground
+    a, b = normal_forms.takens_bogdanov(ground.curve, ground.z)
+    return {"a": a.value.real, "b": b.value.real}
+
+
+def _zero_hopf_verify(point: Point) -> str:
+    """One eigenvalue zero, one pair on the axis and away from zero, no other on it."""
+    values, small = _eigenvalues(point)
+    zero = abs(values) < small
+    pair = (abs(values.real) < small) & ~zero
+    if zero.sum() >= 2:
+        return "a double zero eigenvalue: BT, not ZH"
+    if zero.sum() != 1:
+        return "no eigenvalue is zero"
+    if pair.sum() != 2:
+        real = values[~zero & (abs(values.imag) < small)].real
+        return f"no pair on the imaginary axis; real eigenvalues {real}: a neutral saddle"
+    return ""
+
+
+def _pair_analysis(point: Point) -> Mapping[str, Any]:
+    values, _ = _eigenvalues(point)
+    pairs = values[values.imag > 0]
+    return {"omega": float(pairs[abs(pairs.real).argmin()].imag)}
+
+
+def _eigenvalues(point: Point) -> tuple[NDArray[np.complex128], float]:
+    """Eigenvalues of the flow, and how small one must be to be zero."""
+    ground = point.ground
+    matrix = normal_forms.Forms(ground.curve, ground.z).A
+    return np.linalg.eigvals(matrix).astype(complex), _ZERO * float(np.linalg.norm(matrix, 2))
+
+
+# --- on curves of Hopf points -----------------------------------------------------------------
+
+
+def _hopf_locus(point: Point) -> Locus:
+    locus = events.hopf().locus(point)  # type: ignore[misc]  # a Hopf point has one
+    ends = tuple(
+        replace(one, verify=_takens_verify, analysis=_takens_analysis) for one in locus.events
+    )
+    return replace(locus, events=(*ends, _GENERALISED, _DOUBLE_HOPF))
+
+
+def _first_lyapunov(point: Point) -> Mapping[str, Any]:
+    """omega, l1 and what the sign of l1 means, at a Hopf point; why not, where there is no l1."""
+    ground = point.ground
+    square = point.detail.get("omega2")
+    omega = math.sqrt(square) if square and square > 0 else _pair_analysis(point)["omega"]
+    try:
+        l1 = normal_forms.lyapunov(ground.curve, ground.z, omega)
+    except OUT_OF_DOMAIN as error:
+        return {"omega": omega, "criticality": f"unknown: {error}"}
+    kind = normal_forms.criticality(l1, stable_if_negative=True)
+    return {"omega": omega, "l1": l1.value.real, "criticality": kind}
+
+
+def _lyapunov_on_hopf(point: Point) -> float:
+    square = point["omega2"]
+    if not square > 0:
+        return math.nan  # beyond BT
+    ground = point.ground
+    return normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(square)).value.real
+
+
+def _generalised_verify(point: Point) -> str:
+    ground = point.ground
+    l1 = normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(point["omega2"]))
+    # its terms may all vanish at once: then it is small against a term of order one
+    forms = normal_forms.Forms(ground.curve, ground.z)
+    if abs(l1.value.real) > 1e-6 * (l1.size + forms.reach**-2):
+        return f"the first Lyapunov coefficient {l1.value.real:.2g} is not zero"
+    values, small = _eigenvalues(point)
+    if (abs(values.real) < small).sum() != 2:
+        return "more than one pair of eigenvalues on the imaginary axis"
+    return ""
+
+
+def _second_pair(point: Point) -> float:
+    """The test of a Hopf point for all eigenvalues but the pair on the axis."""
+    square = point["omega2"]
+    values, _ = _eigenvalues(point)
+    if not square > 0 or values.size < 4:
+        return math.nan
+    first = int(abs(values - 1j * math.sqrt(square)).argmin())
+    values = np.delete(values, first)
+    values = np.delete(values, int(abs(values + 1j * math.sqrt(square)).argmin()))
+    one, other = np.triu_indices(values.size, 1)
+    sums = values[one] + values[other]
+    sign = float(np.prod(sums / np.maximum(abs(sums), 1e-300)).real)
+    return float(np.copysign(abs(sums).min(), sign))
+
+
+def _second_pair_verify(point: Point) -> str:
+    values, small = _eigenvalues(point)
+    on_axis = values[abs(values.real) < small]
+    if on_axis.size != 4 or not (abs(on_axis.imag) > small).all():
+        return f"not two pairs on the imaginary axis, but {on_axis}"
+    return ""
+
+
+# --- the events -------------------------------------------------------------------------------
+
+_FOLD = replace(events.fold(), locus=_fold_locus)
+_HOPF = replace(events.hopf(), locus=_hopf_locus)
+_GENERALISED = Event("GH", _lyapunov_on_hopf, verify=_generalised_verify)
+_DOUBLE_HOPF = Event("HH", _second_pair, verify=_second_pair_verify)
+_ON_HOPF_ZERO = replace(
+    met("HB", _FOLD), kind="ZH", verify=_zero_hopf_verify, analysis=_pair_analysis
+)
+_ON_FOLD_HOPF = replace(
+    met("LP", _HOPF), kind="ZH", verify=_zero_hopf_verify, analysis=_pair_analysis
+)
+_BT_ON_FOLD = Event(
+    "BT", _overlap_on_fold, verify=_takens_verify, analysis=_takens_analysis, met=_HOPF
+)

@@ -1,0 +1,248 @@
+"""Coefficients of normal forms: which way a bifurcation goes, for flows and for maps.
+
+Each is a contraction of the derivatives A, B, C of the equations (first, second, third order) with
+the critical eigenvectors, on the centre manifold: Yu. A. Kuznetsov, Elements of Applied Bifurcation
+Theory, chapters 5, 8 and 9. B and C are needed along critical directions only, where they are
+differences of the Jacobian; so a coefficient costs some twenty Jacobians, whatever the size.
+
+With ``q`` the right and ``p`` the left eigenvector throughout, ``|q| = 1`` and ``<p, q> = 1``, with
+``<p, q> = conj(p) . q``. Lengths are measured in the units of the problem's `scales`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .newton import OUT_OF_DOMAIN, Undefined
+from .problem import Curve
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Seven-point formulas for a first and a second derivative; the steps they are tried with.
+_FIRST = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
+_SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / 180
+_STEPS = [0.04 / 4**i for i in range(7)]
+_AGREED = 1e-9  # relative difference of two steps at which no shorter one is tried
+_DEGENERATE = 1e-6  # a coefficient this small against its terms has no sign
+_DEFECTIVE = 1e-6  # <p, q> of unit vectors below which an eigenvalue counts as double
+
+
+@dataclass(frozen=True)
+class Jet:
+    """First and second derivative of the Jacobian along v: ``B(v, .)`` and ``C(v, v, .)``."""
+
+    B: Array
+    C: Array
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A coefficient and the size of the terms it adds up, to tell a zero by."""
+
+    value: complex
+    size: float
+
+    @property
+    def degenerate(self) -> bool:
+        """Whether its real part has no sign to speak of."""
+        return abs(self.value.real) <= _DEGENERATE * self.size
+
+
+class Forms:
+    """The derivatives of a curve's equations in its unknowns at z, in units of its scales."""
+
+    def __init__(self, curve: Curve, z: Array) -> None:
+        self.curve, self.z = curve, z
+        self.n = curve.size
+        self.scales = curve.scales[: self.n]
+        self.A = self._matrix(z)
+        self.reach = max(1.0, float(abs(z[: self.n] / self.scales).max()))
+
+    def _matrix(self, z: Array) -> Array:
+        """The Jacobian between unknowns in their scales: similar to the one in plain units."""
+        return np.asarray(self.curve.jacobian(z)[:, : self.n] * self.scales / self.scales[:, None])
+
+    def jet(self, v: Array) -> Jet:
+        """Derivatives along v, by the step at which they depend least on it."""
+        best, doubt, before = None, math.inf, None
+        for jet in self._jets(v):
+            if before is not None:
+                apart = self._apart(jet, before)
+                if apart < doubt:
+                    best, doubt = jet, apart
+                if doubt < _AGREED:
+                    break
+            before = jet
+        best = best or before
+        if best is None:
+            raise Undefined("the equations have no value around the point: no normal form")
+        return best
+
+    def _jets(self, v: Array) -> Iterator[Jet]:
+        size = float(np.linalg.norm(v))
+        if size == 0:
+            zero = np.zeros((self.n, self.n))
+            yield Jet(zero, zero)
+            return
+        reach = self.reach / size
+        direction = np.zeros(self.z.size)
+        direction[: self.n] = v * self.scales
+        for step in _STEPS:
+            h = step * reach
+            try:
+                around = np.stack([self._matrix(self.z + i * h * direction) for i in range(-3, 4)])
+            except OUT_OF_DOMAIN:
+                continue
+            if np.isfinite(around).all():
+                first, second = (np.tensordot(w, around, 1) for w in (_FIRST, _SECOND))
+                yield Jet(first / h, second / h**2)
+
+    def _apart(self, one: Jet, other: Jet) -> float:
+        """How far two jets differ, relative; a C that vanishes is measured by B, and that by A."""
+        a, b, c = (_largest(matrix) for matrix in (self.A, one.B, one.C))
+        b, c = b * self.reach + 1e-3 * a, c * self.reach**2 + b * self.reach + 1e-3 * a
+        first = _largest(one.B - other.B) * self.reach / max(b, 1e-300)
+        second = _largest(one.C - other.C) * self.reach**2 / max(c, 1e-300)
+        return max(first, second)
+
+
+def _largest(matrix: Array) -> float:
+    return float(abs(matrix).max())
+
+
+def eigenvectors(matrix: NDArray[Any]) -> tuple[Any, Any]:
+    """Null vectors (q, p) of a matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
+    left, _, right = np.linalg.svd(matrix)
+    q, p = right[-1].conj(), left[:, -1]
+    overlap = np.vdot(p, q)
+    if abs(overlap) < _DEFECTIVE:
+        raise Undefined("a double eigenvalue with one eigenvector: no normal form of this kind")
+    return q, p / np.conj(overlap)
+
+
+def solve(matrix: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
+    """Solution of a linear system that another resonance would make singular."""
+    found = np.linalg.solve(matrix, right)
+    if not np.isfinite(found).all():
+        raise Undefined("a second resonance: no normal form of this kind")
+    return np.asarray(found)
+
+
+def _sum(*terms: complex) -> Coefficient:
+    return Coefficient(sum(terms), sum(abs(term) for term in terms))
+
+
+# --- flows ------------------------------------------------------------------------------------
+
+
+def lyapunov(curve: Curve, z: Array, omega: float) -> Coefficient:
+    """First Lyapunov coefficient l1 of the flow ``x' = F`` where F_x has eigenvalues ``+-i omega``.
+
+    Negative: a stable limit cycle appears on the centre manifold (supercritical).
+    """
+    forms = Forms(curve, z)
+    A, one = forms.A, np.eye(forms.n)
+    q, p = eigenvectors(A - 1j * omega * one)
+    B, C = _along_plane(forms, q)
+    h11 = solve(A, B @ q.conj())
+    h20 = solve(2j * omega * one - A, B @ q)
+    terms = (C, -2 * B @ h11, B.conj() @ h20)
+    return _sum(*(complex(np.vdot(p, term)).real / (2 * omega) for term in terms))
+
+
+def _along_plane(forms: Forms, q: Complex) -> tuple[Complex, Complex]:
+    """The matrix ``B(q, .)`` and the vector ``C(q, q, conj(q))``; ``B(conj(q), .)`` is the
+    conjugate of the first."""
+    real, imaginary = forms.jet(q.real), forms.jet(q.imag)
+    return real.B + 1j * imaginary.B, (real.C + imaginary.C) @ q
+
+
+def cubic_at_cusp(curve: Curve, z: Array) -> tuple[Coefficient, Coefficient]:
+    """Quadratic and cubic coefficient on the centre manifold of a zero eigenvalue.
+
+    At a cusp the first vanishes and the second does not.
+    """
+    forms = Forms(curve, z)
+    q, p = eigenvectors(forms.A)
+    jet = forms.jet(q)
+    bent = jet.B @ q
+    quadratic = 0.5 * float(p @ bent)
+    # A h = <p, B> q - B with <p, h> = 0, by bordering
+    bordered = np.block([[forms.A, q[:, None]], [p[None, :], np.zeros((1, 1))]])
+    h = solve(bordered, np.append(2 * quadratic * q - bent, 0.0))[:-1]
+    size = 0.5 * float(abs(p) @ abs(jet.B) @ abs(q))
+    cubic = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
+    return Coefficient(quadratic, size), cubic
+
+
+def takens_bogdanov(curve: Curve, z: Array) -> tuple[Coefficient, Coefficient]:
+    """The coefficients a > 0 and b of ``x' = y, y' = a x^2 + b x y`` at a double zero.
+
+    Raises `Undefined` where the zero eigenvalue is not double with one eigenvector.
+    """
+    forms = Forms(curve, z)
+    left, sizes, right = np.linalg.svd(forms.A)
+    q0, p1 = right[-1], left[:, -1]
+    small = _DEFECTIVE * max(float(sizes[0]), 1e-300)
+    if sizes.size < 2 or sizes[-2] < small or abs(p1 @ q0) > math.sqrt(_DEFECTIVE):
+        raise Undefined("no double zero eigenvalue with one eigenvector")
+    q1 = np.linalg.lstsq(forms.A, q0)[0]
+    p0 = np.linalg.lstsq(forms.A.T, p1)[0]
+    overlap = p1 @ q1
+    p0, p1 = p0 / overlap, p1 / overlap
+    p0 = p0 - (p0 @ q1) * p1  # then <p0, q1> = 0, and <p0, q0> = <p1, q1> = 1 by the chains
+    jet = forms.jet(q0)
+    a = 0.5 * float(p1 @ jet.B @ q0)
+    b = _sum(float(p0 @ jet.B @ q0), float(p1 @ jet.B @ q1))
+    size = float(abs(p1) @ abs(jet.B) @ abs(q0))
+    sign = math.copysign(1.0, a)  # that of the null vector is free
+    return Coefficient(abs(a), size), Coefficient(sign * b.value, max(size, b.size))
+
+
+# --- maps: the equations are F(x) = G(x) - x, the multipliers those of F_x + 1 ------------------
+
+
+def flip(curve: Curve, z: Array) -> Coefficient:
+    """Coefficient c of ``u -> -u + c u^3`` at a multiplier -1; positive: a stable doubled cycle
+    appears (supercritical)."""
+    forms = Forms(curve, z)
+    q, p = eigenvectors(forms.A + 2 * np.eye(forms.n))
+    jet = forms.jet(q)
+    h = solve(-forms.A, jet.B @ q)
+    return _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
+
+
+def rotation(curve: Curve, z: Array, angle: float) -> Coefficient:
+    """Coefficient d of ``w -> exp(i angle) w (1 + d |w|^2)`` at a pair on the unit circle.
+
+    Its real part negative: a stable closed curve appears (supercritical).
+
+    Raises `Undefined` at the strong resonances 1:1 to 1:3, where the normal form is another.
+    """
+    forms = Forms(curve, z)
+    one = np.eye(forms.n)
+    A, mu = forms.A + one, np.exp(1j * angle)
+    if min(abs(mu**k - 1) for k in (1, 2, 3)) < _DEFECTIVE:
+        raise Undefined("a strong resonance: the normal form is another")
+    q, p = eigenvectors(A - mu * one)
+    B, C = _along_plane(forms, q)
+    h11 = solve(one - A, B @ q.conj())
+    h20 = solve(mu**2 * one - A, B @ q)
+    terms = (C, 2 * B @ h11, B.conj() @ h20)
+    parts = [complex(np.vdot(p, term)) / (2 * mu) for term in terms]
+    return Coefficient(sum(parts), sum(abs(part.real) for part in parts))
+
+
+def criticality(coefficient: Coefficient, *, stable_if_negative: bool) -> str:
+    """What the sign of a coefficient says of the orbits that are born."""
+    if coefficient.degenerate:
+        return "degenerate"
+    negative = coefficient.value.real < 0
+    return "supercritical" if negative == stable_if_negative else "subcritical"
