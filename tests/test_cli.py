@@ -89,6 +89,7 @@ REFUSED = {
     "k negative": ("point --a 0.5 --gamma 0.1 --k -0.2", r"0 <= k <= 1"),
     "k nan": ("zones --k nan", r"0 <= k <= 1"),
     "k of zones": ("zones --k 2", r"0 <= k <= 1"),
+    "zones at the rim of k": ("zones --k 1", r"zones need 0 < k < 1"),
     "a below the fold": (
         "point --a 0.05 --gamma 0.1 --k 0.8",
         r"below the fold.*the smallest a is 0\.0570290371821",
