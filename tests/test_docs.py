@@ -1,0 +1,154 @@
+"""README and docs: what they show is what happens.
+
+Every Python block is executed and the output under each prompt compared, numbers to the digits
+shown; so is every ``$ contbreather`` line of a console block. ``...`` stands for anything. The
+blocks of a page run in order, in one namespace and in an empty directory.
+"""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+from pathlib import Path
+
+import matplotlib
+import pytest
+from sybil import Sybil
+from sybil.evaluators.doctest import NUMBER, OutputChecker
+from sybil.parsers.myst import PythonCodeBlockParser
+
+import contbreather
+from contbreather.cli import main
+
+ROOT = Path(contbreather.__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+TEXT = {page: page.read_text(encoding="utf-8") for page in PAGES}
+FLAGS = NUMBER | doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+# the last of 16 digits is the machine's; of the output 13 are compared
+LAST_DIGITS = re.compile(r"(\.\d{13})\d+")
+CONSOLE = re.compile(r"^```console\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
+# numbers below 1e-12 are rounding, which differs from machine to machine
+ROUNDING = re.compile(r"-?\d+(?:\.\d+)?e-(?:1[3-9]|[2-9]\d|\d{3})")
+
+
+def pages(pattern: str) -> list[Path]:
+    return [page for page in PAGES if re.search(pattern, TEXT[page], flags=re.MULTILINE)]
+
+
+def name_of(path: Path) -> str:
+    return path.name
+
+
+@pytest.fixture(autouse=True)
+def empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    matplotlib.use("Agg")
+
+
+# --- Python -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("page", pages("^```python$"), ids=name_of)
+def test_python_on_a_page_gives_what_it_shows(page: Path, tmp_path: Path) -> None:
+    copy = tmp_path / page.name
+    copy.write_text(LAST_DIGITS.sub(r"\1", TEXT[page]), encoding="utf-8")
+    parser = PythonCodeBlockParser(doctest_optionflags=FLAGS)
+    for example in Sybil([parser]).parse(copy).examples():
+        example.evaluate()
+
+
+# --- commands -----------------------------------------------------------------------------------
+
+
+def calm(printed: str) -> str:
+    """Without what depends on the machine: rounding, and the widths of columns it changes."""
+    return re.sub("([━─])+", r"\1", ROUNDING.sub("0.0", printed))
+
+
+def alike(shown: str, got: str) -> bool:
+    """The same lines, numbers to the digits shown."""
+    shown = LAST_DIGITS.sub(r"\1", shown)
+    one, other = calm(shown).strip().splitlines(), calm(got).strip().splitlines()
+    check = OutputChecker().check_output
+    return len(one) == len(other) and all(map(check, one, other, [FLAGS] * len(one)))
+
+
+def commands(page: Path) -> list[tuple[str, str]]:
+    """Each ``$ command`` of the console blocks, with what is shown under it."""
+    found = []
+    for block in CONSOLE.findall(TEXT[page]):
+        for piece in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+            command, _, shown = piece.partition("\n")
+            found.append((command, shown))
+    return found
+
+
+@pytest.mark.parametrize("page", pages("^```console$"), ids=name_of)
+def test_commands_on_a_page_print_what_it_shows(
+    page: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status = 0
+    for command, shown in commands(page):
+        if command == "echo $?":
+            assert int(shown) == status
+            continue
+        program, *arguments = shlex.split(command)
+        assert program == "contbreather"
+        status = main(arguments)
+        printed = capsys.readouterr()
+        got = printed.out + printed.err
+        assert alike(shown, got), f"$ {command}\n{got}"
+
+
+@pytest.mark.parametrize(
+    ("shown", "got"),
+    [
+        ("p = 0.808749", "p = 0.808752"),
+        ("3 points", "4 points"),
+        ("stable", "unstable"),
+        ("one\ntwo", "one"),
+        ("residual 1.3e-10", "residual 4.4e-10"),
+    ],
+)
+def test_a_wrong_output_of_a_command_is_noticed(shown: str, got: str) -> None:
+    assert not alike(shown, got)
+
+
+@pytest.mark.parametrize(
+    ("shown", "got"),
+    [
+        ("p = 0.808749", "p = 0.8087491299885472"),
+        ("residual 1.3e-29", "residual 4.4e-16"),
+        ("┏━━━┓", "┏━━━━━━┓"),
+        ("... points", "57 points"),
+    ],
+)
+def test_what_differs_between_machines_is_not(shown: str, got: str) -> None:
+    assert alike(shown, got)
+
+
+# --- what pages point to --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_and_pictures_of_a_page_exist(page: Path) -> None:
+    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", TEXT[page])
+    local = [target for target in targets if "://" not in target]
+    assert [target for target in local if not (page.parent / target).exists()] == []
+
+
+@pytest.mark.parametrize("page", pages(r"\btest_\w+"), ids=name_of)
+def test_tests_that_a_page_names_exist(page: Path) -> None:
+    files = [*ROOT.glob("tests/**/test_*.py")]
+    functions = re.findall(
+        r"^def (test_\w+)\(", "\n".join(map(Path.read_text, files)), flags=re.MULTILINE
+    )
+    there = {*functions, *(file.stem for file in files)}
+    assert set(re.findall(r"\btest_\w+", TEXT[page])) - there == set()
+
+
+def test_every_public_name_is_on_the_page_of_the_interface() -> None:
+    listed = set(re.findall(r"^\s*(?:.*:: )?(\w+)$", TEXT[ROOT / "docs" / "api.md"], re.MULTILINE))
+    assert set(contbreather.__all__) - {"__version__"} - listed == set()
