@@ -6,10 +6,21 @@ from contbreather.dynamics.conditions import Conditions, State
 from contbreather.dynamics.impacting import Record, Run, RunStop, Sample, simulate
 from contbreather.dynamics.periodic_motion import PeriodicMotion, periodic
 from contbreather.dynamics.recording import Recording, open_recording, record
+from contbreather.dynamics.smooth import (
+    Explicit,
+    Implicit,
+    SmoothConditions,
+    SmoothRun,
+    Switching,
+    simulate_smooth,
+)
+from contbreather.dynamics.smooth_shooting import SmoothOrbit, smooth_orbit
 from contbreather.dynamics.tangent import Lyapunov, lyapunov, variation
 
 __all__ = [
     "Conditions",
+    "Explicit",
+    "Implicit",
     "Lyapunov",
     "PeriodicMotion",
     "Record",
@@ -17,11 +28,17 @@ __all__ = [
     "Run",
     "RunStop",
     "Sample",
+    "SmoothConditions",
+    "SmoothOrbit",
+    "SmoothRun",
     "State",
+    "Switching",
     "lyapunov",
     "open_recording",
     "periodic",
     "record",
     "simulate",
+    "simulate_smooth",
+    "smooth_orbit",
     "variation",
 ]

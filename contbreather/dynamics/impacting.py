@@ -226,7 +226,7 @@ def simulate(
     >>> from contbreather.breathers import symmetric
     >>> b = symmetric(a=0.5, gamma=0.08, k=0.8)
     >>> run = simulate(b.state(20), a=0.5, gamma=0.08, k=0.8, periods=1)
-    >>> abs(run.final.u - run.strobe.u[0]).max() < 1e-13
+    >>> bool(abs(run.final.u - run.strobe.u[0]).max() < 1e-13)
     True
     >>> len(run.impacts)
     2

@@ -160,7 +160,7 @@ def lyapunov(
     >>> from contbreather.breathers import symmetric
     >>> b = symmetric(a=0.7, gamma=0.06, k=0.2)
     >>> found = lyapunov(b.state(5), a=0.7, gamma=0.06, k=0.2, periods=200, count=1)
-    >>> abs(found.exponents[0]) < 0.01  # a stable breather of an undamped ring is neutral
+    >>> bool(abs(found.exponents[0]) < 0.01)  # a stable breather of an undamped ring is neutral
     True
     """
     from contbreather.dynamics.tangent_flow import carry

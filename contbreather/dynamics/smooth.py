@@ -1,0 +1,373 @@
+"""The smooth chain, eqs. (21) and (22): walls of finite stiffness, by a general ODE solver.
+
+``u_n'' + gamma (2 u_n - u_n-1 - u_n+1) + mu u_n' + lambda (2m+1) u_n^(2m) u_n' + (2m+1) u_n^(4m+1)
+= F(t)``, with F = -a cos t: the paper prints +a cos t in (21), yet compares with (13), whose
+forcing is -a cos t. For m -> infinity this is the impacting ring with the k of (22). For real m,
+u^(2m) is |u|^(2m).
+
+Which solver: measured at m = 6, 20, 50 and N = 20 (``python -m tests.benchmarks --only
+dynamics``) the chain is not stiff. Explicit order 8 with a compiled right-hand side is the fastest
+at every accuracy; implicit methods take 20 to 60 times as long at equal error. Whatever the solver,
+u^(2m) is invisible to its step control in mid flight, so its step is capped at 0.2.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.dynamics.conditions import (
+    PERIOD,
+    State,
+    check_state,
+    number,
+    reduced,
+)
+from contbreather.dynamics.impacting import Record, RunStop, Sample
+from contbreather.dynamics.progress import Bar
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import Forcing, Harmonic, check_gamma
+
+Array = NDArray[Any]
+
+CAP = 0.2  # largest step of any solver
+MOST = 1_000_000  # steps between two outputs
+
+
+def damping_of(k: float) -> float:
+    """lambda of the smooth wall with restitution k, eq. (22) solved for it.
+
+    Examples
+    --------
+    >>> round(damping_of(0.8), 12)
+    0.141700600391
+    """
+    k = number("k", k, 0.0, 1.0, "a restitution coefficient, 0 < k <= 1,")
+    if k == 0.0:
+        return 2.0
+    loss = -math.log(k)
+    return 2.0 * loss / math.hypot(math.pi, loss)
+
+
+def restitution_of(lam: float) -> float:
+    """k of the smooth wall with the damping lambda, eq. (22).
+
+    Examples
+    --------
+    >>> round(restitution_of(damping_of(0.8)), 12)
+    0.8
+    """
+    lam = number("lam", lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
+    if lam == 2.0:
+        return 0.0
+    return math.exp(-0.5 * math.pi * lam / math.sqrt(1.0 - 0.25 * lam * lam))
+
+
+@dataclass(frozen=True)
+class SmoothConditions:
+    """Forcing, coupling, walls and damping of a smooth ring; lam and m are those of (21)."""
+
+    a: float
+    gamma: float
+    lam: float
+    m: float
+    damping: float = 0.0
+    forcing: Forcing = field(default_factory=Harmonic)
+
+    def __post_init__(self) -> None:
+        check_gamma(self.gamma)
+        number("a", self.a, 0.0, math.inf, "an amplitude, at least 0")
+        number("lam", self.lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
+        number("m", self.m, 0.5, 1e4, "a hardness of the wall, a natural number in (21)")
+        number("damping", self.damping, 0.0, math.inf, "a damping coefficient, at least 0")
+
+    @property
+    def k(self) -> float:
+        """Restitution of the impacting limit, (22)."""
+        return restitution_of(self.lam)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        return tuple(map(float, (self.a, self.gamma, self.lam, self.m, self.damping)))
+
+    @cached_property
+    def shape(self) -> tuple[Array, Array, Array]:
+        """Orders and coefficients of F/a."""
+        table = np.array(self.forcing.harmonics, dtype=float).reshape(-1, 3)
+        m, c, s = (np.ascontiguousarray(column) for column in table.T)
+        return m, -(m**2) * c, -(m**2) * s
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What the compiled right-hand sides take after (t, y)."""
+        return (*self.numbers, *self.shape)
+
+
+# --- solvers --------------------------------------------------------------------------------------
+
+Rhs = Callable[..., Array]
+
+
+class Solver(Protocol):
+    """Carries y from t0 to each of the times; raises `NotConverged` where it cannot."""
+
+    def states(
+        self, rhs: Rhs, jac: Rhs | None, args: tuple[Any, ...], t0: float, y: Array, times: Array
+    ) -> Array: ...
+
+
+@dataclass(frozen=True)
+class Explicit:
+    """Dormand and Prince's method of order 8 (scipy's ``dop853``): the fastest here."""
+
+    tolerance: float = 1e-10
+
+    def states(
+        self, rhs: Rhs, jac: Rhs | None, args: tuple[Any, ...], t0: float, y: Array, times: Array
+    ) -> Array:
+        from scipy.integrate import ode
+
+        out = np.empty((len(times), len(y)))
+        settings: dict[str, Any] = {"rtol": self.tolerance, "atol": self.tolerance, "max_step": CAP}
+        for i, t in enumerate(times):
+            step = min(CAP, 0.5 * (t - t0))
+            solver: Any = ode(rhs).set_integrator(
+                "dop853", nsteps=MOST, first_step=step, **settings
+            )
+            solver.set_f_params(*args).set_initial_value(y, t0)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # its failure is an error, below
+                y = solver.integrate(t)
+            if not solver.successful():
+                raise _stuck("dop853", t)
+            out[i], t0 = y, float(t)
+        return out
+
+
+@dataclass(frozen=True)
+class Switching:
+    """LSODA, which changes between Adams and BDF as it sees fit, with the exact Jacobian."""
+
+    tolerance: float = 1e-10
+
+    def states(
+        self, rhs: Rhs, jac: Rhs | None, args: tuple[Any, ...], t0: float, y: Array, times: Array
+    ) -> Array:
+        return _solve_ivp("LSODA", self.tolerance, rhs, jac, args, t0, y, times)
+
+
+@dataclass(frozen=True)
+class Implicit:
+    """Radau's method of order 5 with the exact Jacobian: for walls so hard that it pays."""
+
+    tolerance: float = 1e-8
+
+    def states(
+        self, rhs: Rhs, jac: Rhs | None, args: tuple[Any, ...], t0: float, y: Array, times: Array
+    ) -> Array:
+        return _solve_ivp("Radau", self.tolerance, rhs, jac, args, t0, y, times)
+
+
+def _solve_ivp(
+    method: str,
+    tolerance: float,
+    rhs: Rhs,
+    jac: Rhs | None,
+    args: tuple[Any, ...],
+    t0: float,
+    y: Array,
+    times: Array,
+) -> Array:
+    from scipy.integrate import solve_ivp
+
+    settings: dict[str, Any] = {"rtol": max(tolerance, 3e-14), "atol": tolerance, "max_step": CAP}
+    own = (lambda t, x: jac(t, x, *args)) if jac is not None else None
+    if own is not None:
+        settings["jac"] = own
+    solve: Any = solve_ivp  # its stubs know every method by name and shape
+    found = solve(lambda t, x: rhs(t, x, *args), (t0, times[-1]), y, method, times, **settings)
+    if not found.success:
+        raise _stuck(method, found.t[-1] if len(found.t) else t0)
+    return np.ascontiguousarray(found.y.T)
+
+
+def _stuck(method: str, t: float) -> NotConverged:
+    return NotConverged(
+        f"{method} cannot go on at t = {t:.6g}: its step has become too small; check the state, "
+        "or take another solver (Explicit, Switching, Implicit) or tolerance"
+    )
+
+
+# --- runs -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothRun:
+    """What `simulate_smooth` leaves behind; attributes as in `Run`, without a table of impacts."""
+
+    times: Array
+    strobe: State
+    final: State
+    end: float
+    record: Record | None
+    conditions: SmoothConditions
+    stop: RunStop
+
+    @property
+    def sites(self) -> int:
+        return self.final.u.size
+
+    @property
+    def periods(self) -> int:
+        return len(self.times) - 1
+
+    def __repr__(self) -> str:
+        return (
+            f"<SmoothRun of {self.sites} sites over {self.periods} periods, "
+            f"m = {self.conditions.m:g}; {self.stop.value}>"
+        )
+
+
+def simulate_smooth(
+    state: Any,
+    *,
+    a: float,
+    gamma: float,
+    m: float,
+    k: float | None = None,
+    lam: float | None = None,
+    periods: float,
+    damping: float = 0.0,
+    t0: float = 0.0,
+    forcing: Forcing | None = None,
+    sample: Sample | None = None,
+    solver: Solver | None = None,
+    progress: bool | None = None,
+) -> SmoothRun:
+    """Let a ring with smooth walls (21) go from any state.
+
+    Parameters
+    ----------
+    state : pair of array_like, shape (N,)
+    a, gamma, damping, t0, forcing, periods, sample, progress
+        As in `simulate`.
+    m : float
+        Hardness of the walls; (21) has natural numbers, a real one is taken with |u|.
+    k, lam : float
+        Restitution of the impacting limit, or lambda of (21): one of the two.
+    solver : Solver, optional
+        `Explicit` unless given; `Switching` and `Implicit` are there to compare.
+
+    Raises
+    ------
+    BadInput
+        Parameters outside their range, or a state far behind the walls.
+    NotConverged
+        If the energy blows up or the solver cannot go on.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import symmetric
+    >>> b = symmetric(a=0.5, gamma=0.08, k=0.8)
+    >>> run = simulate_smooth(b.state(20), a=0.5, gamma=0.08, k=0.8, m=20, periods=1)
+    >>> bool(abs(run.final.u - run.strobe.u[0]).max() < 0.05)
+    True
+    """
+    conditions = SmoothConditions(a, gamma, wall_damping(k, lam), m, damping, forcing or Harmonic())
+    start = check_state(state, walls=False)
+    length = number("periods", periods, 0.0, 1e12, "a length in periods, at least 0")
+    flight = SmoothFlight(conditions, solver or Explicit(), reduced(t0), sample)
+    flight.check(np.concatenate(start), 0)
+    y, rows, dense, stop = np.concatenate(start), [np.concatenate(start)], [], RunStop.DONE
+    count = int(length)
+    with Bar(progress, count) as bar:
+        try:
+            for j in range(count):
+                y, inner = flight.period(y, j)
+                rows.append(y)
+                dense.append(inner)
+                bar.advance(j + 1)
+        except KeyboardInterrupt:
+            stop = RunStop.INTERRUPTED
+    end = float(t0) + PERIOD * (len(rows) - 1)
+    if length > count and stop is RunStop.DONE:
+        y = flight.part(y, PERIOD * (length - count))
+        end += PERIOD * (length - count)
+    strobe = np.array(rows).reshape(len(rows), 2, -1)
+    times = float(t0) + PERIOD * np.arange(len(rows))
+    record = None if sample is None else _record(sample, dense, float(t0), start.u.size)
+    u, v = y.reshape(2, -1)
+    both = State(strobe[:, 0], strobe[:, 1])
+    return SmoothRun(times, both, State(u.copy(), v.copy()), end, record, conditions, stop)
+
+
+def wall_damping(k: float | None, lam: float | None) -> float:
+    """lambda, from whichever of the two was given."""
+    if (k is None) == (lam is None):
+        raise BadInput(f"k = {k}, lam = {lam}: give one of them, (22) ties the other to it.")
+    return damping_of(k) if k is not None else float(lam)  # type: ignore[arg-type]
+
+
+def _record(sample: Sample, dense: list[Array], t0: float, sites: int) -> Record:
+    chosen = [n % sites for n in sample.sites]
+    table = np.concatenate([np.empty((0, 2, sites)), *dense])
+    times = t0 + PERIOD / sample.per_period * np.arange(len(table))
+    return Record(times, tuple(chosen), table[:, 0, chosen], table[:, 1, chosen])
+
+
+@dataclass
+class SmoothFlight:
+    """One ring under one solver, period by period."""
+
+    conditions: SmoothConditions
+    solver: Solver
+    t0: float
+    sample: Sample | None = None
+
+    def period(self, y: Array, j: int) -> tuple[Array, Array]:
+        """The state after period j, and the states at the sample's times in it.
+
+        The samples are integrated apart, so that looking at a run does not change it.
+        """
+        after = self.part(y, PERIOD)
+        self.check(after, j + 1)
+        inner = np.empty((0, y.size))
+        if self.sample is not None:
+            count = self.sample.per_period
+            times = self.t0 + PERIOD / count * np.arange(1, count)
+            inner = np.concatenate([y[None], self._states(y, times)])
+        return after, inner.reshape(len(inner), 2, y.size // 2)
+
+    def part(self, y: Array, span: float) -> Array:
+        """The state after less than a period."""
+        return np.asarray(self._states(y, np.array([self.t0 + span]))[-1])
+
+    def _states(self, y: Array, times: Array) -> Array:
+        from contbreather.dynamics.smooth_flow import jacobian, motion
+
+        return self.solver.states(motion, jacobian, self.conditions.arguments, self.t0, y, times)
+
+    def check(self, y: Array, j: int) -> None:
+        """Refuse a state far behind the walls: there the force is no longer the model's."""
+        from contbreather.dynamics.smooth_flow import ceiling
+
+        u, top = y[: y.size // 2], ceiling(float(self.conditions.m))
+        n = int(np.abs(u).argmax())
+        if np.all(np.isfinite(y)) and abs(u[n]) < top:
+            return
+        if j == 0:
+            raise BadInput(
+                f"u[{n}] = {u[n]:.6g} lies far behind the walls (for m = {self.conditions.m:g} a "
+                f"velocity of 1000 gets as far as {top:.4g}): the energy would blow up."
+            )
+        raise NotConverged(
+            f"the energy blows up in period {j}: u[{n}] = {u[n]:.6g} is far behind the walls; the "
+            "forcing pumps the ring, or the solver's tolerance is too large"
+        )

@@ -1,0 +1,211 @@
+"""Periodic motions of the smooth chain (21) as a problem of the engine: shooting over a period.
+
+Unknown is the state at t0; the equations say that it comes back, after half a period with its sign
+changed or after a whole one. Derivatives, those in a, gamma, lam, m and damping included, are
+integrated together with the motion, so folds are passed and located like on any other branch. With
+m as a real parameter the branch leads towards the impacting ring.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation import Event, Point, Problem, fold
+from contbreather.dynamics.conditions import PERIOD, State, check_state, reduced
+from contbreather.dynamics.smooth import Explicit, SmoothConditions, wall_damping
+from contbreather.errors import NotConverged
+from contbreather.lattice import Forcing, Harmonic
+
+Array = NDArray[Any]
+
+PARAMS = ("a", "gamma", "lam", "m", "damping")  # in the order of the compiled variations
+DOMAIN = {
+    "gamma": (0.0, 0.25),
+    "lam": (0.0, 2.0),
+    "m": (1.0, 2000.0),
+    "a": (0.0, math.inf),
+    "damping": (0.0, math.inf),
+}
+KEPT = 4  # linearised flows in memory: residual, Jacobian and events ask for the same ones
+OUTSIDE = 1e-7  # a modulus is above 1 by more than the integration's error
+
+
+@dataclass
+class Shooting:
+    """The flow over ``span`` from t0 and its derivatives, as functions of state and parameters."""
+
+    forcing: Forcing
+    t0: float
+    span: float
+    sign: float
+    tolerance: float
+    known: OrderedDict[bytes, tuple[Array, Array, Array]] = field(default_factory=OrderedDict)
+
+    def image(self, x: Array, params: Mapping[str, float]) -> Array:
+        """Where the state x gets to."""
+        from contbreather.dynamics.smooth_flow import motion
+
+        return self._solve(motion, self._conditions(params).arguments, np.asarray(x))
+
+    def linearised(self, x: Array, params: Mapping[str, float]) -> tuple[Array, Array, Array]:
+        """The image, its derivative in the state (2N, 2N), and in the parameters (2N, 5)."""
+        from contbreather.dynamics.smooth_flow import varied
+
+        key = np.concatenate([x, [params[name] for name in PARAMS]]).tobytes()
+        if key in self.known:
+            self.known.move_to_end(key)
+            return self.known[key]
+        wide = x.size
+        start = np.concatenate([x, np.eye(wide).ravel(), np.zeros(len(PARAMS) * wide)])
+        arguments = (*self._conditions(params).arguments, wide // 2, len(PARAMS))
+        end = self._solve(varied, arguments, start).reshape(-1, wide)
+        self.known[key] = end[0], end[1 : wide + 1].T, end[wide + 1 :].T
+        if len(self.known) > KEPT:
+            self.known.popitem(last=False)
+        return self.known[key]
+
+    def residual(self, x: Array, params: Mapping[str, float]) -> Array:
+        return self.sign * self.image(x, params) - x
+
+    def jacobian(self, x: Array, params: Mapping[str, float]) -> Array:
+        return np.asarray(self.sign * self.linearised(x, params)[1] - np.eye(x.size))
+
+    def sensitivity(self, x: Array, params: Mapping[str, float], name: str) -> Array:
+        return np.asarray(self.sign * self.linearised(x, params)[2][:, PARAMS.index(name)])
+
+    def multipliers(self, point: Point) -> Array:
+        """Of the flow over half a period (symmetric motions) or a whole one, largest first."""
+        mu = np.linalg.eigvals(self.linearised(point.x, point.params)[1])
+        return np.asarray(mu[np.argsort(-np.abs(mu))])
+
+    def _conditions(self, params: Mapping[str, float]) -> SmoothConditions:
+        numbers = {name: float(params[name]) for name in PARAMS}
+        return SmoothConditions(**numbers, forcing=self.forcing)
+
+    def _solve(self, rhs: Any, arguments: tuple[Any, ...], y: Array) -> Array:
+        solver = Explicit(self.tolerance)
+        try:
+            return solver.states(rhs, None, arguments, self.t0, y, np.array([self.t0 + self.span]))[
+                0
+            ]
+        except NotConverged as error:  # to the engine: no equation here
+            raise ArithmeticError(str(error)) from error
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothOrbit:
+    """What a point of a smooth branch is: a state that comes back, and its multipliers.
+
+    `half` are the multipliers of the half map of a symmetric motion (+1: pitchfork), None for
+    others; `multipliers` those over 2 pi, largest first.
+    """
+
+    state: State
+    t0: float
+    conditions: SmoothConditions
+    half: Array | None
+    multipliers: Array
+
+    @property
+    def largest(self) -> float:
+        """Largest modulus over 2 pi."""
+        return float(np.abs(self.multipliers[0]))
+
+
+def smooth_orbit(
+    state: Any,
+    *,
+    a: float,
+    gamma: float,
+    m: float,
+    k: float | None = None,
+    lam: float | None = None,
+    damping: float = 0.0,
+    symmetric: bool = True,
+    t0: float = 0.0,
+    forcing: Forcing | None = None,
+    tolerance: float = 1e-12,
+) -> Problem:
+    """The periodic motion of the smooth chain near a state, as a start for `trace`.
+
+    Parameters
+    ----------
+    state : pair of array_like, shape (N,)
+        Near the motion at t0: that of the impacting breather, or of a simulation.
+    a, gamma, m, k, lam, damping, forcing
+        As in `simulate_smooth`; a, gamma, lam, m (a real number) and damping can be traced.
+    symmetric : bool
+        u(t + pi) = -u(t), over half a period; False: any motion of period 2 pi.
+    t0 : float
+        Any time at which no site is in its wall.
+    tolerance : float
+        Of the integration.
+
+    Returns
+    -------
+    Problem
+        Unknowns ``u`` and ``v`` (arrays of length N); columns ``largest`` (modulus of a multiplier
+        over 2 pi) and ``unstable`` (how many are outside the circle); events LP and PF. A point's
+        ``solution`` is a `SmoothOrbit`.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import symmetric
+    >>> b = symmetric(a=0.1, gamma=0.08, k=0.8)
+    >>> start = smooth_orbit(b.state(6), a=0.1, gamma=0.08, m=6, k=0.8, damping=0.005)
+    >>> found, _ = start.solve()
+    >>> round(float(found.start["u"][0]), 4)
+    -0.9051
+    """
+    u, v = check_state(state, walls=False)
+    wall = wall_damping(k, lam)
+    SmoothConditions(a, gamma, wall, m, damping)  # refuses what is out of range
+    span, sign = (0.5 * PERIOD, -1.0) if symmetric else (PERIOD, 1.0)
+    shooting = Shooting(forcing or Harmonic(), reduced(t0), span, sign, tolerance)
+    squared = 2 if symmetric else 1
+
+    def largest(point: Point) -> float:
+        return float(np.abs(shooting.multipliers(point)[0]) ** squared)
+
+    def unstable(point: Point) -> float:
+        return float(np.sum(np.abs(shooting.multipliers(point)) ** squared > 1.0 + OUTSIDE))
+
+    def interpret(point: Point) -> SmoothOrbit:
+        mu = shooting.multipliers(point)
+        own = State(*np.split(point.x.copy(), 2))
+        half = mu if symmetric else None
+        return SmoothOrbit(own, float(t0), shooting._conditions(point.params), half, mu**squared)
+
+    return Problem(
+        shooting.residual,
+        {"u": u, "v": v},
+        {"a": a, "gamma": gamma, "lam": wall, "m": float(m), "damping": damping},
+        jacobian=shooting.jacobian,
+        sensitivity=shooting.sensitivity,
+        events=(fold(), _pitchfork(shooting)),
+        record={"largest": largest, "unstable": unstable},
+        domain=DOMAIN,
+        scales={"m": 10.0},
+        interpret=interpret,
+        label="smooth breather" if symmetric else "smooth orbit",
+    )
+
+
+def _pitchfork(shooting: Shooting) -> Event:
+    """PF: the multiplier +1 of the half map, where the equations themselves are regular."""
+
+    def test(point: Point) -> float:
+        if shooting.sign > 0.0:  # over a whole period +1 is singular: the fold's matter
+            return math.nan
+        matrix = shooting.linearised(point.x, point.params)[1]
+        sign, log = np.linalg.slogdet(matrix - np.eye(len(matrix)))
+        return float(sign * math.exp(max(-700.0, log) / len(matrix)))
+
+    return Event("PF", test)
