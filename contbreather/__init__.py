@@ -48,6 +48,9 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.lattice import Samples as Samples
     from contbreather.lattice import Symbolic as Symbolic
     from contbreather.plotting import plot as plot
+    from contbreather.plotting import plot_multipliers as plot_multipliers
+    from contbreather.plotting import plot_zones as plot_zones
+    from contbreather.plotting import save_figure as save_figure
 
 __version__ = "0.1.0"
 
@@ -83,6 +86,9 @@ _HOME = {
     "save": "contbreather.continuation",
     "load": "contbreather.continuation",
     "plot": "contbreather.plotting",
+    "save_figure": "contbreather.plotting",
+    "plot_zones": "contbreather.plotting",
+    "plot_multipliers": "contbreather.plotting",
     "BadInput": "contbreather.errors",
     "ContbreatherError": "contbreather.errors",
     "NoSolution": "contbreather.errors",

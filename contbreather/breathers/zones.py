@@ -273,6 +273,8 @@ def _on_curve(branch: Branch, point: Point, pair: tuple[str, str]) -> bool:
     names = (*pair, "p")
     here = np.array([point[name] for name in names])
     nodes = np.stack([branch[name] for name in names], axis=-1)
+    if len(nodes) == 1:
+        return bool(np.linalg.norm(here - nodes[0]) < SAME)
     start, chord = nodes[:-1], np.diff(nodes, axis=0)
     along = np.sum((here - start) * chord, axis=-1) / np.sum(chord * chord, axis=-1)
     foot = start + np.clip(along, 0, 1)[:, None] * chord
