@@ -1,0 +1,145 @@
+"""Whether a solution is on a branch that is known: itself, as an image, or as one of a smaller
+problem."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .branch import Branch, Point
+from .location import Segment
+from .newton import OUT_OF_DOMAIN
+from .problem import Curve
+
+Array = NDArray[np.float64]
+
+_SAME = 1e-6  # relative distance of solutions that are the same
+_OFF = 0.1  # how far off the chord of a step its curve may be, relative to the step
+
+
+def lies_on(point: Point, branch: Branch) -> bool:
+    """Whether a solution lies on a branch between its ends, at any place.
+
+    False where it cannot be told: the branch has other unknowns, or other parameters than the
+    free one differ.
+
+    Examples
+    --------
+    >>> import contbreather as cb, numpy as np
+    >>> circle = cb.Problem(lambda x, p: np.array([x[0]**2 + p["mu"]**2 - 1]),
+    ...                     start={"x": 1.0}, params={"mu": 0.0})
+    >>> whole = cb.trace(circle, "mu")
+    >>> upper = cb.trace(circle, "mu", within={"x": (0, 2)})
+    >>> [lies_on(upper[5], whole), lies_on(whole[5], upper), lies_on(whole[-5], upper)]
+    [True, True, False]
+    """
+    z = placed(point, branch.curve)
+    if z is None or len(branch) < 2:
+        return z is not None and _same(branch.curve, branch[0].z, z)
+    return any(_on_segment(z, *branch.points[i : i + 2]) for i in _near(z, branch))
+
+
+def placed(point: Point, curve: Curve) -> Array | None:
+    """The z of a solution among the unknowns and free parameters of a curve, if it fits in."""
+    own, other = point.curve.problem, curve.problem
+    if own.slots != other.slots or set(own.params) != set(other.params):
+        return None
+    params = point.params
+    for name, value in curve.fixed.items():
+        scale = float(other.scales.get(name, 1.0))
+        if name not in curve.free and abs(params[name] - value) > _SAME * max(abs(value), scale):
+            return None
+    return np.append(point.x, [params[name] for name in curve.free])
+
+
+def _same(curve: Curve, one: Array, other: Array) -> bool:
+    return curve.length(one - other) <= _SAME * (1 + curve.length(one))
+
+
+def _near(z: Array, branch: Branch) -> list[int]:
+    """The steps of a branch that pass z at a small distance."""
+    curve = branch.curve
+    weights = np.sqrt(np.ones(z.size) if curve.metric is None else curve.metric)
+    places = np.stack([point.z for point in branch.points]) * weights
+    start, chords = places[:-1], np.diff(places, axis=0)
+    lengths = np.maximum((chords**2).sum(axis=1), 1e-300)
+    to = z * weights - start
+    u = np.clip((to * chords).sum(axis=1) / lengths, 0.0, 1.0)
+    gaps = np.sqrt(((to - u[:, None] * chords) ** 2).sum(axis=1))
+    close = gaps <= _OFF * np.sqrt(lengths) + _SAME * (1 + curve.length(z))
+    return [int(i) for i in np.flatnonzero(close)]
+
+
+def _on_segment(z: Array, first: Point, last: Point) -> bool:
+    """Whether z is the point of the curve between two neighbours, found anew beside it."""
+    curve = first.curve
+    if _same(curve, first.z, z) or _same(curve, last.z, z):
+        return True
+    if last.arclength - first.arclength < _SAME * (1 + curve.length(z)):
+        return False
+    segment = Segment(first, last, 1e-9)
+    chord = curve.dual(last.z - first.z)
+    u = float(chord @ (z - first.z) / (chord @ (last.z - first.z)))
+    if not 0.0 < u < 1.0:
+        return False
+    try:
+        return _same(curve, segment.at(u).z, z)
+    except OUT_OF_DOMAIN:  # beside a branch point Newton's iteration may end on the other curve
+        return bool(curve.length(segment.guess(u)[0] - z) < 1e-3 * segment.length)
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """How a solution is known: on which branch, and whether as an image or in a smaller problem."""
+
+    branch: int
+    image: bool = False
+    simpler: bool = False
+
+
+def recognised(point: Point, branches: Iterable[Branch]) -> Likeness | None:
+    """The first of `branches` on which a solution lies, itself or one of its images."""
+    known = list(branches)
+    for i, branch in enumerate(known):
+        if lies_on(point, branch):
+            return Likeness(i)
+    small = simplest(point)
+    if small is not point:
+        found = recognised(small, known)
+        return found and replace(found, simpler=True)
+    for image in images(point):
+        for i, branch in enumerate(known):
+            if lies_on(image, branch):
+                return Likeness(i, image=True)
+    return None
+
+
+def images(point: Point) -> Iterator[Point]:
+    """What the symmetries of its problem make of a solution."""
+    problem = point.curve.problem
+    if problem.images is None:
+        return
+    for x in problem.images(point.x.copy(), point.params):
+        z = point.z.copy()
+        z[: point.curve.size] = x
+        yield replace(point, z=z)
+
+
+def simplest(point: Point) -> Point:
+    """The solution in the smallest problem that has it."""
+    problem = point.curve.problem
+    small = None if problem.simpler is None else problem.simpler(point)
+    if small is None:
+        return point
+    curve = Curve(small, point.curve.free)
+    return simplest(Point(curve, curve.start, np.empty(0), 0.0, point.residual))
+
+
+def same_place(one: Point, other: Point) -> bool:
+    """Whether two points are the same solution, of the same or of a smaller problem."""
+    one, other = simplest(one), simplest(other)
+    z = placed(one, other.curve)
+    return z is not None and _same(other.curve, other.z, z)

@@ -1,0 +1,265 @@
+"""From a point where curves meet, onto the other curves.
+
+Where they set out is what the event of the point knows (`Event.arms`); following them is the same
+walk as ever, along a direction that is given.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput, NotConverged
+from .branch import Branch, Point, Stop, labelled
+from .events import Event
+from .newton import OUT_OF_DOMAIN
+from .problem import Curve, Problem
+from .progress import Progress
+from .recognition import images, lies_on
+from .seed import Seed
+from .steps import Steps
+from .trace import Within, trace
+
+Array = NDArray[np.float64]
+
+_AT_START = 1e-7  # points this close to the start of an arm, relative to its first step, are there
+_APART = 1e-3  # arms closer than this, relative to their distance from where they left, coincide
+
+
+class NothingToSwitch(BadInput):
+    """No other curve leaves the point; `point` is what was given."""
+
+    def __init__(self, message: str, point: Point) -> None:
+        super().__init__(message)
+        self.point = point
+
+
+class ArmsCoincide(NotConverged):
+    """An arm is no new curve: `arm` is what was walked, `other` the branch or direction it follows,
+    `distance` how far apart they are after the first step, relative to it."""
+
+    def __init__(self, message: str, arm: Branch, other: Any, distance: float) -> None:
+        super().__init__(message, residual=distance)
+        self.arm = arm
+        self.other = other
+        self.distance = distance
+
+
+def switch(
+    point: Point,
+    *,
+    within: Within | None = None,
+    events: Iterable[Event] | None = None,
+    steps: Steps | None = None,
+    progress: bool | Progress | None = None,
+) -> tuple[Branch, ...]:
+    """Follow all other curves that leave a point where curves meet.
+
+    Parameters
+    ----------
+    point : Point
+        A special point of a branch from which others leave: a BP of any problem, the PF and PD of
+        breathers, the PD of a map.
+    within, events, steps, progress
+        As for `trace`. The arms are walked in the parameter of the branch the point is on; an arm
+        that solves a larger problem has the events of that problem by default.
+
+    Returns
+    -------
+    tuple of Branch
+        One for each arm, both directions of a crossing curve apart. The first point of each is the
+        point itself, in the problem of the arm. A curve that comes back to the point is there
+        once. An arm that is the image of an earlier one under a symmetry of its problem says so:
+        ``arm[0].detail["image_of"]`` is the place of that one in the tuple.
+
+    Raises
+    ------
+    NothingToSwitch
+        If no other curve leaves the point; a `BadInput`, its ``point`` is the point.
+    ArmsCoincide
+        If an arm turns out to be the branch it was to leave, or another arm; a `NotConverged`.
+    NotConverged
+        If no first step can be made along an arm.
+
+    Examples
+    --------
+    The arms of a pitchfork, ``x = +- sqrt(mu)``:
+
+    >>> import contbreather as cb, numpy as np
+    >>> mine = cb.Problem(lambda x, p: np.array([x[0] * (p["mu"] - x[0]**2)]),
+    ...                   start={"x": 0.0}, params={"mu": -1.0})
+    >>> axis = cb.trace(mine, "mu", events=[cb.branch_point()], within={"mu": (-1, 1)})
+    >>> arms = switch(axis.first("BP"), within={"mu": (-1, 1)})
+    >>> [(arm[0].label, round(arm[-1]["x"], 12)) for arm in arms]
+    [('BP1', -1.0), ('BP1', 1.0)]
+    """
+    given = None if events is None else tuple(events)
+    arms: list[Branch] = []
+    for seed in seeds_at(point):
+        if any(comes_back(arm, seed) for arm in arms):
+            continue
+        arm = follow(point, seed, within=within, events=given, steps=steps, progress=progress)
+        _keep_apart(arm, arms)
+        arms.append(_with_image(arm, arms))
+        if arm.stop is Stop.INTERRUPTED:
+            break
+    return tuple(arms)
+
+
+def seeds_at(point: Point) -> tuple[Seed, ...]:
+    """Where curves set out from a point, or why none do."""
+    if point.event is None:
+        what = f"{point.label} is where a branch ends" if point.kind else "is no special point"
+        raise NothingToSwitch(f"{point!r}: {what}; switch at a BP, PF or PD of a branch", point)
+    if "parent" in point.detail:
+        raise NothingToSwitch(
+            f"{point!r} is where this arm sets out; switch at the point of the branch it left, "
+            "point.detail['parent']",
+            point,
+        )
+    if point.event.arms is None:
+        raise NothingToSwitch(f"{point!r}: no other branch is known to leave a {point.kind}", point)
+    if not point.located:
+        raise NothingToSwitch(
+            f"{point!r} was seen, not located ({point.detail.get('reason', 'no reason kept')}): "
+            "where others would leave it is not known",
+            point,
+        )
+    try:
+        seeds = point.event.arms(point)
+    except OUT_OF_DOMAIN as error:
+        raise NothingToSwitch(f"{point!r}: {error}", point) from error
+    if not seeds:
+        raise NothingToSwitch(f"{point!r}: no other branch leaves it", point)
+    return tuple(Seed(*seed) for seed in seeds)
+
+
+def follow(
+    point: Point,
+    seed: Seed,
+    *,
+    within: Within | None = None,
+    events: Sequence[Event] | None = None,
+    steps: Steps | None = None,
+    progress: bool | Progress | None = None,
+) -> Branch:
+    """One arm from a point, its first point labelled as the point is."""
+    free = point.curve.free[0]
+    start = _start(seed, free)
+    arm = trace(
+        start,
+        free,
+        within=within,
+        events=events,
+        steps=steps,
+        progress=progress,
+        along=seed.tangent,
+    )
+    if len(arm) == 1 and arm.stop.failed:
+        raise NotConverged(
+            f"no step can be made along an arm of {point!r}: {arm.stop.value}; {arm.reason}",
+            residual=arm[0].residual,
+        )
+    arm = _with_parent(arm, point)
+    _leave(arm, seed, point)
+    return arm
+
+
+def _start(seed: Seed, free: str) -> Problem:
+    """The problem of an arm with its start at the seed."""
+    curve = Curve(seed.problem, (free,))
+    if np.shape(seed.z) != curve.start.shape:
+        raise BadInput(f"a seed of shape {curve.start.shape} was wanted, got {np.shape(seed.z)}")
+    values: Mapping[str, Any] = {name: seed.z[slot] for name, slot in curve.slots.items()}
+    return seed.problem.at(**values)
+
+
+def _with_parent(arm: Branch, point: Point) -> Branch:
+    """The arm with the point as its first; what else was seen there belongs to the point."""
+    first = next((p.arclength for p in arm if p.arclength > 0 and not p.kind), arm[-1].arclength)
+    near = _AT_START * first
+    end = arm[-1].arclength - near if arm.stop is Stop.CLOSED else math.inf
+    event = point.event and replace(point.event, locus=None, arms=None)
+    start = replace(
+        arm[0],
+        arclength=0.0,
+        kind=point.kind,
+        event=event,
+        bracket=None,
+        located=True,
+        detail={"parent": point},
+    )
+    rest = tuple(p for p in arm.points if p.arclength > near)
+    return replace(
+        arm,
+        points=labelled((start, *rest)),
+        began=Stop.EVENT,
+        doubtful=tuple(p for p in arm.doubtful if near < p.arclength < end),
+    )
+
+
+def _leave(arm: Branch, seed: Seed, point: Point) -> None:
+    """Refuse an arm whose first step goes along the branch it was to leave."""
+    if seed.parent is None or len(arm) < 2:
+        return
+    curve = arm.curve
+    chord = curve.normalised(arm[1].z - arm[0].z)
+    own, parent = (curve.normalised(np.asarray(t, dtype=float)) for t in seed[2:4])
+    if _aside(curve, chord, parent) < _aside(curve, chord, own):
+        distance = _aside(curve, chord, parent)
+        raise ArmsCoincide(
+            f"an arm of {point!r} follows the branch it was to leave: their directions differ by "
+            f"{distance:.2g}, {_aside(curve, own, parent):.2g} apart as they were given",
+            arm,
+            seed.parent,
+            distance,
+        )
+
+
+def _aside(curve: Curve, one: Array, other: Array) -> float:
+    """Distance of a unit vector from a line."""
+    return curve.length(one - float(one @ curve.dual(other)) * other)
+
+
+def _keep_apart(arm: Branch, others: Sequence[Branch]) -> None:
+    """Refuse an arm that follows another of the same point."""
+    for other in others:
+        if len(arm) < 2 or len(other) < 2 or arm.curve.slots != other.curve.slots:
+            continue
+        curve = arm.curve
+        reach = curve.length(arm[1].z - arm[0].z)
+        distance = curve.length(arm[1].z - other[1].z) / max(reach, 1e-300)
+        if distance < _APART:
+            raise ArmsCoincide(
+                f"two arms of {arm[0].detail['parent']!r} coincide: after the first step, "
+                f"{reach:.2g}, they are {distance * reach:.2g} apart",
+                arm,
+                other,
+                distance,
+            )
+
+
+def comes_back(arm: Branch, seed: Seed) -> bool:
+    """Whether an arm that has been walked came back to its start along another seed."""
+    start = arm[0]
+    if arm.stop is not Stop.CLOSED or np.shape(seed.z) != start.z.shape:
+        return False
+    curve = arm.curve
+    tangent = curve.normalised(np.asarray(seed.tangent, dtype=float))
+    return bool(np.allclose(seed.z, start.z) and start.tangent @ curve.dual(tangent) < -0.5)
+
+
+def _with_image(arm: Branch, others: Sequence[Branch]) -> Branch:
+    """The arm, marked if it is the image of another of the same point."""
+    if len(arm) < 2:
+        return arm
+    for i, other in enumerate(others):
+        if any(lies_on(image, other) for image in images(arm[1])):
+            start = replace(arm[0], detail={**arm[0].detail, "image_of": i})
+            return replace(arm, points=(start, *arm.points[1:]))
+    return arm
