@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import contbreather as cb
-from contbreather.plotting import save_figure
 
 
 def lorenz(x: NDArray[np.float64], params: Mapping[str, float]) -> NDArray[np.float64]:
@@ -76,7 +75,7 @@ def main(folder: Path = Path()) -> list[Path]:
     show(worst, 0.0, "Hopf curve, largest error")
 
     axes = cb.plot(sides, rest, turning, through, x="rho", y="x")
-    return [save_figure(axes, folder / "lorenz.png")]
+    return [cb.save_figure(axes, folder / "lorenz.png")]
 
 
 if __name__ == "__main__":
