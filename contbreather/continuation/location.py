@@ -287,7 +287,8 @@ def _at_ends(segment: Segment, trail: Trail, ends: Ends) -> Iterator[Point]:
 
 def _at_end(segment: Segment, event: Event, u: float) -> Point:
     polished = _polish(segment, event, u, u, u)
-    low, high, point = polished or (u, u, segment.at(u))
+    low, high, sharp = polished or (u, u, segment.at(u))
+    point = replace(segment.at(u), detail=sharp.detail)  # where it is known exactly already
     return _special(point, event, (low, high), segment)
 
 

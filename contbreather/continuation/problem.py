@@ -274,7 +274,13 @@ class Curve:
         return values
 
     def equations(self, z: Array) -> Array:
-        return self.problem.evaluate(z[: self.size], self.params(z))
+        return self.problem.evaluate(self.unknowns(z), self.params(z))
+
+    def unknowns(self, z: Array) -> Array:
+        """The first entries of z, not to be written to: equations that do would move the point."""
+        x = z[: self.size]
+        x.flags.writeable = False
+        return x
 
     def jacobian(self, z: Array) -> Array:
         """Derivative of `equations`, shape ``(n, n + len(free))``; not to be written to."""
@@ -290,7 +296,7 @@ class Curve:
 
     def _jacobian(self, z: Array) -> Array:
         problem, n = self.problem, self.size
-        x = z[:n]
+        x = self.unknowns(z)
         if problem.adjoined is not None:
             return problem.adjoined.whole(x, self.params(z))[:, : z.size]
         matrix = np.empty((n, z.size))
@@ -313,7 +319,7 @@ class Curve:
         """The residual without checks, at a possibly complex z."""
         values: dict[str, Any] = dict(self.fixed)
         values.update(zip(self.free, z[self.size :], strict=True))
-        value = np.asarray(self.problem.residual(z[: self.size], values))
+        value = np.asarray(self.problem.residual(self.unknowns(z), values))
         if value.dtype.kind == "c" and z.dtype.kind != "c":
             raise Undefined("the equations are not real")
         return value

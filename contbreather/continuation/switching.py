@@ -73,8 +73,9 @@ def switch(
     -------
     tuple of Branch
         One for each arm, both directions of a crossing curve apart. The first point of each is the
-        point itself, in the problem of the arm. A curve that comes back to the point is there
-        once. An arm that is the image of an earlier one under a symmetry of its problem says so:
+        point itself, in the problem of the arm, with ``arm[0].detail["parent"]`` the point on the
+        branch it left. A curve that comes back to the point is there once. An arm that is the
+        image of an earlier one under a symmetry of its problem says so:
         ``arm[0].detail["image_of"]`` is the place of that one in the tuple.
 
     Raises
@@ -95,8 +96,8 @@ def switch(
     ...                   start={"x": 0.0}, params={"mu": -1.0})
     >>> axis = cb.trace(mine, "mu", events=[cb.branch_point()], within={"mu": (-1, 1)})
     >>> arms = switch(axis.first("BP"), within={"mu": (-1, 1)})
-    >>> [(arm[0].label, round(arm[-1]["x"], 12)) for arm in arms]
-    [('BP1', -1.0), ('BP1', 1.0)]
+    >>> [(arm[0]["mu"], round(arm[-1]["x"], 12)) for arm in arms]
+    [(0.0, -1.0), (0.0, 1.0)]
     """
     given = None if events is None else tuple(events)
     arms: list[Branch] = []
@@ -113,15 +114,15 @@ def switch(
 
 def seeds_at(point: Point) -> tuple[Seed, ...]:
     """Where curves set out from a point, or why none do."""
-    if point.event is None:
-        what = f"{point.label} is where a branch ends" if point.kind else "is no special point"
-        raise NothingToSwitch(f"{point!r}: {what}; switch at a BP, PF or PD of a branch", point)
     if "parent" in point.detail:
         raise NothingToSwitch(
             f"{point!r} is where this arm sets out; switch at the point of the branch it left, "
             "point.detail['parent']",
             point,
         )
+    if point.event is None:
+        what = f"{point.label} is where a branch ends" if point.kind else "is no special point"
+        raise NothingToSwitch(f"{point!r}: {what}; switch at a BP, PF or PD of a branch", point)
     if point.event.arms is None:
         raise NothingToSwitch(f"{point!r}: no other branch is known to leave a {point.kind}", point)
     if not point.located:
@@ -148,7 +149,7 @@ def follow(
     steps: Steps | None = None,
     progress: bool | Progress | None = None,
 ) -> Branch:
-    """One arm from a point, its first point labelled as the point is."""
+    """One arm from a point, which is its first."""
     free = point.curve.free[0]
     start = _start(seed, free)
     arm = trace(
@@ -184,16 +185,7 @@ def _with_parent(arm: Branch, point: Point) -> Branch:
     first = next((p.arclength for p in arm if p.arclength > 0 and not p.kind), arm[-1].arclength)
     near = _AT_START * first
     end = arm[-1].arclength - near if arm.stop is Stop.CLOSED else math.inf
-    event = point.event and replace(point.event, locus=None, arms=None)
-    start = replace(
-        arm[0],
-        arclength=0.0,
-        kind=point.kind,
-        event=event,
-        bracket=None,
-        located=True,
-        detail={"parent": point},
-    )
+    start = replace(arm[0], kind="EP", event=None, bracket=None, detail={"parent": point})
     rest = tuple(p for p in arm.points if p.arclength > near)
     return replace(
         arm,

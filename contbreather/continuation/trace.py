@@ -35,6 +35,8 @@ _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point s
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
 _AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
 _SKEW = 1e-3  # how far a direction that was given may be off the tangent
+_TINY = 1e-4  # what counts as a tiny step, relative to the longest so far
+_PATIENCE = 200  # so many of them in a row lead nowhere
 _ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
 
@@ -150,9 +152,11 @@ def _gathered(walker: Generator[Point, None, End], shown: Progress) -> Branch:
 def _with_ends(branch: Branch) -> Branch:
     """Label both ends: EP, or MX where the numerics gave up."""
     points = list(branch.points)
-    for i, stop in ((0, branch.began), (-1, branch.stop)):
+    for i, stops in ((0, {branch.began}), (-1, {branch.stop})):
+        if len(points) == 1:  # both ends in one
+            stops = {branch.began, branch.stop}
         if not points[i].kind:
-            kind = "MX" if stop is not None and stop.failed else "EP"
+            kind = "MX" if any(stop is not None and stop.failed for stop in stops) else "EP"
             points[i] = replace(points[i], kind=kind)
     return replace(branch, points=labelled(tuple(points)))
 
@@ -236,6 +240,7 @@ class Walker:
             self.bounds = _bounds(self.curve, within)
             self.origin = Point(self.curve, self.curve.start, tangent, 0.0, residual)
             self.tests = self._first_tests()
+        self.longest, self.tiny = 0.0, 0
 
     def run(self) -> Generator[Point, None, End]:
         """Step, look for events, yield: until the curve, the window or the numerics end."""
@@ -247,6 +252,7 @@ class Walker:
             try:
                 with _quiet():
                     step = self.advance(point, bend, size)
+                    self._refuse_to_crawl(step.point.arclength - point.arclength)
                     if count > 2 and self._returns(point, step.point):
                         step = replace(step, point=self._closing(point), stop=Stop.CLOSED)
                     found = self._events_on(point, step, tests, first=count == 0)
@@ -264,6 +270,13 @@ class Walker:
         if point is self.origin:
             yield point
         return End(end.stop, end.reason, tuple(doubtful))
+
+    def _refuse_to_crawl(self, length: float) -> None:
+        """End a walk that only takes tiny steps: it would not get anywhere, at great expense."""
+        self.longest = max(self.longest, length)
+        self.tiny = self.tiny + 1 if length < _TINY * self.longest else 0
+        if self.tiny > _PATIENCE:
+            raise Failed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
 
     # --- one step ---
 
@@ -379,16 +392,18 @@ class Walker:
         return last, side, crossing
 
     def _strays(self, point: Point, last: Point, length: float) -> bool:
-        """Whether the curve halfway is off the cubic through both ends: one residual tells."""
-        middle = 0.5 * (point.z + last.z) + (length / 8) * (point.tangent - last.tangent)
-        size = middle.size
+        """Whether the curve is off the cubic through both ends, a third of the way along it: one
+        residual tells. (Halfway, tangents that are wrong alike would cancel.)"""
+        between = 20 * point.z + 7 * last.z + (4 * point.tangent - 2 * last.tangent) * length
+        between /= 27
+        size = between.size
         matrix = np.empty((size, size))
-        matrix[:-1], matrix[-1] = self.curve.jacobian(middle), self.curve.dual(point.tangent)
+        matrix[:-1], matrix[-1] = self.curve.jacobian(between), self.curve.dual(point.tangent)
         right = np.zeros(size)
-        right[:-1] = self.curve.equations(middle)
+        right[:-1] = self.curve.equations(between)
         off = solve(matrix, right)
         if off is None:
-            return False  # a branch point halfway: the residual says nothing there
+            return False  # a branch point: the residual says nothing there
         return self.curve.length(off) > _STRAY * length
 
     def _crossing_on(self, segment: Segment) -> Point | None:
@@ -407,15 +422,18 @@ class Walker:
         return point if -_OUTSIDE < place < 1 + _OUTSIDE else None
 
     def _peeks(self, point: Point, last: Point, length: float) -> bool:
-        """Whether the cubic through both ends leaves the window and comes back."""
+        """Whether the curve leaves the window between both ends and comes back."""
         for slot, low, high in self.bounds:
-            slopes = length * point.tangent[slot], length * last.tangent[slot]
-            if slopes[0] * slopes[1] < 0:
-                u = slopes[0] / (slopes[0] - slopes[1])
-                z = Segment(point, last, self.steps.tolerance).guess(u)[0][slot]
-                slack = self.steps.tolerance * self.curve.scales[slot]
-                if not low - slack <= z <= high + slack:
-                    return True
+            rise, *slopes = last.z[slot] - point.z[slot], point.tangent[slot], last.tangent[slot]
+            if slopes[0] * slopes[1] >= 0:
+                continue
+            d0, d1 = length * slopes[0], length * slopes[1]
+            extrema = np.roots([3 * (d0 + d1 - 2 * rise), 2 * (3 * rise - 2 * d0 - d1), d0]).real
+            u = float(extrema[np.argmin(abs(extrema - 0.5))])
+            z = Segment(point, last, self.steps.tolerance).at(u).z[slot]
+            slack = self.steps.tolerance * self.curve.scales[slot]
+            if not low - slack <= z <= high + slack:
+                return True
         return False
 
     # --- events and ends ---
@@ -574,13 +592,19 @@ def _angle(curve: Curve, one: Array, other: Array) -> float:
     return 2 * math.asin(min(1.0, 0.5 * math.sqrt(gap.dot(curve.dual(gap)))))
 
 
+def _pair(name: str, window: tuple[float, float]) -> tuple[float, float]:
+    if np.shape(window) != (2,):
+        raise BadInput(f"the window of {name!r} must be a pair (low, high), got {window}")
+    return float(window[0]), float(window[1])
+
+
 def _bounds(curve: Curve, within: Within | None) -> list[tuple[int, float, float]]:
     """The window and the domain of the problem, as (slot, low, high) of what can change."""
     problem = curve.problem
     problem.check_names(within or ())
     bounds = []
     for name in {**problem.domain, **(within or {})}:
-        low, high = (within or {}).get(name, (-math.inf, math.inf))
+        low, high = _pair(name, (within or {}).get(name, (-math.inf, math.inf)))
         domain = problem.domain.get(name, (-math.inf, math.inf))
         low, high = max(low, domain[0]), min(high, domain[1])
         value = problem.start.get(name, problem.params.get(name))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -388,6 +388,23 @@ def trace_case(case: Case, scale: float = 1.0, first: float = 0.1, **given: Any)
         "steps": Steps(first=first * largest, largest=largest, most=20000),
     }
     return trace(given.pop("start", case.problem), case.free, **{**how, **given})
+
+
+@dataclass
+class Counted:
+    """A residual that counts its calls."""
+
+    residual: Callable[..., Array]
+    calls: int = 0
+
+    def __call__(self, x: Array, params: Mapping[str, float]) -> Array:
+        self.calls += 1
+        return self.residual(x, params)
+
+
+def counted(problem: Problem) -> tuple[Problem, Counted]:
+    counter = Counted(problem.residual)
+    return replace(problem, residual=counter), counter
 
 
 def events_of(branch: Branch) -> list[Point]:

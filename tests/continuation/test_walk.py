@@ -1,0 +1,520 @@
+"""How walks begin, step, and end."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contbreather.continuation import Event, Problem, Steps, Stop, fold, trace, user, walk
+from contbreather.errors import BadInput, NotConverged
+
+from .zoo import (
+    ALL,
+    ARMS,
+    BRATU,
+    BRUSSELATOR,
+    CIRCLE,
+    CUSP,
+    ISOLA,
+    LINE,
+    LORENZ,
+    PITCHFORK,
+    SMALL,
+    STATIC,
+    TRANSCRITICAL,
+    Case,
+    analytic_bratu,
+    chebyshev,
+    counted,
+    crowded,
+    events_of,
+    scalar,
+    trace_case,
+)
+
+TIP = 1 / math.sqrt(3)  # of the folds of the cusp case, h = -+ 2 TIP^3
+WIDE = {"mu": (-2.0, 2.0)}
+
+
+def ending(equation, x=1.0, mu=1.0, within=WIDE, towards="down", **given):
+    """A branch in mu that runs into trouble, and how many residuals that took."""
+    problem, counter = counted(scalar(equation, x, {"mu": mu}))
+    return trace(problem, "mu", within=within, towards=towards, **given), counter.calls
+
+
+# --- starts -----------------------------------------------------------------------------------
+
+
+def test_a_start_near_a_solution_is_moved_onto_it_at_the_same_parameters() -> None:
+    branch = trace(CUSP.problem.at(x=-0.8, h=0.1), "h", within={"x": (-2, 2)}, towards="up")
+    start = branch[0]
+    assert start["h"] == 0.1
+    assert abs(0.1 + start["x"] - start["x"] ** 3) < 1e-15
+
+
+def test_a_start_that_is_no_solution_is_refused_with_its_residual() -> None:
+    none = scalar(lambda x, p: x**2 + p["mu"], 1.0, {"mu": 1.0})
+    with pytest.raises(NotConverged, match=r"x=1, mu=1 is no solution: residual 2") as refused:
+        trace(none, "mu")
+    assert refused.value.residual == 2.0
+
+
+@pytest.mark.parametrize(
+    "equation",
+    [lambda x, p: 1 / p["mu"], lambda x, p: math.log(p["mu"]), lambda x, p: x * math.nan],
+)
+def test_a_start_without_a_value_is_refused_with_the_reason(equation) -> None:
+    with pytest.raises(BadInput, match=r"no value at the start x=0, mu=0: .+"):
+        trace(scalar(equation, 0.0, {"mu": 0.0}), "mu")
+
+
+def test_a_start_exactly_on_a_fold_is_taken_as_it_is() -> None:
+    case = replace(CUSP, problem=CUSP.problem.at(x=-TIP, h=2 * TIP**3))
+    for towards in ("up", "down", "both"):
+        branch = trace_case(case, towards=towards)
+        assert branch.first("LP")["x"] == pytest.approx(-TIP, abs=1e-15)
+        assert branch.stop is Stop.BOUND
+
+
+@pytest.mark.parametrize("h", [0.384900179, 0.384900180])
+def test_a_fold_typed_with_nine_digits_is_a_start_on_either_side_of_it(h: float) -> None:
+    branch = trace_case(replace(CUSP, problem=CUSP.problem.at(x=-0.577350269, h=h)))
+    assert [point.kind for point in events_of(branch)] == ["LP", "LP"]
+    assert branch[0]["x"] in (-2.0, 2.0)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-17, -1e-16])
+@pytest.mark.parametrize("case", [PITCHFORK, TRANSCRITICAL, LORENZ], ids=lambda case: case.name)
+def test_from_a_branch_point_the_curve_along_the_parameter_is_followed(
+    case: Case, shift: float
+) -> None:
+    r = 1.0 if case is LORENZ else 0.0
+    start = dict.fromkeys(case.problem.start, shift)
+    problem = case.problem.at(**start, **{case.free: r})
+    branch = trace(problem, case.free, events=STATIC, within={case.free: (r - 0.9, r + 1.0)})
+    assert [point.kind for point in branch.special] == ["EP", "BP", "EP"]
+    assert abs(branch.first("BP")[case.free] - r) < 1e-12
+    if case is not TRANSCRITICAL:
+        assert abs(branch["x"]).max() < 1e-15
+
+
+def test_every_walk_from_a_fold_goes_the_other_way_when_told() -> None:
+    for x, mu in ((0.0, 1.0), (0.0, -1.0), (1.0, 0.0)):
+        problem = CIRCLE.problem.at(x=x, mu=mu)
+        up, down = (
+            list(itertools.islice(walk(problem, "mu", towards=s), 3)) for s in ("up", "down")
+        )
+        assert np.allclose(up[0].tangent, -down[0].tangent, atol=1e-12)
+        assert up[2]["x"] * down[2]["x"] < 0 or up[2]["mu"] * down[2]["mu"] < 0
+
+
+# --- ends: the window -------------------------------------------------------------------------
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(st.floats(-1.9, -1.0), st.floats(1.0, 1.9), st.floats(0.02, 2.0))
+def test_a_branch_ends_exactly_at_its_bounds(low: float, high: float, largest: float) -> None:
+    steps = Steps(first=0.01, largest=largest)
+    branch = trace(CUSP.problem, "h", within={"x": (low, high)}, steps=steps, events=())
+    assert branch.stop is branch.began is Stop.BOUND
+    assert branch["x"][0] == low
+    assert branch["x"][-1] == high
+    assert ((low <= branch["x"]) & (branch["x"] <= high)).all()
+    assert abs(branch["residual"]).max() < 1e-14
+
+
+def test_the_first_of_several_bounds_ends_the_branch() -> None:
+    within = {"x": (-1.0, 1.0), "mu": (-0.25, 0.4)}
+    branch = trace(LINE.problem, "mu", within=within, steps=Steps(first=1.0, largest=5.0))
+    assert (branch["mu"][0], branch["mu"][-1]) == (-0.25, 0.4)
+
+
+def test_two_bounds_at_one_corner_end_the_branch_there() -> None:
+    branch = trace(LINE.problem, "mu", within={"x": (-1.0, 1.0), "mu": (-0.5, 0.5)})
+    assert branch.stop is branch.began is Stop.BOUND
+    assert branch[-1]["x"] == pytest.approx(1.0, abs=1e-15)
+    assert branch[-1]["mu"] == pytest.approx(0.5, abs=1e-15)
+
+
+def test_a_start_on_a_bound_goes_inwards_only() -> None:
+    branch = trace(LINE.problem, "mu", within={"mu": (0.0, 1.0)})
+    assert branch[0]["mu"] == 0.0
+    assert branch[-1]["mu"] == 1.0
+    assert [point.label for point in branch.special] == ["EP1", "EP2"]
+    alone = trace(LINE.problem, "mu", within={"mu": (0.0, 1.0)}, towards="down")
+    assert len(alone) == 1
+    assert alone.stop is Stop.BOUND
+
+
+@pytest.mark.parametrize("depth", [1e-1, 1e-3, 1e-5, 1e-7])
+def test_a_window_that_a_curve_leaves_only_for_a_moment_still_ends_it(depth: float) -> None:
+    within = {"h": (-9.0, 2 * TIP**3 - depth), "x": (-2.0, 2.0)}
+    branch = trace(CUSP.problem, "h", within=within, events=[fold()])
+    assert branch.stop is Stop.BOUND
+    assert branch[-1]["h"] == within["h"][1]
+    assert branch[-1]["x"] < -TIP
+    assert not events_of(branch)
+
+
+def test_an_event_exactly_at_a_bound_is_found() -> None:
+    at_fold = trace(CUSP.problem, "h", within={"x": (-2.0, -TIP)}, events=ALL)
+    assert [point.label for point in at_fold.special] == ["EP1", "LP1"]
+    at_hopf = trace(BRUSSELATOR.problem, "B", within={"B": (0.5, 2.0)}, events=ALL)
+    assert [point.label for point in at_hopf.special] == ["EP1", "HB1"]
+    assert at_hopf[-1]["B"] == 2.0
+    at_branch_point = trace(PITCHFORK.problem, "mu", within={"mu": (-1.0, 0.0)}, events=ALL)
+    assert [point.label for point in at_branch_point.special] == ["EP1", "BP1"]
+
+
+def test_the_domain_of_a_problem_is_a_window_too() -> None:
+    problem = replace(LINE.problem, domain={"x": (-1.0, math.inf)})
+    branch = trace(problem, "mu", within={"mu": (-3.0, 3.0), "x": (-2.0, 2.0)})
+    assert branch[0]["x"] == -1.0
+    assert branch[-1]["x"] == 2.0
+
+
+@pytest.mark.parametrize(
+    ("within", "sentence"),
+    [
+        ({"nu": (0, 1)}, r"no 'nu' in this problem; it has \['x', 'mu'\]"),
+        ({"mu": (1, 0)}, r"the window of 'mu' is empty: \(1, 0\)"),
+        ({"mu": (0, 0)}, r"the window of 'mu' is empty"),
+        ({"mu": (math.nan, 1)}, r"the window of 'mu' is empty"),
+        ({"mu": (1, 2)}, r"the start has mu=0, outside \(1, 2\)"),
+        ({"mu": 3.0}, r"the window of 'mu' must be a pair \(low, high\), got 3.0"),
+        ({"mu": (1, 2, 3)}, r"the window of 'mu' must be a pair \(low, high\)"),
+    ],
+)
+def test_impossible_windows_are_refused(within, sentence: str) -> None:
+    with pytest.raises(BadInput, match=sentence):
+        trace(LINE.problem, "mu", within=within)
+
+
+def test_an_array_has_no_window() -> None:
+    with pytest.raises(BadInput, match="'u' is an array: a window needs a single number"):
+        trace(BRATU.problem, "lam", within={"u": (0, 1)})
+
+
+# --- ends: trouble ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("equation", "x", "stop", "reason", "there"),
+    [
+        (lambda x, p: x - np.sqrt(p["mu"]), 1.0, Stop.RIM, "not finite", 0.0),
+        (lambda x, p: x - math.sqrt(p["mu"]), 1.0, Stop.RIM, "math domain|nonnegative", 0.0),
+        (lambda x, p: x - p["mu"] ** 0.5, 1.0, Stop.RIM, "not real", 0.0),
+        (lambda x, p: x - p["mu"] * np.log(p["mu"]), 0.0, Stop.RIM, "not finite", 0.0),
+        (lambda x, p: x - 1 if p["mu"] > 0.5 else math.nan, 1.0, Stop.RIM, "not finite", 0.5),
+        (lambda x, p: x - 1 if p["mu"] > 0.5 else 1 / 0, 1.0, Stop.RIM, "division by zero", 0.5),
+        (lambda x, p: x - np.sign(p["mu"]), 1.0, Stop.NO_CONVERGENCE, "", 0.0),
+        (lambda x, p: x - abs(p["mu"]), 1.0, Stop.NO_CONVERGENCE, "", 0.0),
+        (lambda x, p: x**3 - p["mu"] ** 2, 1.0, Stop.NO_CONVERGENCE, "", 0.0),
+    ],
+)
+def test_trouble_ends_a_branch_with_a_reason_and_bounded_work(
+    equation, x, stop, reason, there
+) -> None:
+    branch, calls = ending(equation, x)
+    assert branch.stop is stop
+    assert re.search(reason, branch.reason)
+    assert branch.special[-1].kind == "MX"
+    assert branch[-1]["mu"] == pytest.approx(there, abs=1e-3)
+    assert calls < 15000
+    assert len(branch) < 250
+
+
+def test_the_rim_is_reached_not_only_approached() -> None:
+    exact, _ = ending(lambda x, p: x - np.sqrt(p["mu"]))  # by complex steps
+    assert 0 <= exact[-1]["mu"] < 1e-12
+    close, _ = ending(lambda x, p: x - math.sqrt(p["mu"]))  # differences need room to either side
+    assert 0 <= close[-1]["mu"] < 1e-6
+
+
+def test_a_pole_is_followed_until_the_steps_are_used_up() -> None:
+    branch, calls = ending(lambda x, p: x * p["mu"] - 1, steps=Steps(most=300))
+    assert branch.stop is Stop.MOST
+    assert len(branch) == 301
+    assert branch[-1]["x"] > 25
+    assert abs(branch["x"] * branch["mu"] - 1).max() < 1e-13
+    assert calls < 15 * len(branch)
+
+
+def test_a_walk_that_gets_nowhere_ends() -> None:
+    branch, _ = ending(lambda x, p: x - abs(p["mu"]), steps=Steps(most=9999))
+    assert branch.stop is Stop.NO_CONVERGENCE
+    assert branch.reason == "200 steps in a row had to be tiny"
+    branch, calls = ending(
+        lambda x, p: x - np.sin(1 / p["mu"]), math.sin(1.0), steps=Steps(most=9999)
+    )
+    assert branch.stop is Stop.NO_CONVERGENCE
+    assert calls < 20 * len(branch)
+
+
+def test_overflow_ends_a_branch_without_a_warning() -> None:
+    start = scalar(lambda x, p: np.exp(x) - np.exp(p["mu"]), 0.0, {"mu": 0.0})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        branch = trace(start, "mu", towards="up", steps=Steps(largest=1e3), events=ALL)
+    assert branch.stop in (Stop.RIM, Stop.NO_CONVERGENCE)
+    assert branch[-1]["mu"] > 300
+    assert events_of(branch) == []
+
+
+def test_walking_by_hand_leaks_no_warnings_either_and_leaves_numpy_as_it_was() -> None:
+    problem = scalar(lambda x, p: x - np.sqrt(p["mu"]), 1.0, {"mu": 1.0})
+    before = np.geterr()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for _ in walk(problem, "mu", towards="down"):
+            assert np.geterr() == before
+
+
+def test_a_failed_start_still_is_a_branch_of_one_point() -> None:
+    branch = trace(scalar(lambda x, p: x - abs(p["mu"]), 0.0, {"mu": 0.0}), "mu", towards="up")
+    assert len(branch) == 1
+    assert branch.stop is Stop.NO_CONVERGENCE
+    assert branch.special[0].label == "MX1"
+
+
+def test_equations_that_hold_everywhere_or_twice_end_or_walk_but_never_hang() -> None:
+    for equation in (lambda x, p: 0 * x, lambda x, p: (x - p["mu"]) ** 2):
+        problem, counter = counted(scalar(equation, 0.0, {"mu": 0.0}))
+        branch = trace(problem, "mu", within=WIDE, events=ALL)
+        assert events_of(branch) == []
+        assert counter.calls < 6000
+
+
+def test_a_bug_in_the_equations_surfaces() -> None:
+    with pytest.raises(KeyError, match="nu"):
+        trace(scalar(lambda x, p: x - p["nu"], 0.0, {"mu": 0.0}), "mu")
+
+    def late(x, p):
+        return x - p["mu"] if p["mu"] < 0.5 else x - p["nu"]
+
+    with pytest.raises(KeyError, match="nu"):
+        trace(scalar(late, 0.0, {"mu": 0.0}), "mu", within=WIDE)
+
+
+def test_equations_that_write_to_their_argument_are_stopped() -> None:
+    def residual(x, p):
+        x[0] = 0.0
+        return x - p["mu"]
+
+    with pytest.raises(BadInput, match="read-only"):
+        trace(Problem(residual, {"x": 0.0}, {"mu": 0.0}), "mu")
+
+
+# --- interruption -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("after", [60, 150, 700])
+def test_an_interruption_keeps_the_points(after: int) -> None:
+    class Impatient:
+        calls = 0
+
+        def __call__(self, x, p):
+            self.calls += 1
+            if self.calls == after:
+                raise KeyboardInterrupt
+            return np.array([x[0] - np.sin(p["mu"])])
+
+    problem = Problem(Impatient(), {"x": 0.0}, {"mu": 0.0})
+    branch = trace(problem, "mu", within={"mu": (-5, 5)}, events=[user("mu", 0.02), fold()])
+    assert branch.stop is Stop.INTERRUPTED
+    assert len(branch) > 1
+    assert abs(branch["x"] - np.sin(branch["mu"])).max() < 1e-14
+    assert branch[-1].label in ("EP1", "EP2")
+    assert (np.diff(branch["arclength"]) > 0).all()
+
+
+def test_an_interruption_before_the_first_point_is_not_swallowed() -> None:
+    def residual(x, p):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        trace(Problem(residual, {"x": 0.0}, {"mu": 0.0}), "mu")
+
+
+# --- closed curves ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, 2.0, math.pi, -math.pi / 2])
+def test_a_circle_closes_from_anywhere_with_each_event_once(angle: float, scale: float) -> None:
+    problem = CIRCLE.problem.at(x=math.cos(angle), mu=math.sin(angle))
+    events = [fold(), user("x", 0.5), user("mu", math.sin(angle)), user("x", math.cos(angle))]
+    for towards in ("up", "down", "both"):
+        branch = trace_case(CIRCLE, scale, start=problem, events=events, towards=towards)
+        assert branch.stop is Stop.CLOSED
+        assert np.array_equal(branch[0].z, branch[-1].z)
+        length = branch[-1].arclength
+        assert length == pytest.approx(2 * math.pi, rel=1e-2)
+        kinds = [point.kind for point in events_of(branch)]
+        assert kinds.count("LP") == 2
+        tests = [id(point.event) for point in events_of(branch)]
+        assert tests.count(id(events[1])) == 2
+        for event, folded in ((events[2], math.cos(angle)), (events[3], math.sin(angle))):
+            assert tests.count(id(event)) == (1 if abs(folded) < 1e-12 else 2)
+
+
+@pytest.mark.parametrize("pitch", [1e-1, 1e-2, 1e-3, 1e-5])
+def test_a_spiral_is_not_taken_for_a_closed_curve(pitch: float) -> None:
+    def residual(u, p):  # the angle is an unknown: neighbouring turns are far apart in it
+        x, y, angle = u
+        r = 1 + pitch * angle
+        return np.array([x - r * np.cos(angle), y - r * np.sin(angle), p["mu"] - angle / 50])
+
+    problem = Problem(residual, {"x": 1.0, "y": 0.0, "angle": 0.0}, {"mu": 0.0})
+    branch = trace(problem, "mu", towards="up", within={"mu": (0.0, 1.0)})
+    assert branch.stop is Stop.BOUND
+
+
+def test_a_curve_that_crosses_itself_at_its_start_closes_only_when_it_is_through() -> None:
+    eight = scalar(lambda x, p: x**4 - x**2 + p["mu"] ** 2, 0.0, {"mu": 0.0})
+    branch = trace(eight, "mu", events=STATIC)
+    assert branch.stop is Stop.CLOSED
+    assert [point.kind for point in events_of(branch)] == ["BP", "LP", "LP", "BP", "LP", "LP"]
+
+
+def test_isola_is_seen_whole_from_any_of_its_points() -> None:
+    whole = trace_case(ISOLA)
+    for i in range(0, len(whole), 7):
+        again = trace_case(ISOLA, start=whole[i])
+        assert again.stop is Stop.CLOSED
+        assert again[-1].arclength == pytest.approx(whole[-1].arclength, rel=1e-3)
+
+
+# --- steps ------------------------------------------------------------------------------------
+
+
+def test_steps_keep_to_their_sizes() -> None:
+    steps = Steps(first=0.01, largest=0.05, growth=1.3)
+    branch = trace(LINE.problem, "mu", within={"mu": (0.0, 1.0)}, towards="up", steps=steps)
+    lengths = np.diff(branch["arclength"])
+    assert lengths[0] == pytest.approx(0.01)
+    assert lengths.max() <= 0.05 * (1 + 1e-12)
+    assert (lengths[1:] / lengths[:-1]).max() <= 1.3 * (1 + 1e-12)
+
+
+def test_first_may_be_longer_than_largest() -> None:
+    branch = trace(LINE.problem, "mu", within={"mu": (-0.1, 0.1)}, steps=Steps(largest=1e-3))
+    assert np.diff(branch["arclength"]).max() <= 1e-3 * (1 + 1e-12)
+
+
+def test_most_ends_a_walk() -> None:
+    branch = trace(LINE.problem, "mu", steps=Steps(most=7))
+    assert branch.stop is branch.began is Stop.MOST
+    assert len(branch) == 15
+
+
+@pytest.mark.parametrize(
+    ("sizes", "sentence"),
+    [
+        ({"first": 0.0}, "finite and positive"),
+        ({"largest": math.nan}, "finite and positive"),
+        ({"tolerance": -1e-9}, "finite and positive"),
+        ({"smallest": 1.0}, "no step may be shorter than smallest = 1"),
+        ({"growth": 1.0}, "growth must exceed 1"),
+        ({"most": 0}, "at least 1 step"),
+    ],
+)
+def test_impossible_steps_are_refused(sizes, sentence: str) -> None:
+    with pytest.raises(BadInput, match=sentence):
+        Steps(**sizes)
+
+
+def test_curvature_shortens_the_steps() -> None:
+    def residual(u, p):
+        return np.array([u[0] - np.tanh(200 * p["mu"])])
+
+    branch = trace(
+        Problem(residual, {"x": -1.0}, {"mu": -1.0}), "mu", within={"mu": (-1.0, 1.0)}, events=()
+    )
+    lengths = np.diff(branch["arclength"])
+    bend = abs(branch["mu"][:-1]) < 0.02
+    assert lengths[bend].min() < 0.02 * lengths.max()
+    assert abs(branch["x"] - np.tanh(200 * branch["mu"])).max() < 1e-13
+    assert len(branch) < 150
+
+
+@pytest.mark.parametrize("distance", [1e-1, 1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("largest", [0.03, 0.1, 1.0])
+def test_a_walk_does_not_jump_to_a_parallel_curve(distance: float, largest: float) -> None:
+    def equation(x, p):
+        off = x - np.sin(3 * p["mu"])
+        return off * (off - distance) * (off + distance)
+
+    branch = trace(
+        scalar(equation, 0.0, {"mu": 0.0}),
+        "mu",
+        within={"mu": (-3.0, 3.0)},
+        steps=Steps(first=0.1 * largest, largest=largest),
+        events=STATIC,
+    )
+    assert branch.stop is branch.began is Stop.BOUND
+    assert abs(branch["x"] - np.sin(3 * branch["mu"])).max() < 1e-13
+    assert events_of(branch) == []
+
+
+def test_a_walk_passes_branch_points_of_any_kind_without_events() -> None:
+    for case in (PITCHFORK, ARMS, TRANSCRITICAL, crowded(1e-4), LORENZ):
+        branch = trace_case(case, events=())
+        assert branch.stop is case.stop
+        assert len(branch) < 1000
+
+
+@pytest.mark.parametrize(
+    "equation",
+    [
+        lambda x, p: x * (x - p["mu"]) * (x + p["mu"]),  # three lines through a point
+        lambda x, p: (x - p["mu"] ** 2) * (x + p["mu"] ** 2) * (1 + x**2),  # two that touch
+    ],
+)
+def test_a_walk_passes_degenerate_crossings_and_gives_them_no_label(equation) -> None:
+    problem, counter = counted(scalar(equation, 0.49, {"mu": 0.7}))
+    problem = problem.at(x=0.7 if equation(0.7, {"mu": 0.7}) == 0 else 0.49)
+    branch = trace(problem, "mu", within={"mu": (-1.0, 1.0)}, events=STATIC)
+    assert branch.stop is branch.began is Stop.BOUND
+    assert events_of(branch) == []
+    assert counter.calls < 3000
+
+
+# --- work -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", SMALL, ids=lambda case: case.name)
+def test_work_per_point_is_bounded(case: Case) -> None:
+    for scale in (0.3, 1.0, 10.0):
+        problem, counter = counted(case.problem)
+        branch = trace_case(case, scale, start=problem)
+        size = problem.x.size + 1
+        assert counter.calls < (30 + 14 * size) * len(branch) + 400
+        assert len(branch.doubtful) <= 4
+
+
+def test_with_derivatives_a_point_costs_a_handful_of_residuals() -> None:
+    problem, counter = counted(analytic_bratu(chebyshev(12)).at(lam=1.0))
+    branch = trace(problem, "lam", within={"lam": (1.0, 4.0)}, steps=Steps(largest=0.3), events=())
+    assert counter.calls < 7 * len(branch) + 60
+
+
+def test_an_event_that_jumps_costs_no_more_than_a_bisection() -> None:
+    tests = 0
+
+    def above(point) -> bool:
+        nonlocal tests
+        tests += 1
+        return point["mu"] > 0.3217
+
+    branch = trace(LINE.problem, "mu", within={"mu": (-1.0, 1.0)}, events=[Event("UP", above)])
+    assert branch.first("UP")["mu"] == pytest.approx(0.3217, abs=1e-13)
+    assert tests < 2 * len(branch) + 60
