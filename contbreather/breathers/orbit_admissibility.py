@@ -186,9 +186,12 @@ def profiles(orbit: Orbit, sites: list[int], t: FloatArray) -> FloatArray:
     return np.asarray(u)
 
 
-def highest_neighbour(orbit: Orbit) -> tuple[int, float, float]:
+def highest_neighbour(
+    orbit: Orbit, besides: tuple[int, float] | None = None
+) -> tuple[int, float, float]:
     """Which idle site climbs highest, when, and how high: ``(site, t, |u|)``.
 
+    ``besides`` names a crest, by its site and time, that is not to be counted.
     ``(site + 1, t, 0)`` where there is none.
     """
     sites = idle_sites(orbit)
@@ -200,6 +203,9 @@ def highest_neighbour(orbit: Orbit) -> tuple[int, float, float]:
     step = orbit.period / size
     t = start + step * np.arange(size, dtype=float)
     heights = _crests(np.abs(profiles(orbit, sites, t)))
+    if besides is not None:
+        apart = (t - besides[1] + 0.5 * orbit.period) % orbit.period - 0.5 * orbit.period
+        heights[np.ix_([site == besides[0] for site in sites], np.abs(apart) < 2.5 * step)] = 0.0
     top = float(heights.max())
     best = (sites[0], start, -1.0)
     for i, j in np.argwhere(heights >= top - CLOSE * max(1.0, top)):

@@ -15,7 +15,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.orbit_admissibility import admissibility, motion, moved
+from contbreather.breathers.orbit_admissibility import (
+    admissibility,
+    highest_neighbour,
+    motion,
+    moved,
+)
 from contbreather.breathers.orbits import Orbit
 from contbreather.continuation import Event, Locus, Point, fold
 from contbreather.continuation.newton import Undefined
@@ -317,16 +322,20 @@ def _answers(
 
 
 def _other_grazing(site: int | None) -> Event:
-    """Where one site grazes, the others must still keep off their walls."""
+    """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
+    of the same one. So the grazing of one arm ends at the pitchfork, where the other's begins."""
 
     def test(point: Point) -> float:
         orbit = _orbit(point)
         margins = admissibility(orbit)
-        own = "far" if site is None else "centre" if site in orbit.equations.sites else "neighbours"
-        kinds = {"far", "neighbours", "centre"} - {own}
-        if orbit.gamma == 0.0 and own != "centre":
-            kinds = {"centre"}  # without coupling all others follow the forcing alike
-        return min(float(getattr(margins, kind)) for kind in kinds)
+        if site in orbit.equations.sites:
+            return min(margins.neighbours, margins.far)
+        if orbit.gamma == 0.0:  # without coupling all idle sites follow the forcing alike
+            return margins.centre
+        if site is None:
+            return min(margins.neighbours, margins.centre)
+        _, _, next_highest = highest_neighbour(orbit, besides=(site, point["t"]))
+        return min(1.0 - next_highest, margins.centre, margins.far)
 
     met = Event("GR", lambda point: test(point), locus=_grazing_locus)
     return Event("GR-GR", test, terminal=True, positive=True, met=met)

@@ -23,7 +23,7 @@ CHAIN = InfiniteChain()
 
 
 def mode_sum(sites, gamma, distance, periods, s):
-    """h of a ring as printed in the module's docstring, mode by mode, the zero mode in its limit."""
+    """h of a ring as in the module's docstring, mode by mode, the zero mode in its limit."""
     T = 2 * mp.pi * periods
     total = mp.mpf(0)
     for j in range(sites):
@@ -57,9 +57,7 @@ def test_it_is_the_mean_over_the_modes_with_three_derivatives(sites, gamma, dist
     with mp.workdps(30):
         for s in (mp.mpf(0), mp.mpf("0.3"), mp.mpf(2), periods * mp.mpf(6)):
             exact = [
-                mp.diff(
-                    lambda x: mode_sum(sites, mp.mpf(gamma), distance, periods, x), s, order
-                )
+                mp.diff(lambda x: mode_sum(sites, mp.mpf(gamma), distance, periods, x), s, order)
                 for order in range(4)
             ]
             for value, wanted in zip(answer.at(float(s)), exact, strict=True):

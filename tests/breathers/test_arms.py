@@ -1,0 +1,340 @@
+"""Both arms of the pitchfork: figures known from elsewhere, ends, events, boundaries, refusals."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from contbreather.breathers import pitchfork, symmetric
+from contbreather.breathers.arms import asymmetric, lift, pitchfork_arms
+from contbreather.breathers.asymmetric import AsymmetricEquations, divided, mirrored
+from contbreather.breathers.impacts import OrbitEquations
+from contbreather.breathers.orbit_events import orbit_neimark_sacker, period_doubling
+from contbreather.breathers.orbits import orbit_at
+from contbreather.continuation import Steps, boundary, trace
+from contbreather.errors import BadInput, NoSolution, NotConverged
+from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
+
+RICH = Fourier(cos={1: -1.0, 3: 0.1}, sin={1: 0.1, 5: -0.3})
+
+
+@cache
+def pitchfork_point(gamma, k, lattice=InfiniteChain()):
+    start = symmetric(0.6, gamma, k, lattice=lattice)
+    return trace(start, "a", towards="up", within={"a": (0, 0.99)}, events=[pitchfork()]).first(
+        "PF"
+    )
+
+
+@cache
+def arms(gamma, k, lattice=InfiniteChain(), top=0.999):
+    return pitchfork_arms(pitchfork_point(gamma, k, lattice), within={"a": (0, top)})
+
+
+# --- the equations --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(3)])
+@pytest.mark.parametrize("forcing", [Harmonic(), RICH])
+def test_they_are_sums_and_differences_of_the_general_ones(lattice, forcing):
+    params = {"a": 0.8, "gamma": 0.1, "k": 0.7, **forcing.params}
+    p, t1, t2, c = 1.1, -2.9, 0.8, 0.05
+    own = AsymmetricEquations(forcing, lattice).residual(np.array([p, t1, t2, c]), params)
+    general = OrbitEquations(((0, 1), (0, -1)), forcing=forcing, lattice=lattice)
+    r = general.residual(np.array([t1, t2, -2 * p, 2 * p, c]), params)
+    delta = t2 - t1 - math.pi
+    # r: wall +1, wall -1, reset, reset, balance
+    assert own[0] == pytest.approx((r[0] - r[1]) / 2, abs=1e-14)
+    assert own[1] == pytest.approx((r[2] - r[3]) / 2, abs=1e-14)
+    assert own[2] * delta == pytest.approx(-(r[2] + r[3]), abs=1e-14)
+    assert own[3] == pytest.approx((r[0] + r[1]) / 2, abs=1e-14)
+
+
+@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(3)])
+@pytest.mark.parametrize("delta", [-0.7, 1e-3, 0.0, 0.3])
+def test_derivatives_are_those_of_the_residual_also_where_flights_are_equal(lattice, delta):
+    equations = AsymmetricEquations(RICH, lattice)
+    params = {"a": 0.8, "gamma": 0.1, "k": 0.7, **RICH.params}
+    x = np.array([1.1, -2.9, -2.9 + math.pi + delta, 0.05])
+    h = 2e-4
+
+    def slope(of):
+        return (8 * (of(h) - of(-h)) - (of(2 * h) - of(-2 * h))) / (12 * h)
+
+    jacobian = equations.jacobian(x, params)
+    for i in range(4):
+        unit = np.eye(4)[i]
+        wanted = slope(lambda e, unit=unit: equations.residual(x + e * unit, params))
+        assert np.abs(jacobian[:, i] - wanted).max() < 2e-10
+    for name in params:
+        wanted = slope(
+            lambda e, name=name: equations.residual(x, {**params, name: params[name] + e})
+        )
+        assert np.abs(equations.sensitivity(x, params, name) - wanted).max() < 1e-9
+
+
+def test_difference_quotient_of_the_forcing_is_smooth_where_both_times_meet():
+    for t1, t2 in ((0.3, 1.1), (0.3, 0.3 + 1e-4)):
+        value = divided(RICH, t1, t2)[0]
+        assert value == pytest.approx((RICH.df(t2) - RICH.df(t1)) / (t2 - t1), rel=1e-11)
+    assert divided(RICH, 0.3, 0.3)[0] == pytest.approx(RICH.d2f(0.3), rel=1e-15)
+
+
+# --- figures --------------------------------------------------------------------------------------
+
+
+def test_known_breather_at_gamma_004():
+    orbit = asymmetric(0.82, 0.04, 0.8)
+    assert orbit.p == pytest.approx(1.0931390, abs=5e-8)
+    assert abs(orbit.c) == pytest.approx(0.0373542, abs=5e-8)
+    assert abs(orbit.asymmetry) / 2 == pytest.approx(0.29836, abs=5e-6)
+    ring = orbit.on(Ring(20))
+    # the velocities before and after each impact
+    assert np.abs(ring.incoming) == pytest.approx([1.214598943047] * 2, abs=1e-12)
+    assert 0.8 * np.abs(ring.incoming) == pytest.approx([0.971679154438] * 2, abs=1e-12)
+    assert abs(ring.c) == pytest.approx(0.0373541595, abs=1e-10)
+    mu = ring.multipliers()
+    assert np.abs(mu).max() == pytest.approx(1.00675, abs=5e-6)
+    assert np.prod(mu).real == pytest.approx(0.8**4, rel=1e-12)
+    assert orbit.stability().stable
+
+
+def test_without_coupling_the_arm_doubles_its_period():
+    one, other = arms(0.0, 0.8)
+    assert one[0]["a"] == pytest.approx(0.691778556508, abs=1e-12)
+    for arm in (one, other):
+        point = arm.first("PD")
+        assert point.located
+        # 0.92551200629320 by 40 digits of the single oscillator's own map
+        assert point["a"] == pytest.approx(0.9255120062932025, abs=1e-13)
+        mu = point.solution.on(Ring(1)).multipliers()
+        assert np.abs(mu + 1).min() < 1e-12
+    before, after = one["unstable"][1], one["unstable"][-1]
+    assert (before, after) == (0, 1)
+
+
+def test_with_coupling_the_neighbour_ends_the_arm_before_that():
+    for arm in arms(0.04, 0.8):
+        assert [point.kind for point in arm.special] == ["PF", "GR"]
+        assert arm.stop.name == "EVENT"
+        end = arm[-1].solution
+        assert end.a == pytest.approx(0.877387, abs=5e-7)
+        margins = end.admissibility()
+        assert abs(margins.margin) < 1e-13
+        assert margins.site == 1
+        assert abs(end.velocity(1, margins.time)) < 1e-12
+        assert abs(end.displacement(1, margins.time)) == pytest.approx(1, abs=1e-13)
+        assert "site 1 reaches |u| = 1" in margins.reason
+
+
+def test_elastic_impacts_let_the_doubling_happen_at_weak_coupling():
+    """At k = 0.95 PD comes before grazing for gamma < 0.0130085, where both meet."""
+    arm = arms(0.002, 0.95)[0]
+    assert [point.kind for point in arm.special] == ["PF", "PD", "GR"]
+    line = boundary(arm.first("PD"), ("gamma", "a"), within={"gamma": (0, 0.2), "a": (0, 1)})
+    assert line["gamma"].min() == 0.0
+    meeting = line.first("PD-GR")
+    assert meeting["gamma"] == pytest.approx(0.0130085246, abs=1e-9)
+    assert meeting["a"] == pytest.approx(0.9545786040, abs=1e-9)
+    margins = orbit_at(meeting.ground.problem).admissibility()
+    assert abs(margins.margin) < 1e-9
+    assert abs(orbit_at(meeting.ground.problem).map.minus_one()) < 1e-10
+    assert orbit_at(line[len(line) // 2].ground.problem).admissibility().ok
+
+
+# --- arms and their pitchfork ---------------------------------------------------------------------
+
+
+def test_arms_are_mirror_images():
+    one, other = arms(0.04, 0.8)
+    assert len(one) == len(other)
+    for name in ("a", "p"):
+        assert np.abs(one[name] - other[name]).max() < 1e-10
+    assert np.abs(one["c"] + other["c"]).max() < 1e-10
+    assert np.abs(one["asymmetry"] + other["asymmetry"]).max() < 1e-10
+    assert one["asymmetry"][1] > 0
+    image = mirrored(one[-1].solution)
+    twin = other[-1].solution
+    gap = np.abs(image.x - twin.x)
+    gap[:2] = np.abs((image.x - twin.x)[:2] + math.pi) % (2 * math.pi) - math.pi
+    assert np.abs(gap).max() < 1e-10
+    assert image.residual < 1e-14
+
+
+@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(1), Ring(2), Ring(9)])
+def test_columns_are_those_of_a_breather_with_two_impacts(lattice):
+    arm = arms(0.03, 0.8, lattice)[0]
+    assert np.all(arm["t1"] < arm["t2"])
+    assert np.all(arm["t2"] < arm["t1"] + 2 * np.pi)
+    for point in arm:
+        orbit = point.solution
+        assert (orbit.p, orbit.c) == (point["p"], point["c"])
+        assert orbit.residual < 1e-12
+        assert [impact.wall for impact in orbit.impacts] == [1, -1]
+        assert orbit.lattice == lattice
+
+
+def test_following_an_arm_back_finds_the_pitchfork_and_goes_through():
+    start = asymmetric(0.8, 0.04, 0.8)
+    there_and_beyond = trace(start, "a", towards="down", within={"a": (0.7, 0.81)})
+    points = [point for point in there_and_beyond.special if point.kind == "PF"]
+    assert len(points) == 1
+    assert points[0].located
+    assert points[0]["a"] == pytest.approx(0.777632425944, abs=1e-12)
+    assert not there_and_beyond.doubtful  # the fold that a pitchfork also is, is not mistaken
+    asymmetry = there_and_beyond["asymmetry"]
+    assert asymmetry[0] * asymmetry[-1] < 0
+    # from there both arms start again
+    again = pitchfork_arms(points[0])
+    assert np.abs(again[0]["a"][-1] - arms(0.04, 0.8)[0]["a"][-1]) < 1e-10
+
+
+def test_arms_leave_as_the_normal_form_says():
+    for gamma, coefficient in ((0.04, 8.761463), (0.0, 9.165893)):
+        point = pitchfork_point(gamma, 0.8)
+        lifted = lift(point)
+        assert lifted.form.coefficient == pytest.approx(coefficient, abs=1e-6)
+        branch = pitchfork_arms(point, steps=Steps(largest=0.01), within={"a": (0, 0.8)})[0]
+        asymmetry, rise = branch["asymmetry"][1:6], branch["a"][1:6] - point["a"]
+        # the ratio has its limit where the asymmetry vanishes, quadratically
+        ratio = np.polyfit(asymmetry**2, asymmetry**2 / rise, 1)
+        assert ratio[1] == pytest.approx(coefficient, rel=2e-4)
+
+
+def test_arms_of_a_subcritical_pitchfork_go_down():
+    forcing = Fourier(cos={1: -1.0, 3: 0.3})
+    start = symmetric(0.9, 0.02, 0.8, forcing=forcing)
+    point = trace(start, "a", within={"a": (0.05, 2)}, events=[pitchfork()]).first("PF")
+    one, _ = pitchfork_arms(point, events=(), within={"a": (0.5, 2)}, steps=Steps(most=15))
+    assert not lift(point).form.supercritical
+    assert one["a"][1] < one["a"][0]
+
+
+@pytest.mark.parametrize(("free", "window"), [("gamma", (0.0, 0.2)), ("k", (0.1, 0.99))])
+def test_arms_in_any_parameter(free, window):
+    start = symmetric(0.82, 0.03, 0.8)
+    point = trace(start, free, within={free: window}, events=[pitchfork()]).first("PF")
+    one, other = pitchfork_arms(point, within={free: window})
+    assert one.free == free
+    assert one[0].kind == other[0].kind == "PF"
+    assert len(one) > 3
+    assert all(point.solution.residual < 1e-12 for point in one)
+
+
+def test_only_a_located_pitchfork_of_breathers_has_arms():
+    start = symmetric(0.7, 0.04, 0.8)
+    branch = trace(start, "a", towards="up", within={"a": (0, 0.9)})
+    with pytest.raises(BadInput, match=r"a EP: arms leave a pitchfork"):
+        pitchfork_arms(branch[0])
+    with pytest.raises(BadInput, match="no special point"):
+        pitchfork_arms(branch[1])
+    from dataclasses import replace
+
+    off = replace(branch.first("PF"), z=branch.first("PF").z + 0.01)
+    with pytest.raises(NotConverged, match="is no pitchfork"):
+        pitchfork_arms(off)
+    with pytest.raises(BadInput, match="not located"):
+        pitchfork_arms(replace(branch.first("PF"), located=False))
+
+
+def test_asymmetric_breathers_are_found_or_the_sentence_says_where_they_are():
+    for arm in (1, -1):
+        orbit = asymmetric(0.85, 0.02, 0.8, arm=arm)
+        assert orbit.a == 0.85
+        assert orbit.asymmetry * arm > 0
+        assert orbit.residual < 1e-14
+    near = asymmetric(0.777632425944 + 1e-8, 0.04, 0.8)
+    assert near.asymmetry**2 / 1e-8 == pytest.approx(8.7615, rel=1e-3)
+    with pytest.raises(NoSolution, match=r"pitchforks at a = 0\.777632 \(upwards\)"):
+        asymmetric(0.7, 0.04, 0.8)
+    with pytest.raises(BadInput, match="the arms are 1 and -1"):
+        asymmetric(0.82, 0.04, 0.8, arm=2)
+    with pytest.raises(BadInput, match="unknown parameter 'c3'"):
+        AsymmetricEquations().sensitivity(
+            np.array([1.0, 0.0, 3.0, 0.0]), {"a": 1, "gamma": 0, "k": 0.8}, "c3"
+        )
+    with pytest.raises(BadInput, match=r"t1 < t2 < t1 \+ 2 pi"):
+        AsymmetricEquations().residual(
+            np.array([1.0, 0.0, 7.0, 0.0]), {"a": 1, "gamma": 0, "k": 0.8}
+        )
+
+
+# --- events and boundaries ------------------------------------------------------------------------
+
+
+def test_pitchfork_line_of_the_arms_is_that_of_symmetric_breathers():
+    line = boundary(arms(0.04, 0.8)[0].first("PF"), ("gamma", "a"), within={"gamma": (0, 0.2)})
+    sigma = [InfiniteChain().sigma(gamma) for gamma in line["gamma"]]
+    chi = [InfiniteChain().chi(gamma) for gamma in line["gamma"]]
+    p = 1 / (np.array(chi) - 2 * np.array(sigma))
+    assert np.abs(line["p"] - p).max() < 1e-9
+    assert np.abs(line["a"] - p * np.sqrt(1 / 81 + 4 * np.array(sigma) ** 2)).max() < 1e-9
+    assert line["gamma"].min() == 0.0
+    # it ends where the symmetric breather itself grazes: on both boundaries the same point
+    assert line.first("PF-GR")["gamma"] == pytest.approx(0.071775, abs=1e-6)
+
+
+def test_grazing_line_meets_the_pitchfork_line_where_that_one_says():
+    line = boundary(
+        arms(0.04, 0.8)[0].first("GR"), ("gamma", "a"), within={"gamma": (0, 0.2), "a": (0, 1)}
+    )
+    assert line["gamma"].min() == 0.0
+    assert line.first("GR-PF")["gamma"] == pytest.approx(0.0717745352, abs=1e-9)
+    for point in line.points[1:-1:6]:
+        orbit = orbit_at(point.ground.problem)
+        assert abs(orbit.admissibility().neighbours) < 1e-9
+
+
+def test_a_pair_leaves_the_circle_where_its_locus_says():
+    point = pitchfork_point(0.06, 0.95)
+    arm = pitchfork_arms(point, events=[orbit_neimark_sacker()], within={"a": (0, 0.95)})[0]
+    event = arm.first("NS")
+    kappa = event.detail["kappa"]
+    assert 0 < kappa < 0.5
+    map = event.solution.map
+    assert abs(map.F(np.array([kappa]))[0]) < 1e-11
+    before, after = (
+        trace(event, "a", events=(), within={"a": (event["a"] - 1e-4, event["a"] + 1e-4)})[i]
+        for i in (0, -1)
+    )
+    assert before.solution.map.count().count == 0
+    assert after.solution.map.count().count == 2
+    mu = after.solution.map.unstable_multipliers()
+    assert np.abs(np.angle(mu)).max() / (2 * math.pi) == pytest.approx(kappa, abs=1e-2)
+    line = boundary(event, ("gamma", "a"), events=(), within={"gamma": (0.055, 0.065)})
+    assert len(line) > 4
+    for point in (line[0], line[-1]):
+        F = orbit_at(point.ground.problem).map.F(np.array([point["kappa"]]))
+        assert abs(F[0]) < 1e-9
+
+
+def test_on_a_ring_the_papers_threshold_is_met_exactly():
+    point = pitchfork_point(0.06, 0.8, Ring(20))
+    ring = Ring(20)
+    arm = pitchfork_arms(
+        point, events=[orbit_neimark_sacker(on=ring, threshold=1.05)], within={"a": (0, 1.2)}
+    )[0]
+    event = arm.first("NS")
+    size = np.abs(event.solution.multipliers())
+    assert np.abs(size - 1.05).min() < 1e-10
+    with pytest.raises(BadInput, match="threshold"):
+        orbit_neimark_sacker(on=ring, threshold=1.0)
+
+
+def test_doubling_line_in_restitution_is_that_of_the_single_oscillator():
+    arm = pitchfork_arms(
+        pitchfork_point(0.0, 0.8), events=[period_doubling()], within={"a": (0, 0.99)}
+    )[0]
+    line = boundary(arm.first("PD"), ("k", "a"), events=(), within={"k": (0.6, 0.95)})
+    for point in line.points[::5]:
+        single = orbit_at(point.ground.problem).on(Ring(1))
+        assert np.abs(single.multipliers() + 1).min() < 1e-10
+
+
+def test_ends_of_branches_are_honest():
+    """Every point of both arms but the very last is a breather that the ring repeats."""
+    for point in arms(0.04, 0.8)[1].points[1:-1]:
+        assert point.solution.admissibility().ok

@@ -1,0 +1,324 @@
+"""Orbits with any impacts: a closed form, exact simulation, differences."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from contbreather.breathers import symmetric
+from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.impacts import OrbitEquations
+from contbreather.breathers.orbit_problem import impact_problem, orbit_problem
+from contbreather.breathers.orbits import Impact, Orbit, orbit_at, orbit_of
+from contbreather.continuation import trace
+from contbreather.dynamics import simulate
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import Fourier, InfiniteChain, Ring
+
+TWO = ((0, 1), (0, -1))
+RICH = Fourier(cos={1: -1.0, 3: 0.4}, sin={1: 0.2, 5: -0.3})
+
+
+@cache
+def closed_form(gamma, k, d):
+    """(p, a, t_m, |c|) of the breather with the flights pi -+ 2d: ``p = 1/(A - B cot d)``, ..."""
+    with mp.workdps(25):
+        g, k, d = mp.mpf(gamma), mp.mpf(k), mp.mpf(d)
+        q = (1 - k) / (1 + k)
+
+        def A(w):
+            if w == 0:
+                return (mp.pi**2 - 4 * d * d) / (2 * mp.pi)
+            return (mp.cos(2 * w * d) - mp.cos(mp.pi * w)) / (w * mp.sin(mp.pi * w))
+
+        def B(w):
+            return 2 * d / mp.pi if w == 0 else mp.sin(2 * w * d) / mp.sin(mp.pi * w)
+
+        def mean(f):
+            if g == 0:
+                return f(mp.mpf(0))
+            return mp.quad(lambda x: f(2 * mp.sqrt(g) * mp.sin(x / 2)), [0, 1, 2, mp.pi]) / mp.pi
+
+        p = 1 / (mean(A) - mean(B) * mp.cot(d))
+        x, y = p * q / mp.cos(d), -p * mean(B) / mp.sin(d)
+        c = p * q * mp.tan(d)
+        return tuple(float(value) for value in (p, mp.hypot(x, y), mp.atan2(y, x), c))
+
+
+@pytest.mark.parametrize("gamma", [0.0, 1e-4, 0.04, 0.12, 0.2])
+@pytest.mark.parametrize("k", [0.2, 0.8, 0.95])
+@pytest.mark.parametrize("d", [0.02, 0.3, 0.55, 0.8])
+def test_two_impacts_are_the_closed_form_of_asymmetric_breathers(gamma, k, d):
+    """The shorter flight, pi - 2d, is centred at t_m; the solver starts well off and knows no d."""
+    p, a, t_m, c = closed_form(gamma, k, d)
+    # the wall that the shorter flight starts from is a matter of taste: here +1
+    equations = OrbitEquations(TWO)
+    params = {"a": a, "gamma": gamma, "k": k}
+    found = []
+    for sign in (1, -1):
+        for turn in (0.0, math.pi):
+            t1 = t_m + turn - (math.pi / 2 - d)
+            x = np.array([t1, t1 + math.pi - 2 * d, -2 * p, 2 * p, sign * c])
+            found.append((np.abs(equations.residual(x, params)).max(), t1, sign))
+    residual, t1, sign = min(found)
+    assert residual < 1e-10  # one of the four readings solves the equations
+
+    off = 1e-2 * d  # closer to the pitchfork the symmetric solution is closer, too
+    problem = orbit_problem(
+        TWO,
+        times=[t1 + off, t1 + math.pi - 2 * d - off],
+        impulses=[-2.02 * p, 2.02 * p],
+        offsets=[sign * 0.98 * c],
+        **params,
+    )
+    orbit = orbit_at(problem.solve(tolerance=1e-11)[0])
+    assert orbit.p == pytest.approx(p, abs=1e-10)
+    assert orbit.c == pytest.approx(sign * c, abs=1e-10)
+    assert orbit.asymmetry == pytest.approx(-2 * d, abs=1e-10)
+    assert orbit.impacts[0].time == pytest.approx(t1, abs=1e-10)
+
+
+def test_symmetric_breather_is_an_instance():
+    for lattice in (InfiniteChain(), Ring(7)):
+        for forcing in (None, RICH):
+            b = symmetric(0.7, 0.08, 0.8, forcing=forcing, lattice=lattice)
+            orbit = orbit_of(b)
+            assert orbit.residual < 1e-14
+            assert orbit.entries == pytest.approx([b.b, b.b], rel=1e-12)
+            assert orbit.incoming == pytest.approx([b.w_minus, -b.w_minus])
+            n, t = np.arange(4)[:, None], np.linspace(-3, 9, 23)
+            assert np.abs(orbit.displacement(n, t) - b.displacement(n, t)).max() < 3e-15
+            assert np.abs(orbit.velocity(n, t) - b.velocity(n, t)).max() < 5e-15
+            solved = impact_problem(orbit).solve(tolerance=1e-11)[0]
+            assert orbit_at(solved).p == pytest.approx(b.p, abs=1e-14)
+
+
+CASES = [
+    (InfiniteChain(), ((0, 1), (0, -1)), 1, None, 0.1),
+    (InfiniteChain(), ((0, 1), (2, 1), (0, -1), (2, -1)), 1, RICH, 0.1),
+    (InfiniteChain(), ((0, 1), (0, -1), (0, 1), (0, -1)), 2, None, 0.05),
+    (Ring(5), ((1, 1), (3, -1), (1, -1), (3, 1), (4, 1), (4, -1)), 1, RICH, 0.2),
+    (Ring(6), ((0, 1), (0, -1), (2, 1), (0, 1), (2, -1), (0, -1)), 2, None, 0.21),
+]
+
+
+@pytest.mark.parametrize(("lattice", "sequence", "periods", "forcing", "gamma"), CASES)
+def test_derivatives_are_those_of_the_residual(lattice, sequence, periods, forcing, gamma):
+    rng = np.random.default_rng(0)
+    own = {} if forcing is None else {"forcing": forcing}
+    equations = OrbitEquations(sequence, periods, lattice=lattice, **own)
+    m = len(sequence)
+    times = np.sort(rng.uniform(0, 2 * np.pi * periods, m))
+    impulses = -equations.walls * rng.uniform(1, 2, m)
+    x = np.concatenate([times, impulses, rng.normal(size=len(equations.sites))])
+    params = {"a": 0.7, "gamma": gamma, "k": 0.6, **equations.forcing.params}
+    h = 4e-5
+
+    def slope(of):
+        return (8 * (of(h) - of(-h)) - (of(2 * h) - of(-2 * h))) / (12 * h)
+
+    jacobian = equations.jacobian(x, params)
+    for i in range(x.size):
+        unit = np.eye(x.size)[i]
+        wanted = slope(lambda e, unit=unit: equations.residual(x + e * unit, params))
+        assert np.abs(jacobian[:, i] - wanted).max() < 1e-9 * np.abs(wanted).max()
+    for name in params:
+        wanted = slope(
+            lambda e, name=name: equations.residual(x, {**params, name: params[name] + e})
+        )
+        found = equations.sensitivity(x, params, name)
+        assert np.abs(found - wanted).max() < 1e-8 * np.abs(wanted).max()
+    assert len(equations.names) == x.size
+
+
+def repeats(orbit, ring, t0=0.3):
+    """How far one period of exact simulation takes a ring away from where it started."""
+    own = orbit.on(ring)
+    u, v = own.state(ring.sites, t0)
+    run = simulate(
+        (u, v),
+        a=own.a,
+        gamma=own.gamma,
+        k=own.k,
+        periods=own.periods,
+        t0=t0,
+        forcing=own.forcing,
+    )
+    assert len(run.impacts) == len(own.impacts)
+    return max(np.abs(run.final.u - u).max(), np.abs(run.final.v - v).max())
+
+
+@pytest.mark.parametrize("sites", [6, 21])
+@pytest.mark.parametrize(("bonds", "wall"), [(1, 1), (1, -1), (2, -1), (3, 1)])
+def test_breathers_on_two_sites_are_repeated_by_the_simulated_ring(sites, bonds, wall):
+    b = symmetric(0.5, 0.08, 0.8)
+    problem = orbit_problem(
+        [(0, 1), (bonds, wall), (0, -1), (bonds, -wall)],
+        times=[b.phi, b.phi + 1e-3, b.phi + math.pi, b.phi + math.pi + 1e-3],
+        impulses=[-2 * b.p, -2 * b.p * wall, 2 * b.p, 2 * b.p * wall],
+        a=b.a,
+        gamma=b.gamma,
+        k=b.k,
+    )
+    orbit = orbit_at(problem.solve(tolerance=1e-11)[0])
+    assert orbit.admissibility().ok
+    assert repeats(orbit, Ring(sites)) < 1e-13
+
+
+def test_asymmetric_breather_is_repeated_by_the_simulated_ring():
+    for forcing, a in ((None, 0.82), (Fourier(cos={1: -1.0, 3: -0.15}), 0.81)):
+        orbit = asymmetric(a, 0.04, 0.8, forcing=forcing)
+        assert orbit.admissibility().ok
+        assert abs(orbit.c) > 0.01
+        assert repeats(orbit, Ring(20)) < 1e-13
+        assert repeats(orbit, Ring(3)) < 1e-13
+
+
+def test_multipliers_are_those_of_the_simulated_map():
+    """Finite differences of one period of exact simulation, on every direction of a small ring."""
+    orbit = asymmetric(0.82, 0.04, 0.8).on(Ring(5))
+    u, v = orbit.state(5, 0.3)
+    start = np.concatenate([u, v])
+
+    def after(x):
+        run = simulate((x[:5], x[5:]), a=orbit.a, gamma=orbit.gamma, k=orbit.k, periods=1, t0=0.3)
+        return np.concatenate([run.final.u, run.final.v])
+
+    h = 1e-5
+    columns = [(after(start + h * e) - after(start - h * e)) / (2 * h) for e in np.eye(10)]
+    by_differences = np.linalg.eigvals(np.array(columns).T)
+    exact = orbit.multipliers()
+    assert exact.size == 10
+    gaps = np.abs(exact[:, None] - by_differences)
+    assert gaps.min(axis=1).max() < 1e-6
+    assert gaps.min(axis=0).max() < 1e-6
+    assert abs(np.prod(exact) - 0.8**4) < 1e-13
+
+
+def test_mean_impulses_tilt_the_chain_between_two_sites():
+    """Two sites with net impulses of opposite sign pull the chain into a straight line between."""
+    impacts = [(0, 1, 0.0, -1.0), (0, -1, 3.0, 1.2), (3, 1, 0.5, -1.2), (3, -1, 3.5, 1.0)]
+    tilt = 3 * 0.2 / (2 * math.pi * 0.1)
+    orbit = Orbit(0.3, 0.1, 0.8, impacts, (tilt, 0.0))
+    assert np.abs(orbit.equations.residual(orbit.x, orbit.params)[8:]).max() < 1e-14
+    assert orbit.offset([-5, 0, 1, 2, 3, 9]) == pytest.approx(
+        [tilt, tilt, tilt * 2 / 3, tilt / 3, 0, 0]
+    )
+    ring = OrbitEquations(orbit.sequence, lattice=Ring(9))
+    # on a ring half of the pull goes the other way round: both ways in parallel
+    assert ring.links[0, 1] == pytest.approx(1 / 3 + 1 / 6)
+
+
+def test_velocity_at_an_impact_is_the_one_just_after_it():
+    orbit = asymmetric(0.82, 0.04, 0.8)
+    for impact, before in zip(orbit.impacts, orbit.incoming, strict=True):
+        for turn in (-2, 0, 3):
+            t = impact.time + 2 * math.pi * turn
+            assert orbit.velocity(0, t) == pytest.approx(-0.8 * before, abs=1e-12)
+            assert orbit.velocity(0, t - 1e-9) == pytest.approx(before, abs=1e-7)
+            assert orbit.displacement(0, t) == pytest.approx(impact.wall, abs=1e-12)
+    assert isinstance(orbit.velocity(0, 1.0), float)
+
+
+def test_all_sites_obey_the_equation_of_motion():
+    orbit = asymmetric(0.82, 0.04, 0.8)
+    n, t = np.arange(-2, 4), 1.234
+    pull = orbit.displacement(n + 1, t) + orbit.displacement(n - 1, t)
+    force = 0.04 * (pull - 2 * orbit.displacement(n, t)) - 0.82 * math.cos(t)
+    assert np.abs(orbit.acceleration(n, t) - force).max() < 1e-14
+
+
+def test_an_impact_that_overtakes_another_site_changes_nothing_but_its_place_in_line():
+    early = [(0, 1, 0.1, -1.0), (1, 1, 0.2, -1.1), (0, -1, 3.0, 1.0), (1, -1, 3.1, 1.1)]
+    orbit = orbit_at(impact_problem(Orbit(0.5, 0.08, 0.8, early)).at(t1=0.3))
+    in_order = [early[1], (0, 1, 0.3, -1.0), *early[2:]]
+    wanted = Orbit(0.5, 0.08, 0.8, in_order)
+    assert sorted(k.b for k in orbit.map.kicks) == pytest.approx(
+        sorted(k.b for k in wanted.map.kicks)
+    )
+    assert orbit.map.count().count == wanted.map.count().count
+    assert orbit.admissibility().margin == pytest.approx(wanted.admissibility().margin)
+
+
+def test_general_problem_sees_the_pitchfork_of_symmetric_breathers_as_a_branch_point():
+    start = impact_problem(orbit_of(symmetric(0.74, 0.04, 0.8)))
+    branch = trace(start, "a", towards="up", within={"a": (0.7, 0.8)})
+    assert branch.first("BP")["a"] == pytest.approx(0.777632425944, abs=1e-11)
+    assert np.abs(branch["asymmetry"]).max() < 1e-9
+    assert [int(count) for count in branch["unstable"][[0, -1]]] == [0, 1]
+
+
+def test_general_problem_meets_the_fold_of_symmetric_breathers():
+    start = impact_problem(orbit_of(symmetric(0.1, 0.1, 0.8)))
+    branch = trace(start, "a", towards="down", within={"a": (0.01, 0.2)})
+    assert branch.first("LP")["a"] == pytest.approx(0.057029037182, abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("sequence", "sentence"),
+    [
+        ([], "empty"),
+        ([(0, 1), (0, 1)], "no impact hits the wall -1"),
+        ([(0, -1)], r"no impact hits the wall \+1"),
+        ([(0, 1), (0, 2)], "impact 2: wall 2"),
+        ([(0, 1), (0.5, -1)], "impact 2: site 0.5 is no whole number"),
+        ([(0, 1), (7, -1)], "site 7 is not on a ring of 7 sites"),
+    ],
+)
+def test_sequences_that_cannot_be_are_refused(sequence, sentence):
+    m = len(sequence)
+    impulses = [-wall for _, wall in sequence]
+    with pytest.raises(BadInput, match=sentence):
+        orbit_problem(
+            sequence,
+            times=np.arange(m).tolist(),
+            impulses=impulses,
+            a=0.5,
+            gamma=0.1,
+            k=0.8,
+            lattice=Ring(7),
+        )
+
+
+def test_guesses_that_make_no_sense_are_refused():
+    def guess(**change):
+        given = {"times": [0.0, 3.0], "impulses": [-1.0, 1.0], "a": 0.5, "gamma": 0.1, "k": 0.8}
+        return orbit_problem(TWO, **{**given, **change})
+
+    with pytest.raises(BadInput, match=r"impact 1 at t = 3 is not before impact 2 at 2"):
+        guess(times=[3.0, 2.0])
+    with pytest.raises(BadInput, match="not before the end of the period"):
+        guess(times=[0.0, 6.5])
+    with pytest.raises(BadInput, match=r"impulse 1 at the wall \+1: a wall pushes away"):
+        guess(impulses=[1.0, -1.0])
+    with pytest.raises(BadInput, match="2 impacts, 1 times"):
+        guess(times=[0.0])
+    with pytest.raises(BadInput, match="2 offsets for 1 impacting sites"):
+        guess(offsets=[0.0, 0.1])
+    with pytest.raises(BadInput, match="finite"):
+        guess(impulses=[-1.0, math.inf])
+    with pytest.raises(BadInput, match=r"k = 1\.5"):
+        guess(k=1.5)
+    with pytest.raises(BadInput, match="radiates"):
+        guess(periods=2)
+    with pytest.raises(NotConverged, match="no solution"):
+        guess(a=0.01).solve()
+
+
+def test_questions_about_two_impacts_are_for_two_impacts():
+    orbit = Orbit(0.5, 0.08, 0.8, [Impact(0, -1, 0.0, 1.0), Impact(0, 1, 3.0, -1.0)])
+    for question in ("p", "asymmetry"):
+        with pytest.raises(BadInput, match="two impacts"):
+            getattr(orbit, question)
+    with pytest.raises(BadInput, match="whole numbers"):
+        orbit.displacement(0.5, 0.0)
+    with pytest.raises(BadInput, match="not finite"):
+        orbit.displacement(0, math.nan)
+    with pytest.raises(BadInput, match="continuous spectrum"):
+        orbit.multipliers()
+    with pytest.raises(BadInput, match="fall together on a ring of 2"):
+        Orbit(0.5, 0.08, 0.8, [(0, 1, 0.0, -1.0), (2, -1, 1.0, 1.0)], (0.0, 0.1)).on(Ring(2))
