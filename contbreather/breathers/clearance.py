@@ -1,0 +1,226 @@
+"""Do the sites of a shot orbit keep off their walls wherever the itinerary has no impact?
+
+Margins as in `contbreather.breathers.admissibility`: floats that are positive inside, zero at the
+limit and continuous in everything. A site that hits a wall is measured between its impacts, where
+``1 - u^2`` vanishes at both ends: what counts is its ratio to ``(s + k) s (L - s)``, s the time
+since the one impact, L - s to the next. That margin vanishes, too, when an incoming velocity does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.admissibility import Admissibility
+
+if TYPE_CHECKING:
+    from contbreather.breathers.ring_orbit import Hit, RingOrbit
+
+FloatArray = NDArray[np.float64]
+
+FINE = 64  # points to a half period of the forcing; sixteen to that of its highest harmonic
+CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
+ENDS = 1e-9  # relative distance from its impacts at which a flight counts as at them
+
+
+class Gap(NamedTuple):
+    """The smallest of the margins of one site: by how much, where, when, and on which flight."""
+
+    margin: float
+    site: int
+    time: float
+    flight: int = -1  # number of the impact it starts from, in order of time; -1: never hits
+
+
+def clearance(orbit: RingOrbit) -> Admissibility:
+    """Whether, and by how much, an orbit keeps off all walls it must not touch.
+
+    Parameters
+    ----------
+    orbit : RingOrbit
+
+    Returns
+    -------
+    Admissibility
+        ``centre`` is the least margin of the sites that hit a wall, ``neighbours`` that of all
+        others, ``max_neighbour`` the largest displacement of those next to a site that does.
+    """
+    flights, others = list(gaps_of_flights(orbit)), gaps_of_others(orbit)
+    worst = min(flights + others, key=lambda gap: gap.margin)
+    sites = orbit.lattice.sites
+    beside = {(n + d) % sites for n in orbit.itinerary.hit for d in (-1, 1)}
+    heights = [1.0 - gap.margin for gap in others if gap.site in beside]
+    return Admissibility(
+        ok=worst.margin > 0.0,
+        max_neighbour=max(heights, default=0.0),
+        margin=worst.margin,
+        reason=_reason(orbit, worst),
+        site=worst.site,
+        time=worst.time,
+        neighbours=min((gap.margin for gap in others), default=1.0),
+        centre=min(gap.margin for gap in flights),
+        far=1.0,
+    )
+
+
+def _reason(orbit: RingOrbit, worst: Gap) -> str:
+    there = orbit.displacement(worst.site, worst.time)
+    told = f"site {worst.site} is at u = {there:.9g} at t = {worst.time:.9g}"
+    if worst.flight >= 0:
+        start, end = flights_of(orbit)[worst.flight]
+        if not start.time < worst.time < end.time:
+            hit = start if worst.time <= start.time else end
+            told = (
+                f"site {worst.site} meets its wall at {hit.wall:+d} with the velocity "
+                f"{hit.before * hit.wall:.6g} at t = {hit.time:.9g}"
+            )
+        else:
+            told += ", between its impacts"
+    if worst.margin > 0.0:
+        return f"every site keeps off its walls; closest to the limit: {told}."
+    return f"no orbit of these impacts: {told}."
+
+
+# --- sites that hit a wall ------------------------------------------------------------------
+
+
+def flights_of(orbit: RingOrbit) -> list[tuple[Hit, Hit]]:
+    """Impacts of one site and the next ones of the same site, over one section."""
+    count = orbit.itinerary.count
+    hits = orbit.hits
+    found = []
+    for i, start in enumerate(hits[:count]):
+        later = [hit for hit in hits[i + 1 :] if hit.site == start.site]
+        if not later:
+            first = next(hit for hit in hits if hit.site == start.site)
+            later = [first._replace(time=first.time + orbit.period)]
+        found.append((start, later[0]))
+    return found
+
+
+def gaps_of_flights(orbit: RingOrbit) -> Iterator[Gap]:
+    """The margin of each flight of a site from one impact to its next."""
+    for i, (start, end) in enumerate(flights_of(orbit)):
+        length = end.time - start.time
+        if length <= 0.0:  # the order of two impacts of one site is lost
+            yield Gap(length, start.site, end.time, i)
+            continue
+        s = _grid(_points(orbit, length)) * length
+        u = orbit.displacement(start.site, start.time + s)
+        ratio = (1.0 - u * u) / ((s + orbit.k) * s * (length - s))
+        left, right = _ends(orbit, start, end, length)
+        fenced = np.concatenate([[0.1 * s[0]], s, [length - 0.1 * (length - s[-1])]])
+        inner = min(
+            _deepest(orbit, start, length, float(s[j]), (float(fenced[j]), float(fenced[j + 2])))
+            for j in _dips(ratio)
+        )
+        least, when = min(inner, (left, 0.0), (right, length))
+        scale = 0.25 * length * length * (0.5 * length + orbit.k)
+        yield Gap(least * scale, start.site, start.time + when, i)
+
+
+def _ends(orbit: RingOrbit, start: Hit, end: Hit, length: float) -> tuple[float, float]:
+    """The ratio at both impacts, by de l'Hospital."""
+    right = 2.0 * end.before * end.wall / (length * (length + orbit.k))
+    if orbit.k > 0.0:
+        return 2.0 * start.before * start.wall / length, right
+    return -start.acceleration * start.wall / length, right
+
+
+@lru_cache(maxsize=32)
+def _grid(size: int) -> FloatArray:
+    """Between 0 and 1, without the ends, finer towards the start: for small k it is flat."""
+    step = 1.0 / size
+    return np.concatenate([step * 0.5 ** np.arange(6, 0, -0.5), step * np.arange(1, size)])
+
+
+def _points(orbit: RingOrbit, length: float) -> int:
+    return math.ceil(max(FINE, 16 * orbit.forcing.highest) * max(1.0, length / math.pi))
+
+
+def _dips(ratio: FloatArray) -> NDArray[np.int64]:
+    """Local minima on the grid that may be the lowest; the grid misses less than a tenth."""
+    lowest = float(ratio.min())
+    low = ratio <= lowest + 0.1 * max(abs(lowest), 0.1 * float(abs(ratio[-1])))
+    low[1:] &= ratio[1:] <= ratio[:-1]
+    low[:-1] &= ratio[:-1] <= ratio[1:]
+    return np.flatnonzero(low)
+
+
+def _deepest(
+    orbit: RingOrbit, start: Hit, length: float, s: float, within: tuple[float, float]
+) -> tuple[float, float]:
+    """Value and place of the minimum of the ratio next to s: Newton, kept in by bisection."""
+    best, (low, high), k = (math.inf, s), within, orbit.k
+    for _ in range(60):
+        u, v, w = orbit.at(start.site, start.time + s)
+        n, n1, n2 = 1.0 - u * u, -2.0 * u * v, -2.0 * (v * v + u * w)
+        d = (s + k) * s * (length - s)
+        d1 = (2.0 * s + k) * (length - s) - (s + k) * s
+        d2 = 2.0 * (length - s) - 2.0 * (2.0 * s + k)
+        best = min(best, (n / d, s))
+        tilt, bend = n1 * d - n * d1, n2 * d - n * d2
+        low, high = (low, s) if tilt > 0.0 else (s, high)
+        last, s = s, s - tilt / bend if bend > 0.0 else low
+        if not low < s < high:
+            s = 0.5 * (low + high)
+        if abs(s - last) <= 1e-9:  # the value is flat there: this is 1e-18 of it
+            break
+    return best
+
+
+# --- all other sites ------------------------------------------------------------------------
+
+
+def gaps_of_others(orbit: RingOrbit) -> list[Gap]:
+    """The margins of the sites that never hit a wall: the highest, and those beside it that may
+    be higher still; of mirror images the one to the right."""
+    watched = _watched(orbit)
+    if watched.size == 0:
+        return []
+    T = orbit.itinerary.length
+    size = _points(orbit, T)
+    times: FloatArray = orbit.t[0] + T / size * np.arange(size, dtype=float)
+    u = abs(orbit.motion(times)[:, watched])  # of period T, by symmetry
+    before, after = np.roll(u, 1, axis=0), np.roll(u, -1, axis=0)
+    crest = (u >= before) & (u >= after)
+    bend = np.where(crest, 2.0 * u - before - after, 1.0)
+    lift = np.divide((after - before) ** 2, 8.0 * bend, out=np.zeros_like(u), where=bend > 0.0)
+    tops = np.where(crest, u + lift, 0.0)
+    high = tops.max(axis=0)
+    enough = high.max() - CLOSE * max(1.0, float(high.max()))
+    beside = {(n + d) % orbit.lattice.sites for n in orbit.itinerary.hit for d in (-1, 1)}
+    chosen = [i for i, n in enumerate(watched.tolist()) if n in beside or high[i] >= enough]
+    found = []
+    for i in chosen:
+        slack = CLOSE * max(1.0, float(high[i]))
+        crests = np.flatnonzero(tops[:, i] >= high[i] - slack)
+        n = int(watched[i])
+        height, time = max(_crest(orbit, n, float(times[j]), T / size) for j in crests)
+        found.append(Gap(1.0 - height, n, time))
+    return found
+
+
+def _watched(orbit: RingOrbit) -> NDArray[np.int64]:
+    sites = orbit.lattice.sites
+    if orbit.itinerary.local:
+        return (orbit.itinerary.hit[0] + np.arange(1, sites // 2 + 1)) % sites
+    return np.setdiff1d(np.arange(sites), orbit.itinerary.hit)
+
+
+def _crest(orbit: RingOrbit, n: int, time: float, step: float) -> tuple[float, float]:
+    """Height and time of the extremum of site n next to a time on the grid."""
+    best = (0.0, time)
+    low, high = time - step, time + step
+    for _ in range(30):
+        u, v, w = orbit.at(n, time)
+        best = max(best, (abs(u), time))
+        last, time = time, min(max(time - v / w, low), high) if w else time
+        if abs(time - last) <= 1e-9:  # the height is flat there: this is 1e-18 of it
+            break
+    return best

@@ -1,0 +1,348 @@
+"""Impact-to-impact shooting on a ring: any sequence of impacts as a problem of the engine.
+
+Unknown are the times of all impacts of a section and the state of the ring just before the first
+one. The equations: each impact finds its site on its wall, and the section closes. The state
+includes the mean of the ring, which nothing pins between impacts: where the ring comes to sit is
+part of the answer, and no mode needs a treatment of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.flight_map import Section
+from contbreather.breathers.itinerary import Itinerary
+from contbreather.breathers.ring_orbit import RingOrbit
+from contbreather.breathers.shooting_events import PAPER, events_of
+from contbreather.breathers.shooting_seeds import Conditions, by_hand, checked, flown, resized
+from contbreather.continuation import Point, Problem
+from contbreather.continuation.problem import Curve
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import Forcing, Harmonic, Ring, check_gamma
+
+FloatArray = NDArray[np.float64]
+
+WEAK = (
+    1e-9  # below this coupling the sites of a ring do not feel each other: they may rest anywhere
+)
+
+
+@dataclass(frozen=True)
+class Shooting:
+    """The equations of one itinerary under one forcing, as functions of all that can change.
+
+    ``x = (t1 .. tm, q, r)``; `params` names a, gamma, k and the parameters of the forcing.
+    """
+
+    itinerary: Itinerary
+    forcing: Forcing
+
+    def section(self, x: FloatArray, params: Mapping[str, float]) -> Section:
+        """The section flown from these unknowns; kept, because residual, derivatives and events
+        ask for the same few in turn."""
+        own = tuple(float(params[name]) for name in ("a", "gamma", "k", *self.forcing.params))
+        return _flown(self, np.asarray(x, dtype=float).tobytes(), own)
+
+    def residual(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
+        return self.section(x, params).residual()
+
+    def jacobian(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
+        return self.section(x, params).jacobian()
+
+    def sensitivity(self, x: FloatArray, params: Mapping[str, float], name: str) -> FloatArray:
+        return self.section(x, params).sensitivity(name)
+
+    def interpret(self, point: Point) -> RingOrbit:
+        return RingOrbit(self.section(point.x, point.params))
+
+
+def check_coupling(itinerary: Itinerary, gamma: float) -> None:
+    """`BadInput` where the sites do not feel each other: then no one state belongs to an orbit."""
+    if check_gamma(gamma) < WEAK and itinerary.sites > 1:
+        raise BadInput(
+            f"gamma = {gamma!r} on a ring of {itinerary.sites}: sites that do not feel each other "
+            "may rest anywhere, so there is no one orbit; take sites=1."
+        )
+
+
+@lru_cache(maxsize=64)
+def _flown(shooting: Shooting, unknowns: bytes, params: tuple[float, ...]) -> Section:
+    x, m = np.frombuffer(unknowns), shooting.itinerary.count
+    K = (x.size - m) // 2
+    a, gamma, k, *own = params
+    check_coupling(shooting.itinerary, gamma)
+    forcing = shooting.forcing
+    if own:
+        forcing = forcing.at(**dict(zip(forcing.params, own, strict=True)))
+    return Section(shooting.itinerary, x[:m], x[m : m + K], x[m + K :], a, gamma, k, forcing)
+
+
+def problem_of(orbit: RingOrbit, *, threshold: float = PAPER) -> Problem:
+    """The shooting equations with an orbit as their start, and all its events.
+
+    Columns: ``t1, t2, ...`` and the arrays ``q, r`` of unknowns; a, gamma, k and the parameters of
+    the forcing; ``p``, half the momentum (``p1, p2, ...`` unless all are the same), the offset
+    ``c`` and the condition number ``condition``, computed when asked for.
+
+    Parameters
+    ----------
+    orbit : RingOrbit
+    threshold : float
+        Of Neimark-Sacker points: modulus over the whole period.
+    """
+    section, itinerary = orbit.section, orbit.itinerary
+    shooting = Shooting(itinerary, section.forcing)
+    times = {f"t{j + 1}": float(time) for j, time in enumerate(section.t)}
+    return Problem(
+        shooting.residual,
+        {**times, "q": section.q, "r": section.r},
+        {"a": section.a, "gamma": section.gamma, "k": section.k, **section.forcing.params},
+        jacobian=shooting.jacobian,
+        sensitivity=shooting.sensitivity,
+        events=events_of(itinerary, threshold),
+        record=_columns(itinerary),
+        domain={
+            "gamma": (0.0 if itinerary.sites == 1 else WEAK, 0.25),
+            "k": (0.0, 1.0),
+            "a": (0.0, math.inf),
+        },
+        interpret=shooting.interpret,
+        label=f"shooting, {itinerary.describe()}",
+    )
+
+
+def _columns(itinerary: Itinerary) -> dict[str, Any]:
+    """What is recorded besides the unknowns."""
+
+    def momentum(j: int) -> Any:
+        return lambda point: point.solution.p[j]
+
+    count = itinerary.count
+    same = count == 1 or (count == 2 and itinerary.local and not itinerary.symmetric)
+    names = {"p": 0} if same else {f"p{j + 1}": j for j in range(count)}
+    columns: dict[str, Any] = {name: momentum(j) for name, j in names.items()}
+    if not itinerary.symmetric:
+        columns["c"] = lambda point: point.solution.c
+    return {**columns, "condition": lambda point: point.solution.condition}
+
+
+def shot_orbit(problem: Problem) -> RingOrbit:
+    """The orbit that a shooting problem starts from."""
+    here = Curve(problem, ())
+    orbit: RingOrbit = Point(here, here.start, np.empty(0), 0.0, math.nan).solution
+    return orbit
+
+
+# --- the front door -------------------------------------------------------------------------
+
+
+def shooting(
+    seed: Any,
+    *,
+    sites: int | None = None,
+    sequence: Sequence[tuple[int, int]] | None = None,
+    period: float = 2.0 * math.pi,
+    symmetric: bool | None = None,
+    a: float | None = None,
+    gamma: float | None = None,
+    k: float | None = None,
+    forcing: Forcing | None = None,
+    t: float = 0.0,
+    threshold: float = PAPER,
+) -> Problem:
+    """An orbit with impacts on a ring, shot from impact to impact: a problem to trace.
+
+    Parameters
+    ----------
+    seed : Breather, orbit or Point, pair of arrays, or dict
+        Where to begin. A breather; an orbit, a problem or a point of a branch of orbits; a state
+        ``(u, v)`` of the ring at time `t`, of a simulation for instance; or impact times by hand,
+        ``{"t1": ..., "t2": ...}``.
+    sites : int, optional
+        N, 1 to some hundred; that of the seed unless given. 1 is the single oscillator.
+    sequence : sequence of (site, wall), optional
+        The impacts of a period in order (of half a period if symmetric). For a breather or an
+        orbit that of the seed; for a state what it is seen to hit, if not given.
+    period : float
+        ``2 pi n``, for states and impact times; n odd for symmetric orbits.
+    symmetric : bool, optional
+        Shoot half the period and close with ``u -> -u``. By default as the seed: True for a
+        symmetric breather. False on a symmetric seed opens it up, so that it may become
+        asymmetric.
+    a, gamma, k, forcing : optional
+        Needed for states and times; they overrule those of other seeds.
+    t : float
+        Time of a state.
+    threshold : float
+        Modulus over the whole period that counts as a Neimark-Sacker point on this ring.
+
+    Returns
+    -------
+    Problem
+        Its start solves the equations. ``shot_orbit(problem)`` is the orbit.
+
+    Raises
+    ------
+    BadInput
+        An impossible sequence, times out of order, a seed that hits other walls.
+    NotConverged
+        If Newton's iteration does not end at an orbit of this sequence; carries the residual.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> b = cb.symmetric(a=0.7, gamma=0.04, k=0.8)
+    >>> shot = shooting(b, sites=20)
+    >>> orbit = shot_orbit(shot)
+    >>> orbit.stability()
+    <ring of 20: unstable, 2 multipliers; largest |multiplier| over 2 pi 1.00607444 > threshold \
+1.005>
+    """
+    given = {"a": a, "gamma": gamma, "k": k, "forcing": forcing}
+    turns = _turns(period)
+    section = _section(seed, given, sites, sequence, turns, symmetric, float(t))
+    check_coupling(section.itinerary, section.gamma)
+    problem = problem_of(RingOrbit(section), threshold=threshold)
+    try:
+        solved, _ = problem.solve()
+    except NotConverged as error:
+        raise NotConverged(
+            f"no orbit of {section.itinerary.describe()} near the seed: {error}",
+            residual=error.residual,
+        ) from error
+    checked(shot_orbit(solved).section)
+    return solved
+
+
+def _turns(period: float) -> int:
+    turns = round(period / (2.0 * math.pi)) if math.isfinite(period) else 0
+    if turns < 1 or abs(period - 2.0 * math.pi * turns) > 1e-9 * turns:
+        raise BadInput(
+            f"period = {period!r}: the forcing has period 2 pi, so an orbit has a multiple of it, "
+            "2 pi n with n = 1, 2, ..."
+        )
+    return turns
+
+
+def _section(
+    seed: Any,
+    given: dict[str, Any],
+    sites: int | None,
+    sequence: Sequence[tuple[int, int]] | None,
+    turns: int,
+    symmetric: bool | None,
+    t: float,
+) -> Section:
+    """A first guess from any kind of seed."""
+    if isinstance(seed, Mapping):
+        if sites is None or sequence is None:
+            raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
+        itinerary = Itinerary(sites, tuple(sequence), turns, bool(symmetric))
+        return by_hand(_conditions(given, None), itinerary, seed)
+    if isinstance(seed, Problem):
+        seed = shot_orbit(seed)
+    if isinstance(seed, Point):
+        seed = seed.solution
+    if isinstance(seed, RingOrbit):
+        return _from_orbit(seed, given, sites, sequence, symmetric)
+    on = _conditions(given, seed)
+    if hasattr(seed, "state"):
+        return _from_motion(seed, on, sites, sequence, symmetric)
+    if not isinstance(seed, Sequence | np.ndarray) or len(seed) != 2:
+        raise BadInput(
+            f"a seed is a breather, an orbit, a point of a branch, a state (u, v) or a dict of "
+            f"impact times; got {type(seed).__name__}."
+        )
+    size = np.size(seed[0])
+    if sites is not None and sites != size:
+        raise BadInput(f"the state has {size} sites, but sites = {sites} was asked for.")
+    return flown(on, tuple(seed), t, sequence, turns=turns, symmetric=bool(symmetric))
+
+
+def _conditions(given: Mapping[str, Any], seed: Any) -> Conditions:
+    values: dict[str, Any] = {
+        name: getattr(seed, name, None) if value is None else value for name, value in given.items()
+    }
+    missing = [name for name in ("a", "gamma", "k") if values[name] is None]
+    if missing:
+        raise BadInput(f"this seed does not know {', '.join(missing)}: give them by name.")
+    numbers = {name: float(values[name]) for name in ("a", "gamma", "k")}
+    return Conditions(**numbers, forcing=values["forcing"] or Harmonic())
+
+
+def _from_orbit(
+    orbit: RingOrbit,
+    given: Mapping[str, Any],
+    sites: int | None,
+    sequence: Sequence[tuple[int, int]] | None,
+    symmetric: bool | None,
+) -> Section:
+    """An orbit of a ring, on the same or another one, opened up if asked for."""
+    section = orbit.section
+    if symmetric and not orbit.symmetric:
+        raise BadInput("this orbit was not shot as a symmetric one; start from a breather.")
+    if symmetric is False:
+        section = opened(section)
+    if sites is not None and sites != section.itinerary.sites:
+        section = resized(section, sites)
+    if sequence is not None:
+        wanted = replace(section.itinerary, impacts=tuple(sequence)).impacts
+        if wanted != section.itinerary.impacts:
+            raise BadInput(
+                f"this orbit has the impacts {section.itinerary.impacts}, not {wanted}; give a "
+                "state or times for another sequence."
+            )
+    on = _conditions(given, orbit)
+    return replace(section, a=on.a, gamma=on.gamma, k=on.k, forcing=on.forcing)
+
+
+def opened(section: Section) -> Section:
+    """The whole period of a symmetric orbit, as one that need not be symmetric."""
+    itinerary = section.itinerary
+    if not itinerary.symmetric:
+        return section
+    times = np.concatenate([section.t, section.t + itinerary.length])
+    return replace(section, itinerary=itinerary.whole(), t=times)
+
+
+def _from_motion(
+    seed: Any,
+    on: Conditions,
+    sites: int | None,
+    sequence: Sequence[tuple[int, int]] | None,
+    symmetric: bool | None,
+) -> Section:
+    """A breather or an orbit of any lattice: its state, followed from impact to impact."""
+    if sites is None:
+        sites = getattr(getattr(seed, "lattice", None), "sites", None)
+    if sites is None:
+        raise BadInput("the seed lives on the infinite chain: say on which ring, sites=N.")
+    Ring(sites)
+    turns = _turns(getattr(seed, "period", 2.0 * math.pi))
+    half = hasattr(seed, "phi") and symmetric is not False if symmetric is None else symmetric
+    # well off its impacts, so that none is met twice or not at all
+    start = _quiet(seed, turns)
+    state = seed.state(sites, start)
+    return flown(on, state, start, sequence, turns=turns, symmetric=bool(half))
+
+
+def _quiet(seed: Any, turns: int) -> float:
+    """A time in the middle of the longest flight before an impact on the wall at +1, as far as
+    the seed tells."""
+    phi = getattr(seed, "phi", None)
+    if phi is not None:
+        return float(phi) - 0.5 * math.pi
+    times = getattr(seed, "t", None) or getattr(seed, "times", None)
+    if times is None:
+        return 0.0
+    known = np.sort(np.atleast_1d(np.asarray(times, dtype=float)))
+    before = np.append(known[-1] - 2.0 * math.pi * turns, known[:-1])
+    flight = int((known - before).argmax())
+    return float(0.5 * (known[flight] + before[flight]))

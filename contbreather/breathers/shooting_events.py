@@ -1,0 +1,281 @@
+"""What happens to a shot orbit on its branch: LP, BP, PF, PD, NS and GR.
+
+The shooting equations themselves are singular where the section has the multiplier that it closes
+with: +1, or -1 on half a symmetric orbit. Folds and branch points are the engine's own. All other
+multipliers are looked for in the monodromy matrix of the section.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.clearance import (
+    ENDS,
+    Gap,
+    flights_of,
+    gaps_of_flights,
+    gaps_of_others,
+)
+from contbreather.breathers.flight_map import Section
+from contbreather.breathers.itinerary import Itinerary
+from contbreather.breathers.ring_orbit import RingOrbit
+from contbreather.continuation import Event, Locus, Point, branch_point, fold
+from contbreather.continuation.derivatives import differences
+from contbreather.continuation.newton import Undefined
+from contbreather.continuation.problem import Curve
+from contbreather.continuation.seed import Seed
+from contbreather.errors import BadInput
+
+FloatArray = NDArray[np.float64]
+Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
+
+PAPER = 1.005  # over the whole period
+REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
+DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
+
+
+def events_of(itinerary: Itinerary, threshold: float = PAPER) -> tuple[Event, ...]:
+    """All events of an orbit with these impacts.
+
+    Examples
+    --------
+    >>> [event.kind for event in events_of(Itinerary(20, ((0, 1), (0, -1))))]
+    ['LP', 'BP', 'PD', 'NS', 'GR']
+    """
+    own = symmetry_breaking() if itinerary.symmetric else period_doubling()
+    return (fold(), branching(), own, ring_neimark_sacker(threshold), contact())
+
+
+def symmetry_breaking() -> Event:
+    """PF, on half a symmetric orbit: its half map has the multiplier +1."""
+    return Event(
+        "PF",
+        lambda point: determinant(point.solution, 1.0),
+        locus=_null_locus(1.0),
+        arms=_both_arms,
+    )
+
+
+def period_doubling() -> Event:
+    """PD: a multiplier -1 over the period."""
+    return Event(
+        "PD",
+        lambda point: determinant(point.solution, -1.0),
+        locus=_null_locus(-1.0),
+        arms=_doubled_arm,
+    )
+
+
+def _both_arms(point: Point) -> tuple[Seed, ...]:
+    from contbreather.breathers.shooting_lifts import unfolded
+
+    lift = unfolded(point)
+    return lift.seed(1.0), lift.seed(-1.0)
+
+
+def _doubled_arm(point: Point) -> tuple[Seed, ...]:
+    from contbreather.breathers.shooting_lifts import doubled
+
+    return (doubled(point).seed(),)  # the other side holds the same orbits, a period later
+
+
+def branching() -> Event:
+    """BP: another curve of solutions of the same equations crosses; as the engine's own, but with
+    a determinant for its test, which large rings can afford."""
+
+    def test(point: Point) -> float:
+        if not point.tangent.size:
+            return math.nan
+        section = point.solution.section
+        whole = np.vstack([point.curve.jacobian(point.z), point.curve.dual(point.tangent)])
+        return _in_units_of_flight(section, whole, section.itinerary.sign)
+
+    return replace(branch_point(), test=test)
+
+
+def ring_neimark_sacker(threshold: float = PAPER) -> Event:
+    """NS, by the ring's rule: the first complex pair whose modulus over the whole period passes a
+    threshold. More than one pair close to the circle is a ring's usual state, see `OrbitVerdict`.
+    """
+    if not 1.0 <= threshold < math.inf:
+        raise BadInput(f"threshold = {threshold}: a finite modulus of at least 1 is wanted.")
+
+    def beyond(point: Point) -> bool:
+        orbit: RingOrbit = point.solution
+        return bool((abs(_upper(orbit)) > _radius(orbit, threshold)).any())
+
+    return Event("NS", beyond, locus=lambda point: _circle_locus(point, threshold))
+
+
+def contact() -> Event:
+    """GR: a site comes to touch a wall without an impact, or an impact loses its velocity. The
+    branch ends there; site and time are in ``point.solution.admissibility()``."""
+    return Event(
+        "GR",
+        lambda point: point.solution.admissibility().margin,
+        terminal=True,
+        positive=True,
+        locus=_contact_locus,
+    )
+
+
+def _orbit(curve: Curve, z: FloatArray) -> RingOrbit:
+    orbit: RingOrbit = Point(curve, z, np.empty(0), 0.0, 0.0).solution
+    return orbit
+
+
+# --- real multipliers -----------------------------------------------------------------------
+
+
+def determinant(orbit: RingOrbit, mu: float) -> float:
+    """``det(M - mu)`` over a section, in units of what it is without impacts."""
+    monodromy = orbit.section.monodromy
+    return _in_units_of_flight(orbit.section, monodromy - mu * np.eye(len(monodromy)), mu)
+
+
+def _in_units_of_flight(section: Section, matrix: FloatArray, mu: float) -> float:
+    sign, size = np.linalg.slogdet(matrix)
+    free = np.abs(np.exp(1j * section.free()) - mu) ** 2
+    return float(sign * math.exp(min(size - np.log(np.maximum(free, DAMPED)).sum(), 700.0)))
+
+
+def _null_locus(mu: float) -> Callable[[Point], Locus]:
+    """``(M - mu) y = 0, |y| = 1``, with y as an unknown: no determinant."""
+
+    def conditions(curve: Curve, z: FloatArray, y: FloatArray) -> FloatArray:
+        moved = _orbit(curve, z).section.applied(y)
+        return np.append(moved - mu * y, y.dot(y) - 1.0)
+
+    def derivative(curve: Curve, z: FloatArray, y: FloatArray) -> FloatArray:
+        rows = np.empty((y.size + 1, z.size + y.size))
+        rows[:, : z.size] = _in_z(conditions, curve, z, y)
+        rows[:-1, z.size :] = _orbit(curve, z).section.monodromy - mu * np.eye(y.size)
+        rows[-1, z.size :] = 2.0 * y
+        return rows
+
+    def locus(point: Point) -> Locus:
+        monodromy = point.solution.section.monodromy
+        null = np.linalg.svd(monodromy - mu * np.eye(len(monodromy)))[2][-1]
+        return Locus({"null": null}, conditions, derivative)
+
+    return locus
+
+
+def _in_z(conditions: Conditions, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    """Derivative in z by differences: one perturbation flown once is cheap, and smooth."""
+    return differences(lambda near: conditions(curve, near, extra), z, scales=curve.scales)
+
+
+# --- complex multipliers --------------------------------------------------------------------
+
+
+def _radius(orbit: RingOrbit, threshold: float) -> float:
+    """The threshold over the whole period, as one over a section."""
+    return math.sqrt(threshold) if orbit.symmetric else threshold
+
+
+def _upper(orbit: RingOrbit) -> NDArray[np.complex128]:
+    """Multipliers over a section in the open upper half plane, of modes that impacts see."""
+    return orbit.coupled[orbit.coupled.imag > REAL]
+
+
+def _circle_locus(point: Point, threshold: float) -> Locus:
+    """``(M - mu) y = 0`` for a complex y of length 1 and a multiplier mu on the circle of the
+    threshold, at an unknown angle ``nu pi``."""
+    values, vectors = np.linalg.eig(point.solution.section.monodromy)
+    upper = np.flatnonzero(values.imag > REAL)
+    if not upper.size:
+        raise Undefined("no complex multipliers on this ring")
+    outermost = upper[abs(values[upper]).argmax()]
+    y = vectors[:, outermost] / np.linalg.norm(vectors[:, outermost])
+    size, largest = y.size, int(abs(y).argmax())
+    y = y * np.exp(-1j * np.angle(y[largest]))  # a phase of its own: y[largest] is real
+
+    def multiplier(orbit: RingOrbit, extra: FloatArray) -> complex:
+        return _radius(orbit, threshold) * cmath.exp(1j * math.pi * float(extra[-1]))
+
+    def conditions(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+        orbit = _orbit(curve, z)
+        both = extra[:-1].reshape(2, size)
+        mu = multiplier(orbit, extra)
+        off = orbit.section.applied(both.T).T
+        off -= np.array([[mu.real, -mu.imag], [mu.imag, mu.real]]) @ both
+        return np.concatenate(
+            [off[0], off[1], [both.ravel().dot(both.ravel()) - 1.0, both[1, largest]]]
+        )
+
+    def derivative(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+        orbit = _orbit(curve, z)
+        mu, (re, im) = multiplier(orbit, extra), extra[:-1].reshape(2, size)
+        rows = np.zeros((2 * size + 2, z.size + extra.size))
+        rows[:, : z.size] = _in_z(conditions, curve, z, extra)
+        own = rows[:, z.size :]
+        one, M = np.eye(size), orbit.section.monodromy
+        own[:size, :size] = own[size:-2, size:-1] = M - mu.real * one
+        own[:size, size:-1], own[size:-2, :size] = mu.imag * one, -mu.imag * one
+        own[:size, -1] = math.pi * (mu.imag * re + mu.real * im)
+        own[size:-2, -1] = math.pi * (mu.imag * im - mu.real * re)
+        own[-2, :-1], own[-1, size + largest] = 2.0 * extra[:-1], 1.0
+        return rows
+
+    start = np.concatenate([y.real, y.imag])
+    nu = float(np.angle(values[outermost])) / math.pi
+    return Locus({"wave": start, "nu": nu}, conditions, derivative)
+
+
+# --- contacts -------------------------------------------------------------------------------
+
+
+def _contact_locus(point: Point) -> Locus:
+    """``u_n = wall, u_n' = 0`` at an unknown time, for the site closest to its walls."""
+    orbit: RingOrbit = point.solution
+    worst = min([*gaps_of_flights(orbit), *gaps_of_others(orbit)], key=lambda gap: gap.margin)
+    if worst.flight >= 0:
+        start, end = flights_of(orbit)[worst.flight]
+        near = ENDS * (end.time - start.time)
+        if not start.time + near < worst.time < end.time - near:
+            return _shallow_locus(orbit, worst, start.time if orbit.k > 0.0 else math.nan)
+    wall = math.copysign(1.0, orbit.displacement(worst.site, worst.time))
+
+    def conditions(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+        u, v, _ = _orbit(curve, z).at(worst.site, float(extra[0]))
+        return np.array([wall * u - 1.0, wall * v])
+
+    def derivative(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+        section = _orbit(curve, z).section
+        (_, *u), (v, *du), (w, *_) = section.watched(worst.site, float(extra[0]), curve.free)
+        return wall * np.array([[*u, v], [*du, w]])
+
+    return Locus({"t": worst.time}, conditions, derivative, events=(_other_contact(worst),))
+
+
+def _shallow_locus(orbit: RingOrbit, worst: Gap, start: float) -> Locus:
+    """An impact whose incoming velocity vanishes."""
+    if math.isnan(start):
+        raise Undefined("with k = 0 a site comes to rest on its wall: no orbit of impacts goes on")
+    velocities = [abs(one.velocity) for one in orbit.section.impacts]
+    j = int(np.argmin(velocities))
+
+    def conditions(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+        return np.array([_orbit(curve, z).section.impacts[j].velocity])
+
+    return Locus({}, conditions)  # a single number: differences of it cost little
+
+
+def _other_contact(traced: Gap) -> Event:
+    """Where one site touches its wall, all others must still keep off theirs."""
+
+    def test(point: Point) -> float:
+        orbit: RingOrbit = point.solution
+        own = (traced.site, traced.flight)
+        found = [*gaps_of_flights(orbit), *gaps_of_others(orbit)]
+        return min((g.margin for g in found if (g.site, g.flight) != own), default=1.0)
+
+    met = Event("GR", lambda point: test(point), locus=_contact_locus)
+    return Event("GR-GR", test, terminal=True, positive=True, met=met)

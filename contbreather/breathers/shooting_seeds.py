@@ -1,0 +1,278 @@
+"""From whatever is known of an orbit to a first guess at its impacts: times and a state.
+
+A seed is a breather, an orbit or a point of a branch, a simulated state, or impact times alone. Its
+motion is followed exactly until its impacts are known; where only times are given, the state is the
+one that suits them best, which is a linear problem.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from contbreather.breathers.flight_map import Section, turn
+from contbreather.breathers.itinerary import Basis, Itinerary, basis_of
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import Forcing
+
+FloatArray = NDArray[np.float64]
+
+GRID = 96  # times in a half period at which contacts are looked for
+MOST = 200  # impacts in one section
+TOGETHER = 8  # digits to which the times of impacts are compared
+OUTSIDE = 1e-6  # a seed may be beyond a wall by this much
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What a ring moves under."""
+
+    a: float
+    gamma: float
+    k: float
+    forcing: Forcing
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One impact of a seed in free motion."""
+
+    site: int
+    wall: int
+    time: float
+
+
+class FreeRing:
+    """A ring in motion, all its sites: flown until something touches a wall, then reset."""
+
+    def __init__(self, on: Conditions, state: tuple[Any, Any], time: float) -> None:
+        u, v = (np.array(row, dtype=float) for row in state)
+        if u.ndim != 1 or u.shape != v.shape or not np.isfinite([u, v]).all():
+            raise BadInput(
+                f"a state is a pair (u, v) of finite rows of equal length; shapes {u.shape} and "
+                f"{v.shape} were given."
+            )
+        high = int(abs(u).argmax())
+        if abs(u[high]) > 1.0 + OUTSIDE:
+            raise BadInput(f"u[{high}] = {u[high]:.9g}: the seed starts outside its walls.")
+        self.on, self.time, self.sites = on, float(time), u.size
+        self.basis: Basis = basis_of(u.size, tuple(range(min(u.size, 2))))
+        f = on.forcing
+        self.q = self.basis.from_sites(u - on.a * f.f(self.time))
+        self.r = self.basis.from_sites(v - on.a * f.df(self.time))
+        self.z = 4.0 * on.gamma * self.basis.q
+
+    def gap(self, site: int, wall: int, ahead: float) -> float:
+        """Distance of a site from a wall some time ahead."""
+        q = turn(self.z, ahead)(self.q, self.r)[0]
+        u = float(self.basis.at(site).dot(q)) + self.on.a * self.on.forcing.f(self.time + ahead)
+        return 1.0 - wall * u
+
+    def next(self, limit: float) -> Contact | None:
+        """Fly to the first contact of any site within a time ahead."""
+        step = math.pi / GRID / max(1, self.on.forcing.highest // 4)
+        ahead = np.append(np.arange(0.0, limit, step), limit)
+        flown = turn(self.z, ahead[:, None])
+        u = self.basis.to_sites(flown.cosine * self.q + flown.reach * self.r)
+        u += (self.on.a * self.on.forcing.f(self.time + ahead))[:, None]
+        beyond = abs(u) > 1.0
+        # a site that has just been reset, or starts on its wall, leaves it
+        inside = np.logical_or.accumulate(~beyond, axis=0)
+        hit = np.argwhere(beyond[1:] & inside[:-1])
+        if not hit.size:
+            return None
+        i = int(hit[0, 0])
+        found = []
+        for site in hit[hit[:, 0] == i, 1].tolist():
+            wall = int(np.sign(u[i + 1, site]))
+            found.append((self._touch(site, wall, ahead[i], ahead[i + 1]), site, wall))
+        moment, site, wall = min(found)
+        self.q, self.r = turn(self.z, moment)(self.q, self.r)
+        self.time += moment
+        return Contact(site, wall, self.time)
+
+    def _touch(self, site: int, wall: int, before: float, after: float) -> float:
+        if self.gap(site, wall, before) <= 0.0:
+            return before
+        return float(brentq(lambda s: self.gap(site, wall, s), before, after, xtol=1e-15))
+
+    def reset(self, site: int) -> None:
+        """Let a site bounce off the wall it is on."""
+        e = self.basis.at(site)
+        velocity = float(e.dot(self.r)) + self.on.a * self.on.forcing.df(self.time)
+        self.r = self.r - (1.0 + self.on.k) * velocity * e
+
+    def free(self) -> tuple[FloatArray, FloatArray]:
+        """Displacements and velocities of all sites without the forced motion."""
+        return self.basis.to_sites(self.q), self.basis.to_sites(self.r)
+
+
+def flown(
+    on: Conditions,
+    state: tuple[Any, Any],
+    time: float,
+    sequence: Sequence[Any] | None,
+    *,
+    turns: int,
+    symmetric: bool,
+) -> Section:
+    """A seed in motion, followed over one section: its impacts in order, and the state before the
+    first of them.
+
+    Raises
+    ------
+    BadInput
+        If it has no impacts, or others than those of the sequence.
+    """
+    ring = FreeRing(on, state, time)
+    T = math.pi * turns * (1.0 if symmetric else 2.0)
+    met: list[Contact] = []
+    states: list[tuple[FloatArray, FloatArray]] = []
+    while len(met) < MOST:
+        contact = ring.next(time + T - ring.time)
+        if contact is None:
+            break
+        met.append(contact)
+        states.append(ring.free())
+        ring.reset(contact.site)
+    told = " ".join(f"({one.site}, {one.wall:+d}) at t = {one.time:.6g}" for one in met[:12])
+    if not met or len(met) == MOST:
+        raise BadInput(
+            f"the seed meets {'no wall' if not met else 'walls too often'} within a section of "
+            f"length {T:.6g} from t = {time:.6g}: {told or 'it flies free'}; give another seed, or "
+            "its impact times by hand."
+        )
+    met.sort(key=lambda one: (round(one.time, TOGETHER), one.site))
+    first = _start(met, sequence, ring.sites, symmetric, told)
+    sign = -1 if symmetric else 1
+    turned = [Contact(one.site, sign * one.wall, one.time + T) for one in met[:first]]
+    course = met[first:] + turned
+    itinerary = Itinerary(ring.sites, tuple((c.site, c.wall) for c in course), turns, symmetric)
+    q, r = (itinerary.basis.from_sites(row) for row in states[first])
+    period = itinerary.period
+    times = np.array([one.time for one in course])
+    times -= period * math.floor((times[0] + 0.5 * period) / period)
+    return Section(itinerary, times, q, r, on.a, on.gamma, on.k, on.forcing)
+
+
+def _start(
+    met: list[Contact],
+    sequence: Sequence[Any] | None,
+    sites: int,
+    symmetric: bool,
+    told: str,
+) -> int:
+    """Which of the impacts that were met comes first in the itinerary."""
+    if sequence is None:  # the first on the wall at +1, by choice
+        return next((i for i, one in enumerate(met) if one.wall > 0), 0)
+    wanted = Itinerary(sites, tuple(sequence), symmetric=symmetric).impacts
+    seen = [(one.site, one.wall) for one in met]
+    for i in range(len(seen)):
+        wrapped = [(n, -wall if symmetric else wall) for n, wall in seen[:i]]
+        if tuple(seen[i:] + wrapped) == wanted:
+            return i
+    raise BadInput(
+        f"the seed does not hit its walls in the order {wanted}: followed over one section it "
+        f"meets {told}; give that sequence, another seed, or the impact times by hand."
+    )
+
+
+def by_hand(on: Conditions, itinerary: Itinerary, times: Mapping[str, float]) -> Section:
+    """From impact times alone: the state that comes closest to all equations, which are linear
+    in it.
+
+    Raises
+    ------
+    BadInput
+        If times are missing, or those of one site are not in the order of the itinerary.
+    """
+    names = [f"t{j + 1}" for j in range(itinerary.count)]
+    unknown, missing = sorted(set(times) - set(names)), sorted(set(names) - set(times))
+    if unknown or missing:
+        raise BadInput(
+            f"a seed by hand has one time for each impact, {names}: "
+            f"missing {missing}, not known {unknown}."
+        )
+    t = np.array([float(times[name]) for name in names])
+    if not np.isfinite(t).all():
+        raise BadInput(f"impact times {t.tolist()}: finite numbers were wanted.")
+    check_order(itinerary, t)
+    K = itinerary.basis.order.size
+    rest = Section(itinerary, t, np.zeros(K), np.zeros(K), on.a, on.gamma, on.k, on.forcing)
+    matrix = rest.jacobian()[:, t.size :]
+    state: FloatArray = np.linalg.lstsq(matrix, -rest.residual())[0].astype(float)
+    return Section(itinerary, t, state[:K], state[K:], on.a, on.gamma, on.k, on.forcing)
+
+
+def check_order(itinerary: Itinerary, t: FloatArray) -> None:
+    """`BadInput` unless the impacts of each site come in order, within one section."""
+    for site in itinerary.hit:
+        own = [j for j, (n, _) in enumerate(itinerary.impacts) if n == site]
+        for j, later in zip(own, [*own[1:], own[0]], strict=True):
+            length = t[later] - t[j] + (itinerary.length if later <= j else 0.0)
+            if length <= 0.0:
+                after = f"t{later + 1}" + (" + a section" if later <= j else "")
+                raise BadInput(
+                    f"impacts of site {site} out of order: t{j + 1} = {t[j]:.9g} does not come "
+                    f"before {after} = {t[j] + length:.9g}; times of a site rise within one "
+                    f"section of length {itinerary.length:.6g}."
+                )
+
+
+def resized(section: Section, sites: int) -> Section:
+    """The same orbit on a ring of another size, as a guess: the sites around the one that
+    impacts keep their motion, new ones move like the farthest."""
+    itinerary = section.itinerary
+    if not itinerary.local:
+        raise BadInput(
+            f"{itinerary.describe()}: an orbit of several impacting sites does not fit on a ring "
+            f"of {sites} by itself; give a state of that ring, or impact times by hand."
+        )
+    old, site = itinerary.sites, itinerary.hit[0]
+    new = Itinerary(
+        sites,
+        tuple((site % sites, wall) for _, wall in itinerary.impacts),
+        itinerary.turns,
+        itinerary.symmetric,
+    )
+    apart = np.arange(sites)
+    apart = np.minimum(apart, sites - apart)
+    rows: list[FloatArray] = []
+    for modes in (section.q, section.r):
+        own = np.roll(itinerary.basis.to_sites(modes), -site)
+        rows.append(np.roll(own[np.minimum(apart, old // 2)], site % sites))
+    q, r = (new.basis.from_sites(row) for row in rows)
+    return Section(new, section.t, q, r, section.a, section.gamma, section.k, section.forcing)
+
+
+def checked(section: Section) -> None:
+    """That a section that solves its equations is an orbit of its itinerary.
+
+    Raises
+    ------
+    NotConverged
+        If impacts come out of order, or a site moves away from the wall it should hit.
+    """
+    itinerary = section.itinerary
+    where = f"Newton's iteration ends at impact times {section.t.round(9).tolist()}"
+    try:
+        check_order(itinerary, section.t)
+    except BadInput as error:
+        raise NotConverged(
+            f"{where}, which is no orbit of {itinerary.describe()}: {error} Start closer to it.",
+            residual=float(abs(section.residual()).max()),
+        ) from error
+    for one in section.impacts:
+        if one.velocity * one.wall <= 0.0:
+            raise NotConverged(
+                f"{where}, which is no orbit of {itinerary.describe()}: at t = {one.time:.9g} site "
+                f"{one.site} comes to its wall from outside, with the velocity "
+                f"{one.velocity * one.wall:.6g}. Start closer to it.",
+                residual=float(abs(section.residual()).max()),
+            )
