@@ -283,7 +283,8 @@ def labelled(points: tuple[Point, ...]) -> tuple[Point, ...]:
     for point in points:
         if point.kind:
             count[point.kind] = count.get(point.kind, 0) + 1
-            point = replace(point, label=f"{point.kind}{count[point.kind]}")
+            dot = "." if point.kind[-1].isdigit() else ""  # the second R1 is R1.2, not R12
+            point = replace(point, label=f"{point.kind}{dot}{count[point.kind]}")
         numbered.append(point)
     return tuple(numbered)
 

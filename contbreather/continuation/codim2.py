@@ -182,11 +182,13 @@ def _first_lyapunov(point: Point) -> Mapping[str, Any]:
 
 
 def _lyapunov_on_hopf(point: Point) -> float:
+    """l1 without its pole at ZH."""
     square = point["omega2"]
     if not square > 0:
         return math.nan  # beyond BT
     ground = point.ground
-    return normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(square)).value.real
+    l1 = normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(square)).signed
+    return l1 * events.signed_smallest(normal_forms.Forms(ground.curve, ground.z).A)
 
 
 def _generalised_verify(point: Point) -> str:

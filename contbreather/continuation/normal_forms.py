@@ -31,6 +31,7 @@ _SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / 180
 _STEPS = [0.04 / 4**i for i in range(7)]
 _AGREED = 1e-9  # relative difference of two steps at which no shorter one is tried
 _DEGENERATE = 1e-6  # a coefficient this small against its terms has no sign
+_ROUNDING = 1e-11  # and this small it is rounding
 _DEFECTIVE = 1e-6  # <p, q> of unit vectors below which an eigenvalue counts as double
 
 
@@ -53,6 +54,12 @@ class Coefficient:
     def degenerate(self) -> bool:
         """Whether its real part has no sign to speak of."""
         return abs(self.value.real) <= _DEGENERATE * self.size
+
+    @property
+    def signed(self) -> float:
+        """Its real part as a test function: 0 where that is rounding, all along the curves of
+        conservative systems for instance."""
+        return 0.0 if abs(self.value.real) <= _ROUNDING * self.size else float(self.value.real)
 
 
 class Forms:
@@ -113,6 +120,32 @@ class Forms:
         return max(first, second)
 
 
+def along(curve: Curve, z: Array, v: Array) -> Array:
+    """Derivative of the whole Jacobian along a vector of unknowns, with a step that suits it: the
+    iterates of a map bend within ever shorter distances."""
+    direction = np.zeros(z.size)
+    direction[: v.size] = v
+    reach = max(1.0, float(abs(z / curve.scales).max())) / np.linalg.norm(direction / curve.scales)
+    best, doubt, before = None, math.inf, None
+    for step in _STEPS[2:]:
+        h = step * reach
+        try:
+            around = [curve.jacobian(z + i * h * direction) for i in range(-3, 4)]
+        except OUT_OF_DOMAIN:
+            continue
+        change = np.tensordot(_FIRST, np.stack(around), 1) / h
+        if before is not None:
+            apart = _largest(change - before) / max(_largest(change), 1e-300)
+            if apart < doubt:
+                best, doubt = change, apart
+            if doubt < _AGREED:
+                break
+        before = change
+    if best is None:
+        raise Undefined("the equations have no value around the point")
+    return best
+
+
 def _largest(matrix: Array) -> float:
     return float(abs(matrix).max())
 
@@ -135,7 +168,7 @@ def solve(matrix: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(found)
 
 
-def _sum(*terms: complex) -> Coefficient:
+def _sum(*terms: float) -> Coefficient:
     return Coefficient(sum(terms), sum(abs(term) for term in terms))
 
 
@@ -154,7 +187,8 @@ def lyapunov(curve: Curve, z: Array, omega: float) -> Coefficient:
     h11 = solve(A, B @ q.conj())
     h20 = solve(2j * omega * one - A, B @ q)
     terms = (C, -2 * B @ h11, B.conj() @ h20)
-    return _sum(*(complex(np.vdot(p, term)).real / (2 * omega) for term in terms))
+    parts = [complex(np.vdot(p, term)) / (2 * omega) for term in terms]
+    return Coefficient(sum(parts).real, sum(abs(part) for part in parts))
 
 
 def _along_plane(forms: Forms, q: Complex) -> tuple[Complex, Complex]:
@@ -237,7 +271,7 @@ def rotation(curve: Curve, z: Array, angle: float) -> Coefficient:
     h20 = solve(mu**2 * one - A, B @ q)
     terms = (C, 2 * B @ h11, B.conj() @ h20)
     parts = [complex(np.vdot(p, term)) / (2 * mu) for term in terms]
-    return Coefficient(sum(parts), sum(abs(part.real) for part in parts))
+    return Coefficient(sum(parts), sum(abs(part) for part in parts))
 
 
 def criticality(coefficient: Coefficient, *, stable_if_negative: bool) -> str:

@@ -1,0 +1,531 @@
+"""Fixed points and cycles of anybody's map: LP, BP, PD and NS, their curves and resonances.
+
+The equations are ``G(x) - x = 0`` with G the map, or its iterate for a cycle: its multipliers are
+the eigenvalues of F_x + 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from . import events as static
+from . import normal_forms
+from .boundary import met
+from .branch import Point
+from .codim2 import cusp, oriented_overlap
+from .events import Event, Locus, branch_point, signed_smallest
+from .newton import OUT_OF_DOMAIN, Undefined
+from .normal_forms import along
+from .problem import Curve, Params, Problem
+from .seed import Seed
+
+Array = NDArray[np.float64]
+Map = Callable[[Array, Params], Array]
+
+_RANK = 1e-7  # a multiplier this close to +1 or -1 is there
+_ZERO = 1e-5  # double multipliers split by a root
+_SAME = 1e-7  # relative distance at which a cycle has closed
+
+
+def FixedPoint(
+    map_: Map,
+    start: Mapping[str, Any],
+    params: Params,
+    *,
+    period: int = 1,
+    jacobian: Callable[[Array, Params], Array] | None = None,
+    events: Iterable[Event] | None = None,
+    record: Mapping[str, Callable[[Point], float]] | None = None,
+    domain: Mapping[str, tuple[float, float]] | None = None,
+    scales: Mapping[str, float] | None = None,
+    label: str = "",
+) -> Problem:
+    """Fixed points of a map, or its cycles, as a problem: ``map^period(x) - x = 0``.
+
+    Parameters
+    ----------
+    map_ : callable
+        ``map_(x, params) -> array``, the next x; `x` is a one-dimensional array in the order of
+        `start`. An angle is left unwrapped, with what it gains in a period taken off.
+    start, params : dict
+        As of a `Problem`: names and values, a start close to a solution.
+    period : int
+        Number of iterates after which the orbit closes.
+    jacobian : callable, optional
+        ``jacobian(x, params) -> (n, n) array``, the derivative of the map itself.
+    events : iterable of Event, optional
+        LP, BP, PD and NS by default.
+    record, domain, scales, label
+        As of a `Problem`. The column ``unstable``, the number of multipliers outside the unit
+        circle, is always there.
+
+    Returns
+    -------
+    Problem
+        To trace, to switch, to follow as boundaries. ``point.solution`` is a `Cycle`. A located
+        PD knows the coefficient ``detail["c"]`` of its normal form, NS ``detail["angle"]`` and
+        ``detail["d"]``, both their ``detail["criticality"]``. Boundaries meet, under the names of
+        the field, CP, R1, R2, R3, R4, LPPD (fold-flip), LPNS, PDNS, GPD and CH.
+
+    Raises
+    ------
+    BadInput
+        If `period` is not a positive integer, or as `Problem`.
+
+    Examples
+    --------
+    The first period doubling of the logistic map, and the cycle that is born there:
+
+    >>> import contbreather as cb, numpy as np
+    >>> logistic = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
+    >>> point = cb.trace(logistic, "r", within={"r": (1.5, 4)}).first("PD")
+    >>> round(point["r"], 12), point.detail["criticality"]
+    (3.0, 'supercritical')
+    """
+    if isinstance(period, bool) or not isinstance(period, int | np.integer) or period < 1:
+        raise BadInput(f"a period is a positive integer, got {period!r}")
+    iterate = Iterate(map_, int(period), jacobian)
+    named = label or ("fixed point" if period == 1 else f"cycle of period {period}")
+    return Problem(
+        iterate,
+        start,
+        params,
+        jacobian=None if jacobian is None else iterate.jacobian,
+        events=EVENTS if events is None else tuple(events),
+        record={**(record or {}), "unstable": lambda point: point.solution.unstable},
+        domain=domain or {},
+        scales=scales or {},
+        interpret=_cycle,
+        images=iterate.phases,
+        simpler=_shorter,
+        label=named,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """``G(x) - x`` with G the iterate of a map."""
+
+    map: Map
+    period: int
+    derivative: Callable[[Array, Params], Array] | None = None
+
+    def __call__(self, x: Array, params: Params) -> Array:
+        return self.after(x, params, self.period) - x
+
+    def after(self, x: Array, params: Params, times: int) -> Array:
+        for _ in range(times):
+            x = np.asarray(self.map(x, params))
+        return x
+
+    def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
+        """The other points of the cycle, each a start of the same one."""
+        points = []
+        for _ in range(self.period - 1):
+            x = np.asarray(self.map(x, params))
+            points.append(x)
+        return tuple(points)
+
+    def jacobian(self, x: Array, params: Params) -> Array:
+        """By the chain rule from the derivative of the map."""
+        assert self.derivative is not None
+        product = np.eye(x.size)
+        for _ in range(self.period):
+            product = np.asarray(self.derivative(x, params)) @ product
+            x = np.asarray(self.map(x, params))
+        return product - np.eye(x.size)
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A fixed point or cycle: its points, and its multipliers over one period."""
+
+    points: Array  # (period, n)
+    matrix: Array  # derivative of the iterate
+    params: Mapping[str, float]
+
+    @cached_property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Eigenvalues of the iterate, the largest first."""
+        values = np.linalg.eigvals(self.matrix).astype(complex)
+        return values[np.argsort(-abs(values), kind="stable")]
+
+    @property
+    def period(self) -> int:
+        return len(self.points)
+
+    @property
+    def unstable(self) -> int:
+        """Multipliers outside the unit circle."""
+        return int((abs(self.multipliers) > 1).sum())
+
+
+def _cycle(point: Point) -> Cycle:
+    iterate: Iterate = point.curve.problem.residual  # type: ignore[assignment]
+    points = np.array([point.x, *iterate.phases(point.x, point.params)])
+    return Cycle(points, _multiplier_matrix(point), point.params)
+
+
+def _multiplier_matrix(point: Point) -> Array:
+    n = point.curve.size
+    return np.asarray(point.jacobian()[:, :n] + np.eye(n))
+
+
+def _with_period(problem: Problem, period: int) -> Problem:
+    """The same orbit as one of another period."""
+    iterate: Iterate = problem.residual  # type: ignore[assignment]
+    other = replace(iterate, period=period)
+    generic = {"fixed point", f"cycle of period {iterate.period}"}
+    return replace(
+        problem,
+        residual=other,
+        jacobian=None if problem.jacobian is None else other.jacobian,
+        images=other.phases,
+        label=f"cycle of period {period}" if problem.label in generic else problem.label,
+    )
+
+
+def _shorter(point: Point) -> Problem | None:
+    """The cycle as one of the smallest period it has, if that is not the one it is written in."""
+    iterate: Iterate = point.curve.problem.residual  # type: ignore[assignment]
+    size = 1 + float(np.linalg.norm(point.x))
+    x = point.x
+    for period in range(1, iterate.period):
+        x = iterate.after(x, point.params, 1)
+        if iterate.period % period == 0 and np.linalg.norm(x - point.x) <= _SAME * size:
+            return _with_period(point.problem, period)
+    return None
+
+
+# --- the events on a branch -------------------------------------------------------------------
+
+
+def _units(point: Point) -> Array:
+    """Derivative of the iterate between unknowns in their scales, which keeps the multipliers."""
+    scales = point.curve.scales[: point.curve.size]
+    return _multiplier_matrix(point) * scales / scales[:, None]
+
+
+def _flip_test(point: Point) -> float:
+    return signed_smallest(_units(point) + np.eye(point.curve.size))
+
+
+def _null(matrix: Array, scales: Array) -> Array:
+    """Unit null vector, or nearly so, of a matrix between unknowns in their scales."""
+    vector = np.linalg.svd(matrix)[2][-1] * scales
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _flip_locus(point: Point) -> Locus:
+    n = point.curve.size
+    null = _null(_units(point) + np.eye(n), point.curve.scales[:n])
+    ends = (_GENERALISED_FLIP, _R2_ON_FLIP)
+    return Locus({"null": null}, _flip_conditions, _flip_derivative, events=ends)
+
+
+def _flip_conditions(curve: Curve, z: Array, null: Array) -> Array:
+    return np.append(curve.jacobian(z)[:, : curve.size] @ null + 2 * null, null.dot(null) - 1)
+
+
+def _flip_derivative(curve: Curve, z: Array, null: Array) -> Array:
+    n = curve.size
+    rows = np.zeros((n + 1, z.size + n))
+    rows[:n, : z.size] = along(curve, z, null)
+    rows[:n, z.size :] = curve.jacobian(z)[:, :n] + 2 * np.eye(n)
+    rows[n, z.size :] = 2 * null
+    return rows
+
+
+def _flip_verify(point: Point) -> str:
+    sizes = np.linalg.svd(_units(point) + np.eye(point.curve.size), compute_uv=False)
+    if sizes[-1] > _RANK * max(1.0, sizes[0]):
+        return f"no multiplier is -1: the nearest is {sizes[-1]:.2g} off"
+    if sizes.size > 1 and sizes[-2] < _RANK * max(1.0, sizes[0]):
+        return "two multipliers are -1, with two eigenvectors: not a simple period doubling"
+    return ""
+
+
+def _flip_analysis(point: Point) -> Mapping[str, Any]:
+    ground = point.ground
+    try:
+        c = normal_forms.flip(ground.curve, ground.z)
+    except OUT_OF_DOMAIN as error:
+        return {"criticality": f"unknown: {error}"}
+    kind = normal_forms.criticality(c, stable_if_negative=False)
+    return {"c": c.value.real, "criticality": kind}
+
+
+def _doubled(point: Point) -> tuple[Seed, ...]:
+    """The cycle of twice the period. Its two phases set out in opposite directions: one arm."""
+    problem = point.problem
+    iterate: Iterate = problem.residual  # type: ignore[assignment]
+    curve = point.curve
+    n = curve.size
+    null = _null(_units(point) + np.eye(n), curve.scales[:n])
+    parent = point.tangent if point.tangent.size == n + 1 else None
+    return (Seed(_with_period(problem, 2 * iterate.period), point.z, np.append(null, 0.0), parent),)
+
+
+def _pairs(values: NDArray[np.complex128]) -> tuple[Any, Any, NDArray[np.complex128]]:
+    """All pairs of multipliers and by how much their product misses 1."""
+    first, second = np.triu_indices(values.size, 1)
+    return first, second, values[first] * values[second] - 1
+
+
+def _rotation_test(point: Point) -> float:
+    """The smallest ``mu_i mu_j - 1`` with the sign of the product of all of them."""
+    values = np.linalg.eigvals(_multiplier_matrix(point)).astype(complex)
+    if values.size < 2:
+        return math.nan
+    gaps = _pairs(values)[2]
+    sign = float(np.prod(gaps / np.maximum(abs(gaps), 1e-300)).real)
+    return float(np.copysign(abs(gaps).min(), sign))
+
+
+def _circle_pair(point: Point) -> tuple[float, Array, Array]:
+    """cos(angle) of the pair nearest the unit circle, and two vectors of its plane."""
+    matrix = _multiplier_matrix(point)
+    values, vectors = np.linalg.eig(matrix)
+    for sign in (1.0, -1.0):
+        if (abs(values - sign) < _ZERO * max(1.0, float(np.linalg.norm(matrix, 2)))).sum() == 2:
+            shifted = matrix - sign * np.eye(len(matrix))
+            null = np.linalg.svd(shifted)[2][-1]
+            # in this order, as a single multiplier +-1 satisfies the conditions with its vector
+            return sign, np.linalg.lstsq(shifted, null)[0], null
+    upper = np.flatnonzero(values.imag > 0)
+    if not upper.size:
+        raise Undefined("no complex pair of multipliers: a neutral saddle, not NS")
+    nearest = upper[np.argmin(abs(abs(values[upper]) - 1))]
+    vector, mu = vectors[:, nearest], values[nearest]
+    return float(mu.real / abs(mu)), vector.real, vector.imag
+
+
+def _rotation_locus(point: Point) -> Locus:
+    """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
+    cosine, real, imaginary = _circle_pair(point)
+    null = real / np.linalg.norm(real)
+    reference = imaginary - (imaginary @ null) * null
+    reference /= np.linalg.norm(reference)
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        null, cosine = extra[:-1], extra[-1]
+        matrix = curve.jacobian(z)[:, : curve.size] + np.eye(curve.size)
+        turned = matrix @ null
+        own = matrix @ turned - 2 * cosine * turned + null
+        return np.concatenate([own, [null.dot(null) - 1, reference.dot(null)]])
+
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        null, cosine, n = extra[:-1], extra[-1], curve.size
+        matrix = curve.jacobian(z)[:, :n] + np.eye(n)
+        turned = matrix @ null
+        change = along(curve, z, null)
+        rows = np.zeros((n + 2, z.size + n + 1))
+        rows[:n, : z.size] = along(curve, z, turned) + matrix @ change - 2 * cosine * change
+        rows[:n, z.size : -1] = matrix @ matrix - 2 * cosine * matrix + np.eye(n)
+        rows[:n, -1] = -2 * turned
+        rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * null, reference
+        return rows
+
+    return Locus({"null": null, "cosine": cosine}, conditions, derivative, events=_ON_ROTATION)
+
+
+def _rotation_verify(point: Point) -> str:
+    """Of the two multipliers with product 1: are they a complex pair?"""
+    values = np.linalg.eigvals(_multiplier_matrix(point)).astype(complex)
+    first, second, gaps = _pairs(values)
+    nearest = int(abs(gaps).argmin())
+    pair = values[[first[nearest], second[nearest]]]
+    for sign, name in ((1, "R1"), (-1, "R2")):
+        if (abs(pair - sign) < 1e-4).all():
+            return f"both multipliers are {sign}: the resonance {name}"
+    if not pair.imag.any():
+        return f"a neutral saddle: the multipliers {pair[0].real:.4g} and {pair[1].real:.4g}"
+    return ""
+
+
+def _rotation_analysis(point: Point) -> Mapping[str, Any]:
+    ground = point.ground
+    angle = math.acos(max(-1.0, min(1.0, point.detail.get("cosine", _circle_pair(ground)[0]))))
+    try:
+        d = normal_forms.rotation(ground.curve, ground.z, angle)
+    except OUT_OF_DOMAIN as error:
+        return {"angle": angle, "criticality": f"unknown: {error}"}
+    kind = normal_forms.criticality(d, stable_if_negative=True)
+    return {"angle": angle, "d": complex(d.value), "criticality": kind}
+
+
+# --- what their curves in two parameters meet -------------------------------------------------
+
+
+def _fold_locus(point: Point) -> Locus:
+    locus = static.fold().locus(point)  # type: ignore[misc]  # a fold has one
+    return replace(locus, events=(cusp(), _R1_ON_FOLD))
+
+
+def _overlap(sign: int) -> Callable[[Point], float]:
+    """Zero where the multiplier of a curve of folds (1) or doublings (-1) is double."""
+
+    def test(point: Point) -> float:
+        null = np.atleast_1d(point["null"])
+        if null.size < 2:
+            return math.nan
+        matrix = _multiplier_matrix(point.ground) - sign * np.eye(null.size)
+        return oriented_overlap(matrix, null)
+
+    return test
+
+
+def _double_verify(sign: int) -> Callable[[Point], str]:
+    """Two multipliers there, with one eigenvector."""
+
+    def verify(point: Point) -> str:
+        matrix = _units(point.ground)
+        size = max(1.0, float(np.linalg.norm(matrix, 2)))
+        near = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
+        if near.sum() != 2:
+            return f"{near.sum()} multipliers are {sign}; two were wanted"
+        sizes = np.linalg.svd(matrix - sign * np.eye(len(matrix)), compute_uv=False)
+        if sizes[-2] < _RANK * size:
+            return f"two multipliers are {sign}, with two eigenvectors"
+        return ""
+
+    return verify
+
+
+def _on_circle(wanted: str) -> Callable[[Point], str]:
+    """Whether the multipliers on the unit circle are those of `wanted`: of ``+1``, ``-1`` and
+    ``pair`` each at most once."""
+
+    def verify(point: Point) -> str:
+        values = np.linalg.eigvals(_units(point.ground)).astype(complex)
+        on = values[abs(abs(values) - 1) < 1e-4]
+        found = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
+        found += ["pair"] * ((len(on) - len(found)) // 2)
+        if sorted(found) != sorted(wanted.split()):
+            shown = np.array2string(on, precision=6)
+            return f"on the unit circle are {shown}, where {wanted.replace(' ', ' and ')} are meant"
+        return ""
+
+    return verify
+
+
+def _flip_coefficient(point: Point) -> float:
+    """c without its poles, at R2 and fold-flips."""
+    ground = point.ground
+    poles = _overlap(-1)(point) if ground.curve.size > 1 else 1.0
+    c = normal_forms.flip(ground.curve, ground.z).signed
+    return c * poles * signed_smallest(_units(ground) - np.eye(ground.curve.size))
+
+
+def _generalised_flip_verify(point: Point) -> str:
+    ground = point.ground
+    c = normal_forms.flip(ground.curve, ground.z)
+    if abs(c.value.real) > 1e-6 * (c.size + _unit(ground)):
+        return f"the coefficient c = {c.value.real:.2g} is not zero"
+    return ""
+
+
+def _unit(ground: Point) -> float:
+    """Size of a cubic coefficient of order one, in the units of the point."""
+    return normal_forms.Forms(ground.curve, ground.z).reach ** -2
+
+
+def _rotation_coefficient(point: Point) -> float:
+    """Re d without its pole where a fold is met; no value at R1, R2 and R3, where the normal form
+    is another."""
+    ground, cosine = point.ground, point["cosine"]
+    if not -1 < cosine < 1:
+        return math.nan
+    d = normal_forms.rotation(ground.curve, ground.z, math.acos(cosine)).signed
+    return d * signed_smallest(_units(ground) - np.eye(ground.curve.size))
+
+
+def _chenciner_verify(point: Point) -> str:
+    ground = point.ground
+    d = normal_forms.rotation(ground.curve, ground.z, math.acos(point["cosine"]))
+    if abs(d.value.real) > 1e-6 * (d.size + _unit(ground)):
+        return f"Re d = {d.value.real:.2g} is not zero"
+    return ""
+
+
+def _resonance(k: int) -> Event:
+    """Rk on a curve of NS: multipliers ``exp(+-2 pi i / k)``."""
+    cosine = math.cos(2 * math.pi / k)
+    return Event(f"R{k}", lambda point: point["cosine"] - cosine, verify=_on_circle("pair"))
+
+
+_PLAIN_FOLD = replace(static.fold(), locus=_fold_locus)
+_PLAIN_FLIP = Event(
+    "PD", _flip_test, locus=_flip_locus, verify=_flip_verify, analysis=_flip_analysis, arms=_doubled
+)
+_PLAIN_ROTATION = Event(
+    "NS",
+    _rotation_test,
+    locus=_rotation_locus,
+    verify=_rotation_verify,
+    analysis=_rotation_analysis,
+)
+
+
+def _meeting(kind: str, on: str, event: Event, wanted: str) -> dict[str, tuple[Event, ...]]:
+    """On the boundary `on`, what meeting `event` there is called."""
+    named = replace(met(on, event), kind=kind, verify=_on_circle(wanted), analysis=None, arms=None)
+    return {on: (named,)}
+
+
+_R1_ON_FOLD = Event("R1", _overlap(1), verify=_double_verify(1), met=_PLAIN_ROTATION)
+_R2_ON_FLIP = Event("R2", _overlap(-1), verify=_double_verify(-1), met=_PLAIN_ROTATION)
+_GENERALISED_FLIP = Event("GPD", _flip_coefficient, verify=_generalised_flip_verify)
+_ON_ROTATION = (
+    # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles
+    Event(
+        "R1",
+        lambda point: 1 - point["cosine"],
+        terminal=True,
+        positive=True,
+        verify=_double_verify(1),
+        met=_PLAIN_FOLD,
+    ),
+    Event(
+        "R2",
+        lambda point: 1 + point["cosine"],
+        terminal=True,
+        positive=True,
+        verify=_double_verify(-1),
+        met=_PLAIN_FLIP,
+    ),
+    _resonance(3),
+    _resonance(4),
+    Event("CH", _rotation_coefficient, verify=_chenciner_verify),
+)
+
+_FOLD_OF_MAP = replace(
+    _PLAIN_FOLD,
+    meets={
+        **_meeting("LPPD", "PD", _PLAIN_FOLD, "+1 -1"),
+        **_meeting("LPNS", "NS", _PLAIN_FOLD, "+1 pair"),
+    },
+)
+_FLIP = replace(
+    _PLAIN_FLIP,
+    meets={
+        **_meeting("LPPD", "LP", _PLAIN_FLIP, "+1 -1"),
+        **_meeting("PDNS", "NS", _PLAIN_FLIP, "-1 pair"),
+    },
+)
+_ROTATION = replace(
+    _PLAIN_ROTATION,
+    meets={
+        **_meeting("LPNS", "LP", _PLAIN_ROTATION, "+1 pair"),
+        **_meeting("PDNS", "PD", _PLAIN_ROTATION, "-1 pair"),
+    },
+)
+EVENTS = (_FOLD_OF_MAP, branch_point(), _FLIP, _ROTATION)
