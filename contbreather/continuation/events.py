@@ -299,14 +299,18 @@ _TAKENS = Event("BT", lambda point: point["omega2"], terminal=True, positive=Tru
 
 
 def _hopf_verify(point: Point) -> str:
-    """Of the two eigenvalues that add up to nothing: are they a complex pair, or both zero?"""
+    """Of the two eigenvalues that add up to nothing: are they a complex pair? On a boundary they
+    may be both zero, where it meets a fold curve."""
     n = point.curve.size
     matrix = point.jacobian()[:, :n]
     values = np.linalg.eigvals(matrix)
     first, second = np.triu_indices(n, 1)
     nearest = np.argmin(abs(values[first] + values[second]))
     pair = values[[first[nearest], second[nearest]]]
-    if not pair.imag.any() and abs(pair).max() > _ZERO * np.linalg.norm(matrix, 2):
+    zero = abs(pair).max() <= _ZERO * np.linalg.norm(matrix, 2)
+    if zero and point.tangent.size:
+        return "a double zero eigenvalue: no pair on the imaginary axis"
+    if not zero and not pair.imag.any():
         return (
             f"a neutral saddle: the eigenvalues {pair[0].real:.3g} and {pair[1].real:.3g} are real"
         )

@@ -24,9 +24,9 @@ Value = float | int
 _SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
 _ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
 _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
-_BEYOND = 1e-4  # and how far, to see whether it changes back before the end of the step
-_ROUNDS = 4  # how often a step is looked through again, at the events found so far
-_AT_END = 1e-9  # a test this small, relative to its change over the step, vanishes at the end
+_APART = 1e-4  # two zeros of one test closer than this, relative to the step, may be one
+_ROUNDS = 20  # how often a step is looked through again, at the events found so far
+_AT_END = 1e-11  # a test this small, relative to its change over the step, vanishes at the end
 
 
 class Segment:
@@ -147,6 +147,7 @@ class Trail:
     event: Event
     values: dict[float, Value]
     done: list[tuple[float, float]] = field(default_factory=list)  # brackets that were dealt with
+    zeros: list[float] = field(default_factory=list)
     sure: set[float] = field(default_factory=lambda: {0.0, 1.0})  # where the value is final
 
     def changes(self) -> list[tuple[float, float]]:
@@ -172,6 +173,19 @@ class Trail:
         self.values[low], self.values[high] = self.values[left], self.values[right]
         self.done.append((low, high))
         self.sure |= {low, high}
+        self.zeros.append(u)
+
+    def settle_jump(self, low: float, high: float, look: Callable[[float], Value]) -> None:
+        """Remember a jump in a bracket: there may be others to either side."""
+        for u in (low, high):
+            if u not in self.sure:
+                self.values[u] = look(u)
+        self.done.append((low, high))
+        self.sure |= {low, high}
+
+    def deflated(self, u: float) -> float:
+        """The value at u with the zeros found so far divided out."""
+        return float(self.values[u]) / math.prod(u - zero or math.nan for zero in self.zeros)
 
     def learn(self, u: float, value: Value) -> None:
         """Take in one more value, unless u is so close to an event that rounding decides it."""
@@ -247,6 +261,8 @@ def _events_on(segment: Segment, trails: Sequence[Trail], ends: Ends) -> Iterato
         if not fresh:
             break
         _look_at(segment, trails, fresh)
+        for trail in trails:
+            _probe(segment, trail)
 
 
 def _between(
@@ -298,7 +314,7 @@ def _probe(segment: Segment, trail: Trail) -> None:
         return
     places = [0.0, 0.5, 1.0]
     for _ in range(4):
-        values = [float(trail.values[u]) for u in places]
+        values = [trail.deflated(u) for u in places]
         if not all(math.isfinite(value) and value != 0 for value in values):
             return
         vertex, depth = _parabola(places, values)
@@ -307,11 +323,13 @@ def _probe(segment: Segment, trail: Trail) -> None:
             return
         if min(abs(vertex - u) for u in places) < 1e-6:
             return
+        if any(abs(vertex - zero) < _APART for zero in trail.zeros):
+            return
         trail.values[vertex] = measure(trail.event, segment.provisional(vertex))
         if trail.changes():
             return
         around = sorted([*places, vertex])
-        lowest = min(range(1, 3), key=lambda i: abs(trail.values[around[i]]))
+        lowest = min(range(1, 3), key=lambda i: abs(trail.deflated(around[i])))
         places = around[lowest - 1 : lowest + 2]
 
 
@@ -368,12 +386,10 @@ def _look(segment: Segment, event: Event) -> Callable[[float], Value]:
 def _located(segment: Segment, trail: Trail, left: float, right: float) -> Iterator[Point]:
     finder = _jump if trail.jumps else _zero
     for low, high, point in finder(segment, trail, left, right):
-        u = 0.5 * (low + high)
-        trail.settle(u, left, right)
-        if not trail.jumps and trail.event.polish is None:
-            for beyond in (u - _BEYOND, u + _BEYOND):
-                if left < beyond < right:
-                    trail.learn(beyond, measure(trail.event, segment.at(beyond)))
+        if trail.jumps:
+            trail.settle_jump(low, high, _look(segment, trail.event))
+        else:
+            trail.settle(0.5 * (low + high), left, right)
         yield _special(point, trail.event, (low, high), segment)
 
 
@@ -440,10 +456,10 @@ def _jump(
         yield left, right, segment.at(middle)
         return
     trail.values[middle] = _look(segment, event)(middle)
+    trail.sure.add(middle)
     for low, high in ((left, middle), (middle, right)):
         if trail.values[low] != trail.values[high]:
             yield from _jump(segment, trail, low, high, attempt)
-            trail.done.append((low, high))
 
 
 def _polish(segment: Segment, event: Event, u: float, left: float, right: float) -> Place | None:

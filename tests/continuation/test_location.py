@@ -1,0 +1,346 @@
+"""What is seen and located on one step: several events, jumps, poles, NaN, both ends."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contbreather.continuation import (
+    Branch,
+    Event,
+    Locus,
+    Problem,
+    Steps,
+    Stop,
+    branch_point,
+    fold,
+    hopf,
+    trace,
+    user,
+)
+from contbreather.errors import BadInput
+
+from .zoo import (
+    ALL,
+    ARMS,
+    BRUSSELATOR,
+    CUSP,
+    LINE,
+    NEUTRAL_SADDLE,
+    STATIC,
+    events_of,
+    scalar,
+    trace_case,
+)
+
+LONG = Steps(first=0.5, largest=3.0)  # the whole line in a few steps
+UNIT = {"mu": (-1.0, 1.0)}
+
+
+def on_line(*events: Event, start: float = 0.0, within=None, **given) -> Branch:
+    """A branch along ``x = 2 mu``, where nothing but the tests can go wrong."""
+    problem = LINE.problem.at(x=2 * start, mu=start)
+    return trace(problem, "mu", within=within or UNIT, events=events, **given)
+
+
+def places(branch: Branch) -> list[float]:
+    return [point["mu"] for point in events_of(branch)]
+
+
+# --- zeros ------------------------------------------------------------------------------------
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(st.lists(st.floats(-0.99, 0.99), min_size=1, max_size=6, unique=True), st.floats(0.01, 3.0))
+def test_all_events_in_one_step_are_found_in_order(values: list[float], largest: float) -> None:
+    steps = Steps(first=largest, largest=largest)
+    branch = on_line(*(user("mu", value) for value in values), steps=steps)
+    assert places(branch) == pytest.approx(sorted(values), abs=1e-11)
+    assert [point.label for point in events_of(branch)] == [
+        f"UZ{i}" for i in range(1, len(values) + 1)
+    ]
+    assert branch.doubtful == ()
+
+
+def test_two_events_at_the_same_place_are_both_kept() -> None:
+    branch = on_line(user("mu", 0.3), user("x", 0.6), steps=LONG)
+    assert places(branch) == pytest.approx([0.3, 0.3], abs=1e-15)
+    at_folds = trace_case(CUSP, events=[fold(), user("x", 3**-0.5), user("x", -(3**-0.5))])
+    assert sorted(point.kind for point in events_of(at_folds)) == ["LP", "LP", "UZ", "UZ"]
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6])
+def test_two_zeros_of_one_test_within_a_step_are_both_found(gap: float) -> None:
+    pair = Event("DZ", lambda point: (point["mu"] - 0.31) ** 2 - gap**2)
+    branch = on_line(pair, steps=LONG)
+    assert places(branch) == pytest.approx([0.31 - gap, 0.31 + gap], abs=1e-9)
+
+
+def test_a_zero_and_a_pair_of_zeros_within_a_step() -> None:
+    three = Event("TZ", lambda q: (q["mu"] - 0.5) * ((q["mu"] - 0.5) ** 2 - 0.05**2))
+    branch = on_line(three, start=0.2, within={"mu": (0.2, 0.8)}, steps=LONG)
+    assert places(branch) == pytest.approx([0.45, 0.5, 0.55], abs=1e-12)
+
+
+def test_a_triple_zero_is_one_event() -> None:
+    assert places(on_line(Event("TZ", lambda q: (q["mu"] - 0.3) ** 3))) == pytest.approx(
+        [0.3], abs=1e-4
+    )
+
+
+def test_a_zero_is_located_to_the_last_digits_without_a_locus() -> None:
+    event = Event("EX", lambda point: math.exp(3 * point["mu"]) - 2)
+    (point,) = events_of(on_line(event, steps=LONG))
+    assert point["mu"] == pytest.approx(math.log(2) / 3, abs=2e-15)
+    low, high = point.bracket
+    assert low <= point.arclength <= high
+    assert high - low < 1e-12
+
+
+def test_a_step_that_ends_exactly_on_a_zero_counts_it_once() -> None:
+    steps = Steps(first=0.25 * math.sqrt(5), largest=0.25 * math.sqrt(5))
+    for value in (-0.5, -0.25, 0.25, 0.5):
+        assert places(on_line(user("mu", value), steps=steps)) == [value]
+
+
+def test_a_test_that_is_zero_all_along_is_no_event() -> None:
+    branch = trace_case(CUSP, events=[user("mu", 1.0)])
+    assert events_of(branch) == []
+
+
+# --- no zeros ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "test",
+    [
+        lambda q: 1 / (q["mu"] - 0.3),
+        lambda q: math.tan(2 * q["mu"]) if q["mu"] > 0.1 else 1.0,
+        lambda q: math.copysign(1.0, q["mu"] - 0.3),
+        lambda q: 1e3 * (q["mu"] - 0.3) + math.copysign(1.0, q["mu"] - 0.3),
+    ],
+)
+def test_a_pole_or_a_step_of_a_float_test_is_no_event_but_is_told(test) -> None:
+    branch = on_line(Event("PO", test), start=-0.9)
+    assert events_of(branch) == []
+    assert branch.doubtful
+    for point in branch.doubtful:
+        assert not point.located
+        assert "PO" in point.detail["reason"]
+        assert "not located" in repr(point)
+
+
+def test_a_double_pole_and_a_double_zero_that_is_missed_are_no_events() -> None:
+    branch = on_line(Event("PO", lambda q: 1 / (q["mu"] - 0.3) ** 2), start=-0.9)
+    assert events_of(branch) == []
+    above = Event("AB", lambda q: (q["mu"] - 0.3) ** 2 + 1e-6)
+    assert events_of(on_line(above, steps=LONG)) == []
+
+
+def test_a_neutral_saddle_is_no_hopf_point() -> None:
+    branch = trace_case(NEUTRAL_SADDLE, events=[hopf()])
+    assert events_of(branch) == []
+    (point,) = branch.doubtful
+    assert abs(point["m"]) < 1e-9
+    assert "neutral saddle" in point.detail["reason"]
+
+
+def test_where_an_arm_turns_at_a_pitchfork_there_is_a_branch_point_and_no_fold() -> None:
+    branch = trace_case(ARMS, events=STATIC)
+    assert [point.kind for point in events_of(branch)] == ["BP"]
+    assert {point.kind for point in branch.doubtful} == {"LP"}
+    alone = trace_case(ARMS, events=[fold()])
+    assert events_of(alone) == []
+
+
+def test_a_cubic_point_is_no_fold() -> None:
+    steep = scalar(lambda x, p: p["mu"] - x**3, -1.0, {"mu": -1.0})
+    assert events_of(trace(steep, "mu", within=UNIT, events=ALL)) == []
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_isolated_point_next_to_the_curve_is_no_branch_point(sign: int) -> None:
+    # x = 0 is the curve; (x^2 + (mu - 0.3)^2 + 1e-6) vanishes nowhere
+    near = scalar(lambda x, p: sign * x * (x**2 + (p["mu"] - 0.3) ** 2 + 1e-6), 0.0, {"mu": -0.9})
+    assert events_of(trace(near, "mu", within=UNIT, events=STATIC)) == []
+
+
+def test_two_branch_points_within_one_step() -> None:
+    pair = scalar(lambda x, p: x * (x - (p["mu"] - 0.5) * (p["mu"] - 0.501)), 0.0, {"mu": -0.5})
+    for steps in (Steps(), LONG):
+        branch = trace(pair, "mu", within=UNIT, events=STATIC, steps=steps)
+        assert places(branch) == pytest.approx([0.5, 0.501], abs=1e-12)
+
+
+def test_branch_point_knows_both_tangents() -> None:
+    # x = mu and x = -2 mu cross at the origin
+    cross = scalar(lambda x, p: (x - p["mu"]) * (x + 2 * p["mu"]) * (3 + x), 0.5, {"mu": 0.5})
+    point = trace(cross, "mu", within=UNIT, events=STATIC).first("BP")
+    slopes = sorted(tangent[0] / tangent[1] for tangent in point.detail["tangents"])
+    assert slopes == pytest.approx([-2.0, 1.0], abs=1e-9)
+    assert point.tangent[0] / point.tangent[1] == pytest.approx(1.0, abs=1e-9)
+
+
+# --- jumps ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("steps", [Steps(), LONG])
+def test_every_jump_of_a_count_is_found(steps: Steps) -> None:
+    count = Event("IN", lambda point: math.floor(20 * point["mu"] + 0.5))
+    branch = on_line(count, steps=steps)
+    assert len(events_of(branch)) == 40
+    assert np.allclose(places(branch), np.arange(-0.975, 1.0, 0.05), rtol=0, atol=1e-12)
+    for point in events_of(branch):
+        low, high = point.bracket
+        assert low <= point.arclength <= high
+        assert high - low < 1e-12
+
+
+@pytest.mark.parametrize(
+    "test",
+    [
+        lambda q: q["mu"] > 0.3,
+        lambda q: np.bool_(q["mu"] > 0.3),
+        lambda q: np.int64(q["mu"] > 0.3),
+        lambda q: 2 if q["mu"] > 0.3 else 5,
+    ],
+)
+def test_anything_that_counts_may_be_a_test(test) -> None:
+    assert places(on_line(Event("IN", test))) == pytest.approx([0.3], abs=1e-13)
+
+
+def test_a_jump_with_a_locus_is_as_sharp_as_the_locus() -> None:
+    calls = 0
+
+    def beyond(point) -> int:
+        nonlocal calls
+        calls += 1
+        return int(math.exp(point["mu"]) > 1.5)
+
+    def conditions(curve, z, extra):
+        return np.array([math.exp(z[-1]) - 1.5])
+
+    event = Event("IN", beyond, locus=lambda point: Locus({}, conditions))
+    (point,) = events_of(on_line(event, steps=LONG))
+    assert point["mu"] == pytest.approx(math.log(1.5), abs=1e-15)
+    assert calls < 40
+
+
+def test_a_locus_that_leads_astray_does_not_matter() -> None:
+    def conditions(curve, z, extra):
+        return np.array([z[-1] - 0.7])  # not where the test jumps
+
+    event = Event("IN", lambda q: int(q["mu"] > 0.3), locus=lambda point: Locus({}, conditions))
+    assert places(on_line(event)) == pytest.approx([0.3], abs=1e-13)
+
+
+# --- no value ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wrap", [float, lambda value: int(value > 0)])
+def test_nan_means_that_nothing_is_looked_for(wrap) -> None:
+    def test(point):
+        off = point["mu"] - 0.3
+        return math.nan if abs(off) < 0.1 else wrap(off)
+
+    branch = on_line(Event("NA", test), Event("NN", lambda point: math.nan))
+    assert events_of(branch) == []
+
+
+def test_a_test_that_raises_where_it_has_no_value_is_looked_for_elsewhere() -> None:
+    def root(point):
+        return math.sqrt(point["mu"]) - 0.5
+
+    branch = on_line(Event("RT", root), start=0.1)
+    assert branch[0]["mu"] == -1.0
+    assert places(branch) == pytest.approx([0.25], abs=1e-14)
+
+
+def test_a_test_that_fails_at_the_start_is_a_mistake() -> None:
+    with pytest.raises(BadInput, match=r"no 'nu' at this point; it has \['x', 'mu'\]"):
+        on_line(user("nu", 0.3))
+    with pytest.raises(BadInput, match="an Event was wanted, got <function fold"):
+        on_line(fold)  # not called
+
+
+# --- both ends --------------------------------------------------------------------------------
+
+
+def test_events_at_start_and_end_are_not_lost() -> None:
+    branch = on_line(user("mu", 0.0), user("mu", -1.0), user("mu", 1.0), user("x", 0.0))
+    assert places(branch) == [-1.0, 0.0, 0.0, 1.0]
+    assert [point.kind for point in branch.special] == ["UZ"] * 4  # no EP where an event is
+
+
+@pytest.mark.parametrize("off", [1e-6, 1e-9, 1e-12, 1e-14])
+def test_events_next_to_start_and_end_are_found_once(off: float) -> None:
+    for value in (off, -off, 1 - off, -1 + off):
+        assert places(on_line(user("mu", value))) == pytest.approx([value], abs=1e-12)
+
+
+def test_hopf_and_fold_at_the_start_are_found_once_in_every_direction() -> None:
+    hopf_start = BRUSSELATOR.problem.at(X=1.0, Y=2.0, B=2.0)
+    for towards in ("up", "down", "both"):
+        branch = trace(hopf_start, "B", events=ALL, within={"B": (1.0, 3.0)}, towards=towards)
+        assert [point.kind for point in events_of(branch)] == ["HB"]
+
+
+# --- what an event does to its branch ---------------------------------------------------------
+
+
+def test_a_terminal_event_ends_the_branch_at_its_point() -> None:
+    branch = on_line(user("mu", 0.3, terminal=True), user("mu", 0.31), user("mu", 0.29))
+    assert branch.stop is Stop.EVENT
+    assert branch.began is Stop.BOUND
+    assert branch[-1].kind == "UZ"
+    assert places(branch) == pytest.approx([0.29, 0.3], abs=1e-15)
+
+
+def test_beyond_a_positive_event_nothing_is_returned() -> None:
+    wall = Event("GR", lambda point: 0.3 - point["mu"], terminal=True, positive=True)
+    branch = on_line(wall, steps=LONG)
+    assert branch.stop is Stop.EVENT
+    assert branch[-1]["mu"] == pytest.approx(0.3, abs=1e-15)
+    with pytest.raises(BadInput, match=r"the start lies beyond GR: its test is -0.2"):
+        on_line(wall, start=0.5)
+
+
+def test_a_start_on_a_positive_event_goes_the_allowed_way() -> None:
+    wall = Event("GR", lambda point: 0.25 - point["mu"], terminal=True, positive=True)
+    branch = on_line(wall, start=0.25)
+    assert branch.stop is Stop.EVENT
+    assert branch[-1].label == "GR1"
+    assert branch[0]["mu"] == -1.0
+    alone = on_line(wall, start=0.25, towards="up")
+    assert len(alone) == 1
+    assert alone.stop is Stop.EVENT
+
+
+def test_events_may_come_from_the_problem_or_a_generator() -> None:
+    from dataclasses import replace
+
+    own = replace(LINE.problem, events=(user("mu", 0.2), user("mu", -0.2)))
+    assert places(trace(own, "mu", within=UNIT)) == pytest.approx([-0.2, 0.2])
+    assert places(trace(own, "mu", within=UNIT, events=())) == []
+    given = (user("mu", value) for value in (0.1, -0.1))
+    assert places(trace(own, "mu", within=UNIT, events=given)) == pytest.approx([-0.1, 0.1])
+
+
+def test_a_double_zero_eigenvalue_is_told_from_a_neutral_saddle() -> None:
+    """x' = y, y' = mu + x^2 + x y: fold and Hopf point in one, at mu = 0."""
+
+    def residual(u, p):
+        x, y = u
+        return np.array([y, p["mu"] + x * x + x * y])
+
+    problem = Problem(residual, {"x": -0.5, "y": 0.0}, {"mu": -0.25})
+    branch = trace(
+        problem, "mu", within={"x": (-1.0, 1.0)}, events=[fold(), hopf(), branch_point()]
+    )
+    assert branch.first("LP")["mu"] == pytest.approx(0.0, abs=1e-12)
+    for point in (*branch.special, *branch.doubtful):
+        assert "neutral" not in point.detail.get("reason", "")
