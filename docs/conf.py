@@ -64,3 +64,15 @@ if any(EXAMPLES.glob("*.py")):  # each is run: its page shows what it really dra
         "download_all_examples": False,
         "show_memory": False,
     }
+
+
+def bars_are_bars(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """``|mu|`` in a docstring is a modulus, not a substitution."""
+    for i, line in enumerate(lines):
+        parts = line.split("``")
+        parts[::2] = [part.replace("|", r"\|") for part in parts[::2]]
+        lines[i] = "``".join(parts)
+
+
+def setup(app: Any) -> None:
+    app.connect("autodoc-process-docstring", bars_are_bars)

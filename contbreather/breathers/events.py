@@ -95,6 +95,7 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
         "NS",
         _on_breather(lambda breather: _any_beyond(breather, on, threshold)),
         locus=lambda point: _circle_locus(point, on, threshold),
+        verify=_verify_angle,
     )
 
 
@@ -243,7 +244,7 @@ def _along(curve: Curve, breather: Breather, F: OnArc | Gradient) -> Array:
 def _verify_angle(point: Point) -> str:
     nu = point.detail.get("nu")
     if nu is None:
-        return "the pair was seen to come out, but its angle could not be solved for"
+        return "a pair was seen to leave or to turn real, but no angle solves the locus"
     return ""
 
 

@@ -232,7 +232,7 @@ class Breather:
         return admissibility(self)
 
     def stability(
-        self, sites: int | None = None, threshold: float = 1.005
+        self, sites: int | None = None, threshold: float | None = None
     ) -> ChainVerdict | RingVerdict:
         """Is it stable? The verdict names the chain it is about.
 
@@ -243,8 +243,8 @@ class Breather:
             `threshold`. Unless given, the question is about the breather's own lattice; on the
             infinite chain the answer is the number of isolated multipliers of QS outside the unit
             circle, without a threshold.
-        threshold : float
-            Above 1; for rings only.
+        threshold : float, optional
+            Above 1, the paper's 1.005 unless given; for rings only.
 
         Returns
         -------
@@ -259,6 +259,13 @@ class Breather:
         from contbreather.stability import stability
 
         own = self if sites is None else self.on(Ring(sites))
+        if threshold is None:
+            threshold = 1.005
+        elif not isinstance(own.lattice, Ring):
+            raise BadInput(
+                f"threshold = {threshold}: the infinite chain has none, its verdict is exact; "
+                "ask for stability(sites=N, threshold=...)."
+            )
         return stability(own.gamma, own.k, own.b, own.lattice, threshold=threshold)
 
     def multipliers(self, sites: int | None = None, *, half: bool = False) -> ComplexArray:

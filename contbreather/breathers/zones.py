@@ -63,10 +63,25 @@ class Zones:
             for branch in self.curves[kind]:
                 yield kind, branch
 
+    def __getitem__(self, kind: str) -> tuple[Branch, ...]:
+        if kind not in self.curves:
+            raise BadInput(f"no curves {kind!r}; there are {list(self.curves)}")
+        return self.curves[kind]
+
     @property
     def special(self) -> tuple[Point, ...]:
-        """Where curves meet: PF-GR, NS-LP, NS-GR, ... (each as seen from both)."""
-        return tuple(p for _, branch in self for p in branch.special if "-" in p.kind)
+        """Where curves meet, each once: PF-GR, NS-LP, NS-GR, LP-GR, GR-GR."""
+        found: list[Point] = []
+        for kind in reversed(KINDS):
+            for point in (p for branch in self.curves[kind] for p in branch.special):
+                if _is_meeting(point) and not any(self._same(point, one) for one in found):
+                    found.append(point)
+        return tuple(found)
+
+    def _same(self, one: Point, other: Point) -> bool:
+        """Whether two meetings are one, seen from either curve."""
+        kinds = [set(point.kind.split("-")) for point in (one, other)]
+        return kinds[0] == kinds[1] and all(abs(one[n] - other[n]) < 1e-6 for n in self.pair)
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{kind}: {len(self.curves[kind])}" for kind in KINDS)

@@ -138,9 +138,9 @@ def _entry(diagram: Zones) -> dict[str, Any]:
 
 def _points(diagram: Zones) -> Iterator[dict[str, Any]]:
     """The codim-2 points, each once."""
-    from contbreather.plotting.zones import meetings, names_of_meetings
+    from contbreather.plotting.zones import names_of_meetings
 
-    for point, (_, _, name) in zip(meetings(diagram), names_of_meetings(diagram), strict=True):
+    for point, (_, _, name) in zip(diagram.special, names_of_meetings(diagram), strict=True):
         breather = point.solution
         yield {
             "k": breather.k,

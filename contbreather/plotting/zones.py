@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from contbreather.breathers import admissibility, symmetric
 from contbreather.breathers.problem import unstable
 from contbreather.breathers.zones import KINDS, Zones
-from contbreather.continuation import Point
 from contbreather.errors import BadInput, NoSolution
 from contbreather.plotting.canvas import (
     BLACK,
@@ -129,7 +128,7 @@ def _panel(zones: Zones, ax: Axes, letter: str) -> None:
     ax.set_xlim(window[:2])
     ax.set_ylim(window[2:])
     _shade(zones, ax, window)
-    for point in meetings(zones):
+    for point in zones.special:
         ax.plot(
             point[horizontal], point[vertical], MEETING, color=BLACK, markerfacecolor="white",
             markersize=5, markeredgewidth=0.8, zorder=4, clip_on=False,
@@ -151,22 +150,6 @@ def extent(zones: Zones, name: str) -> tuple[float, float]:
     """Smallest and largest value of one of the pair on all curves."""
     columns = [branch[name] for _, branch in zones]
     return min(float(c.min()) for c in columns), max(float(c.max()) for c in columns)
-
-
-def meetings(zones: Zones) -> list[Point]:
-    """Codim-2 points, each once, although it is met on both of its curves."""
-    kept: list[Point] = []
-    for point in zones.special:
-        here = np.array([point[name] for name in zones.pair])
-        same = (
-            other
-            for other in kept
-            if set(other.kind.split("-")) == set(point.kind.split("-"))
-            and np.allclose([other[name] for name in zones.pair], here, rtol=0, atol=1e-6)
-        )
-        if next(same, None) is None:
-            kept.append(point)
-    return kept
 
 
 # --- regions ------------------------------------------------------------------------------------
@@ -299,7 +282,7 @@ def names_of_meetings(zones: Zones) -> list[tuple[float, float, str]]:
             float(point[zones.pair[1]]),
             "\N{EN DASH}".join(sorted(point.kind.split("-"), key=ORDER.index)),
         )
-        for point in meetings(zones)
+        for point in zones.special
     ]
 
 

@@ -189,6 +189,23 @@ def test_ring_rule_agrees_with_all_multipliers() -> None:
     assert largest == pytest.approx(1.005, abs=1e-10)
 
 
+def test_a_pair_that_turns_real_on_a_ring_is_no_neimark_sacker_point() -> None:
+    event = cb.neimark_sacker(on=cb.Ring(200), threshold=1.005)
+    branch = cb.trace(
+        cb.symmetric(0.2, 0.08, 0.8),
+        "gamma",
+        events=[event],
+        towards="up",
+        within={"gamma": (0, 0.23)},
+    )
+    assert [point.kind for point in branch.special] == ["EP", "NS", "EP"]
+
+
+def test_the_infinite_chain_has_no_threshold() -> None:
+    with pytest.raises(cb.BadInput, match="infinite chain has none"):
+        cb.symmetric(0.2, 0.08, 0.8).stability(threshold=1.01)
+
+
 def test_a_threshold_on_a_ring_must_exceed_one() -> None:
     with pytest.raises(cb.BadInput, match="above 1"):
         cb.neimark_sacker(on=cb.Ring(10), threshold=1.0)

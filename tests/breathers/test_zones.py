@@ -21,10 +21,6 @@ def zones(k: float) -> cb.Zones:
     return cb.zones(k=k)
 
 
-def meetings(diagram: cb.Zones, kind: str) -> list[cb.Point]:
-    return [point for point in diagram.special if point.kind == kind]
-
-
 @pytest.mark.parametrize("k", KS)
 def test_every_curve_has_its_points_and_solves_its_equations(k: float) -> None:
     for _, branch in zones(k):
@@ -132,10 +128,18 @@ def test_upper_limit_is_where_admissibility_ends(k: float) -> None:
 
 def test_meetings_are_seen_from_both_curves_at_the_same_place() -> None:
     diagram = zones(0.8)
-    for one, other in (("PF-GR", "GR-PF"), ("NS-GR", "GR-NS"), ("NS-LP", "LP-NS")):
-        (first,), (second,) = meetings(diagram, one), meetings(diagram, other)
+    for one, other in (("PF", "GR"), ("NS", "GR"), ("NS", "LP")):
+        first = diagram[one][0].first(f"{one}-{other}")
+        second = diagram[other][0].first(f"{other}-{one}")
         assert first["gamma"] == pytest.approx(second["gamma"], abs=1e-10)
         assert first["a"] == pytest.approx(second["a"], abs=1e-10)
+
+
+def test_meetings_of_a_diagram_are_listed_once() -> None:
+    kinds = [point.kind for point in zones(0.8).special]
+    assert sorted(kinds) == ["NS-GR", "NS-LP", "PF-GR"]
+    with pytest.raises(cb.BadInput, match="no curves"):
+        zones(0.8)["HB"]
 
 
 def test_for_small_k_site_zero_takes_over_the_upper_limit() -> None:
