@@ -23,6 +23,7 @@ class Progress:
     def __init__(self, shown: bool | None, free: str) -> None:
         self.wanted = sys.stderr.isatty() if shown is None else shown
         self.free = free
+        self.title = ""
         self.count = 0
         self.began = time.monotonic()
         self.last = self.began + _PATIENCE
@@ -46,7 +47,7 @@ class Progress:
         if not self.wanted or time.monotonic() < self.last:
             return
         self.last = time.monotonic() + _INTERVAL
-        text = f"{self.count} points, {self.free} = {point[self.free]:.6g}"
+        text = f"{self.title}{self.count} points, {self.free} = {point[self.free]:.6g}"
         if self.status is None:
             from rich.console import Console
 

@@ -1,0 +1,429 @@
+"""Diagrams that grow by themselves: follow, switch wherever branches meet, and follow again."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import BadInput, ContbreatherError
+from .branch import Branch, Point, Stop
+from .events import Event
+from .problem import Problem
+from .progress import Progress
+from .recognition import Likeness, recognised, same_place, simplest
+from .seed import Seed
+from .steps import Steps
+from .switching import follow, seeds_at
+from .trace import Startable, Within, trace
+
+if TYPE_CHECKING:
+    from networkx import MultiDiGraph
+    from rich.tree import Tree
+
+
+@dataclass(frozen=True)
+class Place:
+    """A special point and the branch it was found on first."""
+
+    branch: int
+    point: Point
+
+    @property
+    def name(self) -> str:
+        return f"branch {self.branch}: {self.point.label}"
+
+
+@dataclass(frozen=True)
+class Birth:
+    """How a branch came about: at which depth, from where, and of which branch it is the image."""
+
+    depth: int
+    place: Place | None = None
+    image_of: int | None = None
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """An arm that was not followed: it leads to a branch that is known."""
+
+    place: Place
+    branch: int
+
+    def __str__(self) -> str:
+        return f"{self.place.name} leads to branch {self.branch}"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An arm that could not be followed, and why."""
+
+    place: Place
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.place.name}: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class Diagram:
+    """Branches, and what was born where.
+
+    Attributes
+    ----------
+    branches : tuple of Branch
+        In the order in which they were followed, the start first.
+    births : tuple of Birth
+        How each of them came about.
+    places : tuple of tuple of Place
+        For each branch its special points, in order; a point where branches cross is the same
+        `Place` on all of them.
+    met : tuple of Meeting
+        Arms that lead to branches known already, and were not followed again.
+    failed : tuple of Failure
+        Arms that could not be followed.
+    left : tuple of Place
+        Points that were not switched at: beyond the depth, after as many branches as allowed, or
+        after an interruption.
+    interrupted : bool
+        Whether it was interrupted; what there was by then is kept.
+    """
+
+    branches: tuple[Branch, ...]
+    births: tuple[Birth, ...]
+    places: tuple[tuple[Place, ...], ...]
+    met: tuple[Meeting, ...] = ()
+    failed: tuple[Failure, ...] = ()
+    left: tuple[Place, ...] = ()
+    interrupted: bool = False
+
+    def __len__(self) -> int:
+        return len(self.branches)
+
+    def __iter__(self) -> Iterator[Branch]:
+        return iter(self.branches)
+
+    def __getitem__(self, index: int) -> Branch:
+        return self.branches[index]
+
+    @property
+    def special(self) -> tuple[Point, ...]:
+        """The special points of all branches; one where branches cross is there once."""
+        return tuple(place.point for place in self._distinct().values())
+
+    def _distinct(self) -> dict[str, Place]:
+        return {place.name: place for row in self.places for place in row}
+
+    @property
+    def graph(self) -> MultiDiGraph:
+        """What was born where, as a networkx graph.
+
+        Nodes are branches (their number, with ``branch`` and ``depth``) and special points
+        (``"branch 0: PF1"``, with ``point``); ``kind`` is ``"branch"`` or that of the point. Edges
+        have a ``relation``: ``"on"`` from a branch to the points on it, ``"born"`` from a point to
+        the branches that set out there, ``"known"`` from a point to a branch that was there
+        before, ``"image"`` from a branch to its image under a symmetry.
+        """
+        from networkx import MultiDiGraph
+
+        graph = MultiDiGraph()
+        for i, (branch, birth) in enumerate(zip(self.branches, self.births, strict=True)):
+            graph.add_node(i, kind="branch", branch=branch, depth=birth.depth)
+        for name, place in self._distinct().items():
+            graph.add_node(name, kind=place.point.kind, point=place.point)
+        for i, row in enumerate(self.places):
+            for place in row:
+                graph.add_edge(i, place.name, relation="on")
+        for i, birth in enumerate(self.births):
+            if birth.place is not None:
+                graph.add_edge(birth.place.name, i, relation="born")
+            if birth.image_of is not None:
+                graph.add_edge(birth.image_of, i, relation="image")
+        for meeting in self.met:
+            graph.add_edge(meeting.place.name, meeting.branch, relation="known")
+        return graph
+
+    def describe(self) -> str:
+        """One sentence: how much there is, and what was left undone."""
+        parts = [f"{len(self)} branches, {len(self._distinct())} special points"]
+        if self.left:
+            parts.append(f"{len(self.left)} points not switched at")
+        if self.failed:
+            parts.append(f"{len(self.failed)} arms not followed")
+        if self.interrupted:
+            parts.append(Stop.INTERRUPTED.value)
+        return "; ".join(parts)
+
+    def __repr__(self) -> str:
+        return f"<Diagram {self.describe()}>"
+
+    def __rich__(self) -> Tree:
+        """Branches as a tree: under each its special points, under each of these what was born."""
+        from rich.tree import Tree
+
+        tree = Tree(self.describe())
+        for i, birth in enumerate(self.births):
+            if birth.place is None:
+                self._grow(tree, i)
+        return tree
+
+    def _grow(self, tree: Tree, index: int) -> None:
+        branch, image = self.branches[index], self.births[index].image_of
+        note = "" if image is None else f" (image of branch {image})"
+        node = tree.add(f"branch {index}{note}: {branch.describe()}")
+        for place in self.places[index]:
+            if place.branch != index:
+                node.add(f"meets {place.name}")
+                continue
+            leaf = node.add(_shown(place.point))
+            for i, birth in enumerate(self.births):
+                if birth.place is not None and birth.place.name == place.name:
+                    self._grow(leaf, i)
+
+
+def _shown(point: Point) -> str:
+    values = [(name, point[name]) for name in (*point.curve.free, *point.curve.problem.start)]
+    numbers = ", ".join(f"{name} = {value:.8g}" for name, value in values if np.ndim(value) == 0)
+    return f"{point.label}: {numbers}"
+
+
+# --- growing ----------------------------------------------------------------------------------
+
+
+def diagram(
+    start: Problem | Startable,
+    free: str,
+    *,
+    within: Within,
+    depth: int = 2,
+    events: Iterable[Event] | None = None,
+    steps: Steps | None = None,
+    most: int = 100,
+    progress: bool | None = None,
+) -> Diagram:
+    """Follow the branch through a start, switch wherever others leave it, follow these, and so on.
+
+    Parameters
+    ----------
+    start : Problem, Breather or Point
+        Where to begin.
+    free : str
+        The parameter all branches are followed in.
+    within : dict
+        ``{name: (low, high)}`` as for `trace`; a name that the problem of an arm does not have
+        does not count there.
+    depth : int, optional
+        How often to switch on the way from the start to a branch: 0 is the branch of the start
+        alone.
+    events, steps : optional
+        As for `trace`. Arms that solve another problem than the start look for its own events.
+    most : int, optional
+        Number of branches after which no others are followed.
+    progress : bool, optional
+        As for `trace`.
+
+    Returns
+    -------
+    Diagram
+        No branch is in it twice: arms that lead to a known branch are recognised before they are
+        followed. The image of a known branch under a symmetry is followed, but not switched on.
+        An interruption (Ctrl-C) ends the work and keeps what there is.
+
+    Raises
+    ------
+    BadInput, NotConverged
+        As `trace`, for the start. What fails later on is kept in ``failed``.
+
+    Examples
+    --------
+    >>> import contbreather as cb, numpy as np
+    >>> mine = cb.Problem(lambda x, p: np.array([x[0] * (p["mu"] - x[0]**2)]),
+    ...                   start={"x": 0.0}, params={"mu": -1.0})
+    >>> tree = diagram(mine, "mu", within={"mu": (-1, 1)}, events=[cb.branch_point()])
+    >>> tree
+    <Diagram 3 branches, 5 special points>
+    >>> sorted(tree.graph.successors("branch 0: BP1"))
+    [1, 2]
+    """
+    if depth < 0 or most < 1:
+        raise BadInput(f"depth >= 0 and most >= 1 were wanted, got {depth} and {most}")
+    shown = _Status(progress, free)
+    growth = _Growth(free, dict(within), depth, events, steps or Steps(), most, shown)
+    try:
+        growth.run(start)
+    finally:
+        shown.close()
+    return growth.diagram()
+
+
+class _Status(Progress):
+    """The status line of all walks of a diagram together."""
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """A walk has ended; the diagram has not."""
+
+    def close(self) -> None:
+        super().__exit__(None, None, None)
+
+
+class _Growth:
+    """A diagram under way."""
+
+    def __init__(
+        self,
+        free: str,
+        within: Within,
+        depth: int,
+        events: Iterable[Event] | None,
+        steps: Steps,
+        most: int,
+        shown: _Status,
+    ) -> None:
+        self.free, self.within, self.depth, self.most = free, within, depth, most
+        self.events = None if events is None else tuple(events)
+        self.steps, self.shown = steps, shown
+        self.branches: list[Branch] = []
+        self.births: list[Birth] = []
+        self.places: list[tuple[Place, ...]] = []
+        self.met: list[Meeting] = []
+        self.failed: list[Failure] = []
+        self.left: list[Place] = []
+        self.queue: deque[Place] = deque()
+        self.interrupted = False
+
+    def run(self, start: Problem | Startable) -> None:
+        """Grow until nothing is left to switch at, or it is enough."""
+        try:
+            first = trace(
+                start,
+                self.free,
+                within=self.within,
+                events=self.events,
+                steps=self.steps,
+                progress=self.shown,
+            )
+            self._add(first, Birth(0))
+            while self.queue and len(self.branches) < self.most and not self.interrupted:
+                self._switch_at(self.queue[0])
+                self.queue.popleft()
+        except KeyboardInterrupt:
+            if not self.branches:
+                raise
+            self.interrupted = True
+
+    def diagram(self) -> Diagram:
+        return Diagram(
+            tuple(self.branches),
+            tuple(self.births),
+            tuple(self.places),
+            tuple(self.met),
+            tuple(self.failed),
+            (*self.left, *self.queue),
+            self.interrupted,
+        )
+
+    def _switch_at(self, place: Place) -> None:
+        self.shown.title = f"branch {len(self.branches)}, {len(self.queue)} points to switch at: "
+        try:
+            seeds = seeds_at(place.point)
+        except ContbreatherError as error:
+            self.failed.append(Failure(place, str(error)))
+            return
+        for seed in seeds:
+            if self.interrupted or len(self.branches) >= self.most:
+                self.left.append(place)
+                return
+            try:
+                self._follow(place, seed)
+            except ContbreatherError as error:
+                self.failed.append(Failure(place, str(error)))
+
+    def _follow(self, place: Place, seed: Seed) -> None:
+        """Follow one arm, unless its first step is on a branch that is known."""
+        own = self._events_of(seed.problem, place.point)
+        within = {n: bounds for n, bounds in self.within.items() if n in seed.problem.names}
+        glance = replace(self.steps, most=1)
+        first = follow(place.point, seed, within=within, events=(), steps=glance, progress=False)
+        known = recognised(first[-1], self.branches)
+        if known is not None and (known.simpler or not known.image):
+            self._meet(place, known)
+            return
+        depth = self.births[place.branch].depth + 1
+        image_of = None if known is None else known.branch
+        small = simplest(first[-1])
+        if small is not first[-1]:
+            arm = self._walk_through(small)
+        else:
+            arm = follow(
+                place.point,
+                seed,
+                within=within,
+                events=own,
+                steps=self.steps,
+                progress=self.shown,
+            )
+        self._add(arm, Birth(depth, place, image_of))
+
+    def _walk_through(self, small: Point) -> Branch:
+        """The branch of a smaller problem, which the place lies on."""
+        problem = small.problem
+        within = {n: bounds for n, bounds in self.within.items() if n in problem.names}
+        return trace(problem, self.free, within=within, steps=self.steps, progress=self.shown)
+
+    def _events_of(self, problem: Problem, point: Point) -> tuple[Event, ...] | None:
+        """Those that were given, for the problem they were given for."""
+        same = problem.residual is point.curve.problem.residual
+        return self.events if same else None
+
+    def _meet(self, place: Place, known: Likeness) -> None:
+        meeting = Meeting(place, known.branch)
+        if meeting not in self.met:
+            self.met.append(meeting)
+
+    def _add(self, branch: Branch, birth: Birth) -> None:
+        index = len(self.branches)
+        self.branches.append(branch)
+        self.births.append(birth)
+        places = []
+        for point in branch.special:
+            if "parent" in point.detail or (point.kind == "EP" and branch.stop is Stop.CLOSED):
+                continue  # where an arm set out is the place it was born at
+            known = self._known_place(point)
+            places.append(known or Place(index, point))
+            if known is None and point.event is not None and point.event.arms is not None:
+                self._later(places[-1], birth)
+        self.places.append(tuple(places))
+        self.interrupted |= branch.stop is Stop.INTERRUPTED
+
+    def _known_place(self, point: Point) -> Place | None:
+        """The place on another branch where this one crosses it."""
+        if point.event is None or point.event.arms is None:
+            return None
+        others = (place for row in self.places for place in row)
+        return next(
+            (
+                place
+                for place in others
+                if place.point.event is not None
+                and place.point.event.arms is not None
+                and same_place(point, place.point)
+            ),
+            None,
+        )
+
+    def _later(self, place: Place, birth: Birth) -> None:
+        if birth.image_of is not None:
+            return  # all that leaves an image is the image of what leaves the original
+        if birth.depth < self.depth:
+            self.queue.append(place)
+        else:
+            self.left.append(place)
