@@ -205,7 +205,7 @@ def highest_neighbour(
     heights = _crests(np.abs(profiles(orbit, sites, t)))
     if besides is not None:
         apart = (t - besides[1] + 0.5 * orbit.period) % orbit.period - 0.5 * orbit.period
-        heights[np.ix_([site == besides[0] for site in sites], np.abs(apart) < 2.5 * step)] = 0.0
+        heights[np.ix_(np.array(sites) == besides[0], np.abs(apart) < 2.5 * step)] = 0.0
     top = float(heights.max())
     best = (sites[0], start, -1.0)
     for i, j in np.argwhere(heights >= top - CLOSE * max(1.0, top)):

@@ -198,11 +198,12 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
     return Locus({"kappa": kappa}, conditions, _slopes(conditions))
 
 
-# --- derivatives of conditions that have none in closed form ---------------------------------------
+# --- derivatives of conditions that have none in closed form ------------------------------------
 
 _STEP = 1e-3
-_CENTRAL = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
-_FORWARD = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4))
+_Stencil = tuple[tuple[int, float], ...]
+_CENTRAL: _Stencil = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
+_FORWARD: _Stencil = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4))
 
 
 def _slopes(

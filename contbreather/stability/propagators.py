@@ -146,8 +146,9 @@ def propagators(lattice: Lattice, gamma: float, distance: int, times: Array) -> 
     """`Propagators` for pairs of impacts the times apart, at one distance."""
     moments = lattice.moments(distance)[:ORDERS] * (4.0 * gamma) ** np.arange(ORDERS)
     which, number = _expansions()
-    terms = _sums(times)[:, which] * (number * moments[:, None])
-    tails = terms.sum(axis=2).transpose(1, 0, 2)
+    weights = np.zeros((3, _HIGHEST, POWERS), dtype=complex)
+    weights[np.arange(3)[:, None, None], which, np.arange(POWERS)] = number * moments[:, None]
+    tails = _sums(times) @ weights
     tails[0] *= 1j
     phases = np.exp(1j * np.multiply.outer(times, _ALIASES))
     return Propagators(lattice, gamma, distance, times, phases, tails)
@@ -161,7 +162,8 @@ def _expansions() -> tuple[Array, Array]:
     which, number = [], []
     # i kappa_j g, g and -kappa_j^2 g - 1 have -kappa_j^-q <w^2l> (but for i), each with its q
     for q, factor in ((2 * order + 1, -1.0), (2 * order + 2, -1.0), (2 * order, 1.0)):
-        which.append(np.maximum(q + a - 1, 0))
+        # a term without sum, q = 0, is put at the far end where none other is
+        which.append(np.where(q > 0, q + a - 1, -1))
         number.append(np.where(q > 0, factor * (-1.0) ** a * comb(q - 1 + a, a), 0.0))
     return np.stack(which), np.stack(number)
 

@@ -1,0 +1,142 @@
+"""Margins of orbits: those of the symmetric breather where both apply, brute force elsewhere."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contbreather.breathers import admissibility as symmetric_admissibility
+from contbreather.breathers import symmetric, symmetric_roots
+from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.orbit_admissibility import (
+    admissibility,
+    centre_margin,
+    highest_neighbour,
+    idle_sites,
+    motion,
+)
+from contbreather.breathers.orbit_problem import orbit_problem
+from contbreather.breathers.orbits import Orbit, orbit_at, orbit_of
+from contbreather.lattice import Fourier, InfiniteChain, Ring
+
+
+@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(1), Ring(2), Ring(5), Ring(40)])
+def test_of_a_symmetric_breather_they_are_its_own(lattice):
+    rng = np.random.default_rng(5)
+    seen = set()
+    for _ in range(12):
+        gamma, k, a = rng.uniform(0, 0.24), rng.choice([0.0, 0.05, 0.5, 0.9]), rng.uniform(0.5, 1.2)
+        forcing = Fourier(cos={1: -1.0, 3: rng.uniform(-1, 1)})
+        for b in symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice)[:2]:
+            wanted, found = symmetric_admissibility(b), admissibility(orbit_of(b))
+            seen.add(found.ok)
+            assert found.ok == wanted.ok
+            assert found.neighbours == pytest.approx(wanted.neighbours, abs=1e-12)
+            assert found.centre == pytest.approx(wanted.centre, abs=1e-10)
+            assert found.far == pytest.approx(wanted.far, abs=1e-12)
+    assert seen == {True, False}
+
+
+def brute(orbit, reach=40):
+    """Highest |u| of all idle sites by dense sampling."""
+    ring = orbit.lattice.sites
+    sites = range(-reach, reach) if ring is None else range(ring)
+    idle = [n for n in sites if n not in orbit.equations.sites]
+    t = np.linspace(0, orbit.period, 4001)
+    return max(float(np.abs(orbit.displacement(n, t)).max()) for n in idle)
+
+
+def test_the_highest_idle_site_is_found_among_all():
+    orbits = [asymmetric(0.82, 0.04, 0.8), asymmetric(1.1, 0.1, 0.5).on(Ring(7))]
+    b = symmetric(0.5, 0.2, 0.8)
+    for bonds in (1, 2, 6):
+        problem = orbit_problem(
+            [(0, 1), (bonds, -1), (0, -1), (bonds, 1)],
+            times=[b.phi, b.phi + 0.01, b.phi + math.pi, b.phi + math.pi + 0.01],
+            impulses=[-2 * b.p, 2 * b.p, 2 * b.p, -2 * b.p],
+            a=b.a,
+            gamma=b.gamma,
+            k=b.k,
+        )
+        orbits.append(orbit_at(problem))  # the margins do not ask whether it solves anything
+    for orbit in orbits:
+        site, time, height = highest_neighbour(orbit)
+        assert height == pytest.approx(brute(orbit), abs=1e-5)
+        assert height >= brute(orbit) - 1e-12
+        assert abs(orbit.displacement(site, time)) == pytest.approx(height, abs=1e-12)
+        assert abs(orbit.velocity(site, time)) < 1e-9
+
+
+def test_a_ring_in_resonance_looks_at_every_site():
+    orbit = Orbit(
+        0.5,
+        0.2,
+        0.8,
+        [(0, 1, 0.0, -1.0), (0, -1, 3.0, 0.8), (0, 1, 6.5, -0.7), (0, -1, 9.0, 0.9)],
+        periods=2,
+        lattice=Ring(30),
+    )
+    assert len(idle_sites(orbit)) == 29
+    assert highest_neighbour(orbit)[2] == pytest.approx(brute(orbit), abs=1e-4)
+
+
+def test_motion_is_displacement_velocity_and_acceleration():
+    orbit = asymmetric(0.82, 0.04, 0.8)
+    for site in (0, 1, -4):
+        values = motion(orbit, site, 1.7)
+        exact = (orbit.displacement, orbit.velocity, orbit.acceleration)
+        assert values == pytest.approx([of(site, 1.7) for of in exact], abs=1e-14)
+    far = motion(orbit, None, 1.7)
+    assert far[0] == pytest.approx(orbit.displacement(300, 1.7), abs=1e-14)
+
+
+def test_far_field_carries_the_offset():
+    orbit = asymmetric(0.82, 0.04, 0.8)
+    assert admissibility(orbit).far == pytest.approx(1 - 0.82 - abs(orbit.c), abs=1e-14)
+    assert admissibility(orbit.on(Ring(12))).far == 1.0
+    # without coupling nothing lifts the other sites
+    assert admissibility(asymmetric(0.82, 0.0, 0.8)).far == pytest.approx(1 - 0.82, abs=1e-14)
+
+
+def test_an_orbit_through_its_own_wall_is_called_none():
+    # small k: the site is pushed back onto the wall it has just left
+    branch = symmetric(0.99, 0.0, 0.02)
+    orbit = orbit_of(branch)
+    verdict = admissibility(orbit)
+    assert not verdict
+    assert verdict.site == 0
+    assert "no orbit of the chain: site 0 between its impacts" in verdict.reason
+    t = np.linspace(orbit.impacts[0].time, orbit.impacts[1].time, 2001)[1:-1]
+    assert np.abs(orbit.displacement(0, t)).max() > 1
+
+
+def test_an_impact_that_loses_its_velocity_is_a_limit():
+    good = asymmetric(0.82, 0.04, 0.8)
+    first, second = good.impacts
+    margins = []
+    for speed in (1.0, 0.1, 0.001):
+        weak = Orbit(
+            good.a,
+            good.gamma,
+            good.k,
+            (first._replace(impulse=speed * first.impulse), second),
+            (good.c,),
+        )
+        margins.append(centre_margin(weak)[2])
+    assert margins[0] > 0.5
+    assert margins[2] < 0.01
+
+
+def test_margins_are_continuous_along_an_arm():
+    from contbreather.breathers.arms import pitchfork_arms
+    from contbreather.continuation import Steps, trace
+
+    start = symmetric(0.7, 0.04, 0.8)
+    point = trace(start, "a", towards="up", within={"a": (0.7, 0.8)}).first("PF")
+    arm = pitchfork_arms(point, steps=Steps(largest=0.01))[0]
+    margins = np.array([point.solution.admissibility().margin for point in arm])
+    assert np.abs(np.diff(margins)).max() < 0.02
+    assert margins[0] > 0.1
+    assert abs(margins[-1]) < 1e-12
