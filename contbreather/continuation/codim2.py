@@ -77,7 +77,18 @@ def _fold_locus(point: Point) -> Locus:
 
 def cusp() -> Event:
     """CP, on a fold curve: two folds meet. The quadratic coefficient of the fold vanishes, and the
-    cubic one, ``detail["c"]``, does not."""
+    cubic one, ``detail["c"]``, does not.
+
+    Examples
+    --------
+    >>> import contbreather as cb, numpy as np
+    >>> surface = cb.Problem(lambda x, p: p["h"] + p["mu"] * x - x**3, {"x": 1.0},
+    ...                      {"mu": 1.0, "h": 0.0})
+    >>> first = cb.trace(surface, "h", within={"x": (-2, 2)}, events=[cb.fold()]).first("LP")
+    >>> line = cb.boundary(first, ("mu", "h"), within={"mu": (-1, 2)})  # looks for cusps by itself
+    >>> abs(line.first("CP")["mu"]) < 1e-12
+    True
+    """
     return replace(events.cusp(), verify=_cusp_verify, analysis=_cusp_analysis)
 
 

@@ -377,7 +377,16 @@ class Curve:
             f"is {given[entry]:.8g}, differences give {wanted[entry]:.8g}"
         )
 
-    def reconsider(self, z: Array) -> str:
-        """Choose anew how derivatives are taken, now for z; what is wrong with given ones."""
+    def reconsider(self, *places: Array) -> str:
+        """Choose anew how derivatives are taken, now for these places; what is wrong with given
+        ones there."""
         self._scheme, self._recent = None, []
-        return self.misfit(z)
+        for z in places:
+            try:
+                self.jacobian(z)
+                wrong = self.misfit(z)
+            except Undefined:
+                continue
+            if wrong:
+                return wrong
+        return ""

@@ -288,7 +288,7 @@ class Walker:
             if failed.stop is not Stop.NO_CONVERGENCE:
                 raise
             # the scheme for derivatives was chosen, or those given were checked, at the start only
-            wrong = self.curve.reconsider(point.z)
+            wrong = self.curve.reconsider(point.z + size * point.tangent, point.z)
             if wrong:
                 raise Failed(failed.stop, wrong) from failed
             return self._halving(point, bend, size)

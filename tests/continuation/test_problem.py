@@ -1,0 +1,279 @@
+"""What a user brings: names, shapes, derivatives, scales; what is refused, and in which words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contbreather.continuation import Problem, Steps, Stop, fold, trace
+from contbreather.continuation.derivatives import complex_steps, differences, estimate, misfit
+from contbreather.continuation.problem import Curve
+from contbreather.errors import BadInput, NotConverged
+
+from .zoo import LINE, SMALL, Case, counted, scalar
+
+PAIR = {"x": 0.3, "y": -0.2}
+
+
+def coupled(u, p):
+    x, y = u
+    return np.array([np.sin(x) + p["mu"] * y**3, x * y - np.exp(p["mu"])])
+
+
+def coupled_jacobian(u, p):
+    x, y = u
+    return np.array([[np.cos(x), 3 * p["mu"] * y**2], [y, x]])
+
+
+def coupled_sensitivity(u, p, name):
+    assert name == "mu"
+    return np.array([u[1] ** 3, -np.exp(p["mu"])])
+
+
+# --- names and shapes -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"start": {}, "params": {"mu": 0.0}}, "at least one unknown"),
+        ({"start": {"x": 0.0}, "params": {"x": 0.0}}, r"\['x'\] are named both"),
+        ({"start": {"x": math.nan}, "params": {"mu": 0.0}}, "'x' must be finite, got nan"),
+        ({"start": {"x": 0.0}, "params": {"mu": math.inf}}, "'mu' must be finite, got inf"),
+        ({"start": {"x": np.zeros((2, 2))}, "params": {}}, r"'x' has shape \(2, 2\)"),
+        ({"start": {"x": 0.0}, "params": {"mu": [0.0]}}, r"'mu' has shape \(1,\); a number"),
+        ({"start": {"x": 0.0}, "params": {}, "scales": {"y": 1.0}}, "no 'y' in this problem"),
+        ({"start": {"x": 0.0}, "params": {}, "scales": {"x": 0.0}}, "scale of 'x' must be"),
+        ({"start": {"x": 0.0}, "params": {}, "domain": {"y": (0, 1)}}, "no 'y' in this problem"),
+    ],
+)
+def test_problems_that_make_no_sense_are_refused(given, sentence: str) -> None:
+    with pytest.raises(BadInput, match=sentence):
+        Problem(coupled, **given)
+
+
+def test_unknown_names_are_refused_with_the_known_ones() -> None:
+    with pytest.raises(BadInput, match=r"no 'nu' in this problem; it has \['x', 'mu'\]"):
+        LINE.problem.at(nu=1.0)
+    for name in ("nu", "x"):
+        with pytest.raises(BadInput, match=rf"{name!r} is no parameter of this problem"):
+            trace(LINE.problem, name)
+    with pytest.raises(BadInput, match="towards must be 'both', 'up' or 'down', got 'left'"):
+        trace(LINE.problem, "mu", towards="left")
+
+
+@pytest.mark.parametrize(
+    ("residual", "shape"),
+    [
+        (lambda u, p: np.zeros(3), r"\(3,\)"),
+        (lambda u, p: 0.0, r"\(\)"),
+        (lambda u, p: np.zeros((2, 1)), r"\(2, 1\)"),
+    ],
+)
+def test_a_residual_of_the_wrong_shape_is_refused(residual, shape: str) -> None:
+    with pytest.raises(BadInput, match=rf"the residual has shape {shape} for 2 unknowns"):
+        trace(Problem(residual, PAIR, {"mu": 0.0}), "mu")
+
+
+def test_a_residual_may_be_a_list() -> None:
+    problem = Problem(lambda u, p: [u[0] - p["mu"]], {"x": 0.0}, {"mu": 0.0})
+    assert trace(problem, "mu", within={"mu": (-1, 1)})["x"][-1] == 1.0
+
+
+def test_at_moves_start_and_parameters() -> None:
+    moved = LINE.problem.at(x=3.0, mu=1.5)
+    assert (moved.start["x"], moved.params["mu"]) == (3.0, 1.5)
+    assert LINE.problem.params["mu"] == 0.0
+
+
+def test_solve_moves_the_start_onto_a_solution() -> None:
+    problem, found = scalar(lambda x, p: x**2 - p["mu"], 1.0, {"mu": 2.0}).solve()
+    assert problem.start["x"] == pytest.approx(math.sqrt(2), abs=1e-15)
+    assert found.converged
+    assert isinstance(problem.start["x"], float)
+    with pytest.raises(NotConverged, match="leaves the domain: math domain error|nonnegative"):
+        scalar(lambda x, p: math.sqrt(x) + 1, 1.0, {"mu": 2.0}).solve()
+
+
+# --- derivatives ------------------------------------------------------------------------------
+
+
+def test_every_way_to_derivatives_gives_the_same() -> None:
+    z = np.array([0.3, -0.2, 0.4])
+    exact = np.column_stack(
+        [coupled_jacobian(z[:2], {"mu": 0.4}), coupled_sensitivity(z[:2], {"mu": 0.4}, "mu")]
+    )
+    given = {
+        "by hand": {"jacobian": coupled_jacobian, "sensitivity": coupled_sensitivity},
+        "half by hand": {"jacobian": coupled_jacobian},
+        "other half": {"sensitivity": coupled_sensitivity},
+        "automatic": {},
+    }
+    for how in given.values():
+        curve = Curve(Problem(coupled, PAIR, {"mu": 0.4}, **how), ("mu",))
+        assert np.allclose(curve.jacobian(z), exact, rtol=0, atol=1e-15)
+    real = Curve(
+        Problem(lambda u, p: coupled(u.astype(float), p), PAIR, {"mu": 0.4}), ("mu",)
+    )
+    assert np.allclose(real.jacobian(z), exact, rtol=0, atol=1e-11)
+
+
+def scheme_of(problem: Problem):
+    curve = Curve(problem, ("mu",))
+    curve.jacobian(curve.start)
+    scheme = curve._scheme
+    return getattr(scheme, "func", scheme)
+
+
+@pytest.mark.parametrize(
+    ("equation", "scheme"),
+    [
+        (lambda x, p: np.sin(x) - p["mu"], complex_steps),
+        (lambda x, p: abs(x - 2) - p["mu"], differences),  # not analytic
+        (lambda x, p: (x * np.conj(x)).real - p["mu"], differences),
+        (lambda x, p: math.sin(x) - p["mu"], differences),  # takes no complex number
+        (lambda x, p: float(x) - p["mu"], differences),
+        (lambda x, p: max(x, 0.0) - p["mu"], complex_steps),  # analytic on either side
+        (lambda x, p: np.where(x > 0, x, -x) - p["mu"], complex_steps),
+    ],
+)
+def test_complex_steps_where_they_hold_and_differences_elsewhere(equation, scheme) -> None:
+    assert scheme_of(scalar(equation, 0.7, {"mu": 0.1})) is scheme
+
+
+def test_a_scheme_that_no_longer_holds_is_replaced_on_the_way() -> None:
+    # analytic where it starts; further on |x - 1/2| is not
+    def equation(x, p):
+        return x + 0.1 * (abs(x - 0.5) if p["mu"].real > 0.4 else 0.5 - x) - p["mu"]
+
+    problem = scalar(equation, 0.0, {"mu": 0.05})
+    assert scheme_of(problem) is complex_steps
+    branch = trace(problem, "mu", within={"mu": (0.0, 0.46)}, events=())
+    assert branch.stop is Stop.BOUND
+    assert branch[-1]["x"] == pytest.approx((0.46 - 0.05) / 0.9, abs=1e-14)
+
+
+def test_differences_find_the_step_that_suits_each_unknown() -> None:
+    def function(z):
+        return np.array([math.sin(1e6 * z[0]) + 1e-6 * z[1], z[0] * 1e6 + math.exp(1e-6 * z[1])])
+
+    z = np.array([0.3e-6, 0.7e6])
+    wanted, doubt, finer = estimate(function, z, np.ones(2))
+    exact = np.array([[1e6 * math.cos(0.3), 1e-6], [1e6, 1e-6 * math.exp(0.7)]])
+    assert np.allclose(wanted, exact, rtol=1e-6)
+    assert (abs(wanted - exact) <= 10 * doubt).all()
+    assert finer[0] > finer[1]
+    assert np.allclose(differences(function, z, finer=finer), exact, rtol=1e-7)
+
+
+def test_differences_next_to_a_rim_take_shorter_steps() -> None:
+    for distance in (1e-2, 1e-4, 1e-6):
+        (slope,) = differences(lambda z: np.array([math.sqrt(z[0])]), np.array([distance]))[0:1, 0]
+        assert slope == pytest.approx(0.5 / math.sqrt(distance), rel=1e-3)
+
+
+@pytest.mark.parametrize(("row", "column"), [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_a_wrong_entry_of_a_jacobian_is_named(row: int, column: int) -> None:
+    def wrong(u, p):
+        matrix = coupled_jacobian(u, p)
+        matrix[row, column] += 1e-3
+        return matrix
+
+    problem = Problem(coupled, PAIR, {"mu": 0.4}, jacobian=wrong)
+    with pytest.raises(BadInput, match=rf"its entry \({row}, {column}\) is .+, differences give"):
+        trace(problem, "mu")
+
+
+def test_a_wrong_sensitivity_is_named() -> None:
+    problem = Problem(
+        coupled,
+        PAIR,
+        {"mu": 0.4},
+        jacobian=coupled_jacobian,
+        sensitivity=lambda u, p, name: -coupled_sensitivity(u, p, name),
+    )
+    with pytest.raises(BadInput, match=r"its entry \([01], 2\)"):
+        trace(problem, "mu")
+
+
+def test_a_jacobian_that_is_wrong_only_further_on_is_named_in_the_reason() -> None:
+    def jacobian(u, p):
+        return np.array([[1 + 3 * u[0] ** 2 if p["mu"] < 0.5 else -1.0]])
+
+    problem = Problem(
+        lambda u, p: u + u**3 - p["mu"],
+        {"x": 0.0},
+        {"mu": 0.0},
+        jacobian=jacobian,
+        sensitivity=lambda u, p, name: np.array([-1.0]),
+    )
+    branch = trace(problem, "mu", towards="up", within={"mu": (0.0, 1.0)})
+    assert branch.stop is Stop.NO_CONVERGENCE
+    assert "its entry (0, 0) is -1, differences give" in branch.reason
+    assert branch[-1]["mu"] == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"jacobian": lambda u, p: np.eye(3)}, r"Jacobian has shape \(3, 3\); \(2, 2\) was wanted"),
+        (
+            {
+                "jacobian": coupled_jacobian,
+                "sensitivity": lambda u, p, name: np.zeros((2, 1)),
+            },
+            r"sensitivity has shape \(2, 1\); \(2,\) was wanted",
+        ),
+    ],
+)
+def test_derivatives_of_the_wrong_shape_are_refused(given, sentence: str) -> None:
+    with pytest.raises(BadInput, match=sentence):
+        trace(Problem(coupled, PAIR, {"mu": 0.4}, **given), "mu")
+
+
+def test_a_small_error_is_found_and_rounding_is_forgiven() -> None:
+    z = np.array([0.3, -0.2])
+    wanted, doubt, _ = estimate(lambda x: coupled(x, {"mu": 0.4}), z, np.ones(2))
+    exact = coupled_jacobian(z, {"mu": 0.4})
+    assert misfit(exact, wanted, doubt) is None
+    assert misfit(exact * (1 + 1e-9), wanted, doubt) is None
+    assert misfit(exact * (1 + 1e-4), wanted, doubt) is not None
+    exact[1, 0] = math.nan
+    assert misfit(exact, wanted, doubt) == (1, 0)
+
+
+@pytest.mark.parametrize("case", SMALL, ids=lambda case: case.name)
+def test_differences_and_complex_steps_walk_the_same_curve(case: Case) -> None:
+    def real(u, p):
+        return case.problem.residual(np.asarray(u, dtype=float), {k: float(v) for k, v in p.items()})
+
+    exact, coarse = (
+        trace(
+            problem,
+            case.free,
+            within=case.within,
+            events=[fold()],
+            steps=Steps(first=0.1 * case.largest, largest=case.largest),
+        )
+        for problem in (case.problem, replace(case.problem, residual=real))
+    )
+    assert [p.kind for p in coarse.special] == [p.kind for p in exact.special]
+    for one, other in zip(exact.special, coarse.special, strict=True):
+        for name in case.problem.start:
+            size = case.problem.scales.get(name, 1.0)
+            assert abs(one[name] - other[name]) < 1e-9 * size
+
+
+def test_derivatives_are_taken_once_for_each_place() -> None:
+    problem, counter = counted(LINE.problem)
+    curve = Curve(problem, ("mu",))
+    curve.jacobian(curve.start)
+    before = counter.calls
+    matrix = curve.jacobian(curve.start)
+    assert counter.calls == before
+    point = trace(problem, "mu", within={"mu": (-1, 1)})[0]
+    point.jacobian()[0, 0] = 7.0  # a copy
+    assert point.jacobian()[0, 0] == matrix[0, 0] == 1.0
