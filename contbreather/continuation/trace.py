@@ -554,10 +554,12 @@ def _given(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float,
     if tangent.shape != curve.start.shape or not 0 < curve.length(tangent) < math.inf:
         raise BadInput(f"a direction of shape {curve.start.shape} was wanted, got {along!r}")
     tangent, z = curve.normalised(tangent), curve.start
-    # where curves cross the derivatives may vanish: their size is that a little further on
+    # where curves cross the derivatives may vanish: how to take them, and their size, is seen a
+    # little further on
     ahead = z + _AHEAD * (1 + curve.length(z)) * tangent
     with contextlib.suppress(Undefined):
-        curve.rows = np.maximum(curve.rows, curve.row_sizes(ahead))
+        curve.reconsider(ahead)
+        curve.rows = np.maximum(curve.row_sizes(ahead), curve.rows)
     value = curve.equations(z)
     off, skew = abs(value / curve.rows).max(), abs(curve.jacobian(z) @ tangent / curve.rows).max()
     if off > _GAP * (1 + curve.length(z)) or skew > _SKEW:
