@@ -77,12 +77,12 @@ def doubled_branch(
     Examples
     --------
     >>> import contbreather as cb
-    >>> from contbreather.breathers.arms import asymmetric, pitchfork_arms
+    >>> from contbreather.breathers.arms import asymmetric
     >>> arm = asymmetric(0.9, 0.0, 0.8, lattice=cb.Ring(1)).problem
-    >>> branch = cb.trace(arm, "a", towards="up", within={"a": (0, 0.95)})
-    >>> doubled = doubled_branch(branch.first("PD"), within={"a": (0, 0.95)})
-    >>> doubled.first("PD")["a"] > branch.first("PD")["a"]
-    True
+    >>> branch = cb.trace(arm, "a", towards="up", within={"a": (0, 0.99)})
+    >>> doubled = doubled_branch(branch.first("PD"), within={"a": (0, 0.99)})
+    >>> [round(point["a"], 9) for point in doubled.special if point.kind == "PD"]
+    [0.925512006, 0.979973549]
     """
     problem, free = _doubled_problem(point)
     curve = Curve(problem, (free,))

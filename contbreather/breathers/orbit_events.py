@@ -87,7 +87,7 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = PAPER)
     over one period, as in the paper.
     """
     if not isinstance(on, Ring):
-        return Event("NS", _chain_pairs, locus=_arc_locus)
+        return Event("NS", _chain_pairs, locus=_arc_locus, verify=_verify_angle)
     if not (math.isfinite(threshold) and threshold > 1.0):
         raise BadInput(
             f"threshold = {threshold}: on a ring multipliers sit on the unit circle; a modulus "
@@ -97,6 +97,7 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = PAPER)
         "NS",
         lambda point: _counted(_orbit(point).map, threshold).pairs,
         locus=lambda point: _circle_locus(point, threshold),
+        verify=_verify_angle,
     )
 
 
@@ -181,6 +182,16 @@ def _arc_locus(point: Point) -> Locus:
 def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
     value = complex(_at(curve, z).map.F(np.array([extra[0]]))[0])
     return np.array([value.real, value.imag])
+
+
+def _verify_angle(point: Point) -> str:
+    """A pair outside may also turn real, one of the two coming in through +1 or -1 later on."""
+    kappa = point.detail.get("kappa")
+    if kappa is None:
+        return "a pair was seen to leave or to turn real, but no angle solves the locus"
+    if not 1e-6 < abs(float(kappa)) < 0.5 - 1e-6:
+        return "a real multiplier passes the circle, no pair"
+    return ""
 
 
 def _circle_locus(point: Point, threshold: float) -> Locus:

@@ -11,6 +11,7 @@ import pytest
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.periodic import (
+    check_coupling,
     is_resonant,
     sinc,
     wave,
@@ -187,4 +188,4 @@ def test_ring_refuses_a_mode_in_resonance_and_nothing_else():
 @pytest.mark.parametrize("periods", [0, -1, 1.0, True])
 def test_periods_are_whole_numbers(periods):
     with pytest.raises(BadInput, match="whole number of forcing periods"):
-        wave(CHAIN, 0.1, 0, periods)
+        check_coupling(CHAIN, 0.1, periods)
