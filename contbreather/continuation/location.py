@@ -494,12 +494,14 @@ def _on_locus(event: Event, near: Point) -> tuple[Solution, Mapping[str, Any]]:
     """Solve the problem and the conditions of the event for everything at once."""
     assert event.locus is not None
     locus = event.locus(near)
-    problem = adjoined(near.problem, locus, near.curve.free[0], base=near.curve)
+    own = {f"{name} of the locus": value for name, value in locus.extra.items()}
+    extended = replace(locus, extra=own)  # names that no problem has
+    problem = adjoined(near.problem, extended, near.curve.free[0], base=near.curve)
     curve = Curve(problem, ())
     found = newton(curve.equations, curve.jacobian, problem.x, metric=curve.metric)
     n = near.curve.size
-    names = {name: problem.slots[name] for name in locus.extra}
-    detail = {name: _plain(found.z[at]) for name, at in names.items()}
+    names = zip(locus.extra, own, strict=True)
+    detail = {name: _plain(found.z[problem.slots[long]]) for name, long in names}
     z = np.append(found.z[:n], found.z[-1])
     return replace(found, z=z), detail
 

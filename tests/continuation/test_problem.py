@@ -115,9 +115,7 @@ def test_every_way_to_derivatives_gives_the_same() -> None:
     for how in given.values():
         curve = Curve(Problem(coupled, PAIR, {"mu": 0.4}, **how), ("mu",))
         assert np.allclose(curve.jacobian(z), exact, rtol=0, atol=1e-15)
-    real = Curve(
-        Problem(lambda u, p: coupled(u.astype(float), p), PAIR, {"mu": 0.4}), ("mu",)
-    )
+    real = Curve(Problem(lambda u, p: coupled(u.astype(float), p), PAIR, {"mu": 0.4}), ("mu",))
     assert np.allclose(real.jacobian(z), exact, rtol=0, atol=1e-11)
 
 
@@ -248,7 +246,9 @@ def test_a_small_error_is_found_and_rounding_is_forgiven() -> None:
 @pytest.mark.parametrize("case", SMALL, ids=lambda case: case.name)
 def test_differences_and_complex_steps_walk_the_same_curve(case: Case) -> None:
     def real(u, p):
-        return case.problem.residual(np.asarray(u, dtype=float), {k: float(v) for k, v in p.items()})
+        return case.problem.residual(
+            np.asarray(u, dtype=float), {k: float(v) for k, v in p.items()}
+        )
 
     exact, coarse = (
         trace(

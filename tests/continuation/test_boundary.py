@@ -1,0 +1,328 @@
+"""Events as curves in two parameters, what is met on them, and where one turns into another."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contbreather.continuation import (
+    Branch,
+    Event,
+    Locus,
+    Problem,
+    Steps,
+    Stop,
+    boundary,
+    branch_point,
+    fold,
+    hopf,
+    trace,
+    user,
+)
+from contbreather.continuation.adjoin import adjoined
+from contbreather.continuation.problem import Curve
+from contbreather.errors import BadInput
+
+from .zoo import (
+    ALL,
+    CUSP,
+    PITCHFORK,
+    analytic_bratu,
+    chebyshev,
+    cusp_surface,
+    events_of,
+    scalar,
+    takens,
+)
+
+WINDOW = {"b2": (-1.5, 1.5)}
+
+
+@pytest.fixture(scope="module")
+def planar() -> Branch:
+    return trace(takens(), "b1", within={"b1": (-1.0, 1.0)}, events=[fold(), hopf()])
+
+
+def kinds(branch: Branch) -> list[str]:
+    return [point.kind for point in events_of(branch)]
+
+
+# --- the curves themselves --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("largest", [0.01, 0.1, 1.0])
+def test_cusp_curve_from_either_fold_in_either_direction(largest: float) -> None:
+    branch = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()])
+    steps = Steps(first=0.1 * largest, largest=largest)
+    for point in branch.special[1:3]:
+        for towards in ("up", "down", "both"):
+            for pair in (("mu", "h"), ("h", "mu")):
+                within = {"mu": (-1.0, 2.0), "h": (-2.0, 2.0)}
+                line = boundary(point, pair, within=within, towards=towards, steps=steps)
+                assert abs(4 * line["mu"] ** 3 - 27 * line["h"] ** 2).max() < 1e-12
+                assert line["mu"].max() == 2.0
+                if towards == "both":
+                    (cusp,) = events_of(line)
+                    assert cusp.kind == "CP"
+                    assert max(abs(cusp["mu"]), abs(cusp["h"]), abs(cusp["x"])) < 1e-12
+
+
+def test_fold_and_hopf_lines_of_the_plane(planar: Branch) -> None:
+    folds = boundary(planar.first("LP"), ("b2", "b1"), within=WINDOW)
+    assert abs(folds["b1"] - folds["b2"] ** 2 / 4).max() < 1e-13
+    assert (folds["b2"][0], folds["b2"][-1]) == (-1.5, 1.5)
+    hopfs = boundary(planar.first("HB"), ("b2", "b1"), within=WINDOW)
+    assert abs(hopfs["b1"]).max() < 1e-13
+    assert abs(hopfs["omega2"] + hopfs["b2"]).max() < 1e-13
+
+
+def test_a_hopf_line_ends_where_its_pair_becomes_real(planar: Branch) -> None:
+    line = boundary(planar.first("HB"), ("b2", "b1"), within=WINDOW, events=())
+    assert line.stop is Stop.EVENT
+    assert line[-1].kind == "BT"
+    assert abs(line[-1]["b2"]) < 1e-9
+    assert (line["omega2"][:-1] > 0).all()
+
+
+def test_a_boundary_has_the_columns_of_problem_locus_and_parameters(planar: Branch) -> None:
+    line = boundary(planar.first("HB"), ("b2", "b1"), within=WINDOW)
+    assert line.names == ("x", "y", "null", "omega2", "b1", "b2", "arclength", "residual")
+    assert line["null"].shape == (len(line), 2)
+    assert np.allclose(np.sum(line["null"] ** 2, axis=1), 1, atol=1e-13)
+    assert line.free == "b2"
+    assert "HB boundary in b2" in repr(line)
+
+
+def test_recorded_numbers_and_solutions_are_those_of_the_original_problem(planar: Branch) -> None:
+    own = replace(
+        takens(),
+        record={"trace": lambda point: float(point.jacobian()[:, :2].trace())},
+        interpret=lambda point: {name: point[name] for name in ("x", "b1", "b2")},
+    )
+    branch = trace(own, "b1", within={"b1": (-1.0, 1.0)}, events=[hopf()])
+    line = boundary(branch.first("HB"), ("b2", "b1"), within=WINDOW)
+    assert abs(line["trace"]).max() < 1e-12
+    assert line[3].solution == {name: line[3][name] for name in ("x", "b1", "b2")}
+
+
+def test_third_parameters_keep_their_value_and_can_be_moved() -> None:
+    def residual(u, p):
+        return np.array([p["h"] + p["mu"] * u[0] - p["c"] * u[0] ** 3])
+
+    problem = Problem(residual, {"x": -0.9}, {"mu": 1.0, "h": 0.1, "c": 2.0})
+    first = trace(problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
+    line = boundary(first, ("mu", "h"), within={"mu": (0.5, 2.0)})
+    assert (line["c"] == 2.0).all()
+    assert abs(4 * line["mu"] ** 3 - 27 * 2 * line["h"] ** 2).max() < 1e-12
+    # the same boundary in another plane, and at another value of the third parameter
+    other = trace(line[3], "c", within={"c": (1.0, 3.0)})
+    assert abs(4 * other["mu"] ** 3 - 27 * other["c"] * other["h"] ** 2).max() < 1e-12
+    assert np.ptp(other["mu"]) == 0
+    moved, _ = line[3].problem.at(c=2.1).solve()
+    h, mu = moved.start["h"], line[3]["mu"]
+    assert 4 * mu**3 == pytest.approx(27 * 2.1 * h**2, abs=1e-13)
+
+
+# --- codimension two --------------------------------------------------------------------------
+
+
+def test_events_of_the_problem_are_met_on_a_boundary_and_carry_both_names() -> None:
+    events = [fold(), user("x", 0.5), user("mu", 0.3, terminal=True)]
+    first = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=events[:1]).first("LP")
+    within = {"mu": (0.0, 2.0), "x": (-1.0, 1.0)}
+    line = boundary(first, ("mu", "h"), within=within, events=events)
+    assert line.began is Stop.EVENT or line.stop is Stop.EVENT
+    met = line.first("LP-UZ")
+    assert met["mu"] == pytest.approx(0.3, abs=1e-14)
+    assert met.event.met is events[2]
+
+
+def test_a_meeting_located_by_both_loci_is_sharp() -> None:
+    """A fold, where x^2 = mu/3, meets an event with a locus of its own, x = mu^2."""
+
+    def conditions(curve, z, extra):
+        x, mu = z[0], curve.params(z)["mu"]
+        return np.array([x - mu**2])
+
+    event = Event(
+        "GR",
+        lambda point: point["x"] - point["mu"] ** 2,
+        locus=lambda point: Locus({}, conditions),
+    )
+    branch = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()])
+    line = boundary(branch.special[2], ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[event])
+    point = line.first("LP-GR")
+    assert point["mu"] == pytest.approx(3 ** (-1 / 3), abs=1e-14)  # mu/3 = mu^4
+    other = boundary(point, ("mu", "h"), within={"mu": (0.3, 1.2)}, events=[fold()])
+    assert abs(other["x"] - other["mu"] ** 2).max() < 1e-13
+    assert "GR-LP" in kinds(other)
+    assert other.first("GR-LP")["mu"] == pytest.approx(point["mu"], abs=1e-12)
+
+
+def test_from_where_two_kinds_meet_the_other_curve_is_followed(planar: Branch) -> None:
+    folds = boundary(planar.first("LP"), ("b2", "b1"), within=WINDOW, events=ALL)
+    (meeting,) = events_of(folds)
+    assert max(abs(meeting["b1"]), abs(meeting["b2"])) < 1e-10
+    hopfs = boundary(meeting, ("b2", "b1"), within=WINDOW, events=())
+    assert abs(hopfs["b1"]).max() < 1e-13
+    assert hopfs["b2"].min() == -1.5
+    ending = boundary(planar.first("HB"), ("b2", "b1"), within=WINDOW).first("BT")
+    back = boundary(ending, ("b2", "b1"), within=WINDOW)
+    assert abs(back["b1"] - back["b2"] ** 2 / 4).max() < 1e-13
+    assert len(back) > 10
+
+
+def test_a_neutral_saddle_met_on_a_fold_curve_is_no_hopf_point() -> None:
+    """x^2 = mu; the other two eigenvalues are 1 + nu and -1: a neutral saddle at nu = 0."""
+
+    def residual(u, p):
+        x, y, z = u
+        return np.array([x * x - p["mu"], (1 + p["nu"]) * y, -z])
+
+    problem = Problem(residual, {"x": 1.0, "y": 0.0, "z": 0.0}, {"mu": 1.0, "nu": 0.5})
+    branch = trace(problem, "mu", within={"x": (-1, 2)}, events=[fold()], towards="down")
+    line = boundary(branch.first("LP"), ("nu", "mu"), within={"nu": (-0.9, 0.9)}, events=ALL)
+    assert events_of(line) == []
+
+
+def test_any_point_of_a_boundary_can_be_its_start(planar: Branch) -> None:
+    line = boundary(planar.first("LP"), ("b2", "b1"), within=WINDOW, events=())
+    again = boundary(line[4], ("b2", "b1"), within=WINDOW, events=())
+    assert abs(again["b1"] - again["b2"] ** 2 / 4).max() < 1e-13
+    assert (again["b2"][0], again["b2"][-1]) == (-1.5, 1.5)
+    assert boundary(line.first("EP"), ("b2", "b1"), within=WINDOW, events=()).free == "b2"
+
+
+# --- size and derivatives ---------------------------------------------------------------------
+
+
+def test_a_fold_of_a_large_system_is_traced_with_few_evaluations() -> None:
+    """u'' + lam exp(u/(1 + eps u)) = 0: the fold at eps = 0 is Bratu's; it ends in a cusp."""
+    second = chebyshev(16)
+
+    def residual(u, p):
+        return second @ u + p["lam"] * np.exp(u / (1 + p["eps"] * u))
+
+    def jacobian(u, p):
+        inner = 1 + p["eps"] * u
+        return second + np.diag(p["lam"] * np.exp(u / inner) / inner**2)
+
+    problem = Problem(residual, {"u": np.zeros(15)}, {"lam": 1.0, "eps": 0.0}, jacobian=jacobian)
+    branch = trace(
+        problem, "lam", within={"lam": (1, 5)}, events=[fold()], steps=Steps(largest=0.5)
+    )
+    same = trace(analytic_bratu(second).at(lam=1.0), "lam", within={"lam": (1, 5)}, events=[fold()])
+    assert branch.first("LP")["lam"] == pytest.approx(same.first("LP")["lam"], abs=1e-12)
+    within = {"eps": (0.0, 0.3), "lam": (3.0, 6.0)}
+    line = boundary(branch.first("LP"), ("eps", "lam"), within=within, towards="up")
+    cusp = line.first("CP")
+    assert cusp["eps"] == pytest.approx(0.24578, abs=1e-5)
+    for point in line.points[::10]:  # by another road: the derivative has an eigenvalue 0
+        values = np.linalg.eigvals(jacobian(point["u"], point.params | {"lam": point["lam"]}))
+        assert abs(values).min() < 1e-9
+
+
+@pytest.mark.parametrize("event", [fold(), hopf()], ids=["LP", "HB"])
+def test_derivatives_of_the_loci_are_those_of_their_conditions(event, planar: Branch) -> None:
+    point = planar.first(event.kind)
+    locus = event.locus(point)
+    longer = adjoined(point.problem, locus, "b1", "b2")
+    curve = Curve(longer, ("b2",))
+    z = curve.start + 0.01 * np.cos(np.arange(curve.start.size))
+    exact = curve.jacobian(z)
+    by_differences = adjoined(point.problem, replace(locus, derivative=None), "b1", "b2")
+    assert np.allclose(exact, Curve(by_differences, ("b2",)).jacobian(z), rtol=0, atol=1e-9)
+
+
+def test_a_wrong_derivative_of_a_locus_is_refused() -> None:
+    locus = Locus(
+        {},
+        lambda curve, z, extra: np.array([z[0] - 0.5]),
+        derivative=lambda curve, z, extra: np.full((1, z.size), 0.25),
+    )
+    event = Event("GR", lambda point: point["x"] - 0.5, locus=lambda point: locus)
+    branch = trace(cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[event])
+    with pytest.raises(BadInput, match=r"does not fit the residual: its entry \(1, "):
+        boundary(branch.first("GR"), ("mu", "h"))
+
+
+# --- what cannot be traced --------------------------------------------------------------------
+
+
+def test_what_cannot_be_traced_is_refused_with_a_sentence(planar: Branch) -> None:
+    point = planar.first("LP")
+    with pytest.raises(BadInput, match="is no special point: nothing to trace as a boundary"):
+        boundary(planar[3], ("b2", "b1"))
+    with pytest.raises(BadInput, match="is no special point"):
+        boundary(planar.first("EP"), ("b2", "b1"))
+    uz = trace(takens(), "b1", events=[user("x", 0.0)], within={"b1": (-1, 1)}).first("UZ")
+    with pytest.raises(BadInput, match="UZ has no locus to trace in two parameters"):
+        boundary(uz, ("b2", "b1"))
+    bp = trace(PITCHFORK.problem, "mu", events=[branch_point()], within={"mu": (-1, 1)})
+    with pytest.raises(BadInput, match="needs two different parameters"):
+        boundary(bp.first("BP"), ("mu", "mu"))
+    for pair, sentence in (
+        (("b2", "b2"), r"needs two different parameters, got \('b2', 'b2'\)"),
+        (("b2",), "needs two different parameters"),
+        (("b2", "x"), r"'x' is no parameter here; it has \['b1', 'b2'\]"),
+        (("nu", "b1"), "'nu' is no parameter here"),
+    ):
+        with pytest.raises(BadInput, match=sentence):
+            boundary(point, pair)
+
+
+def test_names_of_the_locus_that_the_problem_has_already_are_refused_when_it_is_traced() -> None:
+    problem = Problem(
+        lambda u, p: np.array([p["h"] + p["null"] * u[0] - u[0] ** 3]),
+        {"x": -0.9},
+        {"null": 1.0, "h": 0.9 - 0.9**3},
+    )
+    branch = trace(problem, "h", within={"x": (-2, 2)}, events=[fold()])
+    assert kinds(branch) == ["LP", "LP"]  # to find them takes no name
+    with pytest.raises(BadInput, match=r"rename \['null'\] in the problem"):
+        boundary(branch.first("LP"), ("null", "h"))
+
+
+def test_a_locus_with_the_wrong_number_of_conditions_is_refused() -> None:
+    bad = Event(
+        "GR",
+        lambda point: point["x"] - 0.5,
+        locus=lambda point: Locus({}, lambda curve, z, extra: np.zeros(2)),
+    )
+    branch = trace(cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[bad])
+    with pytest.raises(BadInput, match=r"a locus with 0 extra unknowns needs 1 conditions"):
+        boundary(branch.first("GR"), ("mu", "h"))
+
+
+def test_a_neutral_saddle_cannot_be_traced_as_a_hopf_point() -> None:
+    def residual(u, p):
+        return np.array([(1 + p["m"]) * u[0], (2 * p["m"] - 1) * u[1] + p["c"]])
+
+    problem = Problem(residual, {"x": 0.0, "y": 0.0}, {"m": -0.3, "c": 0.0})
+    branch = trace(problem, "m", within={"m": (-0.4, 0.4)}, events=[hopf()])
+    (doubtful,) = branch.doubtful
+    with pytest.raises(BadInput, match="HB cannot be traced from here: no complex pair"):
+        boundary(doubtful, ("c", "m"))
+
+
+def test_positive_events_hold_on_boundaries_too() -> None:
+    wall = Event("GR", lambda point: 1.2 - point["mu"], terminal=True, positive=True)
+    problem = replace(CUSP.problem, events=(fold(), wall))
+    first = trace(problem, "h", within={"x": (-2, 2)}).first("LP")
+    line = boundary(first, ("mu", "h"), within={"mu": (0.1, 2.0)})
+    assert line.first("LP-GR")["mu"] == pytest.approx(1.2, abs=1e-14)
+    assert line["mu"].max() == pytest.approx(1.2, abs=1e-14)
+    assert math.isclose(abs(line.first("LP-GR")["h"]), math.sqrt(4 * 1.2**3 / 27), abs_tol=1e-14)
+
+
+def test_scalar_problem_without_any_fold_has_no_cusp_either() -> None:
+    line = trace(
+        scalar(lambda x, p: x - p["mu"] + 0 * p["h"], 0.0, {"mu": 0.0, "h": 0.0}),
+        "mu",
+        within={"mu": (-1, 1)},
+        events=ALL,
+    )
+    assert events_of(line) == []
