@@ -33,6 +33,7 @@ class Stop(enum.Enum):
     NO_CONVERGENCE = "Newton's iteration failed down to the smallest step"
     RIM = "reached the rim of the domain of the equations"
     INTERRUPTED = "interrupted; the points up to here are kept"
+    START = "where the walk set out"
     ONGOING = "still under way"
 
     @property
@@ -80,6 +81,9 @@ class Point:
     bracket: tuple[float, float] | None = None
     located: bool = True
     detail: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.z.flags.writeable = self.tangent.flags.writeable = False
 
     def __getitem__(self, name: str) -> Any:
         slots = self.curve.slots
@@ -236,8 +240,8 @@ class Branch:
         return replace(
             self,
             points=labelled(turned),
-            stop=self.began or Stop.BOUND,
-            began=self.stop,
+            stop=self.began or Stop.START,
+            began=None if self.stop is Stop.START else self.stop,
             reason=self.began_reason,
             began_reason=self.reason,
             doubtful=tuple(_turned(point, end) for point in reversed(self.doubtful)),
@@ -297,7 +301,11 @@ def _joined(before: list[Point], after: list[Point]) -> list[Point]:
     head = [point for point in before if point.arclength < seam - near]
     tail = [point for point in after if point.arclength > seam + near]
     there = [point for point in (*before, *after) if abs(point.arclength - seam) <= near]
-    special = {id(point.event): point for point in there if point.event is not None}
+    special = {
+        id(point.event) if point.event else point.kind: point
+        for point in there
+        if point.kind not in ("", "EP", "MX")
+    }
     if not special and head and tail:
         there = [replace(before[-1], kind="", label="")]  # no end any more
     return [*head, *(special.values() or there[-1 if head else 0 :][:1]), *tail]

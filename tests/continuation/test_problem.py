@@ -94,7 +94,7 @@ def test_solve_moves_the_start_onto_a_solution() -> None:
     assert problem.start["x"] == pytest.approx(math.sqrt(2), abs=1e-15)
     assert found.converged
     assert isinstance(problem.start["x"], float)
-    with pytest.raises(NotConverged, match="leaves the domain: math domain error|nonnegative"):
+    with pytest.raises(NotConverged, match=r"leaves the domain: (math|expected)"):
         scalar(lambda x, p: math.sqrt(x) + 1, 1.0, {"mu": 2.0}).solve()
 
 

@@ -1,0 +1,274 @@
+"""Branches and points as values: columns, special points, joining, words."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from contbreather.continuation import (
+    Branch,
+    Event,
+    Problem,
+    Steps,
+    Stop,
+    branch_point,
+    fold,
+    hopf,
+    trace,
+    user,
+    walk,
+)
+from contbreather.errors import BadInput
+
+from .zoo import ALL, ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, trace_case
+
+
+@pytest.fixture(scope="module")
+def branch() -> Branch:
+    problem = replace(
+        CUSP.problem,
+        record={"slope": lambda point: float(point.jacobian()[0, 0])},
+        label="cusp",
+    )
+    return trace_case(replace(CUSP, problem=problem), events=[fold(), user("x", 0.2)])
+
+
+def printed(thing) -> str:
+    console = Console(file=io.StringIO(), width=200)
+    console.print(thing)
+    return console.file.getvalue()
+
+
+# --- branches ---------------------------------------------------------------------------------
+
+
+def test_columns_are_unknowns_parameters_records_and_arclength(branch: Branch) -> None:
+    assert branch.names == ("x", "mu", "h", "slope", "arclength", "residual")
+    for name in branch.names:
+        assert branch[name].shape == (len(branch),)
+    assert (branch["mu"] == 1.0).all()
+    assert np.allclose(branch["slope"], 1 - 3 * branch["x"] ** 2, atol=1e-12)
+    assert branch["arclength"][0] == 0.0
+    with pytest.raises(BadInput, match=r"no column 'y'; this branch has \['x', 'mu', 'h', 'slope'"):
+        branch["y"]
+
+
+def test_points_are_taken_by_number_and_in_order(branch: Branch) -> None:
+    assert branch[17] is branch.points[17]
+    assert branch[-1] is branch.points[-1]
+    assert branch[2:4] == branch.points[2:4]
+    assert [point["x"] for point in branch] == branch["x"].tolist()
+
+
+def test_special_points_by_kind_and_label(branch: Branch) -> None:
+    assert [p.label for p in branch.special] == ["EP1", "LP1", "UZ1", "LP2", "EP2"]
+    assert branch.first("LP") is branch.first("LP1")
+    assert branch.first("LP2")["x"] > 0
+    with pytest.raises(BadInput, match=r"no 'NS' on this branch; it has \['EP1', 'LP1', 'UZ1'"):
+        branch.first("NS")
+
+
+def test_a_branch_says_what_it_is(branch: Branch) -> None:
+    text = repr(branch)
+    assert text.startswith(f"<Branch cusp in h (mu = 1): {len(branch)} points; ")
+    assert Stop.BOUND.value in text
+    assert "'LP2'" in text
+    table = printed(branch)
+    assert "LP1" in table
+    assert "0.384900179" in table
+    assert table.count("\n") >= 5 + 3
+    assert printed(branch.table()) == table
+
+
+def test_a_branch_in_trouble_says_why() -> None:
+    bad = Problem(lambda u, p: u - np.sqrt(p["mu"]), {"x": 1.0}, {"mu": 1.0})
+    branch = trace(bad, "mu", towards="down")
+    assert "reached the rim of the domain of the equations: the equations are not finite" in repr(
+        branch
+    )
+    assert branch.stop.failed
+    assert not Stop.BOUND.failed
+
+
+def test_arrays_and_complex_records_do_not_spoil_the_table() -> None:
+    problem = replace(
+        BRUSSELATOR.problem,
+        record={
+            "values": lambda point: np.linalg.eigvals(point.jacobian()[:, :2]),
+            "one": lambda point: complex(point["X"], 1.0),
+        },
+    )
+    branch = trace(problem, "B", within={"B": (0.1, 3.0)}, events=[hopf()])
+    assert branch["values"].shape == (len(branch), 2)
+    assert branch["one"].dtype == complex
+    assert "values" not in printed(branch)
+    assert "1+1j" in printed(branch)
+    assert "null" not in printed(trace_case(BRATU))
+
+
+def test_frozen_in_frozen_out(branch: Branch) -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        branch.stop = Stop.MOST
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        branch[3].kind = "LP"
+    for array in (branch[3].z, branch[3].x, branch[3].tangent):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 7.0
+    branch["x"][0] = 7.0  # a column is a copy
+    assert branch["x"][0] == -2.0
+    matrix = branch[3].jacobian()
+    matrix[0, 0] = 7.0
+    assert branch[3].jacobian()[0, 0] != 7.0
+
+
+# --- joining and turning ----------------------------------------------------------------------
+
+
+def test_turning_a_branch_twice_gives_it_back(branch: Branch) -> None:
+    turned = branch.reversed()
+    assert np.array_equal(turned["x"], branch["x"][::-1])
+    assert [p.label for p in turned.special] == ["EP1", "LP1", "UZ1", "LP2", "EP2"]
+    assert turned.first("LP1")["x"] == branch.first("LP2")["x"]
+    assert np.array_equal(turned[3].tangent, -branch[len(branch) - 4].tangent)
+    for point in turned.special[1:-1]:
+        assert point.bracket[0] <= point.arclength <= point.bracket[1]
+    again = turned.reversed()
+    assert np.allclose(again["arclength"], branch["arclength"], rtol=0, atol=1e-12)
+    assert (again.stop, again.began) == (branch.stop, branch.began)
+
+
+def test_a_one_way_branch_turned_ends_where_it_set_out() -> None:
+    up = trace_case(CUSP, towards="up")
+    assert up.began is None
+    turned = up.reversed()
+    assert turned.stop is Stop.START
+    assert turned.began is up.stop
+    assert turned.reversed().began is None
+
+
+def test_joining_shifts_arclength_and_counts_labels_on() -> None:
+    first = trace(CUSP.problem, "h", within={"x": (-2.0, 0.0)}, events=[fold()])
+    second = trace(first[-1], "h", within={"x": (-0.1, 2.0)}, events=[fold()], towards="down")
+    whole = first.join(second)
+    assert len(whole) == len(first) + len(second) - 1
+    assert [p.label for p in whole.special] == ["EP1", "LP1", "LP2", "EP2"]
+    assert (np.diff(whole["arclength"]) > 0).all()
+    assert whole.stop is second.stop
+    assert whole.began is first.began
+    with pytest.raises(BadInput, match="these do not meet"):
+        first.join(first)
+
+
+def test_an_event_at_the_seam_is_there_once_and_no_end_stays_inside() -> None:
+    middle = user("x", -0.9)
+    for events in ([middle], [middle, fold(), user("h", CUSP.problem.params["h"])], []):
+        whole = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=events)
+        assert sum(point.event is middle for point in whole) == (middle in events)
+        assert [p.kind for p in whole.special].count("EP") == 2
+        assert whole.special[0].kind == whole.special[-1].kind == "EP"
+
+
+def test_candidates_that_failed_come_along() -> None:
+    branch = trace_case(ARMS, events=[fold(), branch_point()])
+    assert branch.doubtful
+    assert len(branch.reversed().doubtful) == len(branch.doubtful)
+    (doubtful,) = branch.reversed().doubtful
+    assert doubtful.arclength == pytest.approx(branch.reversed().first("BP").arclength, abs=1e-6)
+
+
+# --- points -----------------------------------------------------------------------------------
+
+
+def test_a_point_gives_values_by_name(branch: Branch) -> None:
+    point = branch[5]
+    assert point.values == {"x": point["x"], "mu": 1.0, "h": point["h"]}
+    assert isinstance(point["x"], float)
+    assert point.params == {"mu": 1.0, "h": point["h"]}
+    assert point["slope"] == pytest.approx(1 - 3 * point["x"] ** 2)
+    assert np.array_equal(point.x, [point["x"]])
+    with pytest.raises(BadInput, match=r"no 'y' at this point; it has \['x', 'mu', 'h', 'slope'\]"):
+        point["y"]
+
+
+def test_a_point_shows_label_and_values(branch: Branch) -> None:
+    assert repr(branch.first("UZ")) == "Point(UZ1: x=0.2, mu=1, h=-0.192)"
+    assert repr(branch[5]).startswith("Point(x=")
+    assert repr(trace_case(BRATU)[0]).startswith("Point(EP1: lam=")
+
+
+def test_a_point_is_a_start(branch: Branch) -> None:
+    again = trace(branch[5], "h", within={"x": (-2, 2)}, events=ALL)
+    assert [p.kind for p in again.special] == ["EP", "LP", "LP", "EP"]
+    other = trace(branch[5], "mu", within={"mu": (0.9, 1.1)})
+    assert (other["h"] == branch[5]["h"]).all()
+
+
+def test_what_an_event_knows_is_read_by_name() -> None:
+    point = trace_case(BRUSSELATOR).first("HB")
+    assert point["omega2"] == pytest.approx(1.0, abs=1e-14)
+    assert point["null"].shape == (2,)
+
+
+def test_a_point_says_what_it_is_to_its_user() -> None:
+    with pytest.raises(BadInput, match="says no more of a point than its values"):
+        _ = trace_case(LINE)[0].solution
+    problem = replace(LINE.problem, interpret=lambda point: f"x is {point['x']:.1f}")
+    assert trace(problem, "mu", within={"mu": (-1, 1)})[-1].solution == "x is 2.0"
+
+
+# --- by hand ----------------------------------------------------------------------------------
+
+
+def test_a_walk_yields_special_points_in_their_places_and_returns_its_end() -> None:
+    walker = walk(CIRCLE.problem, "mu", events=[fold(), user("x", 0.5)])
+    points = []
+    while True:
+        try:
+            points.append(next(walker))
+        except StopIteration as stopped:
+            end = stopped.value
+            break
+    assert end.stop is Stop.CLOSED
+    assert [point.kind for point in points if point.kind] == ["UZ", "LP", "LP", "UZ"]
+    assert (np.diff([point.arclength for point in points]) > 0).all()
+    with pytest.raises(BadInput, match="a walk goes towards 'up' or 'down', got 'both'"):
+        walk(CIRCLE.problem, "mu", towards="both")
+
+
+def test_a_walk_refuses_at_once_not_at_its_first_point() -> None:
+    with pytest.raises(BadInput, match="no 'nu'"):
+        walk(LINE.problem, "mu", within={"nu": (0, 1)})
+
+
+def test_events_are_values() -> None:
+    event = Event("GR", lambda point: point["x"], terminal=True)
+    assert replace(event, terminal=False).kind == "GR"
+    with pytest.raises(TypeError):
+        Event("GR", lambda point: point["x"], True)
+    assert Steps() == Steps(first=0.01)
+
+
+def test_progress_is_silent_unless_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    trace_case(CUSP)
+    captured = capsys.readouterr()
+    assert captured.out == captured.err == ""
+
+
+def test_progress_is_shown_on_standard_error_when_asked_for(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from contbreather.continuation import progress
+
+    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "_INTERVAL", 0.0)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    trace_case(CUSP, progress=True)
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "points, h = " in captured.err
