@@ -560,14 +560,17 @@ def _given(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float,
     with contextlib.suppress(Undefined):
         curve.reconsider(ahead)
         curve.rows = np.maximum(curve.row_sizes(ahead), curve.rows)
-    value = curve.equations(z)
-    off, skew = abs(value / curve.rows).max(), abs(curve.jacobian(z) @ tangent / curve.rows).max()
+    try:
+        value, change = curve.equations(z) / curve.rows, curve.jacobian(z) @ tangent / curve.rows
+    except Undefined as error:
+        raise BadInput(f"the equations have no derivatives at the start: {error}") from error
+    off, skew = abs(value).max(), abs(change).max()
     if off > _GAP * (1 + curve.length(z)) or skew > _SKEW:
         raise BadInput(
             f"no curve leaves the start in this direction: the residual there is {off:.2g}, "
             f"and {skew:.2g} is its change along the direction"
         )
-    return curve, float(abs(value).max()), tangent
+    return curve, float(abs(value * curve.rows).max()), tangent
 
 
 def _first_tangent(curve: Curve) -> tuple[Array, int]:

@@ -1,0 +1,392 @@
+"""Onto other branches: all that leave, each once, from the right point, or a clear refusal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import ortho_group
+
+from contbreather.continuation import (
+    Branch,
+    Event,
+    Problem,
+    Seed,
+    Steps,
+    Stop,
+    branch_point,
+    fold,
+    hopf,
+    trace,
+)
+from contbreather.continuation.problem import Curve
+from contbreather.continuation.recognition import lies_on, recognised, same_place
+from contbreather.continuation.switching import ArmsCoincide, NothingToSwitch, follow, switch
+from contbreather.errors import BadInput, NotConverged
+
+from .zoo import (
+    CIRCLE,
+    LORENZ,
+    PITCHFORK,
+    STATIC,
+    TRANSCRITICAL,
+    Array,
+    crowded,
+    scalar,
+    trace_case,
+)
+
+MU = {"mu": (-1.0, 1.0)}
+
+
+def both_ways(x: float, p: Mapping[str, float]) -> float:
+    """``x (x^2 + mu^2 - 1)``: a circle across the axis."""
+    return x * (x**2 + p["mu"] ** 2 - 1)
+
+
+CROSSED_CIRCLE = scalar(both_ways, 0.0, {"mu": -1.5})
+
+
+def arms_of(problem: Problem, within: Mapping[str, tuple[float, float]] = MU) -> tuple[Branch, ...]:
+    branch = trace(problem, "mu", events=STATIC, within=within)
+    return switch(branch.first("BP"), within=within, events=STATIC)
+
+
+# --- what is found ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_both_arms_of_a_pitchfork_super_or_subcritical(sign: int) -> None:
+    arms = arms_of(scalar(lambda x, p: x * (p["mu"] - sign * x**2), 0.0, {"mu": -0.7}))
+    assert len(arms) == 2
+    assert sorted(round(arm[-1]["x"], 12) for arm in arms) == [-1, 1]
+    for arm in arms:
+        assert abs(arm["mu"] - sign * arm["x"] ** 2).max() < 1e-14
+        assert abs(arm["x"][1:]).min() > 0
+        assert arm.stop is Stop.BOUND
+
+
+def test_the_other_curve_of_a_transcritical_point_in_both_directions_and_not_the_first() -> None:
+    branch = trace_case(TRANSCRITICAL)  # on x = mu; the axis crosses it
+    arms = switch(branch.first("BP"), within=MU)
+    assert sorted(arm[-1]["mu"] for arm in arms) == [-1, 1]
+    for arm in arms:
+        assert abs(arm["x"]).max() < 1e-12
+        assert not lies_on(arm[5], branch)
+
+
+def test_arms_leave_where_folds_crowd_the_branch_point() -> None:
+    branch = trace_case(crowded(1e-4))
+    arms = switch(branch.first("BP"), within={"l": (-1.0, 1.0)})
+    assert sorted(arm[-1]["l"] for arm in arms) == [-1, 1]
+    assert all(abs(arm["x"]).max() < 1e-12 for arm in arms)
+
+
+def test_lorenz_branch_point_leads_to_the_origin() -> None:
+    arms = switch(trace_case(LORENZ).first("BP"), within={"r": (0.5, 20.0)}, events=[hopf()])
+    assert sorted(arm[-1]["r"] for arm in arms) == [0.5, 20.0]
+    assert all(abs(arm["z"]).max() < 1e-12 for arm in arms)
+
+
+@given(st.integers(2, 5), st.integers(0, 10**6), st.sampled_from(["transcritical", "pitchfork"]))
+@settings(max_examples=15, deadline=None)
+def test_crossings_are_found_in_any_dimension_and_position(n: int, seed: int, shape: str) -> None:
+    """A known crossing hidden by a rotation, a shift and well-behaved other directions."""
+    rotation = ortho_group.rvs(n, random_state=seed)
+    rng = np.random.default_rng(seed)
+    shift, rates = rng.normal(size=n), rng.uniform(0.5, 2.0, n - 1) * rng.choice([-1, 1], n - 1)
+
+    def residual(x: Array, p: Mapping[str, float]) -> Array:
+        y = rotation.T @ (x - shift)
+        head = y[0] * (p["mu"] - (y[0] if shape == "transcritical" else y[0] ** 2))
+        return rotation @ np.append(head, rates * y[1:] + y[0] ** 2)
+
+    def height(arm: Branch) -> Array:
+        return (arm["x"] - shift) @ rotation[:, 0]
+
+    mine = Problem(residual, {"x": shift.copy()}, {"mu": -0.6})
+    arms = arms_of(mine)
+    assert len(arms) == 2
+    for arm in arms:
+        wanted = height(arm) if shape == "transcritical" else height(arm) ** 2
+        assert abs(arm["mu"] - wanted).max() < 1e-9
+        assert abs(height(arm)[-1]) == pytest.approx(1.0, abs=1e-9)
+    assert height(arms[0])[-1] * height(arms[1])[-1] < 0
+
+
+def test_the_first_point_of_an_arm_is_the_branch_point_itself() -> None:
+    point = trace_case(PITCHFORK).first("BP")
+    for arm in switch(point, within=MU):
+        assert np.array_equal(arm[0].z, point.z)
+        assert arm[0].detail["parent"] is point
+        assert arm.began is Stop.EVENT
+        assert [one.label for one in arm.special] == ["EP1", "EP2"]
+        assert arm[0].arclength == 0 < arm[1].arclength
+
+
+def test_what_is_seen_at_the_start_of_an_arm_is_not_found_again_on_it() -> None:
+    for arm in arms_of(scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7})):
+        assert [point.kind for point in arm.special] == ["EP", "EP"]
+        assert arm.doubtful == ()
+
+
+def test_events_of_arms_are_found_and_can_be_switched_at_again() -> None:
+    branch = trace(CROSSED_CIRCLE, "mu", events=STATIC, within={"mu": (-2.0, 2.0)})
+    (arm,) = switch(branch.first("BP1"), within={"mu": (-2.0, 2.0)}, events=STATIC)
+    second = arm.first("BP")
+    assert second["mu"] == pytest.approx(1.0, abs=1e-12)
+    back = switch(second, within={"mu": (-2.0, 2.0)})
+    assert sorted(one[-1]["mu"] for one in back) == [-2, 2]
+    assert all(abs(one["x"]).max() < 1e-12 for one in back)
+
+
+def test_a_curve_that_comes_back_to_the_branch_point_is_there_once() -> None:
+    branch = trace(CROSSED_CIRCLE, "mu", events=STATIC, within={"mu": (-2.0, 2.0)})
+    arms = switch(branch.first("BP1"), within={"mu": (-2.0, 2.0)}, events=STATIC)
+    assert [arm.stop for arm in arms] == [Stop.CLOSED]
+    assert abs(arms[0]["x"] ** 2 + arms[0]["mu"] ** 2 - 1).max() < 1e-12
+
+
+@pytest.mark.parametrize("images", [None, lambda x, p: (-x,)])
+def test_mirror_images_are_marked_where_the_problem_knows_its_symmetry(images: object) -> None:
+    mine = scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7}, images=images)
+    one, other = arms_of(mine)
+    assert "image_of" not in one[0].detail
+    assert other[0].detail.get("image_of") == (None if images is None else 0)
+
+
+def test_any_event_can_bring_its_own_arms_into_a_larger_problem() -> None:
+    """The engine asks the event, never for its kind: here two oscillators split apart."""
+
+    def apart(x: Array, p: Mapping[str, float]) -> Array:
+        mean, half = 0.5 * (x[0] + x[1]), 0.5 * (x[0] - x[1])
+        return np.array([mean - p["mu"], half * (p["mu"] - 0.5 - half**2)])
+
+    larger = Problem(apart, {"left": 0.0, "right": 0.0}, {"mu": 0.0})
+
+    def arms(point: object) -> tuple[Seed, ...]:
+        x, mu = point["x"], point["mu"]
+        z, parent = np.array([x, x, mu]), np.array([1.0, 1.0, 1.0])
+        return tuple(Seed(larger, z, side * np.array([1.0, -1.0, 0]), parent) for side in (1, -1))
+
+    event = Event("ODD", lambda point: point["mu"] - 0.5, arms=arms)
+    mine = scalar(lambda x, p: x - p["mu"], 0.0, {"mu": 0.0}, events=(event,))
+    found = switch(trace(mine, "mu", within=MU).first("ODD"), within=MU)
+    for arm in found:
+        half = 0.5 * (arm["left"] - arm["right"])
+        assert abs(arm["mu"] - 0.5 - half**2).max() < 1e-12
+    assert found[0]["left"][-1] == pytest.approx(found[1]["right"][-1], abs=1e-12)
+
+
+def test_an_interruption_keeps_the_arms_there_are() -> None:
+    calls = 0
+
+    def residual(x: Array, p: Mapping[str, float]) -> Array:
+        nonlocal calls
+        calls += 1
+        if calls > limit:
+            raise KeyboardInterrupt
+        return np.array([x[0] * (p["mu"] - x[0] ** 2)])
+
+    limit = 10**9
+    mine = Problem(residual, {"x": 0.0}, {"mu": -0.7})
+    point = trace(mine, "mu", events=[branch_point()], within=MU).first("BP")
+    limit = calls + 120
+    arms = switch(point, within=MU)
+    assert [arm.stop for arm in arms] == [Stop.INTERRUPTED]
+    assert len(arms[0]) > 1
+
+
+# --- what is refused --------------------------------------------------------------------------
+
+
+def refused(point: object) -> NothingToSwitch:
+    with pytest.raises(NothingToSwitch) as caught:
+        switch(point)
+    assert caught.value.point is point
+    assert isinstance(caught.value, BadInput)
+    return caught.value
+
+
+def test_points_that_no_branch_leaves_are_refused_with_the_point() -> None:
+    branch = trace_case(LORENZ)
+    assert "is no special point" in str(refused(branch[3]))
+    assert "EP1 is where a branch ends" in str(refused(branch.special[0]))
+    assert "no other branch is known to leave a HB" in str(refused(branch.first("HB")))
+    assert "leave a LP" in str(refused(trace_case(CIRCLE).first("LP")))
+
+
+def test_the_start_of_an_arm_says_where_to_switch_instead() -> None:
+    arm = arms_of(CROSSED_CIRCLE, {"mu": (-2.0, 2.0)})[0]
+    assert "point.detail['parent']" in str(refused(arm[0]))
+
+
+def test_a_point_that_was_not_located_is_refused() -> None:
+    point = trace_case(PITCHFORK).first("BP")
+    doubt = replace(point, located=False, detail={"reason": "for a test"})
+    assert "seen, not located (for a test)" in str(refused(doubt))
+
+
+def test_an_event_without_arms_at_its_point_is_refused() -> None:
+    event = Event("ODD", lambda point: point["mu"], arms=lambda point: ())
+    point = trace(PITCHFORK.problem, "mu", events=[event], within=MU).first("ODD")
+    assert "no other branch leaves it" in str(refused(point))
+
+
+def with_seed(z: Array, tangent: Array, parent: Array | None = None) -> tuple[object, Seed]:
+    point = trace_case(PITCHFORK).first("BP")
+    return point, Seed(point.problem, z, tangent, parent)
+
+
+def test_an_arm_that_follows_its_parent_is_refused_with_the_arm() -> None:
+    along = np.array([0.0, 1.0])
+    point, seed = with_seed(np.zeros(2), np.array([1e-3, 1.0]), along)
+    with pytest.raises(ArmsCoincide, match="follows the branch it was to leave") as caught:
+        follow(point, seed, within=MU)
+    assert caught.value.distance < 1e-4
+    assert len(caught.value.arm) > 2
+    assert isinstance(caught.value, NotConverged)
+
+
+def test_arms_that_coincide_are_refused_with_both() -> None:
+    point = trace_case(PITCHFORK).first("BP")
+    across = np.array([1.0, 0.0])
+    twice = Event("ODD", lambda point: 0.0, arms=lambda p: (Seed(p.problem, p.z, across),) * 2)
+    with pytest.raises(ArmsCoincide, match=r"two arms of .* coincide") as caught:
+        switch(replace(point, event=twice), within=MU)
+    assert caught.value.distance < 1e-12
+    assert np.allclose(caught.value.arm[1].z, caught.value.other[1].z)
+
+
+@pytest.mark.parametrize(
+    ("z", "tangent", "match"),
+    [
+        ([0.3, 0.5], [1.0, 0.0], "no curve leaves the start in this direction: the residual"),
+        ([1.0, 1.0], [1.0, 0.0], "no curve leaves the start in this direction"),
+        ([0.0, 0.0], [0.0, 0.0], "a direction of shape"),
+        ([0.0, 0.0], [1.0, math.nan], "a direction of shape"),
+        ([0.0, 0.0], [1.0, 0.0, 0.0], "a direction of shape"),
+        ([0.0, 0.0, 0.0], [1.0, 0.0], "a seed of shape"),
+    ],
+)
+def test_seeds_that_are_on_no_curve_are_refused(
+    z: list[float], tangent: list[float], match: str
+) -> None:
+    point, seed = with_seed(np.array(z), np.array(tangent))
+    with pytest.raises(BadInput, match=match):
+        follow(point, seed, within=MU)
+
+
+def test_no_first_step_is_an_error_not_a_branch_of_one_point() -> None:
+    def residual(x: Array, p: Mapping[str, float]) -> Array:
+        if x[0] > 1e-4:
+            raise ValueError("beyond the rim")
+        return np.array([x[0] * (p["mu"] - x[0] ** 2)])
+
+    point = trace_case(PITCHFORK).first("BP")
+    seed = Seed(Problem(residual, {"x": 0.0}, {"mu": 0.0}), np.zeros(2), np.array([1.0, 0.0]))
+    with pytest.raises(NotConverged, match="no step can be made along an arm"):
+        follow(point, seed, within=MU, steps=Steps(smallest=1e-3))
+
+
+def test_a_start_without_derivatives_is_refused() -> None:
+    def residual(x: Array, p: Mapping[str, float]) -> Array:
+        if x[0] != 0:
+            raise ValueError("nothing beside it")
+        return np.array([0.0])
+
+    with pytest.raises(BadInput, match="no derivatives at the start"):
+        trace(Problem(residual, {"x": 0.0}, {"mu": 0.0}), "mu", along=[1.0, 0.0])
+
+
+# --- the door to the walk ---------------------------------------------------------------------
+
+
+def test_a_given_direction_at_a_regular_point_is_the_ordinary_walk() -> None:
+    usual = trace(CIRCLE.problem, "mu", towards="up", within={"x": (0.0, 2.0)})
+    given = trace(CIRCLE.problem, "mu", along=[0.0, 3.0], within={"x": (0.0, 2.0)})
+    assert np.allclose(given[-1].z, usual[-1].z, atol=1e-12)
+    assert len(given) == len(usual)
+
+
+def test_a_direction_decides_the_side() -> None:
+    down = trace(CIRCLE.problem, "mu", along=[0.0, -1.0], within={"x": (0.0, 2.0)})
+    assert down[-1]["mu"] == pytest.approx(-1.0, abs=1e-12)
+
+
+# --- recognising what is known ----------------------------------------------------------------
+
+
+def test_a_point_lies_on_a_branch_between_its_points_only_where_the_curve_is() -> None:
+    whole = trace_case(CIRCLE)
+    for angle in np.linspace(0, 2 * math.pi, 37):
+        on = moved(whole, [math.cos(angle), math.sin(angle)])
+        assert lies_on(on, whole)
+        assert not lies_on(moved(whole, 1.0001 * on.z), whole)
+
+
+def moved(branch: Branch, z: object) -> object:
+    return replace(branch[0], z=np.asarray(z, dtype=float))
+
+
+def test_solutions_of_another_problem_or_at_other_parameters_are_not_on_a_branch() -> None:
+    mine = scalar(lambda x, p: x - p["mu"] * p["h"], 0.0, {"mu": 0.0, "h": 1.0})
+    branch = trace(mine, "mu", within=MU)
+    there = trace(mine.at(h=1.0 + 1e-3), "mu", within=MU)
+    assert lies_on(branch[3], branch)
+    assert not lies_on(there[3], branch)
+    assert not lies_on(trace_case(CIRCLE)[3], branch)
+
+
+def test_images_and_solutions_of_a_smaller_problem_are_recognised_as_such() -> None:
+    small = scalar(lambda x, p: x - p["mu"], 0.2, {"mu": 0.2})
+
+    def simpler(point: object) -> Problem | None:
+        left, right = point.x
+        return small.at(x=left, mu=point["mu"]) if abs(left - right) < 1e-9 else None
+
+    def two(x: Array, p: Mapping[str, float]) -> Array:
+        return np.array([x[0] + x[1] - 2 * p["mu"], (x[0] - x[1]) * (p["mu"] - 0.1 - x[0])])
+
+    larger = Problem(
+        two,
+        {"left": 0.3, "right": 0.5},
+        {"mu": 0.4},
+        images=lambda x, p: (x[::-1].copy(),),
+        simpler=simpler,
+    )
+    known = [trace(small, "mu", within=MU), trace(larger, "mu", within=MU)]
+    curve = Curve(larger, ("mu",))
+    near = replace(known[1][3], curve=curve)
+    found = recognised(near, known)
+    assert (found.branch, found.image, found.simpler) == (1, False, False)
+    swapped = replace(near, z=near.z[[1, 0, 2]])
+    found = recognised(swapped, known)
+    assert (found.branch, found.image, found.simpler) == (1, True, False)
+    together = replace(near, z=np.array([0.7, 0.7, 0.7]))
+    found = recognised(together, known)
+    assert (found.branch, found.image, found.simpler) == (0, False, True)
+    assert recognised(replace(near, z=np.array([0.7, 0.1, 0.4])), known) is None
+    assert same_place(together, moved(known[0], [0.7, 0.7]))
+
+
+def test_a_large_scale_does_not_blur_what_is_known() -> None:
+    mine = scalar(
+        lambda x, p: 1e-6 * x - 1e6 * p["mu"],
+        0.0,
+        {"mu": 0.0},
+        scales={"x": 1e6, "mu": 1e-6},
+    )
+    branch = trace(mine, "mu", within={"mu": (-1e-6, 1e-6)}, steps=Steps(largest=0.3))
+    assert lies_on(moved(branch, [0.5e6, 0.5e-6]), branch)
+    assert not lies_on(moved(branch, [0.5e6, 0.5001e-6]), branch)
+
+
+def test_folds_are_no_branch_points_for_the_algebraic_bifurcation_equation() -> None:
+    branch = trace(CIRCLE.problem, "mu", events=[fold(), branch_point()])
+    assert {point.kind for point in branch.special} <= {"LP", "EP"}
