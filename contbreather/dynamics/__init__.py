@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from contbreather.dynamics.basin import Axis, Basin, Fate, attraction
 from contbreather.dynamics.conditions import Conditions, State
+from contbreather.dynamics.energy import Localisation, localisation
 from contbreather.dynamics.impacting import Record, Run, RunStop, Sample, simulate
-from contbreather.dynamics.periodic_motion import PeriodicMotion, periodic
+from contbreather.dynamics.periodic_motion import PeriodicMotion, damped_orbit, periodic
+from contbreather.dynamics.quasiperiodic import Kind, Rotation, Verdict, rotation, verdict
 from contbreather.dynamics.recording import Recording, open_recording, record
+from contbreather.dynamics.slow_sweep import Sweep, sweep, there_and_back
 from contbreather.dynamics.smooth import (
     Explicit,
     Implicit,
@@ -18,13 +22,19 @@ from contbreather.dynamics.smooth_shooting import SmoothOrbit, smooth_orbit
 from contbreather.dynamics.tangent import Lyapunov, lyapunov, variation
 
 __all__ = [
+    "Axis",
+    "Basin",
     "Conditions",
     "Explicit",
+    "Fate",
     "Implicit",
+    "Kind",
+    "Localisation",
     "Lyapunov",
     "PeriodicMotion",
     "Record",
     "Recording",
+    "Rotation",
     "Run",
     "RunStop",
     "Sample",
@@ -32,13 +42,22 @@ __all__ = [
     "SmoothOrbit",
     "SmoothRun",
     "State",
+    "Sweep",
     "Switching",
+    "Verdict",
+    "attraction",
+    "damped_orbit",
+    "localisation",
     "lyapunov",
     "open_recording",
     "periodic",
     "record",
+    "rotation",
     "simulate",
     "simulate_smooth",
     "smooth_orbit",
+    "sweep",
+    "there_and_back",
     "variation",
+    "verdict",
 ]

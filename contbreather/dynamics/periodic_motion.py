@@ -9,12 +9,14 @@ convergence is quadratic, and the multipliers come with the solution.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.continuation import Point, Problem, fold
 from contbreather.dynamics.conditions import Conditions, State, check_state, number, whole
 from contbreather.dynamics.impacting import Run, RunStop, Sample, simulate
 from contbreather.dynamics.tangent import variation
@@ -23,6 +25,7 @@ from contbreather.lattice import Forcing, Harmonic
 
 Array = NDArray[Any]
 
+NAMES = ("a", "gamma", "k", "damping")
 STEPS = 30
 SOLVED = 1e-11
 
@@ -185,4 +188,74 @@ def _shortened(
         f"no periodic motion near this state: Newton's method stops at a residual of {size:.2g}; "
         "start closer, or let the damped ring settle first.",
         residual=size,
+    )
+
+
+# --- as a problem of the engine ------------------------------------------------------------------
+
+DOMAIN = {
+    "gamma": (0.0, 0.25),
+    "k": (0.0, 1.0),
+    "a": (0.0, math.inf),
+    "damping": (0.0, math.inf),
+}
+
+
+def damped_orbit(start: PeriodicMotion) -> Problem:
+    """A periodic motion of the damped ring as a start for `trace`: in a, gamma, k or damping.
+
+    Unknowns are the arrays ``u`` and ``v`` at its t0. Columns ``largest`` and ``unstable`` as
+    computed from its multipliers over the period; event LP. A point's ``solution`` is a
+    `PeriodicMotion`.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import symmetric
+    >>> from contbreather.continuation import trace
+    >>> b = symmetric(a=0.1, gamma=0.05, k=0.8)
+    >>> orbit = periodic(b.state(6), a=0.1, gamma=0.05, k=0.8, damping=0.02, symmetric=True)
+    >>> branch = trace(damped_orbit(orbit), "a", towards="down", within={"a": (0.05, 0.2)})
+    >>> round(branch.first("LP")["a"], 4)  # without damping 0.0644
+    0.0863
+    """
+    forcing = start.conditions.forcing
+    length = 0.5 if start.symmetric else float(start.periods)
+    sign = -1.0 if start.symmetric else 1.0
+
+    def run_of(x: Array, params: Mapping[str, float]) -> Run:
+        settings: dict[str, Any] = {name: float(params[name]) for name in NAMES}
+        state = np.split(np.asarray(x), 2)
+        found = simulate(state, periods=length, t0=start.t0, forcing=forcing, **settings)
+        if found.stop is not RunStop.DONE:
+            raise ArithmeticError(found.reason)
+        return found
+
+    def residual(x: Array, params: Mapping[str, float]) -> Array:
+        return np.asarray(sign * np.concatenate(run_of(x, params).final) - x)
+
+    def jacobian(x: Array, params: Mapping[str, float]) -> Array:
+        return np.asarray(sign * variation(run_of(x, params)) - np.eye(x.size))
+
+    def multipliers(point: Point) -> Array:
+        matrix = variation(run_of(point.x, point.params))
+        return np.asarray(np.abs(np.linalg.eigvals(matrix)) ** (2 if start.symmetric else 1))
+
+    def interpret(point: Point) -> PeriodicMotion:
+        settings: dict[str, Any] = {n: point[n] for n in NAMES}
+        settings |= {"periods": start.periods, "symmetric": start.symmetric, "t0": start.t0}
+        return periodic(np.split(point.x, 2), **settings, forcing=forcing)
+
+    return Problem(
+        residual,
+        {"u": start.state.u, "v": start.state.v},
+        start.conditions.as_params(),
+        jacobian=jacobian,
+        events=(fold(),),
+        record={
+            "largest": lambda point: float(multipliers(point).max()),
+            "unstable": lambda point: float(np.sum(multipliers(point) > 1.0 + 1e-9)),
+        },
+        domain=DOMAIN,
+        interpret=interpret,
+        label="damped breather",
     )

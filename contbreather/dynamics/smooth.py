@@ -342,7 +342,7 @@ class SmoothFlight:
         if self.sample is not None:
             count = self.sample.per_period
             times = self.t0 + PERIOD / count * np.arange(1, count)
-            inner = np.concatenate([y[None], self._states(y, times)])
+            inner = np.concatenate([y[None], self._states(y, times) if count > 1 else inner])
         return after, inner.reshape(len(inner), 2, y.size // 2)
 
     def part(self, y: Array, span: float) -> Array:

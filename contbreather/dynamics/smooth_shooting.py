@@ -162,7 +162,7 @@ def smooth_orbit(
     >>> start = smooth_orbit(b.state(6), a=0.1, gamma=0.08, m=6, k=0.8, damping=0.005)
     >>> found, _ = start.solve()
     >>> round(float(found.start["u"][0]), 4)
-    -0.9051
+    -0.4297
     """
     u, v = check_state(state, walls=False)
     wall = wall_damping(k, lam)

@@ -11,7 +11,6 @@ jumps. So the tangent flow needs of an orbit only the list of its impacts.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -112,7 +111,7 @@ class Lyapunov:
         In descending order, per unit of time; a multiplier mu of an orbit of period T is
         exp(T exponent) in modulus.
     error : ndarray
-        Standard error from the spread of its means over tenths of the run.
+        Difference between the averages over the two halves of the run.
     periods : int
         Over how many periods it was averaged.
     """
@@ -139,8 +138,9 @@ def lyapunov(
     """The largest Lyapunov exponents of the impacting ring, saltations included.
 
     Perturbations are carried along the exact motion and orthonormalised once in a period
-    (Benettin). The forcing's phase is no degree of freedom: a torus of one frequency beside the
-    forcing has one exponent zero, a periodic motion none.
+    (Benettin); the rates are averaged by `weighted_mean`, far sharper on a torus. The forcing's
+    phase is no degree of freedom: a torus of one frequency beside the forcing has one exponent
+    zero, a periodic motion none.
 
     Parameters
     ----------
@@ -184,7 +184,25 @@ def lyapunov(
         carry(du, dv, held, spans, one.first, law, *events, growth)
         grown.append(growth)
     rates = np.concatenate(grown)[settle:] / PERIOD
-    tenths = np.array([part.mean(axis=0) for part in np.array_split(rates, 10)])
-    order = np.argsort(-rates.mean(axis=0))
-    error = tenths[2:].std(axis=0) / math.sqrt(8.0)
-    return Lyapunov(rates.mean(axis=0)[order], error[order], periods)
+    mean = weighted_mean(rates)
+    half = len(rates) // 2
+    error = np.abs(weighted_mean(rates[:half]) - weighted_mean(rates[half:]))
+    order = np.argsort(-mean)
+    return Lyapunov(mean[order], error[order], periods)
+
+
+def weighted_mean(values: Array) -> Array:
+    """Birkhoff average along the first axis with the weight ``exp(-1/(x (1 - x)))``.
+
+    On a smooth torus it converges faster than any power of the length (Das and Yorke), elsewhere
+    about as the plain mean.
+
+    Examples
+    --------
+    >>> turns = np.cos(0.7 * np.arange(2000.0))
+    >>> abs(float(turns.mean())) > 1e-5, abs(float(weighted_mean(turns))) < 1e-14
+    (True, True)
+    """
+    x = np.arange(1.0, len(values) + 1.0) / (len(values) + 1.0)
+    weight = np.exp(-1.0 / (x * (1.0 - x)))
+    return np.asarray(np.tensordot(weight / weight.sum(), values, axes=1))

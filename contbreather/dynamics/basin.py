@@ -1,0 +1,235 @@
+"""How far a breather attracts: many starts over a plane of initial conditions, in parallel.
+
+Any `concurrent.futures.Executor` runs the rows of the picture: a process pool on this machine
+unless another is given (`dask.distributed.Client.get_executor()` for a cluster). A row's result
+depends on its starts alone, so the picture is the same whoever computes it.
+"""
+
+from __future__ import annotations
+
+import enum
+import os
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.dynamics.conditions import Conditions, State, check_state, whole
+from contbreather.dynamics.energy import localisation
+from contbreather.dynamics.impacting import RunStop, simulate
+from contbreather.dynamics.progress import Bar
+from contbreather.errors import BadInput
+from contbreather.lattice import Forcing, Harmonic
+
+Array = NDArray[Any]
+
+
+class Fate(enum.IntEnum):
+    """Where a start ended: the values are those of `Basin.fate`."""
+
+    PENDING = -1  # not computed: the run was interrupted
+    OUTSIDE = 0  # the start lies behind a wall
+    QUIET = 1  # no impacts any more
+    SPREAD = 2  # impacts, but no breather at the site
+    OTHER = 3  # a breather at the site, but another motion
+    RETURNED = 4  # the motion asked about
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One direction of the plane: displacement ``"u"`` or velocity ``"v"`` of a site, and values.
+
+    The values are those of the coordinate itself, not its distance from the reference.
+    """
+
+    name: str
+    site: int
+    values: tuple[float, ...]
+
+    def __init__(self, name: str, site: int, values: ArrayLike) -> None:
+        row = np.atleast_1d(np.asarray(values, dtype=float))
+        if name not in ("u", "v") or row.ndim != 1 or not np.all(np.isfinite(row)):
+            raise BadInput(
+                f"an axis is the displacement 'u' or velocity 'v' of a site with a row of finite "
+                f"values; {name!r} was given."
+            )
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "site", whole("site", site, -(10**9)))
+        object.__setattr__(self, "values", tuple(row.tolist()))
+
+    def put(self, state: State, value: float) -> None:
+        """Set the coordinate in a state."""
+        row = state.u if self.name == "u" else state.v
+        row[self.site % row.size] = value
+
+    @property
+    def label(self) -> str:
+        return f"{self.name}_{self.site}"
+
+
+@dataclass(frozen=True, eq=False)
+class Basin:
+    """The fates of all starts over a plane.
+
+    Attributes
+    ----------
+    x, y : Axis
+    fate : ndarray of int8, shape (len(y.values), len(x.values))
+        Values of `Fate`.
+    distance : ndarray
+        Largest difference to the reference state at the end.
+    complete : bool
+        False after an interruption: rows not computed are `Fate.PENDING`.
+    """
+
+    x: Axis
+    y: Axis
+    fate: NDArray[np.int8]
+    distance: Array
+    complete: bool
+
+    @property
+    def share(self) -> float:
+        """Which part of the starts inside the walls returned."""
+        inside = self.fate > Fate.OUTSIDE
+        return float(np.mean(self.fate[inside] == Fate.RETURNED)) if np.any(inside) else 0.0
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What a worker needs for one row; picklable, and nothing else decides its result."""
+
+    reference: State
+    conditions: Conditions
+    x: Axis
+    y: Axis
+    periods: int
+    site: int
+    t0: float
+    tolerance: float
+
+
+def attraction(
+    reference: Any,
+    x: Axis,
+    y: Axis,
+    *,
+    a: float,
+    gamma: float,
+    k: float,
+    damping: float = 0.0,
+    periods: int = 500,
+    site: int = 0,
+    t0: float = 0.0,
+    forcing: Forcing | None = None,
+    tolerance: float = 1e-3,
+    executor: Executor | None = None,
+    progress: bool | None = None,
+) -> Basin:
+    """From which starts over a plane does the ring come to a given periodic motion?
+
+    Parameters
+    ----------
+    reference : pair of array_like, shape (N,)
+        A state of the motion at t0, of `periodic(...)` for instance; all coordinates but the two
+        of the plane start there.
+    x, y : Axis
+        The plane.
+    a, gamma, k, damping, t0, forcing
+        As in `simulate`.
+    periods : int
+        After which the fate is read off; the slowest multiplier decides how many are needed.
+    site : int
+        Where the breather is.
+    tolerance : float
+        How close to the reference counts as returned.
+    executor : concurrent.futures.Executor, optional
+        Who computes; a process pool on all cores of this machine unless given.
+
+    Returns
+    -------
+    Basin
+        After Ctrl-C as well, with the rows completed until then.
+
+    Examples
+    --------
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from contbreather.breathers import symmetric
+    >>> state = symmetric(a=0.5, gamma=0.02, k=0.4).state(5)
+    >>> u, v = Axis("u", 0, [-0.9, 0.9]), Axis("v", 0, [-1.0, 0.0, 1.0])
+    >>> with ThreadPoolExecutor(1) as one:
+    ...     basin = attraction(state, u, v, a=0.5, gamma=0.02, k=0.4, executor=one)
+    >>> basin.fate.shape
+    (3, 2)
+    """
+    state = check_state(reference)
+    conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
+    task = _Task(state, conditions, x, y, whole("periods", periods, 2), site, t0, tolerance)
+    shape = len(y.values), len(x.values)
+    fate = np.full(shape, Fate.PENDING, np.int8)
+    distance = np.full(shape, np.nan)
+    complete = True
+    with _workers(executor) as pool, Bar(progress, len(y.values), "rows") as bar:
+        rows: dict[Future[Any], int] = {pool.submit(_row, task, j): j for j in range(len(y.values))}
+        try:
+            for done, future in enumerate(as_completed(rows)):
+                fate[rows[future]], distance[rows[future]] = future.result()
+                bar.advance(done + 1)
+        except KeyboardInterrupt:
+            complete = False
+            for future in rows:
+                future.cancel()
+    return Basin(x, y, fate, distance, complete)
+
+
+@contextmanager
+def _workers(executor: Executor | None) -> Iterator[Executor]:
+    if executor is not None:
+        yield executor
+        return
+    # a fresh interpreter each: forking a process with running BLAS or numba threads may hang
+    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
+        yield pool
+
+
+def _row(task: _Task, j: int) -> tuple[NDArray[np.int8], Array]:
+    """All starts of one row."""
+    found = [_fate(task, j, i) for i in range(len(task.x.values))]
+    fates, distances = zip(*found, strict=True)
+    return np.array(fates, np.int8), np.array(distances)
+
+
+def _fate(task: _Task, j: int, i: int) -> tuple[int, float]:
+    start = State(task.reference.u.copy(), task.reference.v.copy())
+    task.x.put(start, task.x.values[i])
+    task.y.put(start, task.y.values[j])
+    if np.abs(start.u).max() > 1.0:
+        return Fate.OUTSIDE, np.nan
+    c = task.conditions
+    settings: dict[str, Any] = {**c.as_params(), "forcing": c.forcing, "t0": task.t0}
+    run = simulate(start, periods=task.periods, progress=False, **settings)
+    gap = np.abs(np.subtract(run.final, task.reference)).max()
+    if run.stop is not RunStop.DONE:
+        return Fate.SPREAD, float(gap)
+    if gap < task.tolerance:
+        return Fate.RETURNED, float(gap)
+    return _elsewhere(task, run), float(gap)
+
+
+def _elsewhere(task: _Task, run: Any) -> int:
+    """Quiet, spread, or another breather at the site, judged by the last tenth of the run."""
+    last = run.impacts[run.impacts["period"] >= run.periods - max(2, run.periods // 10)]
+    if not last.size:
+        return Fate.QUIET
+    if set(last["site"].tolist()) == {task.site % run.sites}:
+        return Fate.OTHER
+    c, (u, v) = task.conditions, run.strobe
+    where: dict[str, Any] = {"a": c.a, "gamma": c.gamma, "damping": c.damping}
+    seen = localisation(u[-5:], v[-5:], run.times[-5:], forcing=c.forcing, **where)
+    here = np.all(seen.centre == task.site % run.sites) and seen.participation.mean() < 2.0
+    return Fate.OTHER if here else Fate.SPREAD

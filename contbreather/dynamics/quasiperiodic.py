@@ -1,0 +1,347 @@
+"""What becomes of a breather after a Neimark-Sacker bifurcation: rotation numbers and verdicts.
+
+The stroboscopic section (the state once in a period of the forcing) of a quasi-periodic motion is a
+closed curve. Its rotation number is the mean turn about the middle of the curve; averaged with the
+weight of `weighted_mean` it converges faster than any power of the length.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.dynamics.conditions import Conditions
+from contbreather.dynamics.energy import (
+    forced_displacement,
+    forced_velocity,
+    localisation,
+)
+from contbreather.dynamics.impacting import Run, RunStop, simulate
+from contbreather.dynamics.periodic_motion import PeriodicMotion, periodic
+from contbreather.dynamics.tangent import lyapunov, weighted_mean
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import Forcing, Harmonic
+
+Array = NDArray[Any]
+TURN = 2.0 * math.pi
+
+LONGEST = 64  # periods after which a motion may close to count as periodic or locked
+CLOSED = 1e-9  # how well it must close
+NEARBY = 1e-3  # so close to returning that Newton's method is asked
+RESOLVED = 1e-6  # how well two halves of a run agree on the rotation number of a torus
+STEADY = 1e-4  # how well they agree on its size
+NEUTRAL = 1e-6  # an exponent that is zero, as far as can be told
+RATIONAL = 1e-9  # how far a rotation number may be from p/q to be locked
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """Rotation number of a closed curve.
+
+    Attributes
+    ----------
+    number : float
+        Turns per period of the forcing, modulo 1 and up to sign: in [0, 1/2].
+    error : float
+        Difference between those of the two halves of the run.
+    hole : float
+        Distance of the curve from the middle it was seen to turn about, relative to its size;
+        where it is small the number means nothing.
+    drift : float
+        By how much the size of the curve differs between the two halves, relative to it: not
+        small where the motion still spirals.
+    """
+
+    number: float
+    error: float
+    hole: float
+    drift: float
+
+
+def rotation(u: ArrayLike, v: ArrayLike) -> Rotation:
+    """Rotation number of a stroboscopic section, by weighted Birkhoff averages.
+
+    The section is looked at in several planes: that in which it extends most, those of
+    displacement and velocity of single sites, and that of successive states. Taken is the one
+    with the widest hole in the middle, about which the turns are averaged.
+
+    Parameters
+    ----------
+    u, v : array_like, shape (M, N) or (M,)
+        Successive states, ``*run.strobe`` for instance, transient left out.
+
+    Examples
+    --------
+    >>> t = TURN * 0.381966 * np.arange(3000)
+    >>> found = rotation(np.cos(t) + 0.2 * np.cos(2 * t), np.sin(t))
+    >>> round(found.number, 12)
+    0.381966
+    """
+    x, y = (np.asarray(row, dtype=float) for row in (u, v))
+    x, y = x.reshape(len(x), -1), y.reshape(len(y), -1)
+    if len(x) < 20:
+        raise BadInput(f"{len(x)} states are too few for a rotation number; give at least 20.")
+    whitened = [plane / plane.std(axis=0) for plane in _planes(x, y) if np.all(plane.std(0) > 0.0)]
+    if not whitened:
+        return Rotation(0.0, 0.0, 0.0, 0.0)
+    holes = [float(radius.min() / radius.max()) for radius in (np.hypot(*p.T) for p in whitened)]
+    best = int(np.argmax(holes))
+    return _turns(whitened[best], holes[best])
+
+
+def _planes(x: Array, y: Array) -> list[Array]:
+    """Ways to look at a section, each about its middle."""
+    both = np.concatenate([x, y], axis=1)
+    both = both - weighted_mean(both)
+    axes = np.linalg.svd(both[: min(len(both), 4000)], full_matrices=False)[2]
+    widest = np.argsort(-x.std(axis=0))[:4]
+    planes = [both[:, [n, x.shape[1] + n]] for n in widest]
+    planes.append(np.stack([both[:-1] @ axes[0], both[1:] @ axes[0]], axis=1))
+    planes.append(both @ axes[:2].T)
+    return planes
+
+
+def _turns(plane: Array, hole: float) -> Rotation:
+    """Mean turn about the middle of a plane."""
+    turns = np.diff(np.arctan2(plane[:, 1], plane[:, 0])) / TURN
+    # each turn modulo 1 on the sheet around the middle of them all
+    middle = np.angle(np.exp(1j * TURN * turns).mean()) / TURN
+    turns = middle + (turns - middle + 0.5) % 1.0 - 0.5
+    half = len(turns) // 2
+    parts = (turns, turns[:half], turns[half:])
+    mean, first, second = (float(weighted_mean(part)) for part in parts)
+    size = np.sum(plane**2, axis=1)
+    drift = abs(float(weighted_mean(size[half:]) / weighted_mean(size[:half])) - 1.0)
+    return Rotation(abs(mean - round(mean)), abs(first - second), hole, drift)
+
+
+# --- verdicts -------------------------------------------------------------------------------------
+
+
+class Kind(enum.Enum):
+    """What a motion is in the end; the value is the sentence a user reads."""
+
+    PERIODIC = "periodic: repeats with the forcing"
+    LOCKED = "locked: periodic after several periods of the forcing"
+    QUASI_PERIODIC = "quasi-periodic: a torus with a rotation number of its own"
+    CHAOTIC = "chaotic: nearby motions part exponentially"
+    DELOCALISED = "delocalised: the breather is lost, impacts are everywhere"
+    SYNCHRONISED = "synchronised: the breather is lost, all sites move together"
+    UNDECIDED = "undecided: has not settled; let it run longer"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a motion is, and the numbers that say so.
+
+    Attributes
+    ----------
+    kind : Kind
+    reason : str
+        One sentence of evidence.
+    evidence : dict
+        ``participation`` (mean over the observed part), ``spread`` (largest deviation from unison),
+        ``impacting`` (how many sites hit a wall), and, as far as they were needed, ``return``
+        (distance after the best number of periods), ``periods``, ``multiplier`` (largest modulus),
+        ``exponent``, ``exponent_error``, ``frequencies`` (exponents that are zero), ``rotation``,
+        ``rotation_error``, ``p``, ``q``.
+    run : Run
+        The observed part, after settling.
+    """
+
+    kind: Kind
+    reason: str
+    evidence: Mapping[str, float]
+    run: Run = field(repr=False)
+
+    def __str__(self) -> str:
+        return f"{self.kind.value}; {self.reason}"
+
+
+def verdict(
+    state: Any,
+    *,
+    a: float,
+    gamma: float,
+    k: float,
+    damping: float = 0.0,
+    settle: int = 4000,
+    periods: int = 4096,
+    t0: float = 0.0,
+    forcing: Forcing | None = None,
+) -> Verdict:
+    """Let a ring settle, watch it, and say what its motion is.
+
+    Parameters
+    ----------
+    state, a, gamma, k, damping, t0, forcing
+        As in `simulate`.
+    settle, periods : int
+        Periods to let pass, and to watch: the weaker the attraction, the more are needed.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import symmetric
+    >>> b = symmetric(a=0.3, gamma=0.05, k=0.8)
+    >>> found = verdict(b.state(8), a=0.3, gamma=0.05, k=0.8, damping=0.05, periods=200)
+    >>> found.kind.name, round(found.evidence["multiplier"], 3)
+    ('PERIODIC', 0.876)
+    """
+    conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
+    settings: dict[str, Any] = {**conditions.as_params(), "forcing": conditions.forcing, "t0": t0}
+    start = simulate(state, periods=settle, **settings)
+    for run in (start, simulate(start.final, periods=max(int(periods), 100), **settings)):
+        if run.stop is RunStop.INTERRUPTED:
+            raise KeyboardInterrupt
+        if run.stop is not RunStop.DONE:
+            return Verdict(Kind.UNDECIDED, run.reason, {}, run)
+    return judge(run)
+
+
+def judge(run: Run) -> Verdict:
+    """The verdict on a run that has settled; see `verdict`."""
+    evidence = _where(run)
+    lost = _lost(run, evidence)
+    if lost is not None:
+        return lost
+    closed = _closed(run, evidence)
+    if closed is not None:
+        return closed
+    return _open(run, evidence)
+
+
+def _where(run: Run) -> dict[str, float]:
+    c, (u, v) = run.conditions, run.strobe
+    settings = {"a": c.a, "gamma": c.gamma, "damping": c.damping, "forcing": c.forcing}
+    seen = localisation(u, v, run.times, **settings)  # type: ignore[arg-type]
+    spread = max(np.ptp(u, axis=1).max(), np.ptp(v, axis=1).max())
+    last = run.impacts[run.impacts["period"] >= run.periods // 2]
+    return {
+        "participation": float(seen.participation.mean()),
+        "spread": float(spread),
+        "impacting": float(len(np.unique(last["site"]))),
+        "aside": _aside(run),
+    }
+
+
+def _aside(run: Run) -> float:
+    """Largest distance of any site from the forced motion, over the second half of the run."""
+    half = run.periods // 2
+    u, v, t = run.strobe.u[half:], run.strobe.v[half:], run.times[half:]
+    off = np.abs(u - forced_displacement(run.conditions, t)[:, None])
+    quick = np.abs(v - forced_velocity(run.conditions, t)[:, None])
+    return float(max(off.max(), quick.max()))
+
+
+def _lost(run: Run, evidence: dict[str, float]) -> Verdict | None:
+    """No breather any more: nobody hits, all move alike, or impacts are all over the ring."""
+    sites, impacting = run.sites, int(evidence["impacting"])
+    if impacting == 0:
+        reason = f"no impacts; every site within {evidence['aside']:.2g} of the forced motion"
+        return Verdict(Kind.SYNCHRONISED, reason, evidence, run)
+    if sites > 1 and evidence["spread"] < 1e-6:
+        reason = f"all {sites} sites are within {evidence['spread']:.1g} of each other"
+        return Verdict(Kind.SYNCHRONISED, reason, evidence, run)
+    if sites > 2 and impacting > max(2, sites // 4):
+        where = f"{impacting} of {sites} sites hit their walls"
+        reason = f"{where}, participation ratio {evidence['participation']:.1f}"
+        return Verdict(Kind.DELOCALISED, reason, evidence, run)
+    return None
+
+
+def _closed(run: Run, evidence: dict[str, float]) -> Verdict | None:
+    """Periodic or locked: it returns, or Newton's method finds a stable motion that does."""
+    x = np.concatenate(run.strobe, axis=1)
+    longest = min(LONGEST, len(x) // 3)
+    gaps = np.array(
+        [np.abs(x[-1 - n :: -1][:8] - x[:n:-1][:8]).max() for n in range(1, longest + 1)]
+    )
+    n = 1 + int(np.argmax(gaps < max(CLOSED, 2.0 * gaps.min())))
+    evidence |= {"return": float(gaps[n - 1]), "periods": float(n)}
+    # a spiral into a fixed point nearly closes after many numbers of periods: ask for 1 first
+    for candidate in dict.fromkeys((1, n)):
+        if gaps[candidate - 1] < NEARBY:
+            found = _attractor(run, candidate)
+            if found is not None:
+                return _periodic(run, evidence, found)
+    if gaps[n - 1] > CLOSED:
+        return None
+    reason = f"returns after {n} to {gaps[n - 1]:.1g}, its multipliers were not found"
+    return Verdict(Kind.PERIODIC if n == 1 else Kind.LOCKED, reason, evidence, run)
+
+
+def _attractor(run: Run, periods: int) -> PeriodicMotion | None:
+    """The motion of that many periods near the end of the run, unless it repels."""
+    c = run.conditions
+    settings: dict[str, Any] = {**c.as_params(), "forcing": c.forcing, "t0": run.times[0]}
+    try:
+        found = periodic(run.final, periods=periods, **settings)
+    except NotConverged:
+        return None
+    last = np.concatenate([run.strobe.u[-1], run.strobe.v[-1]])
+    distance = float(np.abs(np.concatenate(found.state) - last).max())
+    return found if distance < 10.0 * NEARBY and found.largest < 1.0 + 1e-7 else None
+
+
+def _periodic(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> Verdict:
+    u, v = found.run().strobe
+    gaps = np.maximum(np.abs(u[1:] - u[0]).max(axis=1), np.abs(v[1:] - v[0]).max(axis=1))
+    n = 1 + int(np.argmax(gaps < 1e-7))
+    evidence |= {"periods": float(n), "multiplier": found.largest ** (n / found.periods)}
+    away = float(np.abs(np.concatenate(run.final) - np.concatenate(found.state)).max())
+    reason = f"{away:.1g} from it, largest multiplier {evidence['multiplier']:.6g}"
+    if n == 1:
+        return Verdict(Kind.PERIODIC, reason, evidence, run)
+    p = round(rotation(*run.strobe).number * n)
+    evidence |= {"p": float(p), "q": float(n)}
+    return Verdict(Kind.LOCKED, f"{p}:{n}, {reason}", evidence, run)
+
+
+def _open(run: Run, evidence: dict[str, float]) -> Verdict:
+    """Not closed: a torus if its rotation number converges, chaos if an exponent is positive."""
+    c = run.conditions
+    settings: dict[str, Any] = {**c.as_params(), "forcing": c.forcing, "t0": run.times[0]}
+    turn = rotation(*run.strobe)
+    count = min(3, 2 * run.sites)
+    found = lyapunov(run.final, periods=run.periods, count=count, settle=300, **settings)
+    exponent, error = float(found.exponents[0]), float(found.error[0])
+    neutral = int(np.sum(np.abs(found.exponents) < np.maximum(5.0 * found.error, NEUTRAL)))
+    evidence |= {
+        "rotation": turn.number,
+        "rotation_error": turn.error,
+        "exponent": exponent,
+        "exponent_error": error,
+        "frequencies": float(neutral),
+    }
+    words = f"largest exponent {exponent:.2g} ({error:.0e})"
+    if exponent > max(5.0 * error, 1e-3):
+        return Verdict(Kind.CHAOTIC, words, evidence, run)
+    if turn.error > RESOLVED or turn.hole < 1e-3 or turn.drift > STEADY:
+        words = (
+            f"rotation number {turn.number:.6f} ({turn.error:.0e}), the section's size changes by "
+            f"{turn.drift:.0e}, {words}"
+        )
+        return Verdict(Kind.UNDECIDED, words, evidence, run)
+    p, q = _rational(turn.number)
+    words = f"rotation number {turn.number:.10f} ({turn.error:.0e}), {words}"
+    if neutral > 1:
+        words += f"; {neutral} exponents are zero: a torus of {neutral} frequencies beside 1"
+    if q:
+        evidence |= {"p": float(p), "q": float(q)}
+        return Verdict(Kind.LOCKED, f"{p}:{q}, {words}", evidence, run)
+    return Verdict(Kind.QUASI_PERIODIC, words, evidence, run)
+
+
+def _rational(number: float) -> tuple[int, int]:
+    """p and q of a ratio with a small denominator that the number is, or (0, 0)."""
+    for q in range(1, LONGEST + 1):
+        p = round(number * q)
+        if abs(number - p / q) < RATIONAL:
+            return p, q
+    return 0, 0

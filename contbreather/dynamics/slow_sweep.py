@@ -1,0 +1,254 @@
+"""A parameter varied slowly, up and down, with the state kept: hysteresis, and where it is lost.
+
+The parameter stands still for a number of periods at each value, so each row of a sweep is a motion
+under one set of conditions, and can be laid beside the continued branch. A branch that ends at a
+value is left by a sweep a little beyond it, the later the faster the sweep.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.dynamics.conditions import State, check_state, whole
+from contbreather.dynamics.energy import localisation
+from contbreather.dynamics.impacting import RunStop, simulate
+from contbreather.dynamics.progress import Bar
+from contbreather.dynamics.smooth import Solver, simulate_smooth
+from contbreather.errors import BadInput
+from contbreather.lattice import Forcing, Harmonic
+
+Array = NDArray[Any]
+
+HARD = ("a", "gamma", "k", "damping")
+COLUMNS = (
+    "value",
+    "u",
+    "v",
+    "participation",
+    "centre",
+    "amplitude",
+    "p",
+    "tilt",
+    "impacts",
+    "others",
+    "change",
+)
+SMOOTH = ("a", "gamma", "k", "lam", "m", "damping")
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """What a sweep saw, one row for each value of the parameter, in the order of time.
+
+    Attributes
+    ----------
+    name : str
+        The parameter.
+    value : ndarray, shape (M,)
+    u, v : ndarray, shape (M, N)
+        State after the last period at each value.
+    participation : ndarray
+        Mean participation ratio over the second half of the periods at this value, as are the
+        other means.
+    centre : ndarray of int
+        Site with the largest energy.
+    amplitude : ndarray
+        Largest speed, relative to the forced motion, that the centre has at the strobe: of order 1
+        in a breather, 0 where the ring follows its forcing.
+    p : ndarray
+        Half the mean momentum of an impact of the centre; NaN on smooth rings, which have no
+        impacts, 0 where there were none.
+    tilt : ndarray
+        Flight time of the centre from the wall +1 to -1, less pi: 0 in a symmetric breather, +-2 d
+        in an asymmetric one; NaN on smooth rings.
+    impacts, others : ndarray
+        Impacts in a period, of the centre and of all other sites together; NaN on smooth rings.
+    change : ndarray
+        Largest difference between the states after the last two periods.
+    stop : RunStop
+    """
+
+    name: str
+    value: Array
+    u: Array
+    v: Array
+    participation: Array
+    centre: Array
+    amplitude: Array
+    p: Array
+    tilt: Array
+    impacts: Array
+    others: Array
+    change: Array
+    stop: RunStop
+
+    @property
+    def final(self) -> State:
+        return State(self.u[-1].copy(), self.v[-1].copy())
+
+    def lost(self, site: int = 0) -> float:
+        """The first value at which there is no breather at the site any more.
+
+        On impacting rings a breather hits twice in a period and nobody else does; on smooth
+        ones most of the energy is at the site. NaN if it was never lost.
+        """
+        with np.errstate(invalid="ignore"):
+            hard = (np.abs(self.impacts - 2.0) < 0.3) & (self.others == 0.0)
+        alive = np.where(np.isnan(self.impacts), self.participation < 3.0, hard)
+        alive &= self.centre == site % self.u.shape[1]
+        gone = np.flatnonzero(~alive)
+        return float(self.value[gone[0]]) if gone.size else math.nan
+
+    def __repr__(self) -> str:
+        return (
+            f"<Sweep in {self.name} from {self.value[0]:g} to {self.value[-1]:g}: "
+            f"{len(self.value)} values; {self.stop.value}>"
+        )
+
+
+def there_and_back(values: ArrayLike) -> Array:
+    """The values up to the last and back to the first, the turning point once.
+
+    Examples
+    --------
+    >>> there_and_back([1.0, 2.0, 3.0])
+    array([1., 2., 3., 2., 1.])
+    """
+    row = np.asarray(values, dtype=float)
+    return np.concatenate([row, row[-2::-1]])
+
+
+def sweep(
+    state: Any,
+    name: str,
+    values: ArrayLike,
+    *,
+    periods: int,
+    a: float,
+    gamma: float,
+    k: float,
+    damping: float = 0.0,
+    m: float | None = None,
+    t0: float = 0.0,
+    forcing: Forcing | None = None,
+    solver: Solver | None = None,
+    progress: bool | None = None,
+) -> Sweep:
+    """Vary a parameter slowly and keep the state.
+
+    Parameters
+    ----------
+    state : pair of array_like, shape (N,)
+        At the first value.
+    name : str
+        ``a, gamma, k, damping``, a parameter of the forcing, and on smooth rings ``m`` or ``lam``.
+    values : array_like
+        In the order in which they are taken; `there_and_back` makes a loop of them.
+    periods : int
+        At each value.
+    a, gamma, k, damping, t0, forcing
+        As in `simulate`; the swept one is ignored.
+    m : float, optional
+        Take the smooth ring (21) of this hardness instead of the impacting one.
+
+    Returns
+    -------
+    Sweep
+        After Ctrl-C as well, with the values completed until then.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import symmetric
+    >>> start = symmetric(a=0.2, gamma=0.04, k=0.8).state(10)
+    >>> down = sweep(start, "a", [0.2, 0.1, 0.05], periods=100,
+    ...              a=0.2, gamma=0.04, k=0.8, damping=0.01)
+    >>> float(down.lost())  # the fold is at 0.075
+    0.05
+    """
+    row = np.atleast_1d(np.asarray(values, dtype=float))
+    start, forcing = check_state(state, walls=m is None), forcing or Harmonic()
+    settings: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
+    if m is not None:
+        settings |= {"m": m, "solver": solver}
+    known = (*(HARD if m is None else SMOOTH), *forcing.params)
+    if name not in known:
+        raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(known)}")
+    if row.ndim != 1 or row.size == 0 or not np.all(np.isfinite(row)):
+        raise BadInput("the values of a sweep are a row of finite numbers, at least one.")
+    stage = _Stage(name, settings, forcing, whole("periods", periods, 2), float(t0))
+    rows: list[tuple[Any, ...]] = []
+    stop = RunStop.DONE
+    with Bar(progress, len(row), "values") as bar:
+        try:
+            for value in row.tolist():
+                start, found, end = stage.run(start, value)
+                rows.append((value, *start, *found))
+                bar.advance(len(rows))
+                if end is not RunStop.DONE:
+                    stop = end
+                    break
+        except KeyboardInterrupt:
+            if not rows:
+                raise
+            stop = RunStop.INTERRUPTED
+    table = zip(COLUMNS, zip(*rows, strict=True), strict=True)
+    columns: dict[str, Any] = {label: np.array(column) for label, column in table}
+    return Sweep(name=name, stop=stop, **columns)
+
+
+@dataclass
+class _Stage:
+    """The conditions of a sweep, and one value of it at a time."""
+
+    name: str
+    settings: dict[str, Any]
+    forcing: Forcing
+    periods: int
+    t0: float
+
+    def run(self, state: State, value: float) -> tuple[State, Sequence[Any], RunStop]:
+        """The state after this value, the columns of its row, why its run ended."""
+        settings, forcing = dict(self.settings), self.forcing
+        if self.name in forcing.params:
+            forcing = forcing.at(**{self.name: value})
+        else:
+            settings[self.name] = value
+        if self.name == "lam":
+            settings["k"] = None
+        shared: dict[str, Any] = {"periods": self.periods, "t0": self.t0, "forcing": forcing}
+        smooth = "m" in settings
+        run: Any = (simulate_smooth if smooth else simulate)(
+            state, **settings, **shared, progress=False
+        )
+        # a Ctrl-C inside the run ends the sweep, too: its value is not complete
+        if run.stop is RunStop.INTERRUPTED:
+            raise KeyboardInterrupt
+        where = {name: settings[name] for name in ("a", "gamma", "damping")}
+        u, v = run.strobe
+        seen = localisation(u, v, run.times, **where, forcing=forcing)
+        half = 1 + run.periods // 2
+        centre = int(np.bincount(seen.centre[half:]).argmax())
+        speed = float(np.sqrt(2.0 * seen.energy[half:, centre].max()))
+        change = np.abs(np.diff(np.concatenate([u[-2:], v[-2:]], 1), axis=0))
+        own = 4 * (math.nan,) if smooth else _impacts(run, centre)
+        found = (float(seen.participation[half:].mean()), centre, speed, *own, float(change.max()))
+        return run.final, found, run.stop
+
+
+def _impacts(run: Any, centre: int) -> tuple[float, ...]:
+    """p, tilt, impacts of the centre in a period, impacts of all others."""
+    half = run.periods // 2
+    late = run.impacts[run.impacts["period"] >= half]
+    own = late[late["site"] == centre]
+    p = 0.5 * float(np.abs(own["before"] - own["after"]).mean()) if own.size else 0.0
+    upper, lower = (np.exp(1j * own["phase"][own["wall"] == wall]) for wall in (1, -1))
+    both = upper.size and lower.size
+    tilt = float(np.angle(-lower.mean() / upper.mean())) if both else 0.0
+    count = run.periods - half
+    return p, tilt, len(own) / count, (len(late) - len(own)) / count

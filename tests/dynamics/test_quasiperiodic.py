@@ -1,0 +1,157 @@
+"""Rotation numbers and verdicts on motions whose nature is known otherwise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contbreather.breathers import symmetric
+from contbreather.dynamics import Kind, rotation, simulate, verdict
+from contbreather.dynamics.tangent import weighted_mean
+from contbreather.errors import BadInput
+
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+
+# --- rotation numbers -----------------------------------------------------------------------------
+
+
+def curve(turns):
+    """A wobbly closed curve in many dimensions, its parameter unevenly distributed."""
+    angle = 2 * math.pi * turns + 0.3 * np.sin(2 * math.pi * turns)
+    harmonics = np.stack([np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(3 * angle)], 1)
+    mix = np.random.default_rng(0).normal(size=(4, 6)) * np.array([1.0, 1.0, 0.2, 0.1])[:, None]
+    return harmonics @ mix + 0.7
+
+
+@pytest.mark.parametrize("number", [GOLDEN, 0.391599979, 0.0123, 1 / 3 + 0.01])
+def test_rotation_number_of_a_curve_is_found_to_eight_digits(number):
+    x = curve(number * np.arange(4000))
+    found = rotation(x[:, :3], x[:, 3:])
+    assert found.number == pytest.approx(min(number % 1, 1 - number % 1), abs=1e-9)
+    assert found.error < 1e-8
+    assert found.hole > 0.05
+
+
+def test_weighted_mean_beats_the_plain_one_on_a_torus():
+    values = 1.0 / (1.2 + np.cos(2 * math.pi * GOLDEN * np.arange(2000)))
+    exact = 1.0 / math.sqrt(1.2**2 - 1.0)
+    assert abs(weighted_mean(values) - exact) < 1e-12
+    assert abs(values.mean() - exact) > 1e-5
+
+
+def test_too_few_states_are_refused():
+    with pytest.raises(BadInput, match="5 states are too few"):
+        rotation(np.zeros(5), np.zeros(5))
+
+
+# --- the torus of the theory notes ----------------------------------------------------------------
+
+TORUS = {"a": 0.15, "gamma": 0.106, "k": 0.8, "damping": 0.02}
+
+
+@pytest.fixture(scope="module")
+def torus():
+    state = symmetric(0.15, 0.106, 0.8).state(20)
+    return simulate(state, **TORUS, periods=16000)
+
+
+def test_torus_has_the_rotation_number_known_of_it(torus):
+    """Two stretches of the run that share no state give the same eight digits, and 0.39160."""
+    u, v = torus.strobe
+    early, late = rotation(u[8000:12000], v[8000:12000]), rotation(u[12000:], v[12000:])
+    assert early.number == pytest.approx(0.39160, abs=5e-6)
+    assert early.number == pytest.approx(late.number, abs=1e-9)
+
+
+def test_rotation_number_is_the_frequency_in_the_spectrum(torus):
+    """A second road: the peak of the windowed Fourier transform of one coordinate, refined."""
+    x = torus.strobe.u[-4096:, 0]
+    window = np.hanning(len(x))
+    x, j = (x - x.mean()) * window, np.arange(len(x))
+    peak = np.abs(np.fft.rfft(x)).argmax() / len(x)
+    fine = peak + np.linspace(-1, 1, 1001) / len(x)
+    power = np.abs(np.exp(-2j * math.pi * np.outer(fine, j)) @ x)
+    frequency = fine[power.argmax()]
+    number = rotation(torus.strobe.u[-4096:], torus.strobe.v[-4096:]).number
+    assert min(frequency, 1 - frequency) == pytest.approx(number, abs=2e-6)
+
+
+def test_only_site_0_of_the_torus_impacts(torus):
+    assert set(torus.impacts["site"].tolist()) == {0}
+    assert len(torus.impacts) == 2 * torus.periods
+
+
+# --- verdicts -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("a", "gamma", "damping", "settle", "kind"),
+    [
+        (0.1, 0.08, 0.005, 6000, Kind.PERIODIC),  # Fig. 5
+        (0.82, 0.04, 0.005, 3000, Kind.PERIODIC),  # Fig. 7, asymmetric
+        (0.15, 0.106, 0.02, 8000, Kind.QUASI_PERIODIC),
+        (0.1, 0.104, 0.005, 2000, Kind.SYNCHRONISED),  # Fig. 6 (a): nobody hits any more
+        (0.2, 0.104, 0.005, 6000, Kind.SYNCHRONISED),  # Fig. 6 (b): all hit together
+        (0.7, 0.104, 0.005, 1500, Kind.DELOCALISED),  # Fig. 6 (c)
+        (0.15, 0.104, 0.005, 2000, Kind.SYNCHRONISED),  # Fig. 8
+    ],
+)
+def test_verdict_on_the_runs_of_the_paper(a, gamma, damping, settle, kind):
+    state = symmetric(a, gamma, 0.8).state(20)
+    conditions = {"a": a, "gamma": gamma, "k": 0.8, "damping": damping}
+    found = verdict(state, **conditions, settle=settle, periods=1000)
+    assert found.kind is kind, str(found)
+    assert found.kind.value in str(found)
+    assert found.reason
+
+
+def test_verdict_on_the_torus_carries_its_evidence(torus):
+    found = verdict(torus.final, **TORUS, settle=0, periods=3000)
+    assert found.kind is Kind.QUASI_PERIODIC
+    assert found.evidence["rotation"] == pytest.approx(0.39159998, abs=1e-8)
+    assert abs(found.evidence["exponent"]) < 1e-9
+    assert found.evidence["frequencies"] == 1
+    assert found.evidence["impacting"] == 1
+    assert 2.0 < found.evidence["participation"] < 3.0
+
+
+def test_second_torus_bifurcation_gives_a_breather_with_two_frequencies():
+    """Two Lyapunov exponents vanish: frequencies beside the forcing's."""
+    conditions = {"a": 0.2, "gamma": 0.1087, "k": 0.8, "damping": 0.03}
+    state = symmetric(0.2, 0.1087, 0.8).state(20)
+    found = verdict(state, **conditions, settle=12000, periods=6000)
+    assert found.kind is Kind.QUASI_PERIODIC
+    assert found.evidence["frequencies"] == 2
+
+
+def test_verdict_on_chaos_of_a_single_site():
+    found = verdict(([0.1], [0.3]), a=2.0, gamma=0.0, k=0.95, settle=200, periods=2000)
+    assert found.kind is Kind.CHAOTIC
+    assert found.evidence["exponent"] > 0.2
+
+
+@pytest.mark.parametrize("a", [0.93, 0.94])
+def test_period_doubled_orbit_is_locked_one_to_two(a):
+    """gamma = 0, k = 0.8: the asymmetric breather doubles its period at a = 0.9255."""
+    found = verdict(symmetric(a, 0.0, 0.8).state(1), a=a, gamma=0.0, k=0.8, periods=500)
+    assert found.kind is Kind.LOCKED
+    assert (found.evidence["p"], found.evidence["q"]) == (1, 2)
+    assert found.evidence["multiplier"] < 1.0
+
+
+def test_slow_spiral_into_a_fixed_point_is_not_called_locked():
+    conditions = {"a": 0.1, "gamma": 0.082, "k": 0.8, "damping": 0.005}
+    state = symmetric(0.1, 0.082, 0.8).state(20)
+    found = verdict(state, **conditions, settle=6000, periods=1000)
+    assert found.kind is Kind.PERIODIC
+    assert found.evidence["multiplier"] == pytest.approx(0.999141, abs=1e-6)
+
+
+def test_what_has_not_settled_is_called_undecided():
+    conditions = {"a": 0.1, "gamma": 0.084, "k": 0.8, "damping": 0.005}
+    state = symmetric(0.1, 0.084, 0.8).state(20)
+    found = verdict(state, **conditions, settle=500, periods=300)
+    assert found.kind is Kind.UNDECIDED
