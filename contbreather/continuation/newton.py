@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgesv
 
+from ..errors import ContbreatherError
+
 Array = NDArray[np.float64]
 
 # What equations raise where they have no value: `BadInput` and ``math.sqrt(-1.0)`` among them, both
@@ -17,7 +19,7 @@ Array = NDArray[np.float64]
 OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 
 
-class Undefined(ArithmeticError):
+class Undefined(ContbreatherError, ArithmeticError):
     """The equations have no value here: a NaN, an overflow, or beyond the rim of their domain."""
 
 

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from .boundary import boundary_problem, met
+from .boundary import boundary_problem
 from .branch import Branch, Point, Stop, labelled
 from .codim2 import fold, hopf
 from .events import Event, branch_point
+from .location import measure
 from .newton import Undefined
 from .problem import Curve, Problem
 
@@ -61,7 +62,8 @@ def save(path: str | Path, *branches: Branch, **named: Branch) -> None:
     for name, branch in every.items():
         groups[f"/{name}"] = _dataset(branch, branch.points, recorded=True)
         if branch.doubtful:
-            groups[f"/{name}/{_DOUBTFUL}"] = _dataset(branch, branch.doubtful, recorded=False)
+            failed = _dataset(branch, branch.doubtful, recorded=False)
+            groups[f"/{name}/{_DOUBTFUL}"] = failed.rename_dims(point=_DOUBTFUL)
     with _whole(Path(path)) as temporary:
         _tree(groups).to_netcdf(temporary, engine="h5netcdf")
 
@@ -140,6 +142,7 @@ def _dataset(branch: Branch, points: Sequence[Point], *, recorded: bool) -> Data
     attributes = {
         "label": problem.label,
         "unknowns": list(problem.start),
+        "parameters": list(problem.params),
         "free": curve.free[0],
         "boundary": together.event.kind if together and together.event else "",
         "stop": branch.stop.name,
@@ -161,7 +164,7 @@ def _column(name: str, values: Array, **attributes: str) -> Variable:
     if values.dtype.kind == "c":
         values = np.stack([values.real, values.imag], axis=-1)
         dimensions = (*dimensions, "complex")
-    return dimensions, values.astype("i1") if values.dtype.kind == "b" else values, attributes
+    return dimensions, values, attributes
 
 
 def _of_points(points: Sequence[Point]) -> dict[str, Variable]:
@@ -205,8 +208,7 @@ def _of_points(points: Sequence[Point]) -> dict[str, Variable]:
 
 def _branch(group: DataTree, problem: Problem | None) -> Branch:
     data = group.to_dataset()
-    curve = _bare(data) if problem is None else _attached(data, problem)
-    events = {} if problem is None else _events(problem, curve)
+    curve, events = (_bare(data), ()) if problem is None else _attached(data, problem)
     doubtful = group.children.get(_DOUBTFUL)
     began = str(data.attrs["began"])
     return Branch(
@@ -215,8 +217,12 @@ def _branch(group: DataTree, problem: Problem | None) -> Branch:
         Stop[began] if began else None,
         str(data.attrs["reason"]),
         str(data.attrs["began_reason"]),
-        tuple(_points(doubtful.to_dataset(), curve, events)) if doubtful else (),
+        tuple(_points(_regular(doubtful), curve, events)) if doubtful else (),
     )
+
+
+def _regular(doubtful: DataTree) -> Dataset:
+    return doubtful.to_dataset(inherit=False).rename_dims({_DOUBTFUL: "point"})
 
 
 def _bare(data: Dataset) -> Curve:
@@ -228,26 +234,25 @@ def _bare(data: Dataset) -> Curve:
         )
 
     free = str(data.attrs["free"])
-    params = {name: float(data[name]) for name in _named(data, "fixed")}
     problem = Problem(
         missing,
-        {name: _plain(_values(data, name)[0]) for name in _unknowns(data)},
-        {**params, free: float(data[free][0])},
+        {name: _plain(_values(data, name)[0]) for name in _listed(data, "unknowns")},
+        {name: float(_values(data, name).flat[0]) for name in _listed(data, "parameters")},
         record=dict.fromkeys(_named(data, "recorded"), missing),
         label=str(data.attrs["label"]),
     )
     return Curve(problem, (free,))
 
 
-def _attached(data: Dataset, problem: Problem) -> Curve:
-    """The curve of these points, on the equations that were given."""
+def _attached(data: Dataset, problem: Problem) -> tuple[Curve, tuple[Event, ...]]:
+    """The curve of these points on the equations that were given, and what can happen on it."""
     bare, kind = _bare(data), str(data.attrs["boundary"])
     here = {**bare.problem.start, **bare.problem.params}
     absent = [name for name in problem.names if name not in here]
     if absent:
         raise BadInput(f"the problem has {absent}, which the file has not: it has {list(here)}")
     own = problem.at(**{name: here[name] for name in problem.names})
-    free = (_unknowns(data)[-1], *bare.free) if kind else bare.free
+    free = (_listed(data, "unknowns")[-1], *bare.free) if kind else bare.free
     curve = Curve(own, free)
     try:
         off = float((abs(curve.equations(curve.start)) / curve.rows).max())
@@ -255,34 +260,32 @@ def _attached(data: Dataset, problem: Problem) -> Curve:
         raise BadInput(f"the points of the file lie outside this problem: {error}") from error
     if off > _FITS:
         raise BadInput(f"the points of the file do not solve this problem: residual {off:.2g}")
+    events = (*problem.events, fold(), branch_point(), hopf())
     if kind:
-        event = next((one for one in _ready_made(problem) if one.kind == kind), None)
+        event = next((one for one in events if one.kind == kind), None)
         if event is None:
             raise BadInput(f"this is a boundary of {kind}, which the problem has no event for")
-        ground = Point(curve, curve.start, np.empty(0), 0.0, off)
-        own = boundary_problem(ground, event, (free[1], free[0]))
+        ground, pair = Point(curve, curve.start, np.empty(0), 0.0, off), (free[1], free[0])
+        events = boundary_problem(ground, event, pair, events).events
+        own = boundary_problem(ground, event, pair)
         curve = Curve(own, bare.free)
     if list(own.start) != list(bare.problem.start) or set(own.names) != set(here):
         raise BadInput(f"the file has {list(here)}, the problem has {list(own.names)}")
-    return curve
+    return curve, (*own.events, *events)
 
 
-def _ready_made(problem: Problem) -> tuple[Event, ...]:
-    return (*problem.events, fold(), branch_point(), hopf())
+def _happened(point: Point, events: Sequence[Event]) -> Event | None:
+    """The event of a special point: of its kind and, if there are several, the one whose test is
+    closest to zero."""
+    alike = [event for event in events if event.kind == point.kind]
+    if len(alike) > 1:
+        return min(alike, key=lambda event: abs(measure(event, point)))
+    return alike[0] if alike else None
 
 
-def _events(problem: Problem, curve: Curve) -> dict[str, Event]:
-    """By kind, what can have happened on a curve."""
-    together = curve.problem.adjoined
-    known = [*curve.problem.events, *_ready_made(problem)]
-    if together is not None and together.event is not None:
-        known += [met(together.event.kind, event) for event in _ready_made(problem)]
-    return {event.kind: event for event in reversed(known)}
-
-
-def _points(data: Dataset, curve: Curve, events: Mapping[str, Event]) -> Iterator[Point]:
+def _points(data: Dataset, curve: Curve, events: Sequence[Event]) -> Iterator[Point]:
     count = data.sizes["point"]
-    columns = [_values(data, name) for name in (*_unknowns(data), *curve.free)]
+    columns = [_values(data, name) for name in (*_listed(data, "unknowns"), *curve.free)]
     z = np.concatenate([column.reshape(count, -1) for column in columns], axis=1)
     kinds = ["", *str(data["point_kind"].attrs["flag_meanings"]).split()[1:]]
     details = {name: _values(data, name) for name in _named(data, "recorded", "detail")}
@@ -290,34 +293,34 @@ def _points(data: Dataset, curve: Curve, events: Mapping[str, Event]) -> Iterato
     numbers = [data[name].values.tolist() for name in ("arclength", "residual", "point_located")]
     for i, code in enumerate(data["point_kind"].values.tolist()):
         detail = {name.removeprefix("detail_"): _plain(v[i]) for name, v in details.items()}
-        yield Point(
+        point = Point(
             curve,
             z[i].copy(),
             data["point_tangent"].values[i].copy(),
             numbers[0][i],
             numbers[1][i],
             kinds[code],
-            event=events.get(kinds[code]),
             bracket=None if np.isnan(brackets[i][0]) else tuple(brackets[i]),
             located=bool(numbers[2][i]),
             detail={name: v for name, v in detail.items() if not _empty(v)},
         )
+        yield replace(point, event=_happened(point, events))
 
 
 def _values(data: Dataset, name: str) -> Array:
     """The numbers of a variable, complex ones put together again."""
-    values = data[name].values
+    values = np.asarray(data[name].values)
     if data[name].dims[-1:] == ("complex",):
         return np.asarray(values[..., 0] + 1j * values[..., 1])
-    return np.asarray(values)
+    return values.astype(bool) if data[name].attrs.get("dtype") == "bool" else values
 
 
 def _named(data: Dataset, *roles: str) -> list[str]:
     return [str(name) for name in data.variables if data[name].attrs.get("role") in roles]
 
 
-def _unknowns(data: Dataset) -> list[str]:
-    return [str(name) for name in np.atleast_1d(data.attrs["unknowns"])]
+def _listed(data: Dataset, which: str) -> list[str]:
+    return [str(name) for name in np.atleast_1d(data.attrs[which])]
 
 
 def _plain(value: Any) -> Any:

@@ -1,0 +1,338 @@
+"""Branches in a file: every bit comes back, the file is whole or the old one, others read it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+from contbreather.continuation import (
+    Branch,
+    Point,
+    Problem,
+    Stop,
+    boundary,
+    branch_point,
+    fold,
+    hopf,
+    load,
+    save,
+    trace,
+    user,
+)
+from contbreather.continuation.store import _whole
+from contbreather.errors import BadInput, ContbreatherError
+
+from .zoo import ARMS, BRATU, CIRCLE, CUSP, LINE, ZOO, Case, brusselator, takens, trace_case
+
+
+def same(one: Branch, other: Branch) -> None:
+    """Bit by bit, but for functions."""
+    assert repr(one) == repr(other)
+    assert (one.stop, one.began, one.reason) == (other.stop, other.began, other.reason)
+    assert one.names == other.names
+    assert one.free == other.free
+    for name in one.names:
+        assert np.array_equal(one[name], other[name])
+        assert one[name].dtype == other[name].dtype
+    for before, after in (
+        *zip(one, other, strict=True),
+        *zip(one.doubtful, other.doubtful, strict=True),
+    ):
+        same_point(before, after)
+
+
+def same_point(one: Point, other: Point) -> None:
+    assert np.array_equal(one.z, other.z)
+    assert np.array_equal(one.tangent, other.tangent)
+    for name in ("arclength", "kind", "label", "bracket", "located"):
+        assert getattr(one, name) == getattr(other, name)
+    assert one.residual == other.residual or np.isnan([one.residual, other.residual]).all()
+    for name, value in one.detail.items():
+        if isinstance(value, float | int | complex | str):
+            assert other.detail[name] == value
+    assert repr(one) == repr(other)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "run.nc"
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    return replace(
+        brusselator(),
+        events=(hopf(), user("X", 1.5), user("B", 1.5)),
+        record={
+            "sum": lambda point: point["X"] + point["Y"],
+            "values": lambda point: np.linalg.eigvals(point.jacobian()[:, :2]).astype(complex),
+            "unstable": lambda point: int(point["B"] > 2),
+            "stable": lambda point: point["B"] < 2,
+        },
+        label="Brusselator, β = B",
+    )
+
+
+@pytest.fixture(scope="module")
+def branch(problem: Problem) -> Branch:
+    return trace(problem, "B", within={"B": (0.5, 3.0)})
+
+
+# --- round trips ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", ZOO, ids=lambda case: case.name)
+def test_every_bit_comes_back(case: Case, path: Path) -> None:
+    branch = trace_case(case)
+    save(path, branch)
+    same(branch, load(path))
+    same(branch, load(path, problem=case.problem))
+
+
+def test_recorded_numbers_come_back_whatever_they_are(branch: Branch, path: Path) -> None:
+    save(path, branch)
+    again = load(path)
+    assert again["values"].dtype == complex
+    assert again["unstable"].dtype.kind == "i"
+    assert again["stable"].dtype.kind in "bi"
+    for name in branch.names:
+        assert np.array_equal(branch[name], again[name])
+    assert again[4]["sum"] == branch[4]["sum"]
+    assert again.first("HB")["omega2"] == branch.first("HB")["omega2"]
+    assert "HB1" in str(again)
+    assert again.table().row_count == branch.table().row_count
+
+
+def test_several_branches_come_back_by_name(branch: Branch, path: Path) -> None:
+    line = boundary(branch.first("HB"), ("A", "B"), within={"A": (0.5, 2.0)})
+    arms = trace_case(ARMS)
+    save(path, branch, arms, hopf=line)
+    found = load(path)
+    assert list(found) == ["branch1", "branch2", "hopf"]
+    same(branch, found["branch1"])
+    same(arms, found["branch2"])
+    same(line, found["hopf"])
+    assert found["branch2"].doubtful[0].detail["reason"]
+
+
+def test_one_point_one_side_and_trouble_come_back(path: Path) -> None:
+    root = Problem(lambda u, p: u - np.sqrt(p["mu"]), {"x": 1.0}, {"mu": 1.0})
+    for given in (
+        trace(root, "mu", towards="down"),
+        trace(root, "mu", within={"mu": (1.0, 2.0)}, towards="down"),
+        trace_case(CUSP, towards="up").reversed(),
+    ):
+        save(path, given)
+        same(given, load(path))
+
+
+# --- what a loaded branch is good for ---------------------------------------------------------
+
+
+def test_without_equations_a_branch_cannot_be_continued_and_says_so(
+    branch: Branch, path: Path
+) -> None:
+    save(path, branch)
+    found = load(path)
+    assert found.first("HB")["B"] == branch.first("HB")["B"]
+    for attempt in (
+        lambda: trace(found[3], "B"),
+        lambda: boundary(found.first("HB"), ("A", "B")),
+        lambda: found[3].jacobian(),
+    ):
+        with pytest.raises(ContbreatherError, match=r"without its equations; load\(path, problem="):
+            attempt()
+
+
+def test_with_its_equations_a_branch_goes_on(branch: Branch, problem: Problem, path: Path) -> None:
+    save(path, branch)
+    found = load(path, problem=problem)
+    on = trace(found[-1], "B", within={"B": (0.5, 4.0)}, towards="up")
+    assert on["B"][-1] == 4.0
+    line = boundary(found.first("HB"), ("A", "B"), within={"A": (0.5, 2.0)})
+    assert abs(line["B"] - 1 - line["A"] ** 2).max() < 1e-12
+    assert found.first("UZ").event is problem.events[2]
+    same(branch.join(on), found.join(on))
+
+
+def test_other_values_of_fixed_parameters_are_those_of_the_file(
+    branch: Branch, problem: Problem, path: Path
+) -> None:
+    save(path, branch)
+    found = load(path, problem=problem.at(A=7.0))
+    assert (found["A"] == 1.0).all()
+    assert trace(found[3], "B", within={"B": (0.5, 3.0)}).stop is Stop.BOUND
+
+
+def test_a_boundary_goes_on_from_a_file(path: Path) -> None:
+    window = {"b2": (-1.5, 1.5)}
+    events = [fold(), hopf()]
+    planar = trace(takens(), "b1", within={"b1": (-1.0, 1.0)}, events=events)
+    folds = boundary(planar.first("LP"), ("b2", "b1"), within=window, events=events)
+    hopfs = boundary(planar.first("HB"), ("b2", "b1"), within=window, events=events)
+    save(path, folds=folds, hopfs=hopfs)
+    for name, before in (("folds", folds), ("hopfs", hopfs)):
+        found = load(path, problem=takens())[name]
+        same(before, found)
+        assert found[3].ground["x"] == before[3]["x"]
+        again = boundary(found[3], ("b2", "b1"), within=window, events=())
+        exact = again["b1"] - (again["b2"] ** 2 / 4 if name == "folds" else 0)
+        assert abs(exact).max() < 1e-13
+    (meeting,) = [p for p in load(path, problem=takens())["folds"].special if p.kind != "EP"]
+    other = boundary(meeting, ("b2", "b1"), within=window, events=())
+    assert abs(other["b1"]).max() < 1e-13
+
+
+def test_equations_that_do_not_fit_are_refused(
+    branch: Branch, problem: Problem, path: Path
+) -> None:
+    save(path, branch)
+    with pytest.raises(BadInput, match=r"the problem has \['x', 'mu'\], which the file has not"):
+        load(path, problem=LINE.problem)
+    wrong = replace(problem, residual=lambda u, p: problem.residual(u, p) + 1)
+    with pytest.raises(BadInput, match=r"do not solve this problem: residual 0\.\d+|residual 1"):
+        load(path, problem=wrong)
+    nowhere = replace(problem, residual=lambda u, p: u * np.nan)
+    with pytest.raises(BadInput, match="lie outside this problem: the equations are not finite"):
+        load(path, problem=nowhere)
+    turned = replace(problem, start=dict(reversed(problem.start.items())))
+    with pytest.raises(BadInput):
+        load(path, problem=turned)
+
+
+# --- the file ---------------------------------------------------------------------------------
+
+
+def test_others_read_the_file_by_its_names(branch: Branch, path: Path) -> None:
+    save(path, branch)
+    with xarray.open_datatree(path, engine="h5netcdf") as tree:
+        group = tree["branch1"]
+        assert tree.attrs["Conventions"] == "CF-1.11"
+        assert group["X"].dims == ("point",)
+        assert group["values"].dims == ("point", "values_axis1", "complex")
+        assert float(group["A"]) == 1.0
+        kind = group["point_kind"]
+        assert kind.dtype == np.int8
+        meanings = dict(
+            zip(kind.attrs["flag_meanings"].split(), kind.attrs["flag_values"], strict=True)
+        )
+        hopfs = np.flatnonzero(kind.values == meanings["HB"])
+        assert group["B"].values[hopfs] == pytest.approx([2.0], abs=1e-13)
+        assert group.attrs["stop_meaning"] == Stop.BOUND.value
+        assert group.attrs["free"] == "B"
+
+
+def test_arrays_and_scales_are_kept_as_they_are(path: Path) -> None:
+    branch = trace_case(BRATU)
+    save(path, bratu=branch)
+    with xarray.open_datatree(path, engine="h5netcdf") as tree:
+        assert tree["bratu"]["u"].shape == (len(branch), 19)
+
+
+class Broken(Exception):
+    pass
+
+
+@pytest.mark.parametrize("error", [Broken, KeyboardInterrupt, OSError])
+def test_a_failure_while_writing_leaves_the_old_file(
+    branch: Branch, path: Path, monkeypatch: pytest.MonkeyPatch, error: type[BaseException]
+) -> None:
+    save(path, branch)
+    before = path.read_bytes()
+
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(BadInput if error is OSError else error):
+        save(path, trace_case(CIRCLE))
+    assert path.read_bytes() == before
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_killed_process_leaves_the_old_file(branch: Branch, path: Path) -> None:
+    save(path, branch)
+    before = path.read_bytes()
+    script = f"""
+import os, signal
+import numpy as np
+import contbreather.continuation as engine
+os.fsync = lambda _: os.kill(os.getpid(), signal.SIGKILL)
+line = engine.Problem(lambda x, p: x - p["mu"], {{"x": 0.0}}, {{"mu": 0.0}})
+engine.save({str(path)!r}, engine.trace(line, "mu", within={{"mu": (-1, 1)}}))
+"""
+    root = Path(__file__).parents[2]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    done = subprocess.run([sys.executable, "-c", script], env=environment, check=False)
+    assert done.returncode == -9
+    assert path.read_bytes() == before
+    same(branch, load(path))
+    save(path, branch)  # what the killed process left is in nobody's way
+    same(branch, load(path))
+
+
+def test_writing_a_file_that_is_there_replaces_it(branch: Branch, path: Path) -> None:
+    save(path, trace_case(CIRCLE))
+    save(path, branch)
+    same(branch, load(path))
+    with _whole(path) as temporary:
+        assert temporary.parent == path.parent  # a move, not a copy
+        temporary.write_text("x")
+    assert path.read_text() == "x"
+
+
+def test_what_cannot_be_written_or_read_is_refused(branch: Branch, path: Path) -> None:
+    with pytest.raises(BadInput, match=r"cannot write .*nowhere/run.nc: "):
+        save(path.parent / "nowhere" / "run.nc", branch)
+    (path.parent / "folder").mkdir()
+    with pytest.raises(BadInput, match=r"cannot write .*folder"):
+        save(path.parent / "folder", branch)
+    with pytest.raises(BadInput, match="branches with different names are wanted, got none"):
+        save(path)
+    with pytest.raises(BadInput, match="branches with different names"):
+        save(path, branch, branch1=branch)
+    with pytest.raises(BadInput, match=r"cannot read .*run.nc: "):
+        load(path)
+    path.write_text("not a file of numbers")
+    with pytest.raises(BadInput, match=r"cannot read .*run.nc: "):
+        load(path)
+    xarray.Dataset({"x": ("point", [1.0])}).to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(BadInput, match="holds no branches that `save` wrote"):
+        load(path)
+
+
+@pytest.mark.parametrize("name", ["point_kind", "arclength"])
+def test_names_that_the_file_needs_are_refused(name: str, path: Path) -> None:
+    problem = Problem(lambda u, p: u - p["mu"], {name: 0.0}, {"mu": 0.0})
+    with pytest.raises(BadInput, match=rf"{name!r} is a name that the file needs itself"):
+        save(path, trace(problem, "mu", within={"mu": (-1, 1)}))
+    assert not path.exists()
+
+
+def test_importing_the_engine_does_not_import_the_file_format() -> None:
+    script = (
+        "import sys, contbreather.continuation; print({'xarray', 'h5netcdf'} & set(sys.modules))"
+    )
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        env={**os.environ, "PYTHONPATH": str(root)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == "set()"
+
+
+def test_branch_points_come_back_ready_to_be_switched_at(path: Path) -> None:
+    branch = trace_case(ARMS)
+    save(path, branch)
+    point = load(path, problem=ARMS.problem).first("BP")
+    assert point.event.kind == branch_point().kind
