@@ -18,6 +18,7 @@ from contbreather.breathers.symmetric import Breather, flight_of
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
+from contbreather.continuation.seed import Seed
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.arc import OnArc, on_arc
@@ -60,6 +61,7 @@ def pitchfork() -> Event:
         _on_breather(_pitchfork),
         locus=_scalar_locus(_pitchfork, _pitchfork_slope),
         verify=_verify_pitchfork,
+        arms=_asymmetric_arms,
     )
 
 
@@ -183,6 +185,14 @@ def _scalar_locus(value: Scalar, slope: Slope) -> Callable[[Point], Locus]:
 
     locus = Locus({}, conditions, derivative)
     return lambda point: locus
+
+
+def _asymmetric_arms(point: Point) -> tuple[Seed, ...]:
+    """Both arms of asymmetric breathers, in the problem that knows them."""
+    from contbreather.breathers.arms import lift
+
+    lifted = lift(point)
+    return tuple(Seed(lifted.problem, lifted.z, sign * lifted.tangent) for sign in (1.0, -1.0))
 
 
 def _verify_pitchfork(point: Point) -> str:
