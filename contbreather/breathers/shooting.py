@@ -21,7 +21,14 @@ from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.breathers.shooting_events import PAPER, events_of
-from contbreather.breathers.shooting_seeds import Conditions, by_hand, checked, flown, resized
+from contbreather.breathers.shooting_seeds import (
+    Conditions,
+    by_hand,
+    checked,
+    flown,
+    listed_section,
+    resized,
+)
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput, NotConverged
@@ -326,23 +333,27 @@ def _from_motion(
         raise BadInput("the seed lives on the infinite chain: say on which ring, sites=N.")
     Ring(sites)
     turns = _turns(getattr(seed, "period", 2.0 * math.pi))
-    half = hasattr(seed, "phi") and symmetric is not False if symmetric is None else symmetric
-    # well off its impacts, so that none is met twice or not at all
-    start = _quiet(seed, turns)
+    half = hasattr(seed, "phi") if symmetric is None else symmetric
+    listed = _listed(seed, bool(half))
+    if listed is None:
+        state = seed.state(sites, 0.0)
+        return flown(on, state, 0.0, sequence, turns=turns, symmetric=bool(half))
+    times, impacts = listed
+    itinerary = Itinerary(sites, impacts, turns, bool(half))
+    start = 0.5 * (times[0] + max(times) - itinerary.length)  # between the last and the first
     state = seed.state(sites, start)
-    return flown(on, state, start, sequence, turns=turns, symmetric=bool(half))
+    if sequence is not None:
+        wanted = replace(itinerary, impacts=tuple(sequence))
+        if wanted.impacts != itinerary.impacts:
+            return flown(on, state, start, sequence, turns=turns, symmetric=bool(half))
+    return listed_section(on, itinerary, np.array(times), state, start)
 
 
-def _quiet(seed: Any, turns: int) -> float:
-    """A time in the middle of the longest flight before an impact on the wall at +1, as far as
-    the seed tells."""
-    phi = getattr(seed, "phi", None)
-    if phi is not None:
-        return float(phi) - 0.5 * math.pi
-    times = getattr(seed, "t", None) or getattr(seed, "times", None)
-    if times is None:
-        return 0.0
-    known = np.sort(np.atleast_1d(np.asarray(times, dtype=float)))
-    before = np.append(known[-1] - 2.0 * math.pi * turns, known[:-1])
-    flight = int((known - before).argmax())
-    return float(0.5 * (known[flight] + before[flight]))
+def _listed(seed: Any, half: bool) -> tuple[list[float], tuple[tuple[int, int], ...]] | None:
+    """Times and (site, wall) of the impacts of a seed that knows them."""
+    if hasattr(seed, "phi"):
+        times, impacts = [float(seed.phi), float(seed.phi) + math.pi], ((0, 1), (0, -1))
+        return (times[:1], impacts[:1]) if half else (times, impacts)
+    if half or not (hasattr(seed, "times") and hasattr(seed, "sequence")):
+        return None
+    return [float(time) for time in seed.times], tuple(seed.sequence)

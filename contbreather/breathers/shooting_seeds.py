@@ -51,7 +51,9 @@ class Contact:
 class FreeRing:
     """A ring in motion, all its sites: flown until something touches a wall, then reset."""
 
-    def __init__(self, on: Conditions, state: tuple[Any, Any], time: float) -> None:
+    def __init__(
+        self, on: Conditions, state: tuple[Any, Any], time: float, *, walls: bool = True
+    ) -> None:
         u, v = (np.array(row, dtype=float) for row in state)
         if u.ndim != 1 or u.shape != v.shape or not np.isfinite([u, v]).all():
             raise BadInput(
@@ -59,8 +61,10 @@ class FreeRing:
                 f"{v.shape} were given."
             )
         high = int(abs(u).argmax())
-        if abs(u[high]) > 1.0 + OUTSIDE:
-            raise BadInput(f"u[{high}] = {u[high]:.9g}: the seed starts outside its walls.")
+        if walls and abs(u[high]) > 1.0 + OUTSIDE:
+            raise BadInput(
+                f"u[{high}] = {u[high]:.9g} of the seed is outside the walls at -1 and 1."
+            )
         self.on, self.time, self.sites = on, float(time), u.size
         self.basis: Basis = basis_of(u.size, tuple(range(min(u.size, 2))))
         f = on.forcing
@@ -149,38 +153,53 @@ def flown(
             "its impact times by hand."
         )
     met.sort(key=lambda one: (round(one.time, TOGETHER), one.site))
-    first = _start(met, sequence, ring.sites, symmetric, told)
-    sign = -1 if symmetric else 1
-    turned = [Contact(one.site, sign * one.wall, one.time + T) for one in met[:first]]
-    course = met[first:] + turned
-    itinerary = Itinerary(ring.sites, tuple((c.site, c.wall) for c in course), turns, symmetric)
-    q, r = (itinerary.basis.from_sites(row) for row in states[first])
+    sign, m = (-1 if symmetric else 1), len(met)
+    # the motion goes on as it was, or turned over: three sections hold every start there is
+    course = [
+        Contact(one.site, sign**i * one.wall, one.time + i * T) for i in range(3) for one in met
+    ]
+    first = _start(course, sequence, ring.sites, symmetric, told)
+    own = course[first : first + m]
+    itinerary = Itinerary(ring.sites, tuple((c.site, c.wall) for c in own), turns, symmetric)
+    side = sign ** (first // m)
+    q, r = (side * itinerary.basis.from_sites(row) for row in states[first % m])
     period = itinerary.period
-    times = np.array([one.time for one in course])
+    times = np.array([one.time for one in own])
     times -= period * math.floor((times[0] + 0.5 * period) / period)
     return Section(itinerary, times, q, r, on.a, on.gamma, on.k, on.forcing)
 
 
 def _start(
-    met: list[Contact],
+    course: list[Contact],
     sequence: Sequence[Any] | None,
     sites: int,
     symmetric: bool,
     told: str,
 ) -> int:
-    """Which of the impacts that were met comes first in the itinerary."""
+    """Which of the impacts of three sections comes first in the itinerary."""
+    m = len(course) // 3
+    starts = range(2 * m if symmetric else m)
     if sequence is None:  # the first on the wall at +1, by choice
-        return next((i for i, one in enumerate(met) if one.wall > 0), 0)
+        return next((i for i in starts if course[i].wall > 0), 0)
     wanted = Itinerary(sites, tuple(sequence), symmetric=symmetric).impacts
-    seen = [(one.site, one.wall) for one in met]
-    for i in range(len(seen)):
-        wrapped = [(n, -wall if symmetric else wall) for n, wall in seen[:i]]
-        if tuple(seen[i:] + wrapped) == wanted:
+    for i in starts:
+        if tuple((one.site, one.wall) for one in course[i : i + m]) == wanted:
             return i
     raise BadInput(
         f"the seed does not hit its walls in the order {wanted}: followed over one section it "
         f"meets {told}; give that sequence, another seed, or the impact times by hand."
     )
+
+
+def listed_section(
+    on: Conditions, itinerary: Itinerary, t: FloatArray, state: tuple[Any, Any], time: float
+) -> Section:
+    """From impacts that are known and a state in the flight before the first of them."""
+    check_order(itinerary, t)
+    ring = FreeRing(on, state, time, walls=False)  # the seed may be inadmissible
+    ring.q, ring.r = turn(ring.z, float(t[0]) - time)(ring.q, ring.r)
+    q, r = (itinerary.basis.from_sites(row) for row in ring.free())
+    return Section(itinerary, t, q, r, on.a, on.gamma, on.k, on.forcing)
 
 
 def by_hand(on: Conditions, itinerary: Itinerary, times: Mapping[str, float]) -> Section:

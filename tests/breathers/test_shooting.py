@@ -1,0 +1,957 @@
+"""Shooting on a ring: against closed forms at 30 digits, dense matrix exponentials, brute force."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+import contbreather as cb
+from contbreather.breathers.clearance import _ends, clearance, flights_of
+from contbreather.breathers.flight_map import Section
+from contbreather.breathers.itinerary import Itinerary
+from contbreather.breathers.ring_orbit import RingOrbit
+from contbreather.breathers.shooting import Shooting, problem_of, shooting, shot_orbit
+from contbreather.breathers.shooting_events import contact, events_of, ring_neimark_sacker
+from contbreather.breathers.shooting_lifts import doubled, unfolded
+from contbreather.continuation.problem import Curve
+from contbreather.stability import dense_half_map
+
+RING = 20
+AT = {"gamma": 0.04, "k": 0.8}
+
+
+# --- second roads -------------------------------------------------------------------------------
+
+
+def two_impacts(d: float, sites: int, gamma: float, k: float) -> SimpleNamespace:
+    """The closed form of an asymmetric breather with flights pi -+ 2d, at 30 digits."""
+    with mp.workdps(30):
+        pi, d, q = mp.pi, mp.mpf(d), (1 - mp.mpf(k)) / (1 + mp.mpf(k))
+        w = [2 * mp.sqrt(mp.mpf(gamma)) * abs(mp.sin(pi * j / sites)) for j in range(1, sites)]
+        # the first terms are the limits w -> 0
+        A = (pi**2 / 2 - 2 * d**2) / pi + mp.fsum(
+            (mp.cos(2 * x * d) - mp.cos(pi * x)) / (x * mp.sin(pi * x)) for x in w
+        )
+        B = 2 * d / pi + mp.fsum(mp.sin(2 * x * d) / mp.sin(pi * x) for x in w)
+        p = 1 / (A / sites - B / sites * mp.cot(d))
+        cosine, sine = p * q / mp.cos(d), -p * B / sites / mp.sin(d)
+        return SimpleNamespace(
+            p=p, a=mp.hypot(cosine, sine), middle=mp.atan2(sine, cosine), c=p * q * mp.tan(d), d=d
+        )
+
+
+class BruteForce:
+    """A ring by dense matrix exponentials and root finding: no modes, no linearisation."""
+
+    def __init__(self, sites: int, a: float, gamma: float, k: float) -> None:
+        ring = np.roll(np.eye(sites), 1, 0) + np.roll(np.eye(sites), -1, 0) - 2 * np.eye(sites)
+        self.A = np.block(
+            [[np.zeros((sites, sites)), np.eye(sites)], [gamma * ring, np.zeros((sites, sites))]]
+        )
+        self.sites, self.a, self.k = sites, a, k
+        self.step = 0.05
+        self.Q = expm(self.A * self.step)
+
+    def driven(self, t: float) -> np.ndarray:
+        one = np.ones(self.sites)
+        return np.concatenate([self.a * math.cos(t) * one, -self.a * math.sin(t) * one])
+
+    def fly(self, x: np.ndarray, t: float, s: float) -> np.ndarray:
+        free = term = x - self.driven(t)
+        if s > self.step:
+            return expm(self.A * s) @ free + self.driven(t + s)
+        for j in range(1, 12):  # the same series, to rounding for so short a time
+            term = self.A @ term * (s / j)
+            free = free + term
+        return free + self.driven(t + s)
+
+    def run(self, x: np.ndarray, t: float, end: float) -> np.ndarray:
+        """The state at the end; any site that comes to a wall at +-1 bounces."""
+        while t < end:
+            s = min(self.step, end - t)
+            now = (
+                self.Q @ (x - self.driven(t)) + self.driven(t + s)
+                if s == self.step
+                else self.fly(x, t, s)
+            )
+            hit = np.flatnonzero((abs(now[: self.sites]) > 1) & (abs(x[: self.sites]) <= 1))
+            if hit.size == 0:
+                x, t = now, t + s
+                continue
+            moments = [(self._touch(x, t, s, n), n) for n in hit]
+            moment, n = min(moments)
+            x, t = self.fly(x, t, moment), t + moment
+            x[n] = math.copysign(1 - 1e-15, x[n])
+            x[self.sites + n] *= -self.k
+        return x
+
+    def _touch(self, x: np.ndarray, t: float, s: float, n: int) -> float:
+        return brentq(lambda y: abs(self.fly(x, t, y)[n]) - 1, 0, s, xtol=1e-14)
+
+
+def period_map(orbit: RingOrbit, brute: BruteForce, start: float) -> np.ndarray:
+    """The monodromy matrix in site coordinates, by differences of brute force."""
+    x0 = np.concatenate(orbit.state(t=start))
+    h = 2e-5
+    columns = [
+        (
+            brute.run(x0 + h * e, start, start + orbit.period)
+            - brute.run(x0 - h * e, start, start + orbit.period)
+        )
+        / (2 * h)
+        for e in np.eye(x0.size)
+    ]
+    return np.array(columns).T
+
+
+def furthest(one: np.ndarray, other: np.ndarray) -> float:
+    """Largest distance of a number of either set to the nearest of the other."""
+    gaps = abs(one[:, None] - other)
+    return float(max(gaps.min(axis=0).max(), gaps.min(axis=1).max()))
+
+
+# --- orbits that many tests look at -------------------------------------------------------------
+
+
+@functools.cache
+def symmetric_branch(sites: int = RING, gamma: float = 0.04, k: float = 0.8) -> cb.Branch:
+    start = shooting(cb.symmetric(0.66, gamma, k, lattice=cb.Ring(sites)))
+    return cb.trace(start, "a", within={"a": (0.6, 0.9)})
+
+
+@functools.cache
+def arm(sites: int = RING, gamma: float = 0.04, k: float = 0.8) -> cb.Branch:
+    lift = unfolded(symmetric_branch(sites, gamma, k).first("PF"))
+    return cb.trace(lift.arm(0.02), "a", towards="up", within={"a": (0.5, 1.2)})
+
+
+@functools.cache
+def tilted() -> RingOrbit:
+    """The asymmetric orbit of the figures: a = 0.82, gamma = 0.04, k = 0.8, N = 20."""
+    problem = shooting(
+        {"t1": -3.28, "t2": 0.45}, a=0.82, sites=RING, **AT, sequence=((0, 1), (0, -1))
+    )
+    return shot_orbit(problem)
+
+
+@functools.cache
+def in_phase() -> RingOrbit:
+    """Two sites of a ring of 7 that hit the same wall, half a symmetric orbit."""
+    problem = shooting(
+        {"t1": -2.94, "t2": -2.94},
+        a=0.5,
+        gamma=0.03,
+        k=0.8,
+        sites=7,
+        sequence=((1, 1), (4, 1)),
+        symmetric=True,
+    )
+    return shot_orbit(problem)
+
+
+def section_of(itinerary: Itinerary, x: np.ndarray, forcing=None, **params: float) -> Section:
+    """A section from arbitrary unknowns."""
+    values = {"a": 0.7, "gamma": 0.11, "k": 0.8, **params}
+    forcing = cb.Harmonic() if forcing is None else forcing
+    return Shooting(itinerary, forcing).section(x, {**forcing.params, **values})
+
+
+ITINERARIES = [
+    Itinerary(1, ((0, 1), (0, -1)), 2),
+    Itinerary(5, ((0, 1),), symmetric=True),
+    Itinerary(6, ((0, 1), (0, -1))),
+    Itinerary(7, ((0, 1), (2, 1), (0, -1), (0, 1))),
+    Itinerary(5, ((0, 1), (3, -1)), 3, symmetric=True),
+]
+NAMES = [itinerary.describe() for itinerary in ITINERARIES]
+
+
+def unknowns(itinerary: Itinerary, seed: int = 1) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    times = rng.uniform(0, 0.9 * itinerary.length, itinerary.count)
+    return np.concatenate([times, rng.normal(size=2 * itinerary.basis.order.size)])
+
+
+# --- flights ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("itinerary", ITINERARIES, ids=NAMES)
+def test_section_is_what_matrix_exponentials_and_resets_give(itinerary: Itinerary) -> None:
+    section = section_of(itinerary, unknowns(itinerary))
+    brute = BruteForce(itinerary.sites, 0.7, 0.11, 0.8)
+    to_sites = itinerary.basis.to_sites
+    t = float(section.t[0])
+    start = np.concatenate([to_sites(section.q), to_sites(section.r)]) + brute.driven(t)
+    x, gaps = start, np.empty(itinerary.count)
+    for j in np.argsort(section.t):
+        site, wall = itinerary.impacts[j]
+        x, t = brute.fly(x, t, section.t[j] - t), section.t[j]
+        gaps[j] = x[site] - wall
+        x[itinerary.sites + site] *= -0.8
+    end = section.t[0] + itinerary.length
+    x = brute.fly(x, t, end - t) - brute.driven(end)
+    free = start - brute.driven(float(section.t[0]))
+    halves = np.split(x - itinerary.sign * free, 2)
+    closing = np.concatenate([itinerary.basis.from_sites(half) for half in halves])
+    assert section.residual() == pytest.approx(np.concatenate([gaps, closing]), abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    "forcing",
+    [cb.Harmonic(), cb.Fourier({1: -1.0, 3: 0.4}, {1: 0.2})],
+    ids=["harmonic", "two harmonics"],
+)
+@pytest.mark.parametrize("itinerary", ITINERARIES, ids=NAMES)
+def test_jacobian_and_sensitivities_are_the_derivatives(itinerary: Itinerary, forcing) -> None:
+    x = unknowns(itinerary)
+    section = section_of(itinerary, x, forcing)
+    here = {"a": 0.7, "gamma": 0.11, "k": 0.8, **forcing.params}
+
+    def difference(move) -> np.ndarray:
+        h = 3e-4
+        near, far = move(h) - move(-h), move(2 * h) - move(-2 * h)
+        return (8 * near - far) / (12 * h)
+
+    columns = [
+        difference(lambda h, e=e: section_of(itinerary, x + h * e, forcing).residual())
+        for e in np.eye(x.size)
+    ]
+    assert section.jacobian() == pytest.approx(np.array(columns).T, abs=2e-9)
+    for name, value in here.items():
+        by_difference = difference(
+            lambda h, name=name, value=value: (
+                Shooting(itinerary, forcing).section(x, {**here, name: value + h}).residual()
+            )
+        )
+        assert section.sensitivity(name) == pytest.approx(by_difference, abs=2e-9, rel=1e-9), name
+
+
+@pytest.mark.parametrize("itinerary", ITINERARIES, ids=NAMES)
+def test_slopes_of_a_watched_site_are_the_derivatives(itinerary: Itinerary) -> None:
+    x, names, h = unknowns(itinerary), ("gamma", "a", "k"), 1e-5
+    here = {"gamma": 0.11, "a": 0.7, "k": 0.8}
+    for site, time in ((0, x[0] + 0.4), (itinerary.sites - 1, x[0] - 1.3), (0, x[0] + 40.0)):
+        rows = section_of(itinerary, x).watched(site, time, names)
+
+        def motion(x: np.ndarray, time=time, site=site, **params: float) -> np.ndarray:
+            return np.array(RingOrbit(section_of(itinerary, x, **params)).at(site, time))
+
+        assert rows[:, 0] == pytest.approx(motion(x), abs=1e-12)
+        columns = [(motion(x + h * e) - motion(x - h * e)) / (2 * h) for e in np.eye(x.size)]
+        columns += [
+            (motion(x, **{n: here[n] + h}) - motion(x, **{n: here[n] - h})) / (2 * h) for n in names
+        ]
+        assert rows[:2, 1:] == pytest.approx(np.array(columns).T[:2], abs=1e-6)
+
+
+def test_slope_in_gamma_of_the_slowest_modes_has_no_cancellation() -> None:
+    itinerary = Itinerary(400, ((0, 1), (0, -1)))
+    x = unknowns(itinerary)
+    for gamma in (1e-8, 1e-4, 0.04):
+        section = section_of(itinerary, x, gamma=gamma)
+        h = min(0.5 * gamma, 1e-5)
+        low, high = (section_of(itinerary, x, gamma=gamma + s).residual() for s in (-h, h))
+        near = (high - low) / (2 * h)
+        assert section.sensitivity("gamma") == pytest.approx(near, rel=1e-5, abs=1e-5)
+
+
+def test_impacts_of_two_sites_may_overtake_each_other_smoothly() -> None:
+    """Times t2 just before and just after t1: the other order, the same equations."""
+    orbit = in_phase()
+    section = orbit.section
+    before, after = (replace(section, t=section.t + np.array([0.0, s])) for s in (-1e-7, 1e-7))
+    assert [one.which for one in before.impacts] == [1, 0]
+    assert [one.which for one in after.impacts] == [0, 1]
+    slope = (after.residual() - before.residual()) / 2e-7
+    assert slope == pytest.approx(section.jacobian()[:, 1], abs=1e-7)
+    assert before.jacobian() == pytest.approx(after.jacobian(), abs=1e-5)
+
+
+# --- against the closed form --------------------------------------------------------------------
+
+
+def test_asymmetric_orbit_is_the_closed_form_at_thirty_digits() -> None:
+    orbit = tilted()
+    d = brentq(lambda d: float(two_impacts(d, RING, **AT).a) - 0.82, 0.2, 0.4, xtol=1e-15)
+    exact = two_impacts(d, RING, **AT)
+    t1, t2 = orbit.t
+    assert abs(t2 - t1 - math.pi) == pytest.approx(float(2 * exact.d), abs=1e-12)
+    assert math.cos((t1 + t2) / 2) == pytest.approx(float(abs(mp.cos(exact.middle))), abs=1e-12)
+    assert orbit.p == pytest.approx([float(exact.p)] * 2, abs=1e-13)
+    assert abs(orbit.c) == pytest.approx(float(exact.c), abs=1e-13)
+    assert orbit.residual < 1e-14
+
+
+def test_figures_of_the_issue_are_reached() -> None:
+    orbit = tilted()
+    for hit in orbit.hits:
+        assert abs(hit.before) == pytest.approx(1.214598943047, abs=1e-12)
+        assert abs(hit.after) == pytest.approx(0.971679154438, abs=1e-12)
+    assert abs(orbit.c) == pytest.approx(0.0373541595, abs=1e-10)
+    assert float(abs(orbit.multipliers()).max()) == pytest.approx(1.00675, abs=5e-6)
+
+
+def test_every_site_sits_off_centre_by_the_same_offset() -> None:
+    """The mean over a period of each site, by Gauss points on each flight."""
+    orbit = tilted()
+    nodes, weights = np.polynomial.legendre.leggauss(30)
+    times = [hit.time for hit in orbit.hits]
+    total = np.zeros(RING)
+    for start, end in ((times[0], times[1]), (times[1], times[0] + orbit.period)):
+        half = 0.5 * (end - start)
+        total += half * weights @ orbit.motion(0.5 * (start + end) + half * nodes)
+    assert total / orbit.period == pytest.approx(np.full(RING, orbit.c), abs=1e-13)
+
+
+def test_newton_converges_quadratically() -> None:
+    orbit = tilted()
+    section = orbit.section
+    exact = np.concatenate([section.t, section.q, section.r])
+    x = exact + 0.03 * np.cos(np.arange(exact.size))
+    errors = []
+    for _ in range(5):
+        here = section_of(section.itinerary, x, a=0.82, **AT)
+        x = x - np.linalg.solve(here.jacobian(), here.residual())
+        errors.append(float(abs(x - exact).max()))
+    assert errors[0] > 1e-4
+    for before, after in itertools.pairwise(errors):
+        assert after < 30 * before**2 + 1e-13
+    assert errors[-1] < 1e-13
+
+
+@pytest.mark.parametrize("sites", [1, 2, 3, 20, 100, 400])
+def test_any_ring_gives_the_breather_of_that_ring(sites: int) -> None:
+    breather = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(sites))
+    orbit = shot_orbit(shooting(breather))
+    assert orbit.symmetric
+    assert orbit.t[0] == pytest.approx(breather.phi, abs=1e-12)
+    assert orbit.p[0] == pytest.approx(breather.p, abs=1e-12)
+    whole = shot_orbit(shooting(breather, symmetric=False))
+    assert whole.t == pytest.approx([breather.phi, breather.phi + math.pi], abs=1e-11)
+    assert whole.c == pytest.approx(0.0, abs=1e-12)
+    t = np.linspace(-4, 9, 40)
+    for n in {0, 1 % sites, sites // 2}:
+        for ours in (orbit, whole):
+            assert ours.displacement(n, t) == pytest.approx(breather.displacement(n, t), abs=1e-11)
+            assert ours.velocity(n, t) == pytest.approx(breather.velocity(n, t), abs=1e-11)
+
+
+def test_mean_of_the_ring_is_found_although_no_flight_pins_it() -> None:
+    """1 is a double eigenvalue of the free flight, yet the shooting equations are regular."""
+    orbit = tilted()
+    one, lone = np.zeros(11), orbit.section
+    one[0] = 1.0
+    free = replace(lone, k=0.0)  # any section without kicks: use its flows alone
+    for fly in free._flown.turns:
+        one = fly(one, np.zeros(11))[0]
+    assert one[0] == 1.0
+    assert orbit.condition < 1e4
+    x = np.concatenate([lone.t, lone.q, lone.r])
+    x[2] += 0.5  # a push off centre: the impacts bring the ring back to its own offset
+    problem = problem_of(orbit).at(q=x[2:13])
+    assert shot_orbit(problem.solve()[0]).c == pytest.approx(orbit.c, abs=1e-12)
+
+
+def test_condition_stays_bounded_with_the_size_of_the_ring() -> None:
+    found = [
+        shot_orbit(shooting(cb.symmetric(0.6, 0.04, 0.8), sites=n, symmetric=False)).condition
+        for n in (20, 100, 400)
+    ]
+    assert found[-1] < 1e6
+    assert found[0] < found[1] < found[2]  # waves around the ring come ever closer to closing
+
+
+def test_mode_in_resonance_with_the_period_is_reported_and_no_hindrance() -> None:
+    """At gamma = 1/16 the top mode of the ring turns twice in 8 pi: once in 4 pi."""
+    breather = cb.symmetric(0.6, 1 / 16, 0.8)
+    state = breather.state(RING, 0.3)
+    orbit = shot_orbit(shooting(state, a=0.6, gamma=1 / 16, k=0.8, t=0.3, period=4 * math.pi))
+    assert orbit.resonance is not None
+    assert (orbit.resonance.order, orbit.resonance.gap) == (RING // 2, pytest.approx(0, abs=1e-14))
+    assert orbit.resonance.frequency == pytest.approx(0.5)
+    assert orbit.residual < 1e-13
+    assert 10 < orbit.condition < 1e6
+    assert shot_orbit(shooting(breather, sites=1)).resonance is None
+
+
+# --- stability ----------------------------------------------------------------------------------
+
+
+def test_multipliers_of_a_symmetric_orbit_are_those_of_the_half_map() -> None:
+    for sites in (1, 2, 7, 20):
+        breather = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(sites))
+        orbit = shot_orbit(shooting(breather))
+        dense = np.linalg.eigvals(dense_half_map(sites, 0.04, 0.8, breather.b))
+        assert furthest(orbit.multipliers(half=True), dense) < 1e-9
+        assert furthest(orbit.multipliers(), dense**2) < 1e-9
+
+
+def test_multipliers_are_those_of_the_map_of_brute_force() -> None:
+    orbit = shot_orbit(shooting(tilted(), sites=5, a=0.8))
+    brute = BruteForce(5, 0.8, 0.04, 0.8)
+    start = orbit.t[0] + 0.4
+    state = np.concatenate(orbit.state(t=start))
+    assert brute.run(state, start, start + orbit.period) == pytest.approx(state, abs=1e-10)
+    dense = np.linalg.eigvals(period_map(orbit, brute, start))
+    assert furthest(orbit.multipliers(), dense) < 1e-5
+
+
+def test_multipliers_of_two_impacting_sites_are_those_of_brute_force() -> None:
+    orbit = in_phase()
+    brute = BruteForce(7, 0.5, 0.03, 0.8)
+    start = orbit.t[0] + 1.1
+    state = np.concatenate(orbit.state(t=start))
+    assert brute.run(state, start, start + orbit.period) == pytest.approx(state, abs=1e-10)
+    dense = np.linalg.eigvals(period_map(orbit, brute, start))
+    assert furthest(orbit.multipliers(), dense) < 1e-5
+
+
+def test_product_of_multipliers_is_the_power_of_k() -> None:
+    twice = doubled(arm(1, 0.0).first("PD")).arm(0.01)
+    for orbit, impacts in (
+        (tilted(), 2),
+        (in_phase(), 4),
+        (shot_orbit(twice), 4),
+        (shot_orbit(shooting(cb.symmetric(0.6, 0.04, 0.8), sites=100)), 2),
+    ):
+        product = np.prod(orbit.multipliers())
+        assert product == pytest.approx(orbit.k ** (2 * impacts), rel=1e-10)
+        assert len(orbit.hits) == impacts
+
+
+def test_newton_matrix_is_singular_with_the_monodromy_matrix() -> None:
+    """Eliminating the times from the Jacobian leaves M - 1 up to known factors."""
+
+    def ratio(orbit: RingOrbit) -> float:
+        section = orbit.section
+        M = section.monodromy
+        left = np.linalg.det(section.jacobian())
+        right = np.linalg.det(M - section.itinerary.sign * np.eye(len(M)))
+        # each impact trades its time for the crossing of its wall
+        return left / (right * np.prod([one.velocity for one in section.impacts]))
+
+    for orbit in (tilted(), in_phase(), shot_orbit(shooting(tilted(), sites=1, gamma=0.0))):
+        assert abs(ratio(orbit)) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_verdict_names_its_ring_and_its_threshold() -> None:
+    verdict = tilted().stability()
+    assert (verdict.sites, verdict.threshold, verdict.unstable) == (20, 1.005, 2)
+    assert not verdict.stable
+    assert "ring of 20" in repr(verdict)
+    assert "1.005" in repr(verdict)
+    assert tilted().stability(threshold=1.01).stable
+    with pytest.raises(cb.BadInput, match=r"threshold = 0\.9"):
+        tilted().stability(threshold=0.9)
+    with pytest.raises(cb.BadInput, match="half map"):
+        tilted().multipliers(half=True)
+
+
+# --- events and what leaves them ----------------------------------------------------------------
+
+
+def test_pitchfork_and_fold_are_the_closed_forms_of_the_ring() -> None:
+    branch = symmetric_branch()
+    assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-11)
+    start = shooting(cb.symmetric(0.2, 0.04, 0.8), sites=RING)
+    low = cb.trace(start, "a", within={"a": (0.01, 0.3)}, towards="down", events=[cb.fold()])
+    q, chi = 0.2 / 1.8, cb.Ring(RING).chi(0.04)
+    assert low.first("LP")["a"] == pytest.approx(q / math.hypot(q, chi), rel=1e-12)
+
+
+def test_neimark_sacker_follows_the_rule_of_the_ring() -> None:
+    ours = [p["a"] for p in symmetric_branch().special if p.kind == "NS"]
+    breather = cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(RING))
+    theirs = cb.trace(breather, "a", within={"a": (0.6, 0.9)}).special
+    assert ours == pytest.approx([p["a"] for p in theirs if p.kind == "NS"], abs=1e-9)
+    for point in arm().special:
+        if point.kind == "NS":
+            mu = point.solution.multipliers()
+            assert float(abs(mu[abs(mu.imag) > 1e-6]).max()) == pytest.approx(1.005, abs=1e-10)
+
+
+def test_pitchfork_of_a_single_oscillator() -> None:
+    assert symmetric_branch(1, 0.0).first("PF")["a"] == pytest.approx(0.691778556508, abs=1e-11)
+
+
+def test_whole_period_sees_the_pitchfork_as_a_branch_point() -> None:
+    start = shooting(cb.symmetric(0.7, 0.04, 0.8), sites=RING, symmetric=False)
+    branch = cb.trace(start, "a", within={"a": (0.7, 0.8)})
+    assert branch.first("BP")["a"] == pytest.approx(0.777632425944, abs=1e-10)
+
+
+def test_arms_of_the_pitchfork_are_mirror_images() -> None:
+    """u -> -u, half a period later: the same orbit seen from the other wall."""
+    lift = unfolded(symmetric_branch().first("PF"))
+    orbits = []
+    for side in (0.05, -0.05):
+        problem = lift.arm(side)
+        branch = cb.trace(problem, "a", within={"a": (0, 0.8)}, towards="up", events=())
+        orbits.append(branch[-1].solution)
+    one, other = orbits
+    assert one.a == other.a == 0.8
+    assert one.c == pytest.approx(-other.c, abs=1e-12)
+    assert abs(one.c) > 1e-3
+    t = np.linspace(0, 7, 30)
+    mirrored = -other.displacement(3, t + math.pi)
+    assert one.displacement(3, t) == pytest.approx(mirrored, abs=1e-10)
+
+
+def test_branch_that_is_left_is_tangent_to_its_lift() -> None:
+    for point in (symmetric_branch().first("PF"), arm(1, 0.0).first("PD")):
+        assert point.event is not None
+        assert point.event.arms is not None
+        for seed in point.event.arms(point):
+            matrix = Curve(seed.problem, ("a",)).jacobian(seed.z)
+            assert seed.parent is not None
+            assert matrix @ seed.parent == pytest.approx(np.zeros(len(matrix)), abs=1e-8)
+            assert matrix @ seed.tangent == pytest.approx(np.zeros(len(matrix)), abs=1e-8)
+            assert abs(seed.parent[-1]) > 1e-3
+
+
+def test_seeds_of_the_pitchfork_lead_to_both_arms() -> None:
+    point = symmetric_branch().first("PF")
+    assert point.event is not None
+    assert point.event.arms is not None
+    ends = []
+    for seed in point.event.arms(point):
+        assert abs(seed.problem.evaluate(seed.z[:-1], {**seed.problem.params})).max() < 1e-12
+        branch = cb.trace(seed.problem, "a", along=seed.tangent, within={"a": (0, 0.8)}, events=())
+        ends.append(branch[-1]["c"])
+    assert ends[0] == pytest.approx(-ends[1], abs=1e-10)
+    assert abs(ends[0]) > 1e-3
+
+
+def test_arms_end_where_the_neighbour_grazes_and_never_double() -> None:
+    branch = arm()
+    assert branch[-1]["a"] == pytest.approx(0.877387, abs=5e-7)
+    assert branch.stop is cb.Stop.EVENT
+    assert not [p for p in branch.special if p.kind == "PD"]
+    end = branch[-1].solution
+    verdict = end.admissibility()
+    assert verdict.site == 1
+    assert "site 1" in verdict.reason
+    # second road: the neighbour, densely sampled, just touches its wall
+    t = np.linspace(verdict.time - 1e-3, verdict.time + 1e-3, 4001)
+    assert float(abs(end.displacement(1, t)).max()) == pytest.approx(1.0, abs=1e-11)
+    t = np.linspace(0, 2 * math.pi, 4001)
+    assert all(float(abs(end.displacement(n, t)).max()) < 1 + 1e-9 for n in range(1, 20))
+
+
+# --- the cascade of a single oscillator ---------------------------------------------------------
+
+
+def impact_map(count: int, a: mp.mpf, k: mp.mpf):
+    """Time and velocity of an impact on +1 after `count` further impacts, at many digits."""
+
+    def advance(t, v, wall, guess):
+        # u = wall + (a sin t0 - k v)(t - t0) + a (cos t - cos t0) until it is at -wall
+        speed = -k * v + a * mp.sin(t)
+
+        def gap(s):
+            return 2 * wall + speed * s + a * (mp.cos(t + s) - mp.cos(t))
+
+        s = mp.findroot(gap, guess)
+        return t + s, speed - a * mp.sin(t + s)
+
+    def step(t, v, guesses):
+        wall = 1
+        for i in range(count):
+            t, v = advance(t, v, wall, guesses[i])
+            wall = -wall
+        return t, v
+
+    return step
+
+
+@pytest.fixture(scope="module")
+def cascade() -> list[cb.Point]:
+    """PD of the asymmetric orbit, and of the orbits of period 2, 4 and 8 after it."""
+    points = [arm(1, 0.0).first("PD")]
+    for generation in range(3):
+        size = 0.01 * 4.0**-generation
+        problem = doubled(points[-1]).arm(size)
+        steps = cb.Steps(first=size / 10, largest=0.05 * 4.0**-generation)
+        events = [event for event in problem.events if event.kind == "PD"]
+        branch = cb.trace(
+            problem,
+            "a",
+            within={"a": (0.9, 1.0)},
+            towards="up",
+            steps=steps,
+            events=[*events, cb.user("a", 0.99200, terminal=True)],
+        )
+        points.append(branch.first("PD"))
+    return points
+
+
+def test_period_doubling_of_the_asymmetric_orbit(cascade: list[cb.Point]) -> None:
+    assert cascade[0]["a"] == pytest.approx(0.925512006294, abs=2e-12)
+
+
+def test_cascade_has_multiplier_minus_one_of_an_independent_map(cascade: list[cb.Point]) -> None:
+    """Impact to impact at 25 digits, its derivative by differences: |a - a_PD| < 1e-8 follows."""
+    for point in cascade:
+        orbit = point.solution
+        hits = orbit.hits
+        times = [hit.time for hit in hits] + [hits[0].time + orbit.period]
+        guesses = [mp.mpf(b - a) for a, b in itertools.pairwise(times)]
+        with mp.workdps(25):
+            step = impact_map(len(hits), mp.mpf(orbit.a), mp.mpf(orbit.k))
+            t, v = mp.mpf(hits[0].time), mp.mpf(hits[0].before)
+            end = step(t, v, guesses)
+            assert abs(end[0] - t - 2 * len(hits) // 2 * mp.pi) < 1e-10
+            assert abs(end[1] - v) < 1e-10
+            h = mp.mpf("1e-11")
+            columns = []
+            for dt, dv in ((h, 0), (0, h)):
+                up, down = step(t + dt, v + dv, guesses), step(t - dt, v - dv, guesses)
+                columns.append([(u - d) / (2 * h) for u, d in zip(up, down, strict=True)])
+            (p, q), (r, s) = columns
+            trace, det = p + s, p * s - q * r
+            # mu = -1 is a root of mu^2 - trace mu + det; its slope in a is of order 10 and more
+            assert abs(1 + trace + det) < 1e-8
+
+
+def test_cascade_accumulates_at_the_rate_of_feigenbaum(cascade: list[cb.Point]) -> None:
+    a = np.array([point["a"] for point in cascade])
+    assert a == pytest.approx(
+        [0.9255120062932, 0.9799735494553, 0.9896328437620, 0.9916615828200], abs=1e-11
+    )
+    gaps = np.diff(a)
+    assert gaps[0] / gaps[1] == pytest.approx(5.638, abs=1e-3)
+    assert gaps[1] / gaps[2] == pytest.approx(4.669, abs=0.1)
+
+
+def test_doubled_orbit_grows_with_the_root_of_the_parameter(cascade: list[cb.Point]) -> None:
+    lift = doubled(cascade[0])
+    curvature = []
+    for size in (0.005, 0.01):
+        problem = lift.arm(size)
+        curvature.append((problem.params["a"] - cascade[0]["a"]) / size**2)
+        orbit = shot_orbit(problem)
+        late = orbit.displacement(0, np.linspace(0, 1, 9) + 2 * math.pi)
+        assert float(abs(orbit.displacement(0, np.linspace(0, 1, 9)) - late).max()) > 1e-3
+    assert curvature[0] == pytest.approx(curvature[1], rel=0.02)
+    assert curvature[0] > 0
+
+
+def test_seed_of_the_doubling_leads_to_the_doubled_orbit() -> None:
+    point = arm(1, 0.0).first("PD")
+    assert point.event is not None
+    assert point.event.arms is not None
+    (seed,) = point.event.arms(point)
+    branch = cb.trace(seed.problem, "a", along=seed.tangent, within={"a": (0.9, 0.95)}, events=())
+    orbit = branch[-1].solution
+    assert orbit.a == 0.95
+    assert orbit.period == 4 * math.pi
+    assert abs(orbit.t[2] - orbit.t[0] - 2 * math.pi) > 1e-2
+
+
+# --- boundaries ---------------------------------------------------------------------------------
+
+
+def test_pitchfork_boundary_is_the_closed_form() -> None:
+    line = cb.boundary(
+        symmetric_branch().first("PF"), ("gamma", "a"), within={"gamma": (0.02, 0.06), "a": (0, 1)}
+    )
+    for gamma, a in zip(line["gamma"], line["a"], strict=True):
+        ring = cb.Ring(RING)
+        p = 1 / (ring.chi(gamma) - 2 * ring.sigma(gamma))
+        assert a == pytest.approx(p * math.hypot(0.2 / 1.8, 2 * ring.sigma(gamma)), abs=1e-10)
+
+
+def test_fold_boundary_is_the_closed_form() -> None:
+    start = shooting(cb.symmetric(0.2, 0.04, 0.8), sites=RING)
+    low = cb.trace(start, "a", within={"a": (0.01, 0.3)}, towards="down", events=[cb.fold()])
+    line = cb.boundary(low.first("LP"), ("gamma", "a"), within={"gamma": (0.02, 0.06)}, events=())
+    q = 0.2 / 1.8
+    low_a = [q / math.hypot(q, cb.Ring(RING).chi(gamma)) for gamma in line["gamma"]]
+    assert line["a"] == pytest.approx(low_a, abs=1e-11)
+
+
+def test_doubling_and_grazing_meet_in_the_same_point_from_both_sides() -> None:
+    """k = 0.95: period doubling is admissible for weak coupling only."""
+    branch = arm(RING, 0.005, 0.95)
+    within = {"gamma": (0.001, 0.02), "a": (0, 1.2)}
+    doubling = cb.boundary(branch.first("PD"), ("gamma", "a"), within=within)
+    grazing = cb.boundary(branch.first("GR"), ("gamma", "a"), within=within)
+    one, other = doubling.first("PD-GR"), grazing.first("GR-PD")
+    assert one["gamma"] == pytest.approx(0.0130085246308, abs=1e-11)
+    assert (one["gamma"], one["a"]) == pytest.approx((other["gamma"], other["a"]), abs=1e-10)
+    for point in doubling:
+        mu = point.ground.solution.multipliers()
+        assert float(abs(mu + 1).min()) < 1e-8
+    for point in grazing:
+        orbit = point.ground.solution
+        t = np.linspace(point["t"] - 1e-3, point["t"] + 1e-3, 2001)
+        assert float(abs(orbit.displacement(1, t)).max()) == pytest.approx(1.0, abs=1e-10)
+
+
+def test_neimark_sacker_boundary_keeps_a_pair_on_the_circle() -> None:
+    line = cb.boundary(
+        arm().first("NS"), ("gamma", "a"), within={"gamma": (0.038, 0.042)}, events=()
+    )
+    assert line["gamma"].min() == pytest.approx(0.038, abs=1e-12)
+    for point in line:
+        mu = point.ground.solution.multipliers()
+        wanted = 1.005 * np.exp(1j * math.pi * point["nu"])
+        assert float(abs(mu - wanted).min()) < 1e-9
+
+
+# --- admissibility ------------------------------------------------------------------------------
+
+
+def test_margins_are_those_of_the_symmetric_breather() -> None:
+    for a, gamma, k in ((0.6, 0.04, 0.8), (0.9, 0.04, 0.8), (0.7, 0.1, 0.3), (0.9, 0.05, 0.02)):
+        breather = cb.symmetric(a, gamma, k, lattice=cb.Ring(RING))
+        theirs = breather.admissibility()
+        for symmetric in (True, False):
+            ours = shot_orbit(shooting(breather, symmetric=symmetric)).admissibility()
+            assert ours.neighbours == pytest.approx(theirs.neighbours, abs=1e-11)
+            assert ours.centre == pytest.approx(theirs.centre, abs=1e-9)
+            assert ours.ok == theirs.ok
+
+
+def test_ends_of_a_flight_are_limits_of_its_ratio() -> None:
+    for orbit in (tilted(), in_phase()):
+        for start, end in flights_of(orbit):
+            length = end.time - start.time
+            s = np.array([1e-6, length - 1e-6])
+            u = orbit.displacement(start.site, start.time + s)
+            ratio = (1 - u * u) / ((s + orbit.k) * s * (length - s))
+            assert ratio == pytest.approx(_ends(orbit, start, end, length), rel=1e-5)
+
+
+def test_inadmissible_orbit_says_which_site_and_when() -> None:
+    branch = cb.trace(arm()[-2].problem, "a", within={"a": (0, 0.9)}, towards="up", events=())
+    verdict = clearance(branch[-1].solution)
+    assert not verdict.ok
+    assert verdict.margin < 0
+    assert (verdict.site, verdict.far) == (1, 1.0)
+    assert "site 1" in verdict.reason
+    with pytest.raises(cb.BadInput, match="GR"):
+        cb.trace(branch[-1], "a", within={"a": (0, 0.95)})
+
+
+def test_margin_vanishes_with_the_velocity_of_an_impact() -> None:
+    """On the lower branch of (13) p -> 0 as a -> 1: there the impact itself is lost."""
+    low = min(cb.symmetric_roots(0.5, 0.04, 0.8, lattice=cb.Ring(1)), key=lambda b: b.p)
+    branch = cb.trace(
+        shooting(low), "a", within={"a": (0.4, 1.2)}, towards="up", events=[contact()]
+    )
+    assert branch[-1]["a"] == pytest.approx(1.0, abs=1e-9)
+    assert branch[-1].solution.p[0] == pytest.approx(0.0, abs=1e-9)
+    assert branch[-1].kind == "GR"
+
+
+# --- seeds --------------------------------------------------------------------------------------
+
+
+def test_simulated_state_is_followed_to_its_impacts() -> None:
+    orbit = tilted()
+    for t in (-0.7, 0.3, 2.0):
+        state = orbit.state(t=t)
+        found = shot_orbit(shooting(state, a=0.82, t=t, **AT))
+        assert found.itinerary.impacts == ((0, 1), (0, -1))
+        assert found.p == pytest.approx(orbit.p, abs=1e-11)
+        turned = shot_orbit(shooting(state, a=0.82, t=t, sequence=((0, -1), (0, 1)), **AT))
+        assert turned.itinerary.impacts == ((0, -1), (0, 1))
+        assert turned.displacement(2, 1.0) == pytest.approx(orbit.displacement(2, 1.0), abs=1e-11)
+
+
+def test_state_of_a_symmetric_orbit_can_be_shot_over_half_or_three_periods() -> None:
+    state = cb.symmetric(0.6, 0.04, 0.8).state(RING, 0.3)
+    half = shot_orbit(shooting(state, a=0.6, t=0.3, symmetric=True, **AT))
+    assert half.itinerary.count == 1
+    long = shot_orbit(shooting(state, a=0.6, t=0.3, symmetric=True, period=6 * math.pi, **AT))
+    assert long.itinerary.count == 3
+    assert long.displacement(1, 0.2) == pytest.approx(half.displacement(1, 0.2), abs=1e-11)
+
+
+def test_symmetric_orbit_may_begin_on_either_wall() -> None:
+    breather = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(RING))
+    for t in (breather.phi - 0.3, breather.phi + 0.3):  # before and after the impact on +1
+        state = breather.state(RING, t)
+        given = {"a": 0.6, "t": t, "symmetric": True, **AT}
+        assert shot_orbit(shooting(state, **given)).itinerary.impacts == ((0, 1),)
+        for wall in (1, -1):
+            orbit = shot_orbit(shooting(state, sequence=((0, wall),), **given))
+            assert orbit.itinerary.impacts == ((0, wall),)
+            late = breather.phi if wall > 0 else breather.phi + math.pi
+            assert math.remainder(orbit.t[0] - late, 2 * math.pi) == pytest.approx(0, abs=1e-11)
+            assert orbit.displacement(1, 0.7) == pytest.approx(breather.displacement(1, 0.7))
+
+
+def test_orbit_of_another_lattice_is_a_seed_by_its_motion_alone() -> None:
+    exact = tilted()
+    seed = SimpleNamespace(
+        a=0.82, gamma=0.04, k=0.8, period=2 * math.pi,
+        times=np.array(exact.t), sequence=((0, 1), (0, -1)),
+        state=lambda sites, t: exact.state(sites, t),
+    )  # fmt: skip
+    found = shot_orbit(shooting(seed, sites=RING))
+    assert found.t == pytest.approx(exact.t, abs=1e-11)
+    bare = SimpleNamespace(**{name: getattr(seed, name) for name in ("a", "gamma", "k", "state")})
+    assert shot_orbit(shooting(bare, sites=RING)).p == pytest.approx(exact.p, abs=1e-11)
+
+
+def test_orbit_moves_to_a_ring_of_another_size() -> None:
+    for sites in (7, 12, 60):
+        orbit = shot_orbit(shooting(tilted(), sites=sites))
+        wanted = two_impacts(
+            brentq(lambda d, n=sites: float(two_impacts(d, n, **AT).a) - 0.82, 0.1, 0.6),
+            sites, **AT,
+        )  # fmt: skip
+        assert orbit.p[0] == pytest.approx(float(wanted.p), abs=1e-11)
+
+
+def test_point_of_a_branch_is_a_seed_and_its_problem_too() -> None:
+    point = arm()[3]
+    for seed in (point, point.solution, point.problem):
+        again = shooting(seed)
+        assert again.start["t1"] == pytest.approx(point["t1"], abs=1e-12)
+
+
+def test_two_sites_far_apart_are_two_breathers() -> None:
+    lone = cb.symmetric(0.5, 0.04, 0.8, lattice=cb.Ring(40))
+    problem = shooting(
+        {"t1": -2.9, "t2": -2.9}, a=0.5, sites=40, sequence=((0, 1), (20, 1)), symmetric=True, **AT
+    )
+    orbit = shot_orbit(problem)
+    assert orbit.t == pytest.approx([lone.phi] * 2, abs=1e-9)
+    assert orbit.p == pytest.approx([lone.p] * 2, abs=1e-9)
+
+
+def test_neighbours_in_phase_move_alike() -> None:
+    problem = shooting(
+        {"t1": -2.9, "t2": -2.9}, a=0.5, sites=RING, sequence=((0, 1), (1, 1)), symmetric=True, **AT
+    )
+    orbit = shot_orbit(problem)
+    t = np.linspace(0, 3, 20)
+    assert orbit.displacement(0, t) == pytest.approx(orbit.displacement(1, t), abs=1e-12)
+    assert orbit.displacement(-3, t) == pytest.approx(orbit.displacement(4, t), abs=1e-12)
+
+
+def test_columns_name_times_momentum_and_offset() -> None:
+    branch = arm()
+    assert {"t1", "t2", "p", "c", "condition", "a", "gamma", "k"} <= set(branch.names)
+    point = branch[3]
+    assert point["p"] == point.solution.p[0]
+    assert branch["condition"].max() < 1e5
+    assert {"p1", "p2"} <= set(problem_of(in_phase()).record)
+
+
+def test_other_forcings_are_continued_in_their_own_parameters() -> None:
+    forcing = cb.Fourier(cos={1: -1.0, 3: 0.0})
+    start = shooting(cb.symmetric(0.6, 0.04, 0.8, forcing=forcing), sites=RING)
+    branch = cb.trace(start, "c3", within={"c3": (0.0, 0.5)}, towards="up")
+    end = branch[-1].solution
+    wanted = cb.symmetric(0.6, 0.04, 0.8, forcing=forcing.at(c3=0.5), lattice=cb.Ring(RING))
+    assert end.p[0] == pytest.approx(wanted.p, abs=1e-10)
+
+
+# --- refusals -----------------------------------------------------------------------------------
+
+BY_HAND = {"a": 0.82, "sites": RING, **AT}
+
+
+@pytest.mark.parametrize(
+    ("sequence", "says"),
+    [
+        ((), "the sequence of impacts is empty"),
+        (((20, 1), (0, -1)), r"impact \(20, 1\): no such site on a ring of 20"),
+        (((0.5, 1), (0, -1)), r"impact \(0.5, 1\): no such site"),
+        (((0, 2), (0, -1)), r"impact \(0, 2\): walls are \+1 and -1"),
+        (((0, 1), (0, 1)), r"hits the wall at \+1 only"),
+        ((0, 1), r"impacts are pairs \(site, wall\)"),
+    ],
+)
+def test_impossible_sequences_are_refused(sequence, says: str) -> None:
+    with pytest.raises(cb.BadInput, match=says):
+        shooting({"t1": -3.2, "t2": 0.4}, sequence=sequence, **BY_HAND)
+
+
+@pytest.mark.parametrize(
+    ("seed", "more", "says"),
+    [
+        ({"t1": -3.2, "t2": -4.0}, {}, r"impacts of site 0 out of order: t1 = -3\.2 does not"),
+        ({"t1": -3.2, "t2": 4.0}, {}, r"t2 = 4 does not come before t1 \+ a section = 3\.083"),
+        ({"t1": -3.2}, {}, r"missing \['t2'\]"),
+        ({"t1": -3.2, "t2": 0.4, "t3": 1.0}, {}, r"not known \['t3'\]"),
+        ({"t1": -3.2, "t2": math.nan}, {}, "finite numbers"),
+        ({"t1": -3.2, "t2": 0.4}, {"sites": None}, "needs sites"),
+        ({"t1": -3.2, "t2": 0.4}, {"a": None}, "does not know a"),
+        ({"t1": -3.2, "t2": 0.4}, {"period": 5.0}, r"period = 5\.0"),
+        ({"t1": -3.2, "t2": 0.4}, {"symmetric": True, "period": 4 * math.pi}, "odd n"),
+        ({"t1": -3.2, "t2": 0.4}, {"gamma": 0.0}, "take sites=1"),
+        ({"t1": -3.2, "t2": 0.4}, {"gamma": 0.3}, r"gamma = 0\.3"),
+        ({"t1": -3.2, "t2": 0.4}, {"k": 1.2}, r"k = 1\.2"),
+        (17, {}, "a seed is a breather"),
+        (([0.0] * 3, [0.0] * 3), {}, "3 sites, but sites = 20"),
+        (([0.0] * 20, [0.0] * 19), {"sequence": None}, "rows of equal length"),
+        (([2.0] * 20, [0.0] * 20), {"sequence": None}, r"u\[0\] = 2 .*outside the walls"),
+        (([0.0] * 20, [0.0] * 20), {"sequence": None, "a": 0.1}, "meets no wall"),
+    ],
+)
+def test_seeds_that_make_no_sense_are_refused(seed, more: dict, says: str) -> None:
+    given = {"sequence": ((0, 1), (0, -1)), **BY_HAND, **more}
+    with pytest.raises(cb.BadInput, match=says):
+        shooting(seed, **given)
+
+
+def test_state_that_hits_other_walls_is_refused_with_what_it_hits() -> None:
+    with pytest.raises(cb.BadInput, match=r"it meets \(0, -1\) at t = .* \(0, \+1\) at t = "):
+        shooting(tilted().state(t=0.3), a=0.82, t=0.3, sequence=((0, 1), (0, -1), (3, 1)), **AT)
+
+
+def test_seed_that_does_not_converge_is_refused_with_its_residual() -> None:
+    seed = {"t1": 0.0, "t2": 1.0}
+    with pytest.raises(cb.NotConverged, match="near the seed") as refused:
+        shooting(seed, sequence=((0, 1), (0, -1)), **{**BY_HAND, "a": 0.02})
+    assert refused.value.residual > 0
+
+
+def test_solution_with_impacts_from_outside_is_no_orbit() -> None:
+    """The closed form with negative p solves the equations but comes from behind the wall."""
+    problem = shooting(cb.symmetric(0.9, 0.04, 0.8), sites=1)
+    with pytest.raises(cb.NotConverged, match="from outside"):
+        shooting({"t1": 0.3}, a=1.3, gamma=0.0, k=0.8, sites=1, sequence=((0, 1),), symmetric=True)
+    assert shot_orbit(problem).p[0] > 0
+
+
+def test_lifts_need_the_point_they_are_made_for() -> None:
+    branch = symmetric_branch()
+    with pytest.raises(cb.BadInput, match="a PF point was wanted"):
+        unfolded(branch[0])
+    with pytest.raises(cb.BadInput, match="a PD point was wanted"):
+        doubled(branch.first("PF"))
+    with pytest.raises(cb.BadInput, match="no branch of shooting orbits"):
+        unfolded(cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.6, 0.8)})[0])
+    with pytest.raises(cb.BadInput, match="not a period doubling"):
+        doubled(replace(arm()[2], kind="PD"))
+    with pytest.raises(cb.BadInput, match="break its symmetry first"):
+        doubled(replace(branch.first("PF"), kind="PD"))
+
+
+def test_orbit_of_one_ring_says_where_to_take_it() -> None:
+    with pytest.raises(cb.BadInput, match=r"shooting\(orbit, sites=30\)"):
+        tilted().state(sites=30)
+    with pytest.raises(cb.BadInput, match="several impacting sites"):
+        shooting(in_phase(), sites=9)
+    with pytest.raises(cb.BadInput, match="not shot as a symmetric one"):
+        shooting(tilted(), symmetric=True)
+    with pytest.raises(cb.BadInput, match="threshold = 0"):
+        ring_neimark_sacker(0.5)
+    assert [event.kind for event in events_of(in_phase().itinerary)] == [
+        "LP", "BP", "PF", "NS", "GR",
+    ]  # fmt: skip
