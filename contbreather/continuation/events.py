@@ -265,7 +265,8 @@ def _hopf_test(point: Point) -> float:
 
 
 def _hopf_locus(point: Point) -> Locus:
-    square, real, imaginary = _axis_pair(point.jacobian()[:, : point.curve.size])
+    square, real, imaginary = _axis_pair(_flow(point))
+    real, imaginary = (vector * point.curve.scales[: vector.size] for vector in (real, imaginary))
     null = real / np.linalg.norm(real)
     reference = imaginary - (imaginary @ null) * null
     reference /= np.linalg.norm(reference)
@@ -287,6 +288,12 @@ def _hopf_locus(point: Point) -> Locus:
         return rows
 
     return Locus({"null": null, "omega2": square}, conditions, derivative, events=(_TAKENS,))
+
+
+def _flow(point: Point) -> Array:
+    """The derivative between unknowns in their scales, which keeps the eigenvalues."""
+    scales = point.curve.scales[: point.curve.size]
+    return np.asarray(point.jacobian()[:, : scales.size] * scales / scales[:, None])
 
 
 def _axis_pair(matrix: Array) -> tuple[float, Array, Array]:
@@ -312,10 +319,9 @@ _TAKENS = Event("BT", lambda point: point["omega2"], terminal=True, positive=Tru
 def _hopf_verify(point: Point) -> str:
     """Of the two eigenvalues that add up to nothing: are they a complex pair? On a boundary they
     may be both zero, where it meets a fold curve."""
-    n = point.curve.size
-    matrix = point.jacobian()[:, :n]
+    matrix = _flow(point)
     values = np.linalg.eigvals(matrix)
-    first, second = np.triu_indices(n, 1)
+    first, second = np.triu_indices(values.size, 1)
     nearest = np.argmin(abs(values[first] + values[second]))
     pair = values[[first[nearest], second[nearest]]]
     zero = abs(pair).max() <= _ZERO * np.linalg.norm(matrix, 2)

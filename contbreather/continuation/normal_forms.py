@@ -3,7 +3,7 @@
 Each is a contraction of the derivatives A, B, C of the equations (first, second, third order) with
 the critical eigenvectors, on the centre manifold: Yu. A. Kuznetsov, Elements of Applied Bifurcation
 Theory, chapters 5, 8 and 9. B and C are needed along critical directions only, where they are
-differences of the Jacobian; so a coefficient costs some twenty Jacobians, whatever the size.
+differences of the Jacobian; so a coefficient costs some fifty Jacobians, whatever the size.
 
 With ``q`` the right and ``p`` the left eigenvector throughout, ``|q| = 1`` and ``<p, q> = 1``, with
 ``<p, q> = conj(p) . q``. Lengths are measured in the units of the problem's `scales`.

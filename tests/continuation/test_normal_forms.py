@@ -1,0 +1,441 @@
+"""Coefficients of normal forms against another road: the homological equation, order by order.
+
+The other road substitutes ``x = x0 + q w + q* w* + h20 w^2 + h11 w w* + ...`` into the equations,
+expanded exactly by sympy, and compares powers of w at 30 digits. It knows neither the formulas with
+inverse matrices nor differences.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+import sympy
+from scipy.integrate import solve_ivp
+
+from contbreather.continuation import Problem, fold, hopf, trace
+from contbreather.continuation import normal_forms as forms
+from contbreather.continuation.maps import FixedPoint
+from contbreather.continuation.newton import Undefined
+from contbreather.continuation.problem import Curve
+
+from .zoo import BRUSSELATOR, LORENZ, Array, takens, trace_case
+
+Polynomial = dict[tuple[int, ...], Any]
+
+
+# --- the other road ---------------------------------------------------------------------------
+
+
+class Expansion:
+    """Vector fields and maps written in w and w*, up to the third order."""
+
+    def __init__(self, equations: Callable[[Sequence[Any]], Sequence[Any]], x0: Sequence[Any]):
+        mpmath.mp.dps = 30
+        names = sympy.symbols(f"y0:{len(x0)}")
+        at = [exactly(value) + name for value, name in zip(x0, names, strict=True)]
+        self.names = names
+        self.parts = [self._taylor(sympy.sympify(one)) for one in equations(at)]
+        self.A = mpmath.matrix(
+            [[self._linear(p, i) for i in range(len(names))] for p in self.parts]
+        )
+
+    def _taylor(self, expression: Any) -> Polynomial:
+        size = sympy.Symbol("size")
+        scaled = expression.subs({name: size * name for name in self.names}, simultaneous=True)
+        terms: Polynomial = {}
+        for order in range(4):
+            part = sympy.diff(scaled, size, order).subs(size, 0) / math.factorial(order)
+            poly = sympy.Poly(sympy.expand(part), *self.names)
+            for powers, value in poly.terms():
+                if sum(powers) == order:
+                    terms[powers] = terms.get(powers, 0) + mpmath.mpf(str(value.evalf(30)))
+        return terms
+
+    def _linear(self, part: Polynomial, i: int) -> Any:
+        return part.get(tuple(int(j == i) for j in range(len(self.names))), mpmath.mpf(0))
+
+    def of(self, series: Sequence[Polynomial]) -> list[Polynomial]:
+        """The equations with a series in (w, w*) for each unknown."""
+        results = []
+        for part in self.parts:
+            total: Polynomial = {}
+            for powers, factor in part.items():
+                if sum(powers) == 0:
+                    continue
+                product: Polynomial = {(0, 0): factor}
+                for one, power in zip(series, powers, strict=True):
+                    for _ in range(power):
+                        product = times(product, one)
+                for key, value in product.items():
+                    total[key] = total.get(key, 0) + value
+            results.append(total)
+        return results
+
+
+def exactly(value: Any) -> Any:
+    return (
+        sympy.Float(mpmath.nstr(value, 30), 30)
+        if isinstance(value, mpmath.mpf)
+        else (sympy.sympify(value))
+    )
+
+
+def times(one: Polynomial, other: Polynomial) -> Polynomial:
+    product: Polynomial = {}
+    for (a, b), x in one.items():
+        for (c, d), y in other.items():
+            if a + b + c + d <= 3:
+                product[a + c, b + d] = product.get((a + c, b + d), 0) + x * y
+    return product
+
+
+def cubic(expansion: Expansion, value: Any, rate: Callable[[int, int], Any]) -> Any:
+    """The coefficient of ``w^2 w*`` in the normal form of an eigenvalue; `rate` says what w^j w*^k
+    is multiplied with by the linear dynamics."""
+    A, n = expansion.A, len(expansion.names)
+    q = unit_null(A - value * mpmath.eye(n))
+    series: list[Polynomial] = [{(1, 0): q[i], (0, 1): mpmath.conj(q[i])} for i in range(n)]
+    for j, k in ((2, 0), (1, 1), (0, 2)):
+        right = mpmath.matrix([part.get((j, k), 0) for part in expansion.of(series)])
+        h = mpmath.lu_solve(rate(j, k) * mpmath.eye(n) - A, right)
+        for i in range(n):
+            series[i][j, k] = h[i]
+    right = mpmath.matrix([part.get((2, 1), 0) for part in expansion.of(series)])
+    # (rate - A) h21 + c q = right, and h21 across q: n + 1 equations
+    border = mpmath.zeros(n + 1)
+    for i in range(n):
+        for j in range(n):
+            border[i, j] = (rate(2, 1) if i == j else 0) - A[i, j]
+        border[i, n], border[n, i] = q[i], mpmath.conj(q[i])
+    return mpmath.lu_solve(border, mpmath.matrix([*right, 0]))[n]
+
+
+def unit_null(matrix: Any) -> Any:
+    n = matrix.rows
+    best = None
+    for i in range(n):  # fix one entry, solve for the others in the least-squares sense
+        others = [j for j in range(n) if j != i]
+        column = mpmath.matrix([[matrix[r, j] for j in others] for r in range(n)])
+        right = mpmath.matrix([-matrix[r, i] for r in range(n)])
+        try:
+            rest = mpmath.lu_solve(column, right) if n > 1 else mpmath.matrix(0, 1)
+        except ZeroDivisionError:
+            continue
+        vector = mpmath.matrix(n, 1)
+        vector[i] = 1
+        for j, value in zip(others, rest, strict=True):
+            vector[j] = value
+        off = mpmath.norm(matrix * vector)
+        if best is None or off < best[0]:
+            best = off, vector / mpmath.norm(vector)
+    assert best is not None
+    assert best[0] < 1e-10
+    return best[1]
+
+
+def lyapunov_by_series(equations: Any, x0: Sequence[float], omega: Any) -> float:
+    value = mpmath.mpc(0, omega)
+    c = cubic(Expansion(equations, x0), value, lambda j, k: (j - k) * value)
+    return float(mpmath.re(c) / omega)
+
+
+def rotation_by_series(equations: Any, x0: Sequence[float], angle: Any) -> complex:
+    mu = mpmath.expj(angle)
+    expansion = Expansion(equations, x0)
+    c = cubic(expansion, mu, lambda j, k: mu**j * mpmath.conj(mu) ** k)
+    return complex(c / mu)
+
+
+def flip_by_series(equations: Any, x0: Sequence[float]) -> float:
+    """``u -> -u + c u^3``: by the same powers, with ``w* = 0``."""
+    expansion = Expansion(equations, x0)
+    A, n = expansion.A, len(x0)
+    q = unit_null(A + mpmath.eye(n))
+    series: list[Polynomial] = [{(1, 0): q[i]} for i in range(n)]
+    right = mpmath.matrix([part.get((2, 0), 0) for part in expansion.of(series)])
+    h = mpmath.lu_solve(mpmath.eye(n) - A, right)
+    for i in range(n):
+        series[i][2, 0] = h[i]
+    right = mpmath.matrix([part.get((3, 0), 0) for part in expansion.of(series)])
+    border = mpmath.zeros(n + 1)
+    for i in range(n):
+        for j in range(n):
+            border[i, j] = -int(i == j) - A[i, j]
+        border[i, n], border[n, i] = q[i], q[i]
+    return float(mpmath.lu_solve(border, mpmath.matrix([*right, 0]))[n])
+
+
+# --- systems ----------------------------------------------------------------------------------
+
+
+def brusselator(u: Sequence[Any], A: Any = 1, B: Any = 2) -> list[Any]:
+    x, y = u
+    return [A - (B + 1) * x + x * x * y, B * x - x * x * y]
+
+
+def lorenz(u: Sequence[Any], r: Any) -> list[Any]:
+    x, y, z = u
+    return [10 * (y - x), x * (r - z) - y, x * y - sympy.Rational(8, 3) * z]
+
+
+def selkov(u: Sequence[Any], b: Any) -> list[Any]:
+    x, y = u
+    a = sympy.Rational(1, 10)
+    return [-x + a * y + x * x * y, b - a * y - x * x * y]
+
+
+def test_first_lyapunov_coefficient_of_the_brusselator() -> None:
+    point = trace_case(BRUSSELATOR).first("HB")
+    wanted = lyapunov_by_series(brusselator, [1, 2], 1)
+    assert point.detail["l1"] == pytest.approx(wanted, rel=1e-9)
+    assert point.detail["criticality"] == "supercritical"
+    assert point.detail["omega"] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_first_lyapunov_coefficient_of_lorenz_says_subcritical_in_three_dimensions() -> None:
+    point = trace_case(LORENZ).first("HB")
+    mpmath.mp.dps = 30
+    r = mpmath.mpf(470) / 19
+    z = r - 1
+    x = -mpmath.sqrt(8 * z / 3)
+    # trace, minors and determinant: omega^2 is the sum of the principal minors
+    omega = mpmath.sqrt(mpmath.mpf(8) / 3 * (r + 10))
+    wanted = lyapunov_by_series(lambda u: lorenz(u, sympy.Rational(470, 19)), [x, x, z], omega)
+    assert point.detail["l1"] == pytest.approx(wanted, rel=1e-8)
+    assert point.detail["omega"] == pytest.approx(float(omega), abs=1e-10)
+    assert point.detail["criticality"] == "subcritical"
+
+
+def test_the_limit_cycle_is_as_large_as_the_lyapunov_coefficient_says() -> None:
+    """A simulation of Selkov's oscillator just beyond its Hopf point."""
+    problem = Problem(
+        lambda u, p: np.array([-u[0] + 0.1 * u[1] + u[0] ** 2 * u[1],
+                               p["b"] - 0.1 * u[1] - u[0] ** 2 * u[1]]),
+        {"x": 0.3, "y": 1.5}, {"b": 0.3},
+    )  # fmt: skip
+    branch = trace(problem, "b", events=[hopf()], within={"b": (0.2, 1.2)})
+    point = branch.first("HB")
+    l1, omega = point.detail["l1"], point.detail["omega"]
+    assert point.detail["criticality"] == "supercritical"
+
+    def growth(b: float) -> float:
+        x = b
+        A = np.array([[-1 + 2 * x * b / (0.1 + x * x), 0.1 + x * x],
+                      [-2 * x * b / (0.1 + x * x), -0.1 - x * x]])  # fmt: skip
+        return float(np.linalg.eigvals(A).real.max())
+
+    b = point["b"] + 1e-3
+    y = b / (0.1 + b * b)
+    run = solve_ivp(
+        lambda t, u: problem.residual(u, {"b": b}), (0, 6000), [b + 0.02, y], rtol=1e-8, atol=1e-11,
+        t_eval=np.linspace(5950, 6000, 4000),
+    )  # fmt: skip
+    matrix = point.jacobian()[:, :2]
+    values, vectors = np.linalg.eig(matrix)
+    q = vectors[:, int(values.imag.argmax())]
+    width = (run.y[0].max() - run.y[0].min()) / (4 * abs(q[0]))  # x = 2 Re(q w), |q| = 1
+    assert width == pytest.approx(math.sqrt(-growth(b) / (omega * l1)), rel=0.02)
+
+
+def delayed_logistic(u: Sequence[Any], r: Any = 2) -> list[Any]:
+    return [r * u[0] * (1 - u[1]), u[0]]
+
+
+def test_coefficient_of_neimark_sacker_in_the_delayed_logistic_map() -> None:
+    mine = FixedPoint(lambda u, p: np.array(delayed_logistic(u, p["r"])), {"x": 0.4, "y": 0.4},
+                      {"r": 1.7})  # fmt: skip
+    point = trace(mine, "r", within={"r": (1.2, 2.5)}).first("NS")
+    half = sympy.Rational(1, 2)
+    wanted = rotation_by_series(delayed_logistic, [half, half], mpmath.pi / 3)
+    assert point.detail["d"] == pytest.approx(wanted, rel=1e-9)
+    assert point.detail["d"].real == pytest.approx(-1.0, rel=1e-9)
+    assert point.detail["criticality"] == "supercritical"
+    assert point.detail["angle"] == pytest.approx(math.pi / 3, abs=1e-12)
+
+
+def coupled(u: Sequence[Any], a: Any) -> list[Any]:
+    """A map in three dimensions without any symmetry, sympy's functions left out."""
+    x, y, z = u
+    return [
+        a * x - y + z * x / 2 - x**3,
+        x + a * y / 3 + y * z - x * x * y,
+        z / 5 + x * x - x * y / 3 + y**3 / 7,
+    ]
+
+
+def test_coefficient_of_neimark_sacker_in_three_dimensions() -> None:
+    mine = FixedPoint(
+        lambda u, p: np.array(coupled(u, 0.6)) * p["s"], {"x": 0.0, "y": 0.0, "z": 0.0}, {"s": 0.8}
+    )
+    point = trace(mine, "s", within={"s": (0.5, 1.5)}).first("NS")
+    s = mpmath.mpf(1) / mpmath.sqrt(mpmath.mpf("0.6") ** 2 / 3 + 1)
+    assert point["s"] == pytest.approx(float(s), abs=1e-12)
+    angle = mpmath.acos(s * mpmath.mpf("0.6") * 2 / 3)
+    scale = sympy.Float(str(s), 30)
+    wanted = rotation_by_series(
+        lambda u: [scale * one for one in coupled(u, sympy.Rational(3, 5))], [0, 0, 0], angle
+    )
+    assert point.detail["d"] == pytest.approx(wanted, rel=1e-8)
+
+
+@pytest.mark.parametrize("beta", [0.5, -0.3, 0.9])
+def test_coefficient_of_period_doubling_in_the_henon_map(beta: float) -> None:
+    def henon(u: Sequence[Any], alpha: Any, b: Any) -> list[Any]:
+        return [u[1], alpha - b * u[0] - u[1] ** 2]
+
+    mine = FixedPoint(lambda u, p: np.array(henon(u, p["alpha"], p["beta"])), {"x": 0.2, "y": 0.2},
+                      {"alpha": 0.5, "beta": beta})  # fmt: skip
+    point = trace(mine, "alpha", within={"y": (0.0, 2.0)}).first("PD")
+    exact = sympy.Rational(str(beta))
+    y = (1 + exact) / 2
+    wanted = flip_by_series(lambda u: henon(u, 3 * (1 + exact) ** 2 / 4, exact), [y, y])
+    assert point.detail["c"] == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize("period", [1, 2, 4])
+def test_coefficient_of_the_logistic_cascade_whatever_the_period(period: int) -> None:
+    """For one unknown c is ``G''^2 / 4 + G''' / 6``, with G iterated as an exact polynomial."""
+    start = {1: (0.66, 2.9), 2: (0.84, 3.4), 4: (0.88, 3.52)}[period]
+    mine = FixedPoint(
+        lambda x, p: p["r"] * x * (1 - x), {"x": start[0]}, {"r": start[1]}, period=period
+    )
+    point = trace(mine, "r", within={"r": (2.8, 3.6)}).first("PD")
+    mpmath.mp.dps = 30
+
+    def iterate(x: Any, r: Any) -> Any:
+        for _ in range(period):
+            x = r * x * (1 - x)
+        return x
+
+    def system(x: Any, r: Any) -> list[Any]:
+        return [iterate(x, r) - x, mpmath.diff(lambda y: iterate(y, r), x) + 1]
+
+    x, r = mpmath.findroot(system, (point["x"], point["r"]))
+    second, third = (mpmath.diff(lambda y: iterate(y, r), x, order) for order in (2, 3))
+    assert point["r"] == pytest.approx(float(r), abs=1e-12)
+    assert point.detail["c"] == pytest.approx(float(second**2 / 4 + third / 6), rel=1e-7)
+
+
+# --- folds ------------------------------------------------------------------------------------
+
+
+def test_coefficients_of_takens_bogdanov_survive_a_change_of_coordinates() -> None:
+    """``x' = y, y' = 2 x^2 - 3 x y`` in other coordinates and with another direction coupled."""
+    rng = np.random.default_rng(3)
+    T = rng.normal(size=(3, 3))
+    back = np.linalg.inv(T)
+
+    def residual(u: Array, p: Mapping[str, float]) -> Array:
+        x, y, z = back @ u
+        return T @ np.array([y, p["h"] + 2 * x * x - 3 * x * y, -z + p["k"] * x * y])
+
+    curve = Curve(Problem(residual, {"u": np.zeros(3)}, {"h": 0.0, "k": 0.7}), ("h",))
+    a, b = forms.takens_bogdanov(curve, np.zeros(4))
+    # |q0| = 1 fixes the length unit along the null vector T e1
+    length = float(np.linalg.norm(T[:, 0]))
+    assert abs(a.value) == pytest.approx(2 / length, rel=1e-9)
+    assert b.value == pytest.approx(-3 / length, rel=1e-9)
+
+
+def test_cubic_coefficient_at_a_cusp_includes_the_slaved_direction() -> None:
+    """``x' = x y - x^3, y' = -y + 2 x^2``: on the centre manifold y = 2 x^2, so c = 2 - 1."""
+    mine = Problem(
+        lambda u, p: np.array([u[0] * u[1] - u[0] ** 3 + p["h"], -u[1] + 2 * u[0] ** 2]),
+        {"x": 0.0, "y": 0.0},
+        {"h": 0.0},
+    )
+    quadratic, cubic_one = forms.cubic_at_cusp(Curve(mine, ("h",)), np.zeros(3))
+    assert abs(quadratic.value) < 1e-12
+    assert cubic_one.value == pytest.approx(1.0, rel=1e-10)
+
+
+# --- what has no coefficient, and rounding ----------------------------------------------------
+
+
+def test_conservative_systems_have_no_sign() -> None:
+    mine = FixedPoint(lambda u, p: np.array([u[1], p["a"] - p["b"] * u[0] - u[1] ** 2]),
+                      {"x": 0.5, "y": 0.5}, {"a": 1.0, "b": 0.7})  # fmt: skip
+    point = trace(mine, "b", within={"b": (0.5, 1.5)}).first("NS")
+    assert point.detail["criticality"] == "degenerate"
+    assert abs(point.detail["d"].real) < 1e-11
+
+
+def test_a_double_eigenvalue_has_no_simple_normal_form() -> None:
+    curve = Curve(takens().at(x=0.0, b1=0.0, b2=0.0), ("b1",))
+    with pytest.raises(Undefined, match="double eigenvalue"):
+        forms.cubic_at_cusp(curve, np.zeros(3))
+
+
+@pytest.mark.parametrize("angle", [0.0, math.pi, 2 * math.pi / 3])
+def test_strong_resonances_have_another_normal_form(angle: float) -> None:
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    mine = FixedPoint(lambda u, p: p["s"] * turn @ u, {"u": np.zeros(2)}, {"s": 1.0})
+    with pytest.raises(Undefined, match="strong resonance"):
+        forms.rotation(Curve(mine, ("s",)), np.array([0.0, 0.0, 1.0]), angle)
+
+
+def test_scales_measure_the_eigenvector() -> None:
+    """The same system in other units, with scales that say so: the same coefficient."""
+
+    def residual(u: Array, p: Mapping[str, float]) -> Array:
+        own = brusselator([1e3 * u[0], 1e-4 * u[1]], p["A"], p["B"])
+        return np.array([1e-3 * own[0], 1e4 * own[1]])
+
+    mine = Problem(residual, {"x": 1e-3, "y": 1e4}, {"A": 1.0, "B": 1.0},
+                   scales={"x": 1e-3, "y": 1e4})  # fmt: skip
+    point = trace(mine, "B", within={"B": (0.5, 3)}, events=[hopf()]).first("HB")
+    assert point.detail["l1"] == pytest.approx(-0.5, rel=1e-7)
+
+
+def test_derivatives_along_a_direction_suit_functions_that_bend_within_short_distances() -> None:
+    """B and C of ``sin(k x)`` for any k: the step adapts."""
+    for k in (0.1, 1.0, 30.0, 1000.0):
+        mine = Problem(lambda x, p, k=k: np.sin(k * x) + p["h"], {"x": 0.3}, {"h": 0.0})
+        jet = forms.Forms(Curve(mine, ("h",)), np.array([0.3, 0.0])).jet(np.array([1.0]))
+        assert jet.B[0, 0] == pytest.approx(-(k**2) * math.sin(0.3 * k), rel=1e-8, abs=1e-8 * k)
+        assert jet.C[0, 0] == pytest.approx(-(k**3) * math.cos(0.3 * k), rel=1e-6, abs=1e-8 * k)
+
+
+def test_a_rim_beside_the_point_shortens_the_step() -> None:
+    def residual(x: Array, p: Mapping[str, float]) -> Array:
+        if np.real(x[0]) > 1.001:
+            raise ValueError("beyond the rim")
+        return x**3 + p["h"]
+
+    jet = forms.Forms(Curve(Problem(residual, {"x": 1.0}, {"h": 0.0}), ("h",)),
+                      np.array([1.0, 0.0])).jet(np.array([1.0]))  # fmt: skip
+    assert jet.B[0, 0] == pytest.approx(6.0, rel=1e-9)
+    assert jet.C[0, 0] == pytest.approx(6.0, rel=1e-5)
+
+
+def test_the_cost_is_a_few_jacobians_whatever_the_size() -> None:
+    calls = 0
+
+    def jacobian(x: Array, p: Mapping[str, float]) -> Array:
+        nonlocal calls
+        calls += 1
+        matrix = np.diag(-np.ones(x.size) * np.arange(1, x.size + 1))
+        matrix[:2, :2] = [[p["m"] - 3 * x[0] ** 2, -1], [1, p["m"]]]
+        return matrix
+
+    def residual(x: Array, p: Mapping[str, float]) -> Array:
+        head = [p["m"] * x[0] - x[1] - x[0] ** 3, x[0] + p["m"] * x[1]]
+        return np.concatenate([head, -np.arange(3, x.size + 1) * x[2:]])
+
+    mine = Problem(residual, {"x": np.zeros(30)}, {"m": 0.0}, jacobian=jacobian)
+    curve = Curve(mine, ("m",))
+    curve.jacobian(curve.start)
+    calls = 0
+    l1 = forms.lyapunov(curve, curve.start, 1.0)
+    assert l1.value == pytest.approx(-0.75, rel=1e-9)  # -3/8 a^3 of the cubic, |q|^2 = 1
+    assert calls <= 65
+
+
+def test_folds_need_no_normal_form_to_be_found() -> None:
+    branch = trace(takens(), "b1", within={"b1": (-1, 1)}, events=[fold()])
+    assert [point.kind for point in branch.special] == ["EP", "LP", "EP"]
