@@ -67,7 +67,7 @@ class BruteForce:
 
     def fly(self, x: np.ndarray, t: float, s: float) -> np.ndarray:
         free = term = x - self.driven(t)
-        if s > self.step:
+        if abs(s) > self.step:
             return expm(self.A * s) @ free + self.driven(t + s)
         for j in range(1, 12):  # the same series, to rounding for so short a time
             term = self.A @ term * (s / j)
