@@ -21,6 +21,7 @@ from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.breathers.shooting_events import PAPER, events_of
+from contbreather.breathers.shooting_images import images_of, simpler_than
 from contbreather.breathers.shooting_seeds import (
     Conditions,
     by_hand,
@@ -68,6 +69,16 @@ class Shooting:
 
     def interpret(self, point: Point) -> RingOrbit:
         return RingOrbit(self.section(point.x, point.params))
+
+    def images(self, x: FloatArray, params: Mapping[str, float]) -> tuple[FloatArray, ...]:
+        """Other solutions that are the same orbit, or its mirror image."""
+        found = images_of(self.section(x, params))
+        return tuple(np.concatenate([one.t, one.q, one.r]) for one in found)
+
+    def simpler(self, point: Point) -> Problem | None:
+        """The problem of half the period, where the orbit repeats itself after half of it."""
+        found = simpler_than(self.section(point.x, point.params))
+        return None if found is None else problem_of(RingOrbit(found))
 
 
 def check_coupling(itinerary: Itinerary, gamma: float) -> None:
@@ -121,6 +132,8 @@ def problem_of(orbit: RingOrbit, *, threshold: float = PAPER) -> Problem:
             "a": (0.0, math.inf),
         },
         interpret=shooting.interpret,
+        images=shooting.images,
+        simpler=shooting.simpler,
         label=f"shooting, {itinerary.describe()}",
     )
 

@@ -21,8 +21,10 @@ from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.breathers.shooting import Shooting, problem_of, shooting, shot_orbit
 from contbreather.breathers.shooting_events import contact, events_of, ring_neimark_sacker
+from contbreather.breathers.shooting_images import images_of, simpler_than
 from contbreather.breathers.shooting_lifts import doubled, unfolded
 from contbreather.continuation.problem import Curve
+from contbreather.continuation.switching import switch
 from contbreather.stability import dense_half_map
 
 RING = 20
@@ -529,6 +531,43 @@ def test_seeds_of_the_pitchfork_lead_to_both_arms() -> None:
         ends.append(branch[-1]["c"])
     assert ends[0] == pytest.approx(-ends[1], abs=1e-10)
     assert abs(ends[0]) > 1e-3
+
+
+def test_switching_follows_both_arms_and_knows_them_for_images() -> None:
+    arms = switch(symmetric_branch().first("PF"), within={"a": (0.5, 0.85)})
+    assert [arm[-1]["a"] for arm in arms] == [0.85, 0.85]
+    assert arms[1][0].detail["image_of"] == 0
+    lone = switch(arm(1, 0.0).first("PD"), within={"a": (0.9, 0.95)})
+    assert len(lone) == 1
+    assert lone[0].problem.label.startswith("shooting, ring of 1, period 4 pi")
+
+
+def test_images_of_an_orbit_solve_the_same_equations() -> None:
+    twice = shot_orbit(doubled(arm(1, 0.0).first("PD")).arm(0.02))
+    for orbit, count in ((tilted(), 1), (twice, 3), (in_phase(), 0)):
+        images = images_of(orbit.section)
+        assert len(images) == count
+        for shift, image in enumerate(images, 1):
+            assert float(abs(image.residual()).max()) < 1e-12
+            assert abs(image.t[0] - orbit.t[0]) < 0.5 * math.pi
+            t = np.linspace(0, 5, 11)
+            wanted = (-1) ** shift * orbit.displacement(0, t + shift * math.pi)
+            assert RingOrbit(image).displacement(0, t) == pytest.approx(wanted, abs=1e-11)
+
+
+def test_orbit_that_repeats_itself_is_known_to_be_simpler() -> None:
+    breather = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(RING))
+    state = breather.state(RING, 0.3)
+    twice = shot_orbit(shooting(state, a=0.6, t=0.3, period=4 * math.pi, **AT)).section
+    once = simpler_than(twice)
+    assert once is not None
+    assert (once.itinerary.turns, once.itinerary.symmetric) == (1, False)
+    half = simpler_than(once)
+    assert half is not None
+    assert (half.itinerary.turns, half.itinerary.symmetric) == (1, True)
+    assert float(abs(half.residual()).max()) < 1e-12
+    assert simpler_than(half) is None
+    assert simpler_than(tilted().section) is None
 
 
 def test_arms_end_where_the_neighbour_grazes_and_never_double() -> None:
