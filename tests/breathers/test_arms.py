@@ -184,7 +184,9 @@ def test_following_an_arm_back_finds_the_pitchfork_and_goes_through():
     assert len(points) == 1
     assert points[0].located
     assert points[0]["a"] == pytest.approx(0.777632425944, abs=1e-12)
-    assert not there_and_beyond.doubtful  # the fold that a pitchfork also is, is not mistaken
+    # the branch turns back there, but that is no fold of its own
+    assert [point.kind for point in there_and_beyond.special] == ["EP", "PF", "EP"]
+    assert not there_and_beyond.doubtful
     asymmetry = there_and_beyond["asymmetry"]
     assert asymmetry[0] * asymmetry[-1] < 0
     # from there both arms start again

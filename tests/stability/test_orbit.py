@@ -166,6 +166,19 @@ def test_winding_number_newton_and_a_long_ring_agree(several):
     assert outside >= 5
 
 
+def test_pairs_are_what_is_left_without_lone_real_multipliers():
+    rng = np.random.default_rng(11)
+    seen = set()
+    for _ in range(40):
+        gamma, k, kicks, periods = random_orbit(rng, several=False)
+        map = OrbitMap(gamma, k, kicks, periods)
+        mu = map.unstable_multipliers()
+        lone = sum(np.count_nonzero((mu.imag == 0) & (s * mu.real > 1)) % 2 for s in (1, -1))
+        assert map.count().pairs == (mu.size - lone) // 2
+        seen.add((map.count().pairs, lone))
+    assert len(seen) >= 4
+
+
 def test_multipliers_come_largest_first_and_in_pairs():
     mu = OrbitMap(0.11, 0.8, [(0, 0.0, -0.28657), (0, math.pi, -0.28657)]).unstable_multipliers()
     half = unstable_multipliers(0.11, 0.8, -0.28657)
