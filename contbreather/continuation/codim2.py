@@ -198,7 +198,9 @@ def _lyapunov_on_hopf(point: Point) -> float:
     if not square > 0:
         return math.nan  # beyond BT
     ground = point.ground
-    l1 = normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(square)).signed
+    l1 = normal_forms.value_or_nan(
+        lambda: normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(square))
+    )
     return l1 * events.signed_smallest(normal_forms.Forms(ground.curve, ground.z).A)
 
 

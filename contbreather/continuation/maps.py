@@ -421,7 +421,7 @@ def _flip_coefficient(point: Point) -> float:
     """c without its poles, at R2 and fold-flips."""
     ground = point.ground
     poles = _overlap(-1)(point) if ground.curve.size > 1 else 1.0
-    c = normal_forms.flip(ground.curve, ground.z).signed
+    c = normal_forms.value_or_nan(lambda: normal_forms.flip(ground.curve, ground.z))
     return c * poles * signed_smallest(_units(ground) - np.eye(ground.curve.size))
 
 
@@ -444,7 +444,9 @@ def _rotation_coefficient(point: Point) -> float:
     ground, cosine = point.ground, point["cosine"]
     if not -1 < cosine < 1:
         return math.nan
-    d = normal_forms.rotation(ground.curve, ground.z, math.acos(cosine)).signed
+    d = normal_forms.value_or_nan(
+        lambda: normal_forms.rotation(ground.curve, ground.z, math.acos(cosine))
+    )
     return d * signed_smallest(_units(ground) - np.eye(ground.curve.size))
 
 

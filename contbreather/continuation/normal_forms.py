@@ -12,7 +12,7 @@ With ``q`` the right and ``p`` the left eigenvector throughout, ``|q| = 1`` and 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -161,11 +161,20 @@ def eigenvectors(matrix: NDArray[Any]) -> tuple[Any, Any]:
 
 
 def solve(matrix: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
-    """Solution of a linear system that another resonance would make singular."""
-    found = np.linalg.solve(matrix, right)
-    if not np.isfinite(found).all():
-        raise Undefined("a second resonance: no normal form of this kind")
+    """Solution of a linear system that another resonance makes singular."""
+    try:
+        found = np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError as error:
+        raise Undefined("a second resonance: no normal form of this kind") from error
     return np.asarray(found)
+
+
+def value_or_nan(coefficient: Callable[[], Coefficient]) -> float:
+    """A coefficient as a test function: without value where there is no such normal form."""
+    try:
+        return coefficient().signed
+    except OUT_OF_DOMAIN:
+        return math.nan
 
 
 def _sum(*terms: float) -> Coefficient:
