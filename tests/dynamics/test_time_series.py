@@ -1,0 +1,86 @@
+"""Figures 5 to 8: the numbers their captions are made of, and that they can be drawn."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from contbreather.errors import BadInput
+from contbreather.paper import time_series
+
+
+@pytest.fixture(scope="module")
+def figures():
+    made = {}
+
+    def of(number):
+        if number not in made:
+            made[number] = getattr(time_series, f"figure{number}")()
+        return made[number]
+
+    return of
+
+
+def test_figure_5_is_an_attractor_and_its_differences_are_as_measured(figures):
+    numbers = figures(5).numbers
+    assert numbers["difference_0"] == pytest.approx(0.098, abs=5e-4)
+    assert numbers["difference_0_shifted"] == pytest.approx(0.0385, abs=1e-3)
+    assert numbers["difference_1"] == pytest.approx(0.0104, abs=1e-4)
+    assert numbers["difference_10"] == pytest.approx(0.0005, abs=5e-5)
+    assert numbers["rigid_multiplier"] == pytest.approx(0.9979, abs=5e-5)
+    assert numbers["undamped_multiplier"] == pytest.approx(1.014, abs=5e-4)
+    assert "an attractor" in figures(5).caption
+
+
+def test_figure_6_shows_three_transients(figures):
+    """Lives depend on how exact the start is: orders of magnitude; multipliers do not."""
+    numbers = figures(6).numbers
+    assert 400 < numbers["lost_0.1"] < 700
+    assert 80 < numbers["lost_0.2"] < 140
+    for a, life, multiplier in ((0.1, 196, 1.0325), (0.2, 69, 1.1038), (0.7, 114, 1.0393)):
+        assert 0.5 * life < numbers[f"rigid_lost_{a}"] < 2.0 * life
+        assert numbers[f"rigid_multiplier_{a}"] == pytest.approx(multiplier, abs=5e-5)
+    assert 1.0 < numbers["multiplier_0.1"] < numbers["rigid_multiplier_0.1"]
+    assert math.isnan(numbers["multiplier_0.7"])
+
+
+def test_figure_7_is_asymmetric_and_needs_hard_walls(figures):
+    numbers = figures(7).numbers
+    assert abs(numbers["mean_0"]) == pytest.approx(0.028, abs=5e-4)
+    assert numbers["phase_1"] == pytest.approx(0.455388, abs=1e-6)
+    assert numbers["phase_2"] == pytest.approx(3.01105, abs=1e-5)
+    assert numbers["rigid_multiplier"] < 1.0 < numbers["symmetric_multiplier"]
+    assert numbers["delocalised"] == 0.0
+    soft = time_series.figure7(m=6)
+    assert soft.numbers["delocalised"] == 1.0
+    assert "delocalised" in soft.caption
+
+
+def test_figure_8_is_a_transient_beside_a_genuine_torus(figures):
+    numbers = figures(8).numbers
+    assert 50 < numbers["lost"] < 250
+    assert numbers["rigid_multiplier"] > 1.07
+    assert numbers["rotation"] == pytest.approx(0.39160, abs=5e-6)
+    assert numbers["rotation_error"] < 1e-8
+
+
+@pytest.mark.parametrize("number", [5, 6, 7, 8])
+def test_figure_is_drawn_with_all_its_panels_and_rows(figures, number, tmp_path):
+    from contbreather.plotting.canvas import save_figure
+
+    figure = figures(number)
+    assert figure.number == number
+    drawn = figure.draw()
+    assert len(drawn.axes) == len(figure.panels) == (4 if number == 8 else 3)
+    rows = list(figure.rows())
+    assert set(rows[0]) == {"panel", "curve", "site", "t", "u"}
+    assert {row["panel"] for row in rows} == set("abcd"[: len(figure.panels)])
+    assert all(math.isfinite(row["u"]) for row in rows)
+    assert save_figure(drawn, tmp_path / "figure.png").stat().st_size > 10_000
+
+
+def test_m_of_the_paper_is_a_natural_number():
+    for figure in (5, 6, 7, 8):
+        with pytest.raises(BadInput, match=r"m = 6\.5: a whole number, at least 1"):
+            getattr(time_series, f"figure{figure}")(m=6.5)
