@@ -128,7 +128,9 @@ def _counted(map: OrbitMap, radius: float) -> Count:
     return map.count(radius)
 
 
+@lru_cache(maxsize=4)
 def _orbit(point: Point) -> Orbit:
+    # all events ask about the same point in turn
     orbit: Orbit = point.solution
     return orbit
 

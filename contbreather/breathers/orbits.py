@@ -180,10 +180,12 @@ class Orbit:
         h = self.equations.meetings(self.gamma, self.times)
         return np.asarray(self.a * self.forcing.d2f(self.times) + h[2] @ self.impulses)
 
-    @property
+    @cached_property
     def entries(self) -> FloatArray:
         """The entries b of the saltation matrices (19), one for each impact."""
-        return np.asarray((1.0 + self.k) * self.accelerations / self.incoming)
+        b: FloatArray = (1.0 + self.k) * self.accelerations / self.incoming
+        b.setflags(write=False)
+        return b
 
     # --------------------------------------------------------------------------------- profile
 
@@ -302,7 +304,7 @@ class Orbit:
 
         return admissibility(self)
 
-    @property
+    @cached_property
     def map(self) -> OrbitMap:
         """The map of small perturbations over one period."""
         from contbreather.stability.monodromy import Kick

@@ -282,13 +282,17 @@ class OrbitMap:
         if self.gamma == 0.0:
             return _counted(self._uncoupled(), 1.0)
         kappa, F = self._resolved()
+        # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa - 1), and of F at -1;
+        # a real multiplier on the circle to within rounding is not outside
+        for end, inside in ((0, -1.0), (-1, 1.0)):
+            if abs(F[end]) <= CERTAIN * self._terms:
+                F[end] = inside * abs(F[end]) or inside * 1e-300
         turning = float(np.sum(np.angle(F[1:] * F[:-1].conj())))
         half_turns = round(turning / math.pi)
         size = np.abs(F) / self._terms
         least = int(size.argmin())
         certain = bool(size[least] > CERTAIN) and abs(turning / math.pi - half_turns) < 0.01
         count = 1 - half_turns
-        # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa - 1), and of F at -1
         ends = int(F[0].real > 0.0) + int(F[-1].real < 0.0)
         nu = 2.0 * float(kappa[least].real)
         return Count(count, certain, float(size[least]), nu, (count - ends) // 2)
