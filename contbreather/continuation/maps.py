@@ -93,7 +93,6 @@ def FixedPoint(
     if isinstance(period, bool) or not isinstance(period, int | np.integer) or period < 1:
         raise BadInput(f"a period is a positive integer, got {period!r}")
     iterate = Iterate(map_, int(period), jacobian)
-    named = label or ("fixed point" if period == 1 else f"cycle of period {period}")
     return Problem(
         iterate,
         start,
@@ -106,8 +105,12 @@ def FixedPoint(
         interpret=_cycle,
         images=iterate.phases,
         simpler=_shorter,
-        label=named,
+        label=label or _generic(iterate.period),
     )
+
+
+def _generic(period: int) -> str:
+    return "fixed point" if period == 1 else f"cycle of period {period}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,13 +186,13 @@ def _with_period(problem: Problem, period: int) -> Problem:
     """The same orbit as one of another period."""
     iterate: Iterate = problem.residual  # type: ignore[assignment]
     other = replace(iterate, period=period)
-    generic = {"fixed point", f"cycle of period {iterate.period}"}
+    generic = problem.label == _generic(iterate.period)
     return replace(
         problem,
         residual=other,
         jacobian=None if problem.jacobian is None else other.jacobian,
         images=other.phases,
-        label=f"cycle of period {period}" if problem.label in generic else problem.label,
+        label=_generic(period) if generic else problem.label,
     )
 
 
