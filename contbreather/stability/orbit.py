@@ -444,7 +444,7 @@ def _counted(mu: Array, radius: float) -> Count:
     size = np.abs(mu)
     nearest = int(np.argmin(np.abs(size - radius)))
     distance = float(abs(size[nearest] - radius))
-    outside = mu[size > radius]
+    outside = mu[size > radius + CERTAIN]
     pairs = int(np.count_nonzero(outside.imag > 0.0))
     nu = abs(float(np.angle(mu[nearest]))) / math.pi
     return Count(outside.size, distance > CERTAIN, distance, nu, pairs)
