@@ -540,7 +540,9 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
         )
     except Undefined:
         return None
-    if not found.converged or curve.length(found.z - z) > _GAP * (1 + curve.length(z)):
+    # where all derivatives vanish no correction is made, and none is no sign of a solution
+    solved = found.converged and found.residual <= _GAP * (1 + float(curve.rows.max()))
+    if not solved or curve.length(found.z - z) > _GAP * (1 + curve.length(z)):
         return None
     moved = Point(curve, found.z, tangent, 0.0, found.residual)
     return Curve(moved.problem, curve.free), found.residual
