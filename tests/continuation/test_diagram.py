@@ -1,0 +1,331 @@
+"""Diagrams: everything that can be reached, nothing twice, an end in all cases."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from contbreather.continuation import Branch, Event, Problem, Seed, Steps, Stop, branch_point
+from contbreather.continuation.diagram import Diagram, diagram
+from contbreather.continuation.maps import FixedPoint
+from contbreather.errors import BadInput, NotConverged
+
+from .zoo import LORENZ, PITCHFORK, STATIC, TRANSCRITICAL, Array, imperfect, scalar
+
+MU = {"mu": (-1.0, 1.0)}
+WIDE = {"mu": (-2.0, 2.0)}
+ODD = {"images": lambda x, p: (-x,)}
+
+
+def grown(problem: Problem, **given: object) -> Diagram:
+    return diagram(problem, "mu", **{"within": MU, "events": STATIC, **given})
+
+
+def relations(tree: Diagram) -> list[tuple[object, object, str]]:
+    return sorted(tree.graph.edges(data="relation"), key=str)
+
+
+def ends(branch: Branch) -> set[tuple[float, float]]:
+    return {(round(p["x"], 9), round(p["mu"], 9)) for p in (branch[0], branch[-1])}
+
+
+# --- what grows -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("start", [(0.0, -0.7), (0.0, 0.6), (0.8, 0.64), (-0.5, 0.25)])
+def test_a_pitchfork_is_found_whole_from_anywhere_on_it(start: tuple[float, float]) -> None:
+    tree = grown(PITCHFORK.problem.at(x=start[0], mu=start[1]))
+    on_axis = [p for branch in tree for p in branch if abs(p["x"]) < 1e-9]
+    on_arms = [p for branch in tree for p in branch if abs(p["mu"] - p["x"] ** 2) < 1e-9]
+    assert {round(p["mu"], 9) for p in on_axis} >= {-1, 1}
+    assert {round(p["x"], 9) for p in on_arms} >= {-1, 1}
+    assert len(on_axis) + len(on_arms) >= sum(map(len, tree))
+    assert len(tree) == 3
+    assert len([p for p in tree.special if p.kind == "BP"]) == 1
+    assert (tree.failed, tree.left, tree.interrupted) == ((), (), False)
+
+
+def test_what_was_born_where() -> None:
+    tree = grown(PITCHFORK.problem)
+    assert [birth.depth for birth in tree.births] == [0, 1, 1]
+    assert list(tree.graph.successors("branch 0: BP1")) == [1, 2]
+    assert tree.graph.nodes[1]["branch"] is tree[1]
+    assert tree.graph.nodes["branch 0: BP1"]["point"]["mu"] == pytest.approx(0, abs=1e-12)
+    assert relations(tree) == [
+        ("branch 0: BP1", 1, "born"),
+        ("branch 0: BP1", 2, "born"),
+        (0, "branch 0: BP1", "on"),
+        (0, "branch 0: EP1", "on"),
+        (0, "branch 0: EP2", "on"),
+        (1, "branch 1: EP2", "on"),
+        (2, "branch 2: EP2", "on"),
+    ]
+
+
+def test_the_second_arm_is_known_as_the_image_of_the_first() -> None:
+    tree = grown(scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7}, **ODD))
+    assert [birth.image_of for birth in tree.births] == [None, None, 1]
+    assert (1, 2, "image") in relations(tree)
+
+
+def two_levels(x: Array, p: Mapping[str, float]) -> Array:
+    """``x (mu - x^2) = 0``, and from both its arms ``y (x^2 - 1/2 - y^2) = 0``."""
+    return np.array([x[0] * (p["mu"] - x[0] ** 2), x[1] * (x[0] ** 2 - 0.5 - x[1] ** 2)])
+
+
+def test_a_tree_of_two_levels() -> None:
+    tree = grown(Problem(two_levels, {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
+    assert [birth.depth for birth in tree.births] == [0, 1, 1, 2, 2, 2, 2]
+    for branch in tree.branches[3:]:
+        assert abs(branch["mu"] - branch["x"] ** 2).max() < 1e-12
+        assert abs(branch["x"] ** 2 - 0.5 - branch["y"] ** 2).max() < 1e-9
+        assert branch[-1]["mu"] == 1
+    corners = {(np.sign(b[-1]["x"]), np.sign(b[-1]["y"])) for b in tree.branches[3:]}
+    assert len(corners) == 4
+
+
+@pytest.mark.parametrize(
+    ("depth", "branches", "left"), [(0, 1, 1), (1, 3, 2), (2, 7, 0), (5, 7, 0)]
+)
+def test_depth_says_how_often_to_switch_and_what_is_left_is_told(
+    depth: int, branches: int, left: int
+) -> None:
+    tree = grown(Problem(two_levels, {"x": 0.0, "y": 0.0}, {"mu": -0.7}), depth=depth)
+    assert len(tree) == branches
+    assert len(tree.left) == left
+
+
+def test_images_are_followed_but_not_switched_on() -> None:
+    def images(x: Array, p: Mapping[str, float]) -> tuple[Array, ...]:
+        return tuple(x * sign for sign in ([-1, 1], [1, -1], [-1, -1]))
+
+    tree = grown(Problem(two_levels, {"x": 0.0, "y": 0.0}, {"mu": -0.7}, images=images))
+    assert [birth.image_of for birth in tree.births] == [None, None, 1, None, 3]
+    assert tree.left == ()
+
+
+# --- nothing twice ----------------------------------------------------------------------------
+
+
+def circle_on_axis(x: float, p: Mapping[str, float]) -> float:
+    return x * (x**2 + p["mu"] ** 2 - 1)
+
+
+def test_a_closed_loop_through_two_branch_points_is_there_once() -> None:
+    tree = grown(scalar(circle_on_axis, 0.0, {"mu": -1.5}), within=WIDE, depth=5)
+    assert len(tree) == 2
+    assert tree[1].stop is Stop.CLOSED
+    assert ("branch 0: BP2", 1, "known") in relations(tree)
+    assert (1, "branch 0: BP2", "on") in relations(tree)
+    assert len([p for p in tree.special if p.kind == "BP"]) == 2
+
+
+def test_the_same_from_a_start_on_the_loop() -> None:
+    tree = grown(scalar(circle_on_axis, 1.0, {"mu": 0.0}), within=WIDE, depth=5)
+    assert tree[0].stop is Stop.CLOSED
+    covered = np.concatenate([branch["mu"] for branch in tree.branches[1:]])
+    assert (covered.min(), covered.max()) == (-2, 2)
+    assert np.sum([abs(np.diff(branch["mu"])).sum() for branch in tree.branches[1:]]) == (
+        pytest.approx(4, abs=1e-9)
+    )
+
+
+def test_a_net_of_crossing_lines_is_found_whole_and_ends() -> None:
+    """Nine lines, each crossed by others: 24 crossings, no line twice."""
+
+    def net(x: float, p: Mapping[str, float]) -> float:
+        value = 1.0
+        for i in range(3):
+            value = value * (x - 0.4 * (i - 1) - 0.05) * (p["mu"] + 0.7 * x - 0.5 * (i - 1))
+        return value
+
+    within = {"mu": (-1.0, 1.0), "x": (-0.8, 0.8)}
+    tree = grown(scalar(net, 0.05, {"mu": -0.9}), within=within, depth=50)
+    length = sum(branch[-1].arclength - branch[0].arclength for branch in tree)
+    wanted = 3 * 2.0
+    for i in range(3):  # mu = 0.5 (i - 1) - 0.7 x within the window
+        x = np.linspace(-0.8, 0.8, 200001)
+        inside = abs(0.5 * (i - 1) - 0.7 * x) <= 1
+        wanted += np.ptp(x[inside]) * np.hypot(1, 0.7)
+    assert length == pytest.approx(wanted, rel=1e-4)
+    assert len([p for p in tree.special if p.kind == "BP"]) == 9
+    assert tree.failed == ()
+
+
+def test_a_transcritical_point_has_two_curves() -> None:
+    tree = grown(TRANSCRITICAL.problem)
+    assert len(tree) == 3
+    assert len([p for p in tree.special if p.kind == "BP"]) == 1
+
+
+@pytest.mark.parametrize("h", [1e-2, 1e-4])
+def test_an_imperfect_pitchfork_has_one_curve_and_no_false_switch(h: float) -> None:
+    for case in imperfect(h):
+        tree = diagram(case.problem, case.free, within=case.within, events=STATIC, depth=3)
+        assert len(tree) == 1
+        assert (tree.met, tree.failed, tree.left) == ((), (), ())
+
+
+def test_lorenz_from_one_side_finds_the_origin_and_knows_the_other_side() -> None:
+    tree = diagram(LORENZ.problem, "r", within={"r": (0.1, 30.0)}, steps=Steps(largest=0.5))
+    assert len(tree) == 1  # the problem has no events of its own
+    tree = diagram(
+        LORENZ.problem, "r", within={"r": (0.1, 30.0)}, events=STATIC, steps=Steps(largest=0.5)
+    )
+    assert len(tree) == 3
+    assert all(abs(branch["z"]).max() < 1e-9 for branch in tree.branches[1:])
+
+
+# --- maps: arms in larger problems ------------------------------------------------------------
+
+
+def test_the_cascade_grows_by_itself() -> None:
+    logistic = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
+    tree = diagram(logistic, "r", within={"r": (1.5, 4.0)}, depth=4)
+    labels = [branch.problem.label for branch in tree]
+    assert labels == ["fixed point", *(f"cycle of period {2**i}" for i in range(1, 5))]
+    assert [place.point.kind for place in tree.left] == ["PD"]
+    assert tree.failed == ()
+
+
+def test_a_bubble_of_doubled_cycles_closes_on_both_doublings() -> None:
+    """``1 - (1 - e^2) x^2``: a cycle of period 2 between e = -1/2 and 1/2 and nowhere else."""
+    mine = FixedPoint(lambda x, p: 1 - (1 - p["e"] ** 2) * x * x, {"x": 0.6}, {"e": -0.9})
+    tree = diagram(mine, "e", within={"e": (-1, 1), "x": (-3, 3)}, depth=4)
+    assert len(tree) == 2
+    assert tree[1].stop is Stop.CLOSED
+    assert (1, "branch 0: PD2", "on") in relations(tree)
+    assert ("branch 0: PD2", 1, "known") in relations(tree)
+
+
+def test_from_a_cycle_back_to_the_fixed_point_in_its_own_problem() -> None:
+    doubled = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.799455}, {"r": 3.2}, period=2)
+    tree = diagram(doubled, "r", within={"r": (2.0, 3.4)}, depth=1)
+    labels = [branch.problem.label for branch in tree]
+    assert labels == ["cycle of period 2", "fixed point"]
+    assert (tree[1]["r"].min(), tree[1]["r"].max()) == (2.0, 3.4)
+    assert tree.left == ()
+
+
+# --- bounds, failures, interruption -----------------------------------------------------------
+
+
+def test_work_is_bounded_by_the_number_of_branches() -> None:
+    tree = grown(Problem(two_levels, {"x": 0.0, "y": 0.0}, {"mu": -0.7}), most=4)
+    assert len(tree) == 4
+    assert tree.left
+    assert "points not switched at" in tree.describe()
+
+
+def test_every_branch_ever_new_still_ends() -> None:
+    """An event whose arms lead to problems that nobody can recognise."""
+
+    def problem(level: int) -> Problem:
+        def arms(point: object) -> tuple[Seed, ...]:
+            z = np.array([point["mu"], point["mu"]])
+            return (Seed(problem(level + 1), z, np.array([1.0, 1.0])),)
+
+        event = Event("ODD", lambda point: point["mu"] - 0.5, arms=arms)
+        name = f"x{level}"
+        return Problem(
+            lambda x, p: np.array([x[0] - p["mu"]]), {name: -0.6}, {"mu": -0.6}, events=(event,)
+        )
+
+    tree = diagram(problem(0), "mu", within=MU, depth=10**6, most=12)
+    assert len(tree) <= 12
+
+
+def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on() -> None:
+    def arms(point: object) -> tuple[Seed, ...]:
+        wrong = Seed(point.problem, point.z + 0.3, np.array([1.0, 0.0]))
+        return (wrong, Seed(point.problem, point.z, np.array([1.0, 0.0])))
+
+    event = Event("ODD", lambda point: point["mu"], arms=arms)
+    tree = diagram(PITCHFORK.problem, "mu", within=MU, events=[event])
+    assert len(tree) == 2
+    assert "no curve leaves the start" in str(tree.failed[0])
+    assert "1 arms not followed" in tree.describe()
+
+
+class Interrupted:
+    """Raises what Ctrl-C raises, at the n-th evaluation."""
+
+    def __init__(self, at: int) -> None:
+        self.at, self.calls = at, 0
+
+    def __call__(self, x: Array, p: Mapping[str, float]) -> Array:
+        self.calls += 1
+        if self.calls == self.at:
+            raise KeyboardInterrupt
+        return two_levels(x, p)
+
+
+def test_an_interruption_at_any_moment_keeps_what_there_is() -> None:
+    whole = Interrupted(0)
+    grown(Problem(whole, {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
+    kept = []
+    for at in np.linspace(200, whole.calls - 1, 23).astype(int):
+        tree = grown(Problem(Interrupted(at), {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
+        assert tree.interrupted
+        assert tree.graph.number_of_nodes() > 0
+        assert "interrupted" in tree.describe()
+        kept.append(len(tree))
+    assert kept == sorted(kept)
+    assert kept[0] <= 1
+    assert kept[-1] == 7
+
+
+def test_an_interruption_before_the_first_point_is_passed_on() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        grown(Problem(Interrupted(1), {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
+
+
+def test_a_start_that_is_no_solution_is_refused_like_anywhere() -> None:
+    with pytest.raises(NotConverged, match="no solution"):
+        grown(scalar(lambda x, p: 1 + x**2 + p["mu"] ** 2, 0.0, {"mu": 0.0}))
+
+
+@pytest.mark.parametrize("given", [{"depth": -1}, {"most": 0}])
+def test_impossible_bounds_are_refused(given: dict[str, int]) -> None:
+    with pytest.raises(BadInput, match="depth >= 0 and most >= 1"):
+        grown(PITCHFORK.problem, **given)
+
+
+# --- what is shown ----------------------------------------------------------------------------
+
+
+def test_the_tree_is_shown_as_it_grew() -> None:
+    tree = grown(scalar(circle_on_axis, 0.0, {"mu": -1.5}, **ODD), within=WIDE)
+    console = Console(file=io.StringIO(), width=120)
+    console.print(tree)
+    text = console.file.getvalue()
+    assert "2 branches, 4 special points" in text
+    assert text.index("BP1: mu = -1") < text.index("branch 1") < text.index("BP2: mu = 1, x")
+    assert "meets branch 0: BP2" in text
+
+
+def test_progress_counts_over_all_branches(capsys: pytest.CaptureFixture[str]) -> None:
+    tree = grown(PITCHFORK.problem, progress=True)
+    assert len(tree) == 3  # silent for a second; what is shown goes to standard error only
+    assert capsys.readouterr().out == ""
+
+
+def test_networkx_is_loaded_when_the_graph_is_asked_for_only() -> None:
+    import subprocess
+    import sys
+
+    code = (
+        "import sys; from contbreather.continuation.diagram import diagram;"
+        "print([m for m in ('networkx', 'rich', 'matplotlib') if m in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
+
+
+def test_events_of_the_problem_are_looked_for_by_default() -> None:
+    mine = scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7}, events=(branch_point(),))
+    assert len(diagram(mine, "mu", within=MU)) == 3
