@@ -25,6 +25,7 @@ FloatArray = NDArray[np.float64]
 
 FINE = 64  # points to a half period of the forcing; sixteen to that of its highest harmonic
 CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
+LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
 ENDS = 1e-9  # relative distance from its impacts at which a flight counts as at them
 
 
@@ -81,6 +82,8 @@ def _reason(orbit: RingOrbit, worst: Gap) -> str:
             )
         else:
             told += ", between its impacts"
+    if abs(worst.margin) < LIMIT:
+        return f"at the limit: {told}."
     if worst.margin > 0.0:
         return f"every site keeps off its walls; closest to the limit: {told}."
     return f"no orbit of these impacts: {told}."

@@ -107,13 +107,15 @@ def problem_of(orbit: RingOrbit, *, threshold: float = PAPER) -> Problem:
 
     Columns: ``t1, t2, ...`` and the arrays ``q, r`` of unknowns; a, gamma, k and the parameters of
     the forcing; ``p``, half the momentum (``p1, p2, ...`` unless all are the same), the offset
-    ``c`` and the condition number ``condition``, computed when asked for.
+    ``c``, for two impacts ``asymmetry``, t2 - t1 less half a period; ``unstable``, the number of
+    multipliers beyond the threshold, and the condition number ``condition``: computed when asked
+    for.
 
     Parameters
     ----------
     orbit : RingOrbit
     threshold : float
-        Of Neimark-Sacker points: modulus over the whole period.
+        Modulus over the whole period from which a multiplier counts as unstable.
     """
     section, itinerary = orbit.section, orbit.itinerary
     shooting = Shooting(itinerary, section.forcing)
@@ -125,7 +127,7 @@ def problem_of(orbit: RingOrbit, *, threshold: float = PAPER) -> Problem:
         jacobian=shooting.jacobian,
         sensitivity=shooting.sensitivity,
         events=events_of(itinerary, threshold),
-        record=_columns(itinerary),
+        record=_columns(itinerary, threshold),
         domain={
             "gamma": (0.0 if itinerary.sites == 1 else WEAK, 0.25),
             "k": (0.0, 1.0),
@@ -138,7 +140,7 @@ def problem_of(orbit: RingOrbit, *, threshold: float = PAPER) -> Problem:
     )
 
 
-def _columns(itinerary: Itinerary) -> dict[str, Any]:
+def _columns(itinerary: Itinerary, threshold: float) -> dict[str, Any]:
     """What is recorded besides the unknowns."""
 
     def momentum(j: int) -> Any:
@@ -150,6 +152,9 @@ def _columns(itinerary: Itinerary) -> dict[str, Any]:
     columns: dict[str, Any] = {name: momentum(j) for name, j in names.items()}
     if not itinerary.symmetric:
         columns["c"] = lambda point: point.solution.c
+    if same and count == 2:
+        columns["asymmetry"] = lambda point: point["t2"] - point["t1"] - 0.5 * itinerary.period
+    columns["unstable"] = lambda point: point.solution.stability(threshold).unstable
     return {**columns, "condition": lambda point: point.solution.condition}
 
 

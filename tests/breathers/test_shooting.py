@@ -634,7 +634,22 @@ def cascade() -> list[cb.Point]:
 
 
 def test_period_doubling_of_the_asymmetric_orbit(cascade: list[cb.Point]) -> None:
-    assert cascade[0]["a"] == pytest.approx(0.925512006294, abs=2e-12)
+    """At 30 digits: the closed form in d with ``1 + trace + det = 0``, Q and S of one site."""
+    k = mp.mpf("0.8")
+
+    def characteristic(d: mp.mpf) -> mp.mpf:
+        exact = two_impacts(d, 1, 0.0, k)
+        start, end = exact.middle - (mp.pi / 2 - d), exact.middle + (mp.pi / 2 - d)
+        M = mp.eye(2)
+        for t, flight, side in ((start, end - start, 1), (end, start + 2 * mp.pi - end, -1)):
+            b = (1 + k) * -exact.a * mp.cos(t) / (side * 2 * exact.p / (1 + k))
+            M = mp.matrix([[1, flight], [0, 1]]) * mp.matrix([[-k, 0], [b, -k]]) * M
+        return 1 + M[0, 0] + M[1, 1] + mp.det(M)
+
+    with mp.workdps(30):
+        exact = two_impacts(mp.findroot(characteristic, 0.65), 1, 0.0, k)
+    assert float(exact.a) == pytest.approx(0.925512006294, abs=1e-12)
+    assert cascade[0]["a"] == pytest.approx(float(exact.a), abs=1e-13)
 
 
 def test_cascade_has_multiplier_minus_one_of_an_independent_map(cascade: list[cb.Point]) -> None:
@@ -883,8 +898,12 @@ def test_neighbours_in_phase_move_alike() -> None:
 
 def test_columns_name_times_momentum_and_offset() -> None:
     branch = arm()
-    assert {"t1", "t2", "p", "c", "condition", "a", "gamma", "k"} <= set(branch.names)
+    wanted = {"t1", "t2", "p", "c", "asymmetry", "unstable", "condition", "a", "gamma", "k"}
+    assert wanted <= set(branch.names)
     point = branch[3]
+    assert point["unstable"] == point.solution.stability().unstable == 0
+    assert branch[-1]["unstable"] == 2
+    assert point["asymmetry"] == point["t2"] - point["t1"] - math.pi
     assert point["p"] == point.solution.p[0]
     assert branch["condition"].max() < 1e5
     assert {"p1", "p2"} <= set(problem_of(in_phase()).record)
