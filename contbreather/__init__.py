@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.breathers import symmetric as symmetric
     from contbreather.breathers import symmetric_roots as symmetric_roots
     from contbreather.breathers import zones as zones
+    from contbreather.breathers.shooting import shooting as shooting
     from contbreather.continuation import Branch as Branch
     from contbreather.continuation import Event as Event
     from contbreather.continuation import Point as Point
@@ -37,6 +38,11 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.continuation import trace as trace
     from contbreather.continuation import user as user
     from contbreather.continuation import walk as walk
+    from contbreather.continuation.diagram import Diagram as Diagram
+    from contbreather.continuation.diagram import diagram as diagram
+    from contbreather.continuation.maps import FixedPoint as FixedPoint
+    from contbreather.continuation.switching import switch as switch
+    from contbreather.dynamics import simulate as simulate
     from contbreather.errors import BadInput as BadInput
     from contbreather.errors import ContbreatherError as ContbreatherError
     from contbreather.errors import NoSolution as NoSolution
@@ -89,6 +95,12 @@ _HOME = {
     "save_figure": "contbreather.plotting",
     "plot_zones": "contbreather.plotting",
     "plot_multipliers": "contbreather.plotting",
+    "switch": "contbreather.continuation.switching",
+    "FixedPoint": "contbreather.continuation.maps",
+    "diagram": "contbreather.continuation.diagram",
+    "Diagram": "contbreather.continuation.diagram",
+    "shooting": "contbreather.breathers.shooting",
+    "simulate": "contbreather.dynamics",
     "BadInput": "contbreather.errors",
     "ContbreatherError": "contbreather.errors",
     "NoSolution": "contbreather.errors",
