@@ -16,6 +16,7 @@ import numpy as np
 
 import contbreather as cb
 from contbreather.breathers.shooting import shooting
+from contbreather.continuation import refined
 from contbreather.continuation.switching import switch
 from contbreather.plotting import new_figure, save_figure
 
@@ -53,7 +54,7 @@ def main(folder: Path = Path()) -> list[Path]:
     """Draw the arms and the cascade into a folder."""
     figure, (above, below) = new_figure(2)
     cb.plot(*arms_on_a_ring(), x="a", y="asymmetry", ax=above)
-    for branch in cascade():
+    for branch in (refined(branch, 60) for branch in cascade()):
         # half the momentum of every impact on the wall at +1
         p = [
             [p for hit, p in zip(o.hits, o.p * 2, strict=False) if hit.wall > 0]

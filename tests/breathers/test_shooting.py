@@ -902,7 +902,8 @@ def test_columns_name_times_momentum_and_offset() -> None:
     assert wanted <= set(branch.names)
     point = branch[3]
     assert point["unstable"] == point.solution.stability().unstable == 0
-    assert branch[-1]["unstable"] == 2
+    mu = branch[-1].solution.multipliers()
+    assert branch[-1]["unstable"] == np.count_nonzero(abs(mu) > 1.005) > 0
     assert point["asymmetry"] == point["t2"] - point["t1"] - math.pi
     assert point["p"] == point.solution.p[0]
     assert branch["condition"].max() < 1e5
