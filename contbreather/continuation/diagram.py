@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from rich.tree import Tree
 
 
+_COLUMNS = 5  # numbers shown for a point in the tree
+
+
 @dataclass(frozen=True)
 class Place:
     """A special point and the branch it was found on first."""
@@ -187,8 +190,8 @@ class Diagram:
 
 def _shown(point: Point) -> str:
     values = [(name, point[name]) for name in (*point.curve.free, *point.curve.problem.start)]
-    numbers = ", ".join(f"{name} = {value:.8g}" for name, value in values if np.ndim(value) == 0)
-    return f"{point.label}: {numbers}"
+    numbers = [f"{name} = {value:.8g}" for name, value in values if np.ndim(value) == 0]
+    return f"{point.label}: {', '.join(numbers[:_COLUMNS])}{', ...' * (len(numbers) > _COLUMNS)}"
 
 
 # --- growing ----------------------------------------------------------------------------------

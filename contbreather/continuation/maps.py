@@ -534,3 +534,62 @@ _ROTATION = replace(
     },
 )
 EVENTS = (_FOLD_OF_MAP, branch_point(), _FLIP, _ROTATION)
+
+
+def fixed_point_fold() -> Event:
+    """LP of a map: two cycles meet, a multiplier is +1.
+
+    As a curve it meets CP, R1 (the multiplier is double), LPPD (another one is -1: fold-flip) and
+    LPNS (a pair is on the unit circle).
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> mine = FixedPoint(lambda x, p: x + p["h"] - x * x, {"x": 0.5}, {"h": 0.25},
+    ...                   events=[fixed_point_fold()])
+    >>> point = cb.trace(mine, "h", within={"x": (-0.5, 1)}).first("LP")
+    >>> abs(point["h"]) < 1e-12
+    True
+    """
+    return _FOLD_OF_MAP
+
+
+def period_doubling() -> Event:
+    """PD of a map: a multiplier is -1, and a cycle of twice the period leaves, which `switch`
+    follows.
+
+    ``detail["c"]`` is the coefficient of ``u -> -u + c u^3`` (for the eigenvector of length 1);
+    positive: the doubled cycle is born stable (on the centre manifold), ``detail["criticality"]``
+    is ``"supercritical"``. As a curve it meets GPD (c vanishes), R2, LPPD and PDNS.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> mine = FixedPoint(lambda x, p: -(1 + p["m"]) * x - x**2, {"x": 0.0}, {"m": -0.1},
+    ...                   events=[period_doubling()])
+    >>> point = cb.trace(mine, "m", within={"m": (-0.5, 0.5)}).first("PD")
+    >>> round(point.detail["c"], 9), point.detail["criticality"]
+    (1.0, 'supercritical')
+    """
+    return _FLIP
+
+
+def neimark_sacker() -> Event:
+    """NS of a map: a complex pair of multipliers is on the unit circle.
+
+    ``detail["angle"]`` is its angle, ``detail["d"]`` the coefficient of
+    ``w -> exp(i angle) w (1 + d |w|^2)``; its real part negative: a closed curve is born stable,
+    ``detail["criticality"]`` is ``"supercritical"``. Two real multipliers with product 1 (a
+    neutral saddle) are told apart. As a curve, on which ``cosine`` is that of the angle, it meets
+    R3, R4, CH (Re d vanishes), LPNS and PDNS, and ends at R1 and R2.
+
+    Examples
+    --------
+    >>> import contbreather as cb, numpy as np
+    >>> mine = FixedPoint(lambda u, p: np.array([p["r"] * u[0] * (1 - u[1]), u[0]]),
+    ...                   {"x": 0.4, "y": 0.4}, {"r": 1.7}, events=[neimark_sacker()])
+    >>> point = cb.trace(mine, "r", within={"r": (1.5, 2.5)}).first("NS")
+    >>> round(point["r"], 9), round(point.detail["angle"] / np.pi, 9)
+    (2.0, 0.333333333)
+    """
+    return _ROTATION
