@@ -31,6 +31,7 @@ _TURN = 0.45
 _AIM = 0.15
 _STRAY = 0.003
 _FINE = 1e-7  # relative distance at which a curve has come back to its start
+_PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
 _AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
@@ -237,6 +238,7 @@ class Walker:
             else:
                 self.curve, residual, tangent = _given(problem, free, along)
                 self.side = 0
+            self.crossed = self.side == 0  # whether the start is a branch point
             self.bounds = _bounds(self.curve, within)
             self.origin = Point(self.curve, self.curve.start, tangent, 0.0, residual)
             self.tests = self._first_tests()
@@ -489,9 +491,13 @@ class Walker:
         if not before < 0 <= after or row.dot(last.tangent) < 0.5:
             return False
         segment = Segment(point, last, self.steps.tolerance)
-        gap = segment.guess(before / (before - after))[0] - self.origin.z
+        guess, slope = segment.guess(before / (before - after))
+        gap = guess - self.origin.z
         if self.curve.length(gap) > 0.1 * segment.length:
             return False
+        if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
+            off = self.curve.length(gap) / segment.length
+            return off <= _PASS and _angle(self.curve, slope, self.origin.tangent) <= _PASS
         # across the start only: along the curve Newton's linear condition keeps the place
         near = self._correct(self.origin.z + gap - row.dot(gap) * self.origin.tangent, row)
         gap = near.z - self.origin.z
