@@ -51,6 +51,11 @@ def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:
 
         return session.first_run_rows()
 
+    def shooting() -> list[Row]:
+        from . import shooting
+
+        return shooting.rows()
+
     return {
         "stability": stability,
         "branch": branch,
@@ -58,6 +63,7 @@ def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:
         "imports": imports,
         "zones": zones,
         "first-run": first_run,
+        "shooting": shooting,
     }
 
 
