@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +18,18 @@ from contbreather.breathers.asymmetric import problem_from
 from contbreather.breathers.events import pitchfork
 from contbreather.breathers.orbits import Orbit, orbit_at
 from contbreather.breathers.symmetric import Breather, symmetric
-from contbreather.continuation import Branch, Event, Point, Problem, Steps, Stop, trace
-from contbreather.continuation.branch import labelled
+from contbreather.continuation import Branch, Event, Point, Problem, Steps, trace
 from contbreather.continuation.newton import newton
 from contbreather.continuation.problem import Curve
+from contbreather.continuation.seed import Seed
+from contbreather.continuation.switching import follow
 from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, check_gamma
 from contbreather.stability.normal_form import PitchforkForm, pitchfork_form
 
 FloatArray = NDArray[np.float64]
 
-OFF = 2e-3  # asymmetry of the first point beside a pitchfork
+OFF = 2e-3  # asymmetry of a start beside a pitchfork
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,11 @@ class Lift:
     tangent: FloatArray
     form: PitchforkForm
 
-    def seed(self, asymmetry: float) -> Problem:
+    def seed(self, sign: float) -> Seed:
+        """Where an arm sets out: the one with t2 - t1 > pi for sign 1, its mirror image for -1."""
+        return Seed(self.problem, self.z, sign * self.tangent)
+
+    def beside(self, asymmetry: float) -> Problem:
         """The problem with its start on the arm where t2 - t1 - pi is as given, small."""
         curve = Curve(self.problem, (self.free,))
         # along the null vector, and the parameter as the normal form says
@@ -159,15 +164,15 @@ def pitchfork_arms(
     -------
     tuple of two Branch
         Columns p, t1, t2, c, asymmetry and the parameters. The first point of each is the
-        pitchfork; on the first arm t2 - t1 > pi, the second is its mirror image
-        u(t) -> -u(t + pi).
+        pitchfork, ``arm[0].detail["parent"]`` as it is on the symmetric branch; on the first arm
+        t2 - t1 > pi, the second is its mirror image u(t) -> -u(t + pi).
 
     Raises
     ------
     BadInput
         If the point is no located pitchfork of symmetric breathers, or inadmissible.
     NotConverged
-        If both arms coincide: the asymmetric breather beside the pitchfork is symmetric.
+        If the asymmetric equations do not hold there.
 
     Examples
     --------
@@ -178,35 +183,18 @@ def pitchfork_arms(
     ('GR', 0.877387)
     """
     lifted = lift(point)
-    upwards = lifted.form.coefficient > 0.0
-    arms = []
-    for sign in (1.0, -1.0):
-        seed = lifted.seed(sign * OFF)
-        walked = trace(
-            seed,
-            lifted.free,
+    one, other = (
+        follow(
+            point,
+            lifted.seed(sign),
             within=within,
-            towards="up" if upwards else "down",
-            events=seed.events if events is None else tuple(events),
+            events=None if events is None else tuple(events),
             steps=steps,
             progress=progress,
         )
-        arms.append(_from_pitchfork(walked, lifted, point, sign))
-    return arms[0], arms[1]
-
-
-def _from_pitchfork(branch: Branch, lifted: Lift, point: Point, sign: float) -> Branch:
-    """The branch with the pitchfork itself as its first point."""
-    curve, first = branch.curve, branch.points[0]
-    event = next((e for e in branch.problem.events if e.kind == "PF"), None)
-    gap = first.z - lifted.z
-    length = math.sqrt(gap.dot(curve.dual(gap)))
-    residual = float(np.abs(curve.equations(lifted.z)).max())
-    start = Point(curve, lifted.z, sign * lifted.tangent, 0.0, residual, "PF", event=event)
-    rest = [replace(p, arclength=p.arclength + length) for p in branch.points]
-    if rest[0].kind == "EP":
-        rest[0] = replace(rest[0], kind="", label="")
-    return replace(branch, points=labelled((start, *rest)), began=Stop.EVENT)
+        for sign in (1.0, -1.0)
+    )
+    return one, other
 
 
 # --- straight to one breather ---------------------------------------------------------------------
@@ -261,9 +249,9 @@ def asymmetric(
         if (a > point["a"]) != up:
             continue
         window = {"a": (point["a"], a) if up else (a, point["a"])}
-        seed = lifted.seed(arm * OFF)
+        seed = lifted.beside(arm * OFF)
         if not window["a"][0] <= seed.params["a"] <= window["a"][1]:
-            seed = lifted.seed(arm * math.sqrt((a - point["a"]) * lifted.form.coefficient))
+            seed = lifted.beside(arm * math.sqrt((a - point["a"]) * lifted.form.coefficient))
             return _solved(seed.at(a=a))
         side = "up" if up else "down"
         last = trace(seed, "a", events=(), within=window, towards=side, progress=False)[-1]

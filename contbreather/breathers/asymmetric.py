@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from contbreather.breathers.orbit_events import (
     pitchfork_of_arms,
     unstable,
 )
+from contbreather.breathers.orbit_images import simpler_than
 from contbreather.breathers.orbits import Orbit
 from contbreather.continuation import Point, Problem
 from contbreather.errors import BadInput
@@ -205,25 +206,17 @@ def problem_from(
             "p": (1e-12, math.inf),
         },
         interpret=interpret,
+        images=_mirror_image,
+        simpler=_symmetric_again,
         label="asymmetric breather",
     )
 
 
-def mirrored(orbit: Orbit) -> Orbit:
-    """The mirror image ``u(t) -> -u(t + pi)``: with antisymmetric forcing it is an orbit as well.
+def _mirror_image(x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
+    p, t1, t2, c = x
+    return (np.array((p, t2 - math.pi, t1 + math.pi, -c)),)
 
-    Examples
-    --------
-    >>> from contbreather.breathers.arms import asymmetric
-    >>> one = asymmetric(0.82, 0.04, 0.8)
-    >>> abs(mirrored(one).displacement(0, 1.0) + one.displacement(0, 1.0 + math.pi)) < 1e-14
-    True
-    """
-    turned = [Impact(i.site, -i.wall, i.time - math.pi, -i.impulse) for i in orbit.impacts]
-    if orbit.two_impacts:  # the one on +1 comes first again
-        first, second = turned
-        turned = [
-            second._replace(time=second.time),
-            first._replace(time=first.time + 2.0 * math.pi),
-        ]
-    return replace(orbit, impacts=tuple(turned), offsets=tuple(-c for c in orbit.offsets))
+
+def _symmetric_again(point: Point) -> Problem | None:
+    small = simpler_than(point.solution)
+    return None if small is None else small.problem

@@ -25,6 +25,7 @@ from contbreather.breathers.orbits import Orbit
 from contbreather.continuation import Event, Locus, Point, fold
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
+from contbreather.continuation.seed import Seed
 from contbreather.errors import BadInput
 from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
@@ -67,7 +68,12 @@ def pitchfork_of_arms() -> Event:
     0.777632425944
     """
     locus = Locus({}, _equal_flights, _equal_flights_slope)
-    return Event("PF", lambda point: _orbit(point).asymmetry, locus=lambda point: locus)
+    return Event(
+        "PF",
+        lambda point: _orbit(point).asymmetry,
+        locus=lambda point: locus,
+        arms=_symmetric_arms,
+    )
 
 
 def period_doubling() -> Event:
@@ -77,6 +83,7 @@ def period_doubling() -> Event:
         lambda point: _orbit(point).map.minus_one(),
         locus=lambda point: Locus({}, _minus_one, _slopes(_minus_one)),
         verify=_verify_doubling,
+        arms=_doubled_arm,
     )
 
 
@@ -152,11 +159,29 @@ def _equal_flights_slope(curve: Curve, z: Array, extra: Array) -> Array:
     return row
 
 
+def _symmetric_arms(point: Point) -> tuple[Seed, ...]:
+    """Both directions of the branch of symmetric breathers, in its own problem."""
+    from contbreather.breathers.orbit_images import simpler_than
+
+    breather = simpler_than(_orbit(point))
+    if breather is None:
+        raise Undefined("the flights are not equal here")
+    curve = Curve(breather.problem, (point.curve.free[-1],))
+    tangent = np.linalg.svd(curve.jacobian(curve.start))[2][-1]
+    return tuple(Seed(curve.problem, curve.start, sign * tangent) for sign in (-1.0, 1.0))
+
+
 # --- period doubling ------------------------------------------------------------------------------
 
 
 def _minus_one(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([_at(curve, z).map.minus_one()])
+
+
+def _doubled_arm(point: Point) -> tuple[Seed, ...]:
+    from contbreather.breathers.doubling import doubled_seed
+
+    return (doubled_seed(point),)  # the other direction is the same orbit, a period later
 
 
 def _verify_doubling(point: Point) -> str:

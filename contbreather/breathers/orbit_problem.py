@@ -6,14 +6,17 @@ import math
 from collections.abc import Sequence
 
 from contbreather.breathers.impacts import (
+    FloatArray,
     Impact,
     OrbitEquations,
+    Params,
     check_sequence,
     check_times,
     forcing_at,
 )
 from contbreather.breathers.orbit_events import events_on, unstable
-from contbreather.breathers.orbits import Orbit
+from contbreather.breathers.orbit_images import images_of, simpler_than
+from contbreather.breathers.orbits import EQUAL, Orbit
 from contbreather.continuation import Point, Problem, branch_point, fold
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
@@ -44,7 +47,9 @@ def impact_problem(orbit: Orbit) -> Problem:
         events=(fold(), branch_point(), *events_on(orbit.lattice)),
         record=record,
         domain=domain_of(equations),
-        interpret=lambda point: orbit_from(equations, point),
+        interpret=lambda point: orbit_from(equations, point.x, point.params),
+        images=lambda x, params: _images(equations, x, params),
+        simpler=_simpler,
         label="orbit with impacts",
     )
 
@@ -58,10 +63,9 @@ def domain_of(equations: OrbitEquations) -> dict[str, tuple[float, float]]:
     return domain
 
 
-def orbit_from(equations: OrbitEquations, point: Point) -> Orbit:
-    """What a point of `impact_problem` is."""
-    values = point.params
-    times, impulses, offsets = equations.split(point.x)
+def orbit_from(equations: OrbitEquations, x: FloatArray, values: Params) -> Orbit:
+    """What a solution of `impact_problem` is."""
+    times, impulses, offsets = equations.split(x)
     named = zip(equations.sequence, times.tolist(), impulses.tolist(), strict=True)
     impacts = [Impact(site, wall, t, J) for (site, wall), t, J in named]
     return Orbit(
@@ -74,6 +78,20 @@ def orbit_from(equations: OrbitEquations, point: Point) -> Orbit:
         forcing_at(equations.forcing, values),
         equations.lattice,
     )
+
+
+def _images(equations: OrbitEquations, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
+    return tuple(image.x for image in images_of(orbit_from(equations, x, params)))
+
+
+def _simpler(point: Point) -> Problem | None:
+    orbit: Orbit = point.solution
+    small = simpler_than(orbit)
+    if small is not None:
+        return small.problem
+    if orbit.two_impacts and abs(orbit.asymmetry) > EQUAL:
+        return orbit.problem
+    return None
 
 
 def orbit_problem(

@@ -10,11 +10,14 @@ import pytest
 
 from contbreather.breathers import pitchfork, symmetric
 from contbreather.breathers.arms import asymmetric, lift, pitchfork_arms
-from contbreather.breathers.asymmetric import AsymmetricEquations, divided, mirrored
+from contbreather.breathers.asymmetric import AsymmetricEquations, divided
 from contbreather.breathers.impacts import OrbitEquations
 from contbreather.breathers.orbit_events import orbit_neimark_sacker, period_doubling
+from contbreather.breathers.orbit_images import mirrored
 from contbreather.breathers.orbits import orbit_at
 from contbreather.continuation import Steps, boundary, trace
+from contbreather.continuation.diagram import diagram
+from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
 
@@ -119,7 +122,8 @@ def test_without_coupling_the_arm_doubles_its_period():
 
 def test_with_coupling_the_neighbour_ends_the_arm_before_that():
     for arm in arms(0.04, 0.8):
-        assert [point.kind for point in arm.special] == ["PF", "GR"]
+        assert [point.kind for point in arm.special] == ["EP", "GR"]
+        assert arm[0].detail["parent"].kind == "PF"
         assert arm.stop.name == "EVENT"
         end = arm[-1].solution
         assert end.a == pytest.approx(0.877387, abs=5e-7)
@@ -134,7 +138,7 @@ def test_with_coupling_the_neighbour_ends_the_arm_before_that():
 def test_elastic_impacts_let_the_doubling_happen_at_weak_coupling():
     """At k = 0.95 PD comes before grazing for gamma < 0.0130085, where both meet."""
     arm = arms(0.002, 0.95)[0]
-    assert [point.kind for point in arm.special] == ["PF", "PD", "GR"]
+    assert [point.kind for point in arm.special] == ["EP", "PD", "GR"]
     line = boundary(arm.first("PD"), ("gamma", "a"), within={"gamma": (0, 0.2), "a": (0, 1)})
     assert line["gamma"].min() == 0.0
     meeting = line.first("PD-GR")
@@ -207,6 +211,35 @@ def test_arms_leave_as_the_normal_form_says():
         assert ratio[1] == pytest.approx(coefficient, rel=2e-4)
 
 
+def test_switching_knows_the_arms_and_the_way_back():
+    """cb.switch at the pitchfork gives both arms, at the arm's own pitchfork the breathers."""
+    one, other = switch(pitchfork_point(0.04, 0.8), within={"a": (0, 0.999)})
+    assert other[0].detail["image_of"] == 0
+    assert one[-1]["a"] == pytest.approx(arms(0.04, 0.8)[0][-1]["a"], abs=1e-12)
+    start = asymmetric(0.8, 0.04, 0.8)
+    back = trace(start, "a", towards="down", within={"a": (0.7, 0.81)}).first("PF")
+    breathers = switch(back, events=(), within={"a": (0.75, 0.79)})
+    ends = sorted(branch[-1]["a"] for branch in breathers)
+    assert ends == [0.75, 0.79]
+    for branch in breathers:
+        b = branch[-1].solution
+        assert b.p == pytest.approx(symmetric(b.a, 0.04, 0.8).p, abs=1e-12)
+
+
+def test_diagram_finds_breathers_arms_and_doubled_orbits_once():
+    tree = diagram(
+        symmetric(0.68, 0.0, 0.8, lattice=Ring(1)),
+        "a",
+        within={"a": (0.6, 0.97)},
+        depth=2,
+        progress=False,
+    )
+    labels = sorted(branch.problem.label for branch in tree.branches)
+    assert labels.count("symmetric breather") == 1
+    assert labels.count("asymmetric breather") == 2
+    assert labels.count("orbit with impacts") == 1
+
+
 def test_arms_of_a_subcritical_pitchfork_go_down():
     forcing = Fourier(cos={1: -1.0, 3: 0.3})
     start = symmetric(0.9, 0.02, 0.8, forcing=forcing)
@@ -222,7 +255,7 @@ def test_arms_in_any_parameter(free, window):
     point = trace(start, free, within={free: window}, events=[pitchfork()]).first("PF")
     one, other = pitchfork_arms(point, within={free: window})
     assert one.free == free
-    assert one[0].kind == other[0].kind == "PF"
+    assert one[0][free] == other[0][free] == pytest.approx(point[free], abs=1e-13)
     assert len(one) > 3
     assert all(point.solution.residual < 1e-12 for point in one)
 
@@ -269,7 +302,8 @@ def test_asymmetric_breathers_are_found_or_the_sentence_says_where_they_are():
 
 
 def test_pitchfork_line_of_the_arms_is_that_of_symmetric_breathers():
-    line = boundary(arms(0.04, 0.8)[0].first("PF"), ("gamma", "a"), within={"gamma": (0, 0.2)})
+    back = trace(asymmetric(0.8, 0.04, 0.8), "a", towards="down", within={"a": (0.7, 0.81)})
+    line = boundary(back.first("PF"), ("gamma", "a"), within={"gamma": (0, 0.2)})
     sigma = [InfiniteChain().sigma(gamma) for gamma in line["gamma"]]
     chi = [InfiniteChain().chi(gamma) for gamma in line["gamma"]]
     p = 1 / (np.array(chi) - 2 * np.array(sigma))

@@ -35,7 +35,7 @@ def test_single_oscillator_doubles_and_doubles_again():
     for n in range(2):
         branch = doubled_branch(point, within={"a": (0.9, 1.0)})
         assert branch[0]["a"] == pytest.approx(point["a"], abs=1e-14)
-        point = [p for p in branch.special if p.kind == "PD"][1]
+        point = branch.first("PD")
         places.append(point["a"])
         orbit = point.solution
         assert orbit.periods == 2 ** (n + 1)
@@ -51,9 +51,10 @@ def test_single_oscillator_doubles_and_doubles_again():
 def test_a_doubled_breather_of_the_infinite_chain_is_repeated_by_a_ring():
     point = first_doubling(0.002, 0.95, 0.8)
     branch = doubled_branch(point, within={"a": (0, 0.999)})
-    assert branch["a"][1] > point["a"]
+    assert branch["a"][1] > branch["a"][0] == point["a"]
+    assert branch[0].detail["parent"] is point
     assert branch.stop.name in ("EVENT", "BOUND")
-    orbit = branch[3].solution
+    orbit = branch[len(branch) // 2].solution
     assert orbit.admissibility().ok
     assert orbit.stability().stable
     error, half = repeats(orbit, 16)

@@ -69,7 +69,7 @@ def test_coefficient_is_what_the_arms_do_in_any_parameter(lattice, free):
     lifted = lift(branch_point)
     gaps = []
     for asymmetry in (0.005, 0.01):
-        there = lifted.seed(asymmetry)
+        there = lifted.beside(asymmetry)
         off = there.params[free] - lifted.problem.params[free]
         gaps.append(asymmetry**2 / off)
     limit = gaps[0] + (gaps[0] - gaps[1]) / 3
@@ -85,7 +85,7 @@ def test_the_word_says_whether_the_arms_take_over_stability(c3, word, gamma):
     point = branch.first("PF")
     lifted = lift(point)
     assert lifted.form.criticality == word
-    arm = orbit_at(lifted.seed(0.01)).map.count().count
+    arm = orbit_at(lifted.beside(0.01)).map.count().count
     near = [point["a"] - 1e-4, point["a"] + 1e-4]
     beside = trace(point, "a", events=(), within={"a": near})
     counts = [beside[i].solution.stability().unstable for i in (0, -1)]
