@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -178,7 +178,7 @@ class Diagram:
         branch, image = self.branches[index], self.births[index].image_of
         note = "" if image is None else f" (image of branch {image})"
         node = tree.add(f"branch {index}{note}: {branch.describe()}")
-        for place in self.places[index]:
+        for place in {place.name: place for place in self.places[index]}.values():
             if place.branch != index:
                 node.add(f"meets {place.name}")
                 continue
@@ -396,22 +396,22 @@ class _Growth:
         index = len(self.branches)
         self.branches.append(branch)
         self.births.append(birth)
-        places = []
+        places: list[Place] = []
         for point in branch.special:
             if "parent" in point.detail or (point.kind == "EP" and branch.stop is Stop.CLOSED):
                 continue  # where an arm set out is the place it was born at
-            known = self._known_place(point)
+            known = self._known_place(point, places)
             places.append(known or Place(index, point))
             if known is None and point.event is not None and point.event.arms is not None:
                 self._later(places[-1], birth)
         self.places.append(tuple(places))
         self.interrupted |= branch.stop is Stop.INTERRUPTED
 
-    def _known_place(self, point: Point) -> Place | None:
-        """The place on another branch where this one crosses it."""
+    def _known_place(self, point: Point, places: Sequence[Place]) -> Place | None:
+        """The place where the branch of a point crosses another one, or itself."""
         if point.event is None or point.event.arms is None:
             return None
-        others = (place for row in self.places for place in row)
+        others = (place for row in (*self.places, places) for place in row)
         return next(
             (
                 place

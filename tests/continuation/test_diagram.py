@@ -124,6 +124,16 @@ def test_a_closed_loop_through_two_branch_points_is_there_once() -> None:
     assert len([p for p in tree.special if p.kind == "BP"]) == 2
 
 
+def test_a_curve_that_crosses_itself_is_one_branch_and_one_crossing() -> None:
+    """``x^2 = mu^2 - mu^4``, a figure of eight."""
+    mine = scalar(lambda x, p: x**2 - p["mu"] ** 2 + p["mu"] ** 4, np.sqrt(0.1875), {"mu": 0.5})
+    tree = grown(mine, depth=3)
+    assert len(tree) == 1
+    assert [place.name for place in tree.places[0]].count("branch 0: BP1") == 2
+    assert len([p for p in tree.special if p.kind == "BP"]) == 1
+    assert [str(meeting) for meeting in tree.met] == ["branch 0: BP1 leads to branch 0"]
+
+
 def test_the_same_from_a_start_on_the_loop() -> None:
     tree = grown(scalar(circle_on_axis, 1.0, {"mu": 0.0}), within=WIDE, depth=5)
     assert tree[0].stop is Stop.CLOSED

@@ -145,9 +145,12 @@ def test_events_of_arms_are_found_and_can_be_switched_at_again() -> None:
     assert all(abs(one["x"]).max() < 1e-12 for one in back)
 
 
-def test_a_curve_that_comes_back_to_the_branch_point_is_there_once() -> None:
+@pytest.mark.parametrize("largest", [0.01, 0.037, 0.1, 0.3, 1.0])
+def test_a_curve_that_comes_back_to_the_branch_point_is_there_once(largest: float) -> None:
     branch = trace(CROSSED_CIRCLE, "mu", events=STATIC, within={"mu": (-2.0, 2.0)})
-    arms = switch(branch.first("BP1"), within={"mu": (-2.0, 2.0)}, events=STATIC)
+    steps = Steps(largest=largest)
+    arms = switch(branch.first("BP1"), within={"mu": (-2.0, 2.0)}, events=STATIC, steps=steps)
+    assert [point.kind for point in arms[0].special] == ["EP", "BP"]
     assert [arm.stop for arm in arms] == [Stop.CLOSED]
     assert abs(arms[0]["x"] ** 2 + arms[0]["mu"] ** 2 - 1).max() < 1e-12
 
