@@ -117,24 +117,3 @@ def fourth_bound(rows: Array, n: int) -> float:
     for j in range(4, rows.shape[0]):
         total += j * (j - 1) * (j - 2) * (j - 3) * abs(rows[j, n])
     return total
-
-
-@compiled
-def reaches(rows: Array, middle: Array, end: Array, slack: Array) -> None:
-    """Displacements at mid step and at the end, and how far any may stray from between them.
-
-    Within a time d a function lies within ``d^2/8 max|phi''|`` of its chord. Here d is half a step;
-    what the forced motion adds to phi and to its second derivative is left to the caller.
-    """
-    top, size = rows.shape[0] - 1, rows.shape[1]
-    for n in range(size):
-        middle[n] = rows[top, n]
-        end[n] = rows[top, n]
-        slack[n] = top * (top - 1) * abs(rows[top, n])
-    for j in range(top - 1, -1, -1):
-        for n in range(size):
-            middle[n] = 0.5 * middle[n] + rows[j, n]
-            end[n] += rows[j, n]
-            slack[n] += j * (j - 1) * abs(rows[j, n])
-    for n in range(size):
-        slack[n] /= 32.0

@@ -18,7 +18,6 @@ from contbreather.dynamics.contact import (
     NEVER,
     first_contact,
     fourth_bound,
-    reaches,
 )
 from contbreather.dynamics.flow import (
     Array,
@@ -27,7 +26,7 @@ from contbreather.dynamics.flow import (
     driven_bound,
     driven_jerk,
     driven_terms,
-    expand,
+    expand_and_sum,
     expand_held,
     site_at,
     state_at,
@@ -49,6 +48,7 @@ class Law(NamedTuple):
     mu: float
     k: float
     step: float
+    rest_step: float  # with a site at rest, which moves with all harmonics of the forcing
     size: int  # terms of the series in time
     most: int  # impacts of one site in one period
     motion: Drive  # a g(t), g'' + mu g' = F/a
@@ -79,20 +79,22 @@ class Watch(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Room for one step."""
+    """Room for one step. ``rows`` of site n are powers of (s - origin[n])/h, s the step's time."""
 
-    v: Array
+    v: Array  # at the start of the step, or at the present event
     w: Array
     rows: Array
+    origin: Array
+    last_v: Array  # at the end of the step, where no event intervenes
+    last_w: Array
+    patch: Array
     lift: Array
     column: Array
-    middle: Array
-    end: Array
-    slack: Array
     when: Array
     side: NDArray[np.int8]
     held: NDArray[np.int8]
     fresh: NDArray[np.int8]
+    changed: NDArray[np.int8]
     hits: NDArray[np.int64]
 
 
@@ -109,15 +111,35 @@ def outward(law: Law, work: Work, n: int, sign: float, t: float) -> tuple[float,
 
 
 @compiled
-def release(law: Law, work: Work, n: int, t: float, h: float, limit: float) -> float:
-    """When the wall ceases to hold site n: the push on it passes zero."""
-    rows, lift, size = work.rows, work.lift, work.v.size
-    left, right, sign = (n - 1) % size, (n + 1) % size, float(work.held[n])
-    for j in range(rows.shape[0]):
-        lift[j, 0] = -law.gamma * (2.0 * rows[j, n] - rows[j, left] - rows[j, right])
-    if sign * (lift[0, 0] + driven(law.force, t)[0]) <= 0.0:
-        return 0.0
-    return first_contact(lift, 0, h, law.force, t, -sign, 0.0, 0.0, limit)
+def release(law: Law, work: Work, n: int, t: float, h: float) -> float:
+    """When the wall ceases to hold site n: the push on it passes zero. ``t`` is that of s = 0."""
+    lift, size = work.lift, work.v.size
+    sign, origin = float(work.held[n]), work.origin[n]
+    left, right = (n - 1) % size, (n + 1) % size
+    for j in range(lift.shape[0]):
+        lift[j, 0] = -2.0 * law.gamma * work.rows[j, n]
+    _add_shifted(work.rows, left, (origin - work.origin[left]) / h, law.gamma, lift)
+    _add_shifted(work.rows, right, (origin - work.origin[right]) / h, law.gamma, lift)
+    if sign * (lift[0, 0] + driven(law.force, t + origin)[0]) <= 0.0:
+        return origin
+    local = first_contact(lift, 0, h, law.force, t + origin, -sign, 0.0, 0.0, h - origin)
+    return local if local < 0.0 else origin + local
+
+
+@compiled
+def _add_shifted(rows: Array, n: int, shift: float, factor: float, out: Array) -> None:
+    """Add a column, re-expanded about a later time if its origin is an earlier one."""
+    top = rows.shape[0] - 1
+    if shift == 0.0:
+        for j in range(top + 1):
+            out[j, 0] += factor * rows[j, n]
+        return
+    column = rows[:, n].copy()
+    for i in range(top):  # Horner's scheme, over and over: Taylor's shift
+        for j in range(top - 1, i - 1, -1):
+            column[j] += shift * column[j + 1]
+    for j in range(top + 1):
+        out[j, 0] += factor * column[j]
 
 
 @compiled
@@ -130,41 +152,39 @@ def lead(law: Law, work: Work, n: int, t: float, h: float) -> float:
 
 
 @compiled
-def first_event(law: Law, work: Work, t: float, h: float) -> float:
-    """Time to the first contact or release within the step, or h; all of them in ``when``."""
-    rows, when = work.rows, work.when
-    reaches(rows, work.middle, work.end, work.slack)
-    at_start = driven(law.motion, t)[0]
-    at_middle = driven(law.motion, t + 0.5 * h)[0]
-    at_end = driven(law.motion, t + h)[0]
-    best, forced = h, driven_bound(law.motion, 2) * h * h / 32.0
-    for n in range(when.size):
-        when[n] = NEVER
-        if work.held[n] != 0:
-            s = release(law, work, n, t, h, min(h, best + TOGETHER))
-            if s == LOST:
-                return LOST
-            when[n] = s
-            if s >= 0.0:
-                best = min(best, s)
-            continue
-        start = lead(law, work, n, t, h) if work.fresh[n] != 0 else 0.0
-        for sign in (1.0, -1.0):
-            top = max(sign * (rows[0, n] + at_start), sign * (work.middle[n] + at_middle))
-            top = max(top, sign * (work.end[n] + at_end))
-            if top + work.slack[n] + forced < 1.0:
-                continue
-            limit = min(h, best + TOGETHER)
-            s = first_contact(rows, n, h, law.motion, t, sign, 1.0, start, limit)
-            if s == LOST:
-                return LOST
-            if s >= 0.0 and (when[n] < 0.0 or s < when[n]):
-                when[n] = s
-                work.side[n] = np.int8(sign)
-                best = min(best, s)
-    for n in range(when.size):
+def search(
+    law: Law, work: Work, n: int, t: float, h: float, first: float, last: float, bend: float
+) -> bool:
+    """Find when site n next meets a wall, or is let go, before the step ends; False if astray.
+
+    Within a time d a function is at most ``d^2/8 max|u''|`` beyond its chord: with the bound
+    ``bend`` on u'' most sites are dismissed by their ``first`` and ``last`` displacement, nearly
+    all others by one more in the middle.
+    """
+    if work.held[n] != 0:
+        work.when[n] = release(law, work, n, t, h)
+        return bool(work.when[n] != LOST)
+    work.when[n] = NEVER
+    origin = work.origin[n]
+    room = h - origin
+    slack = bend * room * room / 8.0
+    if max(abs(first), abs(last)) + slack < 1.0:
         work.fresh[n] = 0
-    return best
+        return True
+    at = t + origin
+    middle = site_at(work.rows, n, h, 0.5 * room / h)[0] + driven(law.motion, at + 0.5 * room)[0]
+    start = lead(law, work, n, at, h) if work.fresh[n] != 0 else 0.0
+    work.fresh[n] = 0
+    for sign in (1.0, -1.0):
+        if max(sign * first, max(sign * middle, sign * last)) + 0.25 * slack < 1.0:
+            continue
+        s = first_contact(work.rows, n, h, law.motion, at, sign, 1.0, start, room)
+        if s == LOST:
+            return False
+        if s >= 0.0 and (work.when[n] < 0.0 or origin + s < work.when[n]):
+            work.when[n] = origin + s
+            work.side[n] = np.int8(sign)
+    return True
 
 
 @compiled
@@ -217,11 +237,17 @@ def comes_to_rest(law: Law, work: Work, n: int, sign: float, t: float, after: fl
 
 @compiled
 def settle(law: Law, work: Work, log: Log, period: int, t: float, dt: float) -> int:
-    """Apply every contact and release of this time; the site number + 1 where one chatters."""
+    """Apply every contact and release of the step's time dt; a site + 1 where one chatters.
+
+    ``v`` and ``w`` hold the present state at these sites and their neighbours; ``changed`` marks
+    the sites whose motion is another one from now on.
+    """
     motion, velocity, _ = driven(law.motion, t)
     for n in range(work.v.size):
+        work.changed[n] = 0
         if work.when[n] < 0.0 or work.when[n] > dt + TOGETHER:
             continue
+        work.changed[n] = 1
         if work.held[n] != 0:
             wall = int(work.held[n])
             work.fresh[n] = work.held[n]
@@ -259,49 +285,184 @@ def resting(work: Work) -> bool:
 
 
 @compiled
+def begin(law: Law, work: Work, t: float, h: float, anyone: bool) -> bool:
+    """Expand all sites about the start of a step and search them; False if one went astray."""
+    for n in range(work.held.size):
+        work.origin[n] = 0.0
+    if anyone:
+        driven_terms(law.motion, t, h, work.column)
+        args = (law.gamma, law.mu, work.held, 1.0, work.column, work.rows)
+        expand_held(work.v, work.w, h, *args)
+        state_at(work.rows, h, 1.0, work.last_v, work.last_w)
+    else:
+        ends = (work.last_v, work.last_w)
+        expand_and_sum(work.v, work.w, h, law.gamma, law.mu, work.rows, *ends)
+    bend = curvature(law, work, h)
+    now, then = driven(law.motion, t)[0], driven(law.motion, t + h)[0]
+    for n in range(work.v.size):
+        if not search(law, work, n, t, h, work.v[n] + now, work.last_v[n] + then, bend):
+            return False
+    return True
+
+
+@compiled
+def curvature(law: Law, work: Work, h: float) -> float:
+    """No |u''| exceeds this within the step: all sites stay between the walls."""
+    bend = 4.0 * law.gamma + driven_bound(law.force, 0)
+    if law.mu == 0.0:
+        return bend
+    fastest = 0.0
+    for n in range(work.w.size):
+        fastest = max(fastest, abs(work.w[n]))
+    # u' = w + a g'; it grows by at most bend per unit of time, damping only slows it down
+    return bend + law.mu * (fastest + driven_bound(law.motion, 1) + bend * h)
+
+
+@compiled
+def present(work: Work, n: int, reach: int, s: float, h: float) -> None:
+    """The state of the sites within ``reach`` of n at the step's time s, into v and w."""
+    size = work.v.size
+    for i in range(n - reach, n + reach + 1):
+        m = i % size
+        work.v[m], work.w[m], _ = site_at(work.rows, m, h, (s - work.origin[m]) / h)
+
+
+@compiled
+def renew(law: Law, work: Work, n: int, s: float, h: float) -> None:
+    """Expand anew, about the step's time s, the sites that a change at site n can reach.
+
+    The j-th power at one site knows of others up to a distance of j/2 only; beyond that of the
+    last power kept the change is below rounding for the rest of the step. No site is at rest.
+    """
+    patch, size = work.patch, work.v.size
+    top, wide = patch.shape[0] - 1, patch.shape[1]
+    half = wide // 2
+    for i in range(wide):
+        m = (n - half + i) % size
+        patch[0, i] = work.v[m]
+        patch[1, i] = h * work.w[m]
+    for j in range(top + 1):
+        if j >= 2:
+            pull, drag = -law.gamma * h * h / (j * (j - 1)), -law.mu * h / j
+            for i in range(j // 2, wide - j // 2):
+                near = patch[j - 2, i - 1] + patch[j - 2, i + 1]
+                patch[j, i] = pull * (2.0 * patch[j - 2, i] - near) + drag * patch[j - 1, i]
+    for i in range(half - top // 2, half + top // 2 + 1):
+        m = (n - half + i) % size
+        work.origin[m] = s
+        for j in range(top + 1):
+            work.rows[j, m] = patch[j, i]
+
+
+@compiled
+def repair(law: Law, work: Work, t: float, s: float, h: float) -> bool:
+    """After an event at the step's time s: new series and new searches around what changed."""
+    size, top = work.v.size, work.rows.shape[0] - 1
+    for n in range(size):
+        if work.changed[n] != 0:
+            renew(law, work, n, s, h)
+    bend = curvature(law, work, h)
+    now, then = driven(law.motion, t + s)[0], driven(law.motion, t + h)[0]
+    for n in range(size):
+        if work.changed[n] == 0:
+            continue
+        for i in range(n - top // 2, n + top // 2 + 1):
+            m = i % size
+            last = site_at(work.rows, m, h, (h - s) / h)[0] + then
+            if not search(law, work, m, t, h, work.rows[0, m] + now, last, bend):
+                return False
+    return True
+
+
+@compiled
+def next_event(work: Work) -> tuple[float, int]:
+    """The earliest event of the step, or NEVER, and how many sites take part in it."""
+    best, count = NEVER, 0
+    for n in range(work.when.size):
+        if work.when[n] >= 0.0 and (best < 0.0 or work.when[n] < best):
+            best = work.when[n]
+    for n in range(work.when.size):
+        if work.when[n] >= 0.0 and work.when[n] <= best + TOGETHER:
+            count += 1
+    return best, count
+
+
+@compiled
+def finish(work: Work, h: float) -> None:
+    """The state at the end of the step, as the start of the next."""
+    for n in range(work.v.size):
+        work.v[n] = work.last_v[n]
+        work.w[n] = work.last_w[n]
+    for n in range(work.v.size):
+        if work.origin[n] != 0.0:
+            present(work, n, 0, h, h)
+
+
+@compiled
 def one_period(
     law: Law, work: Work, log: Log, watch: Watch, row: int, period: int, t0: float, span: float
 ) -> tuple[int, int]:
     """From t0 over the time ``span``; a status, and the site it is about."""
-    s, sample = 0.0, 0
-    for n in range(work.hits.size):
+    s, sample, size = 0.0, 0, work.v.size
+    wide = work.patch.shape[1]
+    for n in range(size):
         work.hits[n] = 0
     while s < span:
-        t = t0 + s
-        h = min(law.step, span - s)
-        if resting(work):
-            driven_terms(law.motion, t, h, work.column)
-            args = (law.gamma, law.mu, work.held, 1.0, work.column, work.rows)
-            expand_held(work.v, work.w, h, *args)
-        else:
-            expand(work.v, work.w, h, law.gamma, law.mu, work.rows)
-        dt = first_event(law, work, t, h)
-        if dt == LOST:
+        anyone = resting(work)
+        t, h = t0 + s, min(law.rest_step if anyone else law.step, span - s)
+        if not begin(law, work, t, h, anyone):
             return ASTRAY, 0
-        last = h >= span - s and dt >= h
-        end = span if last else s + dt
-        while sample < watch.grid.size and watch.grid[sample] < end:
-            observe(law, work, watch, row, sample, t0, s, h)
-            sample += 1
-        state_at(work.rows, h, dt / h, work.v, work.w)
+        while True:
+            dt, count = next_event(work)
+            to_end = dt < 0.0
+            end = (span if h >= span - s else s + h) if to_end else s + dt
+            sample = observe(law, work, watch, row, sample, t0, s, h, end)
+            if to_end:
+                finish(work, h)
+                break
+            local = count * wide < size and not anyone
+            for n in range(size):
+                if not local:
+                    present(work, n, 0, dt, h)
+                elif work.when[n] >= 0.0 and work.when[n] <= dt + TOGETHER:
+                    present(work, n, wide // 2, dt, h)
+            status = settle(law, work, log, period, t0 + end, dt)
+            if status != 0:
+                return (FULL, 0) if status < 0 else (CHATTER, status - 1)
+            if not local or resting(work):
+                break
+            if not repair(law, work, t, dt, h):
+                return ASTRAY, 0
         s = end
-        status = settle(law, work, log, period, t0 + s, dt)
-        if status != 0:
-            return (FULL, 0) if status < 0 else (CHATTER, status - 1)
     return DONE, 0
 
 
 @compiled
 def observe(
-    law: Law, work: Work, watch: Watch, row: int, sample: int, t0: float, s: float, h: float
-) -> None:
-    """Write down the watched sites at one time of the grid."""
-    time = watch.grid[sample]
-    motion, velocity, _ = driven(law.motion, t0 + time)
-    for i in range(watch.sites.size):
-        v, w, _ = site_at(work.rows, watch.sites[i], h, (time - s) / h)
-        watch.u[row, sample, i] = v + motion
-        watch.v[row, sample, i] = w + velocity
+    law: Law,
+    work: Work,
+    watch: Watch,
+    row: int,
+    sample: int,
+    t0: float,
+    s: float,
+    h: float,
+    end: float,
+) -> int:
+    """Write down the watched sites at all times of the grid before ``end``; the next one's index.
+
+    Step times count from s, times of the grid from t0.
+    """
+    while sample < watch.grid.size and watch.grid[sample] < end:
+        time = watch.grid[sample]
+        motion, velocity, _ = driven(law.motion, t0 + time)
+        for i in range(watch.sites.size):
+            n = watch.sites[i]
+            v, w, _ = site_at(work.rows, n, h, (time - s - work.origin[n]) / h)
+            watch.u[row, sample, i] = v + motion
+            watch.v[row, sample, i] = w + velocity
+        sample += 1
+    return sample
 
 
 @compiled

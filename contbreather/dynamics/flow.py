@@ -109,6 +109,26 @@ def expand(v: Array, w: Array, h: float, gamma: float, mu: float, rows: Array) -
 
 
 @compiled
+def expand_and_sum(
+    v: Array, w: Array, h: float, gamma: float, mu: float, rows: Array, last_v: Array, last_w: Array
+) -> None:
+    """`expand`, and at once the state at the end of the step: one pass through memory."""
+    size, top = v.size, rows.shape[0] - 1
+    for n in range(size):
+        rows[0, n] = v[n]
+        rows[1, n] = h * w[n]
+        last_v[n] = rows[0, n] + rows[1, n]
+        last_w[n] = rows[1, n]
+    for j in range(2, top + 1):
+        _raise(rows[j - 2], rows[j - 1], rows[j], -gamma * h * h / (j * (j - 1)), -mu * h / j)
+        for n in range(size):
+            last_v[n] += rows[j, n]
+            last_w[n] += j * rows[j, n]
+    for n in range(size):
+        last_w[n] /= h
+
+
+@compiled
 def _raise(now: Array, following: Array, new: Array, pull: float, drag: float) -> None:
     """One more power, at every site; with one site or two the neighbours coincide."""
     last = now.size - 1

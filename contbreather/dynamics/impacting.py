@@ -424,21 +424,23 @@ def law_of(conditions: Conditions) -> Law:
     k, mu, gamma = float(conditions.k), float(conditions.damping), float(conditions.gamma)
     motion, force = Drive(*conditions.motion), Drive(*conditions.force)
     rate = max(2.0 * math.sqrt(gamma), mu, 0.25)
+    step = min(STEP, 3.0 / rate)
     # a site that rests on its wall moves, in v, with the forcing: its harmonics must converge too
-    step = min(STEP, 3.0 / rate, 4.0 / float(motion.m.max()))
-    reach = step * max(rate, float(motion.m.max()))
+    rest_step = step * rate / max(rate, float(motion.m.max()))
     most = 1000 + int(40.0 / max(1.0 - k, 4e-4))
-    return Law(gamma, mu, k, step, terms(reach), most, motion, force)
+    return Law(gamma, mu, k, step, rest_step, terms(step * rate), most, motion, force)
 
 
 def work_of(sites: int, count: int) -> Work:
     from contbreather.dynamics.cruise import Work
 
-    v, w, middle, end, slack, when = np.empty((6, sites))
-    side, held, fresh = np.zeros((3, sites), np.int8)
-    rows, lift, column = np.empty((count, sites)), np.empty((count, 1)), np.empty(count)
+    v, w, origin, last_v, last_w, when = np.zeros((6, sites))
+    side, held, fresh, changed = np.zeros((4, sites), np.int8)
+    rows, patch = np.empty((count, sites)), np.empty((count, 4 * ((count - 1) // 2) + 1))
+    lift, column = np.empty((count, 1)), np.empty(count)
     hits = np.zeros(sites, np.int64)
-    return Work(v, w, rows, lift, column, middle, end, slack, when, side, held, fresh, hits)
+    buffers = (v, w, rows, origin, last_v, last_w, patch, lift, column, when)
+    return Work(*buffers, side, held, fresh, changed, hits)
 
 
 def log_of(size: int, old: Log | None = None) -> Log:
