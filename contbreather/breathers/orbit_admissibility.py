@@ -23,6 +23,7 @@ from contbreather.lattice.periodic import is_resonant, wave, wave_basis, wave_ta
 FloatArray = NDArray[np.float64]
 
 NEAR = 13  # (0.072)^13 < 1e-14: there only the first harmonic is left
+LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
 CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
 
 
@@ -107,6 +108,8 @@ def _reason(orbit: Orbit, margin: float, site: int | None, time: float) -> str:
     else:
         there = motion(orbit, site, time)[0]
         reach = f"site {site} between its impacts is at u = {there:.6g} at t = {time:.6g}"
+    if abs(margin) < LIMIT:
+        return f"at the limit: {reach}."
     if margin > 0.0:
         return f"every site keeps off its walls; closest to the limit: {reach}."
     return f"no orbit of the chain: {reach}; there is an impact that it does not name."

@@ -136,6 +136,23 @@ class Point:
             raise BadInput("this problem says no more of a point than its values")
         return interpret(self.ground)
 
+    def __getattr__(self, name: str) -> Any:
+        """What the solution answers the point answers too: ``point.state(sites=20)`` of an orbit.
+
+        Called for names that a point does not have itself.
+        """
+        if name.startswith("_") or hasattr(type(self), name):
+            raise AttributeError(f"{name!r} of this point has no value")
+        try:
+            solution = self.solution
+        except BadInput as error:
+            raise AttributeError(f"a point has no {name!r}, and {error}") from error
+        try:
+            return getattr(solution, name)
+        except AttributeError as error:
+            what = type(solution).__name__
+            raise AttributeError(f"neither a point nor its {what} has {name!r}") from error
+
     def jacobian(self) -> Array:
         """Derivative of the equations, shape ``(n, n + 1)``: unknowns, then the free parameter."""
         return self.curve.jacobian(self.z).copy()

@@ -239,6 +239,7 @@ def _bare(data: Dataset) -> Curve:
         {name: _plain(_values(data, name)[0]) for name in _listed(data, "unknowns")},
         {name: float(_values(data, name).flat[0]) for name in _listed(data, "parameters")},
         record=dict.fromkeys(_named(data, "recorded"), missing),
+        interpret=missing,
         label=str(data.attrs["label"]),
     )
     return Curve(problem, (free,))

@@ -15,7 +15,8 @@ from contbreather.breathers.impacts import OrbitEquations
 from contbreather.breathers.orbit_events import orbit_neimark_sacker, period_doubling
 from contbreather.breathers.orbit_images import mirrored
 from contbreather.breathers.orbits import orbit_at
-from contbreather.continuation import Steps, boundary, trace
+from contbreather.breathers.shooting import shooting
+from contbreather.continuation import Steps, boundary, load, save, trace
 from contbreather.continuation.diagram import diagram
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, NoSolution, NotConverged
@@ -180,6 +181,26 @@ def test_columns_are_those_of_a_breather_with_two_impacts(lattice):
         assert orbit.residual < 1e-12
         assert [impact.wall for impact in orbit.impacts] == [1, -1]
         assert orbit.lattice == lattice
+
+
+def test_points_of_arms_and_shooting_branches_answer_as_their_orbits(tmp_path):
+    arm = arms(0.04, 0.8)[0]
+    u, v = arm[5].state(sites=20, t=0.3)
+    assert u[0] == pytest.approx(arm[5].solution.on(Ring(20)).displacement(0, 0.3), abs=1e-15)
+    assert arm[5].velocity(3, 0.3) == arm[5].solution.velocity(3, 0.3)
+    assert "at the limit: site 1 reaches |u| = 1 at t =" in arm[-1].admissibility().reason
+    shot = shooting(arm[5], sites=20)
+    branch = trace(shot, "a", within={"a": (0.75, 0.85)}, events=())
+    start = min(branch, key=lambda point: abs(point["a"] - arm[5]["a"]))
+    again = start.state(sites=20, t=0.3)
+    assert np.abs(np.concatenate(again) - np.concatenate([u, v])).max() < 1e-12
+    with pytest.raises(BadInput, match=r"lives on a ring of 20, not of 21: shoot it there first"):
+        branch[3].state(sites=21)
+    save(tmp_path / "run.nc", branch)
+    bare, attached = load(tmp_path / "run.nc"), load(tmp_path / "run.nc", problem=shot)
+    with pytest.raises(AttributeError, match=r"no 'state'.* without its equations; load\(path, pr"):
+        bare[3].state(sites=20)
+    assert np.array_equal(attached[3].state(t=0.1)[0], branch[3].state(t=0.1)[0])
 
 
 def test_following_an_arm_back_finds_the_pitchfork_and_goes_through():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import io
 from dataclasses import replace
@@ -272,3 +273,25 @@ def test_progress_is_shown_on_standard_error_when_asked_for(
     captured = capsys.readouterr()
     assert captured.out == ""
     assert "points, h = " in captured.err
+
+
+def test_a_point_answers_what_its_solution_answers() -> None:
+    """And says of neither's names that they are missing; copies and pickles are no different."""
+
+    class Height:
+        def __init__(self, x: float) -> None:
+            self.x_squared = x * x
+
+        def above(self, floor: float) -> float:
+            return self.x_squared - floor
+
+    told = replace(CUSP.problem, interpret=lambda point: Height(point["x"]))
+    point = trace_case(replace(CUSP, problem=told))[3]
+    assert point.above(floor=1.0) == point["x"] ** 2 - 1.0
+    assert copy.deepcopy(point).x_squared == point["x"] ** 2
+    with pytest.raises(AttributeError, match="neither a point nor its Height has 'below'"):
+        point.below()
+    mute = trace_case(CUSP)[3]
+    assert not hasattr(mute, "above")
+    with pytest.raises(AttributeError, match="no 'above', and this problem says no more of a poi"):
+        mute.above()

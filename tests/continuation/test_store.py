@@ -146,6 +146,7 @@ def test_without_equations_a_branch_cannot_be_continued_and_says_so(
         lambda: trace(found[3], "B"),
         lambda: boundary(found.first("HB"), ("A", "B")),
         lambda: found[3].jacobian(),
+        lambda: found[3].solution,
     ):
         with pytest.raises(ContbreatherError, match=r"without its equations; load\(path, problem="):
             attempt()
