@@ -58,6 +58,14 @@ def _run(tokens: list[str]) -> int:
 
 def _sentence(error: Exception) -> str:
     """What the parser has to say, on one line, with the way on."""
+    from cyclopts import UnusedCliTokensError
+
+    if isinstance(error, UnusedCliTokensError):
+        extra = " ".join(error.unused_tokens or ())
+        return (
+            f"{extra!r} belongs to no option; values follow the name of theirs, as in --a 0.2; "
+            "see contbreather --help"
+        )
     return f"{' '.join(str(error).split()).rstrip('.')}; see contbreather --help"
 
 

@@ -160,8 +160,10 @@ class Point:
     def __repr__(self) -> str:
         shown = {name: value for name, value in self.values.items() if np.ndim(value) == 0}
         values = ", ".join(f"{name}={value:.10g}" for name, value in shown.items())
-        status = "" if self.located else ", not located"
-        return f"Point({self.label + ': ' if self.label else ''}{values}{status})"
+        if self.located:
+            return f"Point({self.label + ': ' if self.label else ''}{values})"
+        reason = f": {self.detail['reason']}" if "reason" in self.detail else ""
+        return f"Point({self.label or self.kind}?: {values}; not located{reason})"
 
 
 @dataclass(frozen=True, eq=False)

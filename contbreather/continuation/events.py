@@ -49,7 +49,7 @@ class Locus:
     events: tuple[Event, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Event:
     """A test function along a curve, and what its zero means.
 
@@ -103,16 +103,30 @@ class Event:
     arms: Callable[[Point], tuple[Seed, ...]] | None = field(default=None, kw_only=True)
     analysis: Callable[[Point], Mapping[str, Any]] | None = field(default=None, kw_only=True)
 
+    def __repr__(self) -> str:
+        return f"<Event {self.kind}{', terminal' if self.terminal else ''}>"
+
 
 def user(name: str, value: float, *, terminal: bool = False) -> Event:
-    """UZ: a named value passes `value`.
+    """UZ: a named value (an unknown, a parameter, a recorded number) passes `value`.
+
+    Traced in two parameters it is a contour line of that value.
 
     Examples
     --------
-    >>> user("mu", 0.3).kind
-    'UZ'
+    >>> user("mu", 0.3)
+    <Event UZ>
     """
-    return Event("UZ", lambda point: point[name] - value, terminal=terminal)
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        return np.array([Point(curve, z.copy(), np.empty(0), 0.0, 0.0)[name] - value])
+
+    return Event(
+        "UZ",
+        lambda point: point[name] - value,
+        terminal=terminal,
+        locus=lambda point: Locus({}, conditions),
+    )
 
 
 def fold() -> Event:

@@ -25,7 +25,7 @@ Params = Mapping[str, float]
 Residual = Callable[[Array, Params], Array]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Problem:
     """Equations ``F(x, p) = 0`` with named unknowns and parameters: the one contract of the engine.
 
@@ -195,6 +195,10 @@ class Problem:
             for name, at in self.slots.items()
         }
         return replace(self, start=start), found
+
+    def __repr__(self) -> str:
+        events = f"; events {[event.kind for event in self.events]}" if self.events else ""
+        return f"<Problem {self.label or f'of {self.x.size} equations'}: {self.shown()}{events}>"
 
     def shown(self) -> str:
         """The start and the parameters, as far as they are numbers."""

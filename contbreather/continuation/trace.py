@@ -614,6 +614,11 @@ def _pair(name: str, window: tuple[float, float]) -> tuple[float, float]:
 def _bounds(curve: Curve, within: Within | None) -> list[tuple[int, float, float]]:
     """The window and the domain of the problem, as (slot, low, high) of what can change."""
     problem = curve.problem
+    if within is not None and not isinstance(within, Mapping):
+        raise BadInput(
+            f"within={within!r}: windows by name were wanted, "
+            f"for instance {{{(*curve.free, *curve.slots)[0]!r}: (0.0, 1.0)}}"
+        )
     problem.check_names(within or ())
     bounds = []
     for name in {**problem.domain, **(within or {})}:

@@ -80,7 +80,8 @@ class OrbitRingVerdict:
 
     def describe(self) -> str:
         """The verdict as a sentence."""
-        word = "stable" if self.stable else f"unstable, {self.unstable} multipliers"
+        plural = "" if self.unstable == 1 else "s"
+        word = "stable" if self.stable else f"unstable, {self.unstable} multiplier{plural}"
         sign = "<=" if self.stable else ">"
         return (
             f"ring of {self.sites} sites: {word}; largest |multiplier| over the orbit's period "

@@ -252,15 +252,29 @@ def test_a_wrong_derivative_of_a_locus_is_refused() -> None:
 # --- what cannot be traced --------------------------------------------------------------------
 
 
+def test_a_user_value_traced_in_two_parameters_is_a_contour_line() -> None:
+    """Contours of x, and of x^2 as recorded, on h + mu x - x^3 = 0: straight lines."""
+    square = replace(CUSP.problem, record={"square": lambda point: point["x"] ** 2})
+    events = [user("x", 0.5), user("square", 0.25)]
+    branch = trace(square, "h", events=events, within={"x": (-1, 1)})
+    assert [point.label for point in branch.special if point.kind == "UZ"] == ["UZ1", "UZ2", "UZ3"]
+    at_minus_half, *others = (point for point in branch.special if point.kind == "UZ")
+    for point, x in ((at_minus_half, -0.5), (others[0], 0.5), (others[1], 0.5)):
+        line = boundary(point, ("mu", "h"), within={"mu": (-1, 2)}, events=())
+        assert len(line) > 5
+        assert np.allclose(line["h"], x**3 - x * line["mu"], rtol=0, atol=1e-10)
+
+
 def test_what_cannot_be_traced_is_refused_with_a_sentence(planar: Branch) -> None:
     point = planar.first("LP")
     with pytest.raises(BadInput, match="is no special point: nothing to trace as a boundary"):
         boundary(planar[3], ("b2", "b1"))
     with pytest.raises(BadInput, match="is no special point"):
         boundary(planar.first("EP"), ("b2", "b1"))
-    uz = trace(takens(), "b1", events=[user("x", 0.0)], within={"b1": (-1, 1)}).first("UZ")
-    with pytest.raises(BadInput, match="UZ has no locus to trace in two parameters"):
-        boundary(uz, ("b2", "b1"))
+    mine = Event("XY", lambda point: point["x"])
+    crossing = trace(takens(), "b1", events=[mine], within={"b1": (-1, 1)}).first("XY")
+    with pytest.raises(BadInput, match="XY has no locus to trace in two parameters"):
+        boundary(crossing, ("b2", "b1"))
     bp = trace(PITCHFORK.problem, "mu", events=[branch_point()], within={"mu": (-1, 1)})
     with pytest.raises(BadInput, match="needs two different parameters"):
         boundary(bp.first("BP"), ("mu", "mu"))
