@@ -211,8 +211,8 @@ REFUSED = {
         "boundary PF --k 0.8 --gamma 0.2 --window 0 0.1",
         r"outside of the window",
     ),
-    "no such figure": ("figure 9", r"there are the figures 2, 3, 4"),
-    "no figure": ("figure", r"there are the figures 2, 3, 4"),
+    "no such figure": ("figure 9", r"there are the figures 2, 3, 4, 5, 6, 7, 8"),
+    "no figure": ("figure", r"there are the figures 2, 3, 4, 5, 6, 7, 8"),
     "empty table name": (
         "branch --free a --gamma 0.1 --k 0.8 --csv ''",
         r"name of the file to write is empty",

@@ -12,16 +12,16 @@ from contbreather.errors import BadInput
 
 
 def figure(
-    number: Annotated[str | None, Parameter(help="2, 3 or 4, as the captions count.")] = None,
+    number: Annotated[str | None, Parameter(help="2 to 8, as the captions count.")] = None,
     *,
     csv: Csv = None,
     output: Output = None,
     json: Json = False,
 ) -> None:
-    """A figure of the paper, with what is exact beside what the paper's rule says.
+    """A figure of the paper, with what is exact beside what the paper says, and our verdict.
 
-    Without --output it writes figure2.png (3, 4) into the current directory, unless --json or
-    --csv is given.
+    Without --output it writes figure2.png (to figure8.png) into the current directory, unless
+    --json or --csv is given.
     """
     from contbreather.paper import FIGURES
 
@@ -40,6 +40,8 @@ def figure(
         made.append(to_figure(output, found.draw))
     if json:
         paths = [str(path) for path in made]
-        to_json({"figure": int(number), "caption": found.caption, "rows": rows, "written": paths})
+        content = {"figure": int(number), "caption": found.caption, "rows": rows, "written": paths}
+        numbers = getattr(found, "numbers", None)  # what the caption's verdict is made of
+        to_json(content if numbers is None else {**content, "numbers": numbers})
         return
     say(found.caption, *(f"Wrote {path}." for path in made))

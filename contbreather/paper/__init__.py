@@ -6,15 +6,29 @@ from collections.abc import Callable
 
 from contbreather.paper.figure2 import Figure2, chain_lengths, figure2
 from contbreather.paper.figures34 import MultiplierFigure, figure3, figure4
+from contbreather.paper.time_series import TimeSeries, figure5, figure6, figure7, figure8
 
-FIGURES: dict[int, Callable[[], Figure2 | MultiplierFigure]] = {2: figure2, 3: figure3, 4: figure4}
+FIGURES: dict[int, Callable[[], Figure2 | MultiplierFigure | TimeSeries]] = {
+    2: figure2,
+    3: figure3,
+    4: figure4,
+    5: figure5,
+    6: figure6,
+    7: figure7,
+    8: figure8,
+}
 
 __all__ = [
     "FIGURES",
     "Figure2",
     "MultiplierFigure",
+    "TimeSeries",
     "chain_lengths",
     "figure2",
     "figure3",
     "figure4",
+    "figure5",
+    "figure6",
+    "figure7",
+    "figure8",
 ]

@@ -9,19 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers import Breather, symmetric
+from contbreather.breathers.asymmetric import problem_from
+from contbreather.breathers.orbits import Orbit, orbit_at
 from contbreather.dynamics import (
+    PeriodicMotion,
     Run,
     Sample,
-    SmoothOrbit,
     SmoothRun,
-    localisation,
     periodic,
     simulate,
     simulate_smooth,
@@ -30,8 +32,16 @@ from contbreather.dynamics import (
     verdict,
 )
 from contbreather.dynamics.conditions import PERIOD, whole
-from contbreather.errors import NotConverged
-from contbreather.plotting.canvas import BLUE, CYCLE, GREY, VERMILLION, new_figure, style
+from contbreather.paper.fates import (
+    delocalised,
+    enough_damping,
+    growth,
+    life,
+    smooth_breather,
+    softest,
+    solution,
+)
+from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,12 +55,7 @@ DAMPING = 0.005
 HARDNESS = 6  # "for m > 5 the simulation results ceased to depend on the exact choice of m"
 SHOWN = (0, 1, 10)
 CENTRAL = (-2, -1, 0, 1, 2)
-CIRCLES = 40  # in a period
-BROAD = 3.0  # participation ratio beyond which a state is no breather
-MISSED, REACHED = (
-    0.6,
-    0.93,
-)  # |u| that site 0 always exceeds in a breather, and that others never do
+CIRCLES = 32  # in a period
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +66,7 @@ class Curve:
     site: int
     t: Array
     u: Array
-    style: str = "line"  # "line", "circles", "trace" or "points"
+    style: str = "line"  # "line", "dashed", "circles", "trace" or "points"
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,38 +115,63 @@ class TimeSeries:
                     }  # fmt: skip
 
     def draw(self) -> Figure:
-        """Panels below each other, as printed."""
+        """Panels below each other, as printed; those of one time axis share it."""
+        ticks = [_same_axis(*pair) for pair in pairwise(self.panels)] + [False]
+        height = sum(2.9 if shared else 3.9 for shared in ticks)
         with style():
-            figure, axes = new_figure(len(self.panels), height=3.9 * len(self.panels))
-            for ax, letter, panel in zip(axes, "abcdef", self.panels, strict=False):
+            figure, axes = new_figure(len(self.panels), height=height)
+            for ax, letter, panel, shared in zip(axes, "abcdef", self.panels, ticks, strict=False):
                 _draw_panel(ax, panel)
-                ax.set_title(f"({letter}) {panel.title}", loc="left", pad=3)
+                ax.set_title(f"({letter}) {panel.title}".rstrip(), loc="left", pad=3)
+                if shared:
+                    ax.set_xlabel("")
+                    ax.tick_params(labelbottom=False)
+            _explain(axes[0])
+            figure.align_ylabels()
         return figure
+
+
+def _same_axis(panel: Panel, below: Panel) -> bool:
+    """Whether two panels show the same stretch of time, in time series drawn as lines."""
+    one, other = panel.curves[0], below.curves[0]
+    same = panel.labels[0] == below.labels[0] and one.style == other.style == "line"
+    return same and one.t[[0, -1]].tolist() == other.t[[0, -1]].tolist()
+
+
+def _explain(ax: Axes) -> None:
+    """A legend over the panel, where no data are."""
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(
+            loc="lower right", bbox_to_anchor=(1.015, 0.965), ncols=3, frameon=False,
+            handlelength=1.3, handletextpad=0.4, columnspacing=1.0,
+        )  # fmt: skip
 
 
 def _draw_panel(ax: Axes, panel: Panel) -> None:
     for curve in panel.curves:
         if curve.style == "line":
             ax.plot(curve.t, curve.u, "-", color=VERMILLION, label=curve.name)
+        elif curve.style == "dashed":
+            ax.plot(curve.t, curve.u, "--", color=BLUE, linewidth=0.9, label=curve.name)
         elif curve.style == "circles":
             ax.plot(
                 curve.t, curve.u, "o", color="black", markerfacecolor="none", markersize=2.6,
                 markeredgewidth=0.5, label=curve.name,
             )  # fmt: skip
         elif curve.style == "points":
-            ax.plot(curve.t, curve.u, ".", color=BLUE, markersize=0.9, label=curve.name)
+            ax.plot(curve.t, curve.u, ".", color=BLUE, markersize=0.9)
         else:
             colour = CYCLE[abs(curve.site)]
             ax.plot(curve.t, curve.u, "-", color=colour, linewidth=0.25, rasterized=True)
     ax.set_xlabel(panel.labels[0])
     ax.set_ylabel(panel.labels[1])
+    ax.locator_params(axis="x", nbins=7)
     traces = [curve for curve in panel.curves if curve.style == "trace"]
     if traces:
-        ax.set_yticks([2.2 * c.site for c in traces], [f"$n={c.site}$" for c in traces])
-        ax.set_ylabel("")
+        ax.set_yticks([2.2 * c.site for c in traces], [f"${c.site}$" for c in traces])
         ax.margins(x=0.0)
-    if panel.lost is not None:
-        ax.axvline(panel.lost, color=GREY, linewidth=0.8, linestyle="--")
+    if panel.lost:
+        ax.axvline(panel.lost, color="black", linewidth=0.8, linestyle="--")
     if any(curve.style == "circles" for curve in panel.curves):
         ax.margins(x=0.01)
 
@@ -153,16 +183,17 @@ def _against(exact: Breather, run: Run | SmoothRun, word: str) -> tuple[Panel, .
     """Panels of sites 0, 1 and 10: the exact line through the circles of a dense record."""
     assert run.record is not None
     times, sites = run.record.times, run.record.sites
-    fine = np.linspace(times[0], times[-1], 1200)
-    step = max(1, round(PERIOD / (times[1] - times[0]) / CIRCLES))
+    gap = times[1] - times[0]
+    fine = np.linspace(times[0], times[-1] + gap, 1200)
+    step = max(1, round(PERIOD / gap / CIRCLES))
     panels = []
     for n in SHOWN:
         u = run.record.u[:, sites.index(n % run.sites)]
         panels.append(
             Panel(
-                f"$u_{{{n}}}$",
+                "",
                 (
-                    Curve("exact, infinite chain", n, fine / PERIOD, exact.displacement(n, fine)),
+                    Curve("exact", n, fine / PERIOD, exact.displacement(n, fine)),
                     Curve(word, n, times[::step] / PERIOD, u[::step], "circles"),
                 ),
                 (r"$t/2\pi$", f"$u_{{{n}}}$"),
@@ -202,48 +233,10 @@ def _conditions(a: float, gamma: float, damping: float = DAMPING) -> dict[str, A
     return {"a": a, "gamma": gamma, "k": RESTITUTION, "damping": damping}
 
 
-def _life(run: Run | SmoothRun) -> int | None:
-    """Periods until site 0 misses a wall or another site comes to one: the breather's life."""
-    if isinstance(run, Run):
-        own = np.bincount(run.at_site(0)["period"], minlength=run.periods)
-        others = run.impacts["period"][run.impacts["site"] != 0]
-        broken = (own != 2) | (np.bincount(others, minlength=run.periods) > 0)
-    else:
-        assert run.record is not None
-        u = run.record.u.reshape(run.periods, -1, len(run.record.sites))
-        site, rest = u[:, :, run.record.sites.index(0)], np.delete(u, run.record.sites.index(0), 2)
-        missed = (site.max(axis=1) < MISSED) | (site.min(axis=1) > -MISSED)
-        broken = missed | (np.abs(rest).max(axis=(1, 2)) > REACHED)
-    gone = np.flatnonzero(broken)
-    return int(gone[0]) if gone.size else None
-
-
-def _spread(run: SmoothRun) -> bool:
-    """Whether the energy is all over the ring at the end."""
-    c, (u, v) = run.conditions, run.strobe
-    seen = localisation(u[-1], v[-1], run.times[-1], a=c.a, gamma=c.gamma, damping=c.damping)
-    return float(seen.participation) > BROAD
-
-
-def _smooth_multiplier(breather: Breather, m: int) -> float:
-    """Largest multiplier over 2 pi of the smooth ring's own breather; NaN if there is none."""
-    conditions = _conditions(breather.a, breather.gamma)
-    try:
-        problem, _ = smooth_orbit(breather.state(SITES), m=m, **conditions).solve()
-    except NotConverged:
-        return math.nan
-    found: SmoothOrbit = _solution(problem)
-    return found.largest
-
-
-def _solution(problem: Any) -> Any:
-    """What a solved problem's start is."""
-    from contbreather.continuation import walk
-
-    return next(walk(problem, "a", events=())).solution
-
-
 # --- Fig. 5 ---------------------------------------------------------------------------------------
+
+
+SETTLING = 400  # periods after which the start of the paper has become the breather
 
 
 def figure5(m: int = HARDNESS) -> TimeSeries:
@@ -259,9 +252,13 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
     conditions, exact = _conditions(a, gamma), symmetric(a, gamma, RESTITUTION)
     v = np.zeros(SITES)
     v[0] = 3.0  # the start of the paper; all else zero
-    transient = simulate_smooth((np.zeros(SITES), v), m=m, periods=400, **conditions)
+    transient = simulate_smooth((np.zeros(SITES), v), m=m, periods=SETTLING, **conditions)
     problem, _ = smooth_orbit(transient.final, m=m, **conditions).solve()
-    orbit = _solution(problem)
+    orbit = solution(problem)
+    away = float(np.abs(np.subtract(transient.final, orbit.state)).max())
+    circles = simulate_smooth(
+        transient.final, m=m, periods=2, sample=Sample(SHOWN, CIRCLES), **conditions
+    )
     settled = simulate_smooth(orbit.state, m=m, periods=2, sample=Sample(SHOWN, 400), **conditions)
     gap, (left, shift) = _differences(exact, settled), _after_a_shift(exact, settled)
     rigid = periodic(exact.state(SITES), symmetric=True, **conditions).largest
@@ -270,23 +267,25 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
         **{f"difference_{n}": gap[n] for n in SHOWN},
         "difference_0_shifted": left,
         "shift": shift,
+        "away": away,
         "smooth_multiplier": orbit.largest,
         "rigid_multiplier": rigid,
         "undamped_multiplier": free,
     }
     shown = (
         f"Exact breather of the infinite chain (lines) and the ring of {SITES} sites with smooth "
-        f"walls, m = {m}, started as in the paper (circles, after its transient): a = {a}, "
+        f"walls, m = {m}, {SETTLING} periods after the paper's start (circles): a = {a}, "
         f"k = {RESTITUTION}, gamma = {gamma}, damping {DAMPING}."
     )
     findings = (
         f"Verdict: an attractor, with this damping: largest multiplier {orbit.largest:.4f} "
-        f"(rigid walls: {rigid:.4f}; without damping {free:.4f}, unstable).",
-        f"Largest differences: {gap[0]:.3f} in u_0 ({left:.3f} once shifted in time by "
-        f"{-shift:.3f}: the soft wall holds the site for a while), {gap[1]:.4f} in u_1, "
+        f"(rigid walls: {rigid:.4f}; without damping {free:.4f}, unstable). The circles are within "
+        f"{away:.1g} of the ring's own periodic motion.",
+        f"That motion differs from the exact one by {gap[0]:.3f} in u_0 ({left:.3f} once shifted "
+        f"in time by {-shift:.3f}: the soft wall holds the site for a while), {gap[1]:.4f} in u_1, "
         f"{gap[10]:.4f} in u_10.",
     )
-    return TimeSeries(5, _against(exact, settled, f"m = {m}"), shown, findings, numbers)
+    return TimeSeries(5, _against(exact, circles, f"ring, $m = {m}$"), shown, findings, numbers)
 
 
 # --- Fig. 6 ---------------------------------------------------------------------------------------
@@ -308,60 +307,80 @@ def figure6(m: int = HARDNESS) -> TimeSeries:
     numbers: dict[str, float] = {}
     for letter, (a, periods) in zip("abc", RUNS6, strict=True):
         exact, conditions = symmetric(a, gamma, RESTITUTION), _conditions(a, gamma)
-        start, sample = exact.state(SITES), Sample(CENTRAL, 24)
-        run = simulate_smooth(start, m=m, periods=periods, sample=sample, **conditions)
-        lost = _life(run)
-        rigid = periodic(start, symmetric=True, **conditions).largest
-        life = _life(simulate(start, periods=600, **conditions))
-        soft = _smooth_multiplier(exact, m)
-        panels.append(_traces(run, f"$a = {a}$", lost))
-        findings.append(_fate6(letter, a, m, (lost, soft), (life, rigid)))
-        numbers |= {
-            f"lost_{a}": math.nan if lost is None else float(lost),
-            f"rigid_lost_{a}": math.nan if life is None else float(life),
-            f"multiplier_{a}": soft,
-            f"rigid_multiplier_{a}": rigid,
-        }
+        sample = Sample(CENTRAL, 24)
+        run = simulate_smooth(exact.state(SITES), m=m, periods=periods, sample=sample, **conditions)
+        found = _fate(exact, m, life(run))
+        panels.append(_traces(run, f"$a = {a}$: {_gone(found['lost'])}", found["lost"]))
+        findings.append(f"({letter}) a = {a}: {_told(found, m)}")
+        numbers |= {f"{name}_{a}": value for name, value in found.items()}
     shown = (
         f"Five central sites of the ring of {SITES} with smooth walls (m = {m}), started on the "
         f"exact solution at gamma = {gamma}, k = {RESTITUTION}, damping {DAMPING}; dashed: the "
         "breather is lost, site 0 misses a wall or a neighbour comes to one."
     )
-    verdict6 = "Verdict: transients, all three; a life grows with the logarithm of how exact the "
-    verdict6 += "start is, its rate is the multiplier's."
-    return TimeSeries(6, tuple(panels), shown, (*findings, verdict6), numbers)
+    verdict6 = (
+        "Verdict: transients, all three. A life grows with the logarithm of how exact the start "
+        "is; what counts is the growth in a period, simulated beside the multiplier."
+    )
+    return TimeSeries(6, tuple(panels), shown, (verdict6, *findings), numbers)
 
 
-def _traces(run: SmoothRun, title: str, lost: int | None) -> Panel:
+def _traces(run: SmoothRun, title: str, lost: float) -> Panel:
     assert run.record is not None
     t = run.record.times / PERIOD
     curves = tuple(
         Curve(f"u_{n}", n, t, run.record.u[:, i] + 2.2 * n, "trace") for i, n in enumerate(CENTRAL)
     )
-    return Panel(title, curves, (r"$t/2\pi$", "n"), None if lost is None else float(lost))
+    return Panel(title, curves, (r"$t/2\pi$", "site $n$"), None if math.isnan(lost) else lost)
 
 
-def _fate6(
-    letter: str,
-    a: float,
-    m: int,
-    smooth: tuple[int | None, float],
-    rigid: tuple[int | None, float],
-) -> str:
-    (lost, soft), (life, hard) = smooth, rigid
-    if math.isnan(soft):
-        why = f"at m = {m} there is no breather to start on (its branch ends in a fold in m)"
+def _fate(exact: Breather, m: int, lost: int | None) -> dict[str, float]:
+    """Lives (NaN: kept), growth in a period beside the multiplier, and what would keep it.
+
+    ``softest`` is the m at which the breather of the smooth ring ends, where it does not reach m.
+    """
+    conditions = _conditions(exact.a, exact.gamma)
+    rigid = periodic(exact.state(SITES), symmetric=True, **conditions)
+    rigid_lost = life(simulate(exact.state(SITES), periods=600, **conditions))
+    soft = smooth_breather(exact, m, DAMPING, SITES)
+    return {
+        "lost": math.nan if lost is None else float(lost),
+        "growth": math.nan if soft is None else growth(soft),
+        "multiplier": math.nan if soft is None else soft.largest,
+        "softest": softest(exact, DAMPING, SITES) if soft is None else math.nan,
+        "rigid_lost": math.nan if rigid_lost is None else float(rigid_lost),
+        "rigid_growth": growth(rigid),
+        "rigid_multiplier": rigid.largest,
+        "enough_damping": enough_damping(exact, SITES),
+    }
+
+
+def _gone(periods: float) -> str:
+    if math.isnan(periods):
+        return "kept"
+    return f"lost after {periods:.0f} periods" if periods else "lost at once"
+
+
+def _told(found: dict[str, float], m: int) -> str:
+    if math.isnan(found["multiplier"]):
+        why = f"there is no breather at m = {m}, it ends in a fold at m = {found['softest']:.2f}"
     else:
-        why = f"largest multiplier {soft:.4f}"
-    gone = {None: "kept", 0: "lost at once"}.get(lost, f"lost after {lost} periods")
-    rigid_life = "kept" if life is None else f"after {life} periods"
-    return f"({letter}) a = {a}: {gone}, {why}; rigid walls: {rigid_life}, {hard:.4f}."
+        why = f"growth {found['growth']:.4f}, multiplier {found['multiplier']:.4f}"
+    return (
+        f"{_gone(found['lost'])} ({why}); rigid walls: {_gone(found['rigid_lost'])} (growth "
+        f"{found['rigid_growth']:.4f}, multiplier {found['rigid_multiplier']:.4f}), an attractor "
+        f"from damping {found['enough_damping']:.4f} on."
+    )
 
 
 # --- Fig. 7 ---------------------------------------------------------------------------------------
 
 
-def figure7(m: int = 20) -> TimeSeries:
+RAMP = (0.7, 0.82)  # amplitudes, the second that of the figure
+HARD_ENOUGH = 20
+
+
+def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
     """Fig. 7: past the pitchfork, a = 0.82, gamma = 0.04, the breather that settles is asymmetric.
 
     Examples
@@ -370,50 +389,85 @@ def figure7(m: int = 20) -> TimeSeries:
     >>> round(abs(found.numbers["mean_0"]), 3)
     0.028
     """
-    gamma, m = 0.04, whole("m", m, 1)
-    first, last = 0.7, 0.82
-    exact, conditions = symmetric(last, gamma, RESTITUTION), _conditions(last, gamma)
-    start = symmetric(first, gamma, RESTITUTION).state(SITES)
-    values = np.linspace(first, last, 121)
-    ramp = sweep(start, "a", values, periods=2, m=m, **conditions)
-    held = simulate_smooth(ramp.final, m=m, periods=500, **conditions)
-    settled = simulate_smooth(held.final, m=m, periods=2, sample=Sample(SHOWN, 200), **conditions)
-    lost = _spread(settled)
+    a, gamma, m = RAMP[1], 0.04, whole("m", m, 1)
+    exact, conditions = symmetric(a, gamma, RESTITUTION), _conditions(a, gamma)
+    settled = _ramped(m, gamma)
+    lost, other = delocalised(settled), HARD_ENOUGH if m == HARDNESS else HARDNESS
     assert settled.record is not None
     mean = settled.record.u.mean(axis=0)
-    rigid = simulate(exact.state(SITES), periods=3000, **conditions)
-    own = periodic(rigid.final, **conditions)
-    impacts = own.run(sample=Sample((0,), 400))
-    assert impacts.record is not None
-    phases = np.sort(impacts.impacts["phase"])
+    own = periodic(simulate(exact.state(SITES), periods=3000, **conditions).final, **conditions)
+    phases, rigid_mean = _impacts_and_mean(own)
     alone = periodic(exact.state(SITES), symmetric=True, **conditions).largest
+    lopsided = _asymmetric(phases, rigid_mean, exact)
     numbers = {
         "mean_0": float(mean[0]),
         "mean_10": float(mean[2]),
-        "rigid_mean_0": float(impacts.record.u.mean()),
-        "phase_1": float(phases[0]),
-        "phase_2": float(phases[1]),
+        "rigid_mean_0": rigid_mean,
+        "exact_c": lopsided.c,
+        "phase_1": phases[0],
+        "phase_2": phases[1],
         "rigid_multiplier": own.largest,
         "symmetric_multiplier": alone,
         "delocalised": float(lost),
+        f"delocalised_{other}": float(delocalised(_ramped(other, gamma))),
     }
     shown = (
-        f"Past the pitchfork (exactly at a = 0.777632 without damping): a = {last}, gamma = "
-        f"{gamma}, k = {RESTITUTION}, damping {DAMPING}. Lines: exact symmetric breather, "
-        f"unstable. Circles: ring of {SITES} with smooth walls, m = {m}, after a ramp of a from "
-        f"{first} to {last} and 500 periods."
+        f"Past the pitchfork (exactly at a = 0.777632 without damping): a = {a}, gamma = "
+        f"{gamma}, k = {RESTITUTION}. Lines: exact symmetric breather, unstable. Dashed: exact "
+        f"asymmetric one. Circles: ring of {SITES} with smooth walls, m = {m}, damping {DAMPING}, "
+        f"after a ramp of a from {RAMP[0]} and 500 periods."
     )
-    fate = "the ramp ends delocalised: the ring hits everywhere" if lost else (
+    fate = "the ramp ends delocalised, impacts are everywhere" if lost else (
         f"the asymmetric breather: mean of u_0 {mean[0]:.4f}, of u_10 {mean[2]:.4f}"
     )  # fmt: skip
+    end = "ends delocalised as well" if numbers[f"delocalised_{other}"] else "keeps its breather"
+    if lost != bool(numbers[f"delocalised_{other}"]):
+        end = "ends delocalised" if not lost else end
     findings = (
-        f"Verdict: {fate}; m = 6 is too soft (the neighbour comes close to its wall), m >= 20 is "
-        "needed.",
+        f"Verdict: {fate}; with m = {other} the ramp {end}.",
         f"With rigid walls an attractor, largest multiplier {own.largest:.5f} (the symmetric "
         f"breather: {alone:.4f}), impact phases {phases[0]:.6f} and {phases[1]:.6f}, mean of u_0 "
-        f"{numbers['rigid_mean_0']:.4f} or its opposite.",
+        f"{rigid_mean:.4f} or its opposite; exactly, without damping, {lopsided.c:.4f}.",
     )
-    return TimeSeries(7, _against(exact, settled, f"m = {m}"), shown, findings, numbers)
+    panels = _against(exact, settled, f"ring, $m = {m}$")
+    if not lost:
+        panels = tuple(_with_arm(panel, lopsided, float(mean[0])) for panel in panels)
+    return TimeSeries(7, panels, shown, findings, numbers)
+
+
+def _ramped(m: int, gamma: float) -> SmoothRun:
+    """The ring of Fig. 7: two periods after a slow ramp in a and 500 periods of rest."""
+    conditions = _conditions(RAMP[1], gamma)
+    start = symmetric(RAMP[0], gamma, RESTITUTION).state(SITES)
+    ramp = sweep(start, "a", np.linspace(*RAMP, 121), periods=2, m=m, **conditions)
+    held = simulate_smooth(ramp.final, m=m, periods=500, **conditions)
+    sample = Sample(SHOWN, 8 * CIRCLES)
+    return simulate_smooth(held.final, m=m, periods=2, sample=sample, **conditions)
+
+
+def _impacts_and_mean(motion: PeriodicMotion) -> tuple[tuple[float, float], float]:
+    """Both impact phases of a motion in order, and the mean of u_0."""
+    run = motion.run(sample=Sample((0,), 400))
+    assert run.record is not None
+    first, second = np.sort(run.impacts["phase"]).tolist()
+    return (first, second), float(run.record.u.mean())
+
+
+def _asymmetric(phases: tuple[float, float], mean: float, near: Breather) -> Orbit:
+    """The exact asymmetric breather of the infinite chain next to a simulated one."""
+    values = {"a": near.a, "gamma": near.gamma, "k": near.k}
+    start = {"p": near.p, "t1": phases[1] - PERIOD, "t2": phases[0], "c": mean}
+    problem = problem_from(start, values, near.forcing, near.lattice, 0)
+    return orbit_at(problem.solve()[0])
+
+
+def _with_arm(panel: Panel, arm: Orbit, mean: float) -> Panel:
+    """A panel with the exact asymmetric breather, that of the two images the ring has come to."""
+    line = panel.curves[0]
+    t, sign = PERIOD * line.t, math.copysign(1.0, mean * arm.c)
+    u = sign * arm.displacement(line.site, t if sign > 0.0 else t + math.pi)
+    dashed = Curve("asymmetric", line.site, line.t, u, "dashed")
+    return replace(panel, curves=(line, dashed, *panel.curves[1:]))
 
 
 # --- Fig. 8 ---------------------------------------------------------------------------------------
@@ -435,40 +489,33 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
     start = exact.state(SITES)
     sample = Sample(CENTRAL, 24)
     long = simulate_smooth(start, m=m, periods=250, sample=sample, **conditions)
-    lost = _life(long)
+    lost = life(long)
     first = max(0, (lost or 250) - 40)
-    then, sample = (long.strobe.u[first], long.strobe.v[first]), Sample(SHOWN, CIRCLES)
+    then, sample = (long.strobe.u[first], long.strobe.v[first]), Sample(SHOWN, CIRCLES // 2)
     window = simulate_smooth(then, m=m, periods=6, sample=sample, **conditions)
-    rigid_lost = _life(simulate(start, periods=400, **conditions))
-    rigid = periodic(start, symmetric=True, **conditions).largest
+    found = _fate(exact, m, lost)
     torus = verdict(
         symmetric(TORUS["a"], TORUS["gamma"], RESTITUTION).state(SITES),
         settle=8000, periods=3000, **TORUS,
     )  # fmt: skip
-    numbers = {
-        "lost": math.nan if lost is None else float(lost),
-        "rigid_lost": math.nan if rigid_lost is None else float(rigid_lost),
-        "rigid_multiplier": rigid,
-        **{name: float(value) for name, value in torus.evidence.items()},
-    }
+    evidence = {name: float(value) for name, value in torus.evidence.items()}
     shown = (
         f"(a) to (c): a = {a}, gamma = {gamma}, k = {RESTITUTION}, damping {DAMPING}, beyond the "
         f"Neimark-Sacker line. Lines: exact breather, unstable. Circles: ring of {SITES} with "
         f"smooth walls, m = {m}, {first} periods after its start on the exact solution."
     )
-    gone = "was kept for 250 periods" if lost is None else f"is lost after {lost} periods"
     findings = (
-        f"Verdict: a transient; the breather {gone} (rigid walls: {rigid_lost}; multiplier "
-        f"{rigid:.4f}).",
+        f"Verdict: a transient, {_told(found, m)}",
         f"(d) A genuine quasi-periodic breather, rigid walls, N = {SITES}, damping "
         f"{TORUS['damping']}, gamma = {TORUS['gamma']}, a = {TORUS['a']}: stroboscopic section of "
-        f"site 0; {torus.reason}.",
+        f"site 0, rotation number {evidence['rotation']:.8f}, largest Lyapunov exponent zero to "
+        f"{max(abs(evidence['exponent']), evidence['exponent_error']):.0e}.",
     )
     u, v = torus.run.strobe
     section = Panel(
-        "torus, strobe of site 0",
+        f"rigid walls, damping {TORUS['damping']}: a torus",
         (Curve("section", 0, u[:, 0], v[:, 0], "points"),),
         ("$u_0$", r"$\dot u_0$"),
     )
-    panels = (*_against(exact, window, f"m = {m}"), section)
-    return TimeSeries(8, panels, shown, findings, numbers)
+    panels = (*_against(exact, window, f"ring, $m = {m}$"), section)
+    return TimeSeries(8, panels, shown, findings, {**found, **evidence})

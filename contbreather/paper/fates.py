@@ -1,0 +1,150 @@
+"""What becomes of a breather on a ring: how long it lives, at which rate it goes, what it needs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers import Breather
+from contbreather.continuation import fold, trace, walk
+from contbreather.dynamics import (
+    PeriodicMotion,
+    Run,
+    SmoothOrbit,
+    SmoothRun,
+    localisation,
+    periodic,
+    simulate,
+    simulate_smooth,
+    smooth_orbit,
+)
+from contbreather.errors import NotConverged
+
+Array = NDArray[Any]
+
+BROAD = 3.0  # participation ratio beyond which a state is no breather
+MISSED = 0.6  # |u| that site 0 exceeds on both sides in every period of a breather
+REACHED = 0.93  # |u| that no other site comes to
+SMALL = 1e-6  # of a perturbation: what follows is linear
+TOGETHER = 10  # periods between two times at which it is made small again
+HARD = 30  # hardness of a wall at which the breather is close to the impacting one
+MOST = 0.06  # damping that is enough for every breather of the figures
+
+
+def life(run: Run | SmoothRun) -> int | None:
+    """Periods until site 0 misses a wall or another site comes to one; None if it never happens.
+
+    Of smooth rings it needs a record of site 0 and its neighbours.
+    """
+    if isinstance(run, Run):
+        own = np.bincount(run.at_site(0)["period"], minlength=run.periods)
+        others = run.impacts["period"][run.impacts["site"] != 0]
+        broken = (own != 2) | (np.bincount(others, minlength=run.periods) > 0)
+    else:
+        assert run.record is not None
+        u = run.record.u.reshape(run.periods, -1, len(run.record.sites))
+        here = run.record.sites.index(0)
+        site, rest = u[:, :, here], np.delete(u, here, 2)
+        missed = (site.max(axis=1) < MISSED) | (site.min(axis=1) > -MISSED)
+        broken = missed | (np.abs(rest).max(axis=(1, 2)) > REACHED)
+    gone = np.flatnonzero(broken)
+    return int(gone[0]) if gone.size else None
+
+
+def delocalised(run: SmoothRun) -> bool:
+    """Whether the energy is all over the ring at the end."""
+    c, (u, v) = run.conditions, run.strobe
+    seen = localisation(u[-1], v[-1], run.times[-1], a=c.a, gamma=c.gamma, damping=c.damping)
+    return float(seen.participation) > BROAD
+
+
+def growth(motion: PeriodicMotion | SmoothOrbit, periods: int = 800) -> float:
+    """By which factor a small perturbation of a periodic motion grows in a period: simulated.
+
+    Every few periods it is made small again; the first third of them is left to the largest
+    multiplier to win. That is the number to compare with.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import symmetric
+    >>> b = symmetric(a=0.2, gamma=0.104, k=0.8)
+    >>> own = periodic(b.state(6), a=0.2, gamma=0.104, k=0.8, damping=0.02, symmetric=True)
+    >>> bool(abs(growth(own) - own.largest) < 1e-4)
+    True
+    """
+    here = np.array(motion.state)
+    off = SMALL * np.random.default_rng(0).normal(size=here.shape)
+    sizes: list[float] = []
+    lost = 0.0  # the logarithm of all factors taken off
+    while len(sizes) < periods:
+        there = _after(motion, here + off) - here
+        sizes += [lost + math.log(np.linalg.norm(one)) for one in there[1:]]
+        shrink = SMALL / float(np.linalg.norm(there[-1]))
+        off, lost = shrink * there[-1], lost - math.log(shrink)
+    size = np.array(sizes[periods // 3 :])
+    # a complex pair makes the size wave about its trend; this weight averages waves away
+    x = np.linspace(0.0, 1.0, size.size + 2)[1:-1]
+    slope = np.polyfit(np.arange(size.size), size, 1, w=np.exp(-0.5 / (x * (1.0 - x))))[0]
+    return float(np.exp(slope))
+
+
+def _after(motion: PeriodicMotion | SmoothOrbit, state: Array) -> Array:
+    """Stroboscopic states from one near a motion: shape (TOGETHER + 1, 2, N)."""
+    c = motion.conditions
+    shared: dict[str, Any] = {"a": c.a, "gamma": c.gamma, "k": c.k, "damping": c.damping}
+    shared |= {"periods": TOGETHER, "t0": motion.t0, "forcing": c.forcing, "progress": False}
+    run: Any
+    if isinstance(motion, SmoothOrbit):
+        run = simulate_smooth(state, m=motion.conditions.m, **shared)
+    else:
+        run = simulate(state, **shared)
+    return np.stack(run.strobe, axis=1)
+
+
+def smooth_breather(breather: Breather, m: float, damping: float, sites: int) -> SmoothOrbit | None:
+    """The smooth ring's own breather next to the exact one; None if there is none."""
+    conditions: dict[str, Any] = {"a": breather.a, "gamma": breather.gamma, "k": breather.k}
+    start = smooth_orbit(breather.state(sites), m=m, damping=damping, **conditions)
+    try:
+        problem, _ = start.solve()
+    except NotConverged:
+        return None
+    found: SmoothOrbit = solution(problem)
+    return found
+
+
+def solution(problem: Any) -> Any:
+    """What a solved problem's start is."""
+    return next(walk(problem, "a", events=())).solution
+
+
+def softest(breather: Breather, damping: float, sites: int) -> float:
+    """The m at which the smooth ring's breather ends in a fold, coming from hard walls; NaN if it
+    reaches m = 5."""
+    conditions: dict[str, Any] = {"a": breather.a, "gamma": breather.gamma, "k": breather.k}
+    start = smooth_orbit(breather.state(sites), m=HARD, damping=damping, **conditions)
+    branch = trace(
+        start, "m", within={"m": (5.0, HARD + 1.0)}, towards="down",
+        events=(replace(fold(), terminal=True),), progress=False,
+    )  # fmt: skip
+    return float(branch.first("LP")["m"]) if "LP" in {p.kind for p in branch.special} else math.nan
+
+
+def enough_damping(breather: Breather, sites: int) -> float:
+    """The damping at which the breather of the ring with rigid walls becomes an attractor."""
+    from scipy.optimize import brentq
+
+    conditions: dict[str, Any] = {"a": breather.a, "gamma": breather.gamma, "k": breather.k}
+    start = breather.state(sites)
+
+    def excess(damping: float) -> float:
+        return periodic(start, damping=damping, symmetric=True, **conditions).largest - 1.0
+
+    high = 0.01
+    while high < MOST and excess(high) > 0.0:
+        high += 0.01
+    return float(brentq(excess, high - 0.01, high, xtol=1e-7))

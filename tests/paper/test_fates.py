@@ -1,0 +1,111 @@
+"""What figures 5 to 8 say of their breathers: lives, growth, what would keep them."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.cli import DONE, main
+from contbreather.dynamics import Sample, periodic, simulate, simulate_smooth
+from contbreather.paper import fates, time_series
+
+SET = {"gamma": 0.104, "k": 0.8}
+
+
+def breather(a):
+    return cb.symmetric(a, 0.104, 0.8)
+
+
+@pytest.mark.parametrize("a", [0.1, 0.15, 0.2, 0.7])
+def test_simulated_growth_is_the_largest_multiplier_to_three_digits(a):
+    own = periodic(breather(a).state(20), a=a, damping=0.005, symmetric=True, **SET)
+    rate = math.log(own.largest)
+    assert math.log(fates.growth(own)) == pytest.approx(rate, rel=2e-3)
+
+
+def test_simulated_growth_of_the_smooth_ring_is_its_largest_multiplier():
+    own = fates.smooth_breather(breather(0.2), 6, 0.005, 20)
+    assert math.log(fates.growth(own)) == pytest.approx(math.log(own.largest), rel=2e-3)
+
+
+def test_growth_below_one_is_the_decay_of_an_attractor():
+    own = periodic(breather(0.1).state(20), a=0.1, damping=0.02, symmetric=True, **SET)
+    assert own.largest < 1.0
+    assert fates.growth(own) == pytest.approx(own.largest, abs=1e-4)
+
+
+@pytest.mark.parametrize("a", [0.1, 0.2, 0.7])
+def test_with_more_than_enough_damping_the_ring_settles_on_the_breather_and_with_less_it_leaves(a):
+    enough = fates.enough_damping(breather(a), 20)
+    for damping, settles in ((enough + 0.004, True), (enough - 0.004, False)):
+        own = periodic(breather(a).state(20), a=a, damping=damping, symmetric=True, **SET)
+        pushed = own.state.u * 0.999, own.state.v
+        run = simulate(pushed, a=a, damping=damping, periods=6000, **SET)
+        away = np.abs(np.subtract(run.final, own.state)).max()
+        assert (own.largest < 1.0) == settles
+        assert (away < 1e-9) if settles else (away > 0.01)
+
+
+def test_life_ends_where_a_wall_is_missed_or_a_neighbour_hits():
+    state = breather(0.2).state(20)
+    run = simulate(state, a=0.2, damping=0.005, periods=200, **SET)
+    lost = fates.life(run)
+    before = run.impacts[run.impacts["period"] < lost]
+    assert set(before["site"]) == {0}
+    assert np.all(np.bincount(before["period"]) == 2)
+    there = run.impacts[run.impacts["period"] == lost]
+    assert len(there) != 2 or set(there["site"]) != {0}
+
+
+def test_life_on_smooth_walls_is_that_on_rigid_ones_where_the_walls_are_hard():
+    state, sample = breather(0.2).state(20), Sample((-2, -1, 0, 1, 2), 24)
+    shared = {"a": 0.2, "damping": 0.005, "periods": 100, **SET}
+    hard = fates.life(simulate_smooth(state, m=200, sample=sample, **shared))
+    assert 20 < hard < 90
+    assert 20 < fates.life(simulate(state, **shared)) < 90
+
+
+def test_kept_breather_has_no_end():
+    b = cb.symmetric(0.1, 0.08, 0.8)
+    assert fates.life(simulate(b.state(20), a=0.1, gamma=0.08, k=0.8, periods=50)) is None
+
+
+def test_breather_of_panel_c_ends_in_a_fold_between_walls_that_keep_it_and_walls_that_do_not():
+    fold = fates.softest(breather(0.7), 0.005, 20)
+    assert fold == pytest.approx(16.4605, abs=1e-3)
+    assert fates.smooth_breather(breather(0.7), 18, 0.005, 20) is not None
+    assert fates.smooth_breather(breather(0.7), 15, 0.005, 20) is None
+
+
+def test_dashed_line_of_figure_7_is_the_exact_orbit_with_the_impacts_of_the_simulated_one():
+    near = cb.symmetric(0.82, 0.04, 0.8)
+    arm = time_series._asymmetric((0.455388, 3.011050), 0.037477, near)
+    assert arm.residual < 1e-12
+    assert abs(arm.asymmetry) == pytest.approx(2 * 0.29836, abs=1e-5)
+    assert arm.c == pytest.approx(0.0373542, abs=1e-7)
+    phases = np.sort(arm.times % (2 * math.pi))
+    assert phases == pytest.approx([0.455388, 3.011050], abs=0.02)
+
+
+@pytest.mark.parametrize("number", [5])
+def test_command_draws_a_simulated_figure_and_prints_its_verdict(
+    number, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["figure", str(number)]) == DONE
+    out = " ".join(capsys.readouterr().out.split())
+    assert "Verdict: an attractor" in out
+    assert f"Wrote figure{number}.png." in out
+    assert Path(f"figure{number}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_figure_for_programs_carries_the_numbers_of_its_verdict(capsys):
+    assert main(["figure", "5", "--json"]) == DONE
+    content = json.loads(capsys.readouterr().out)
+    assert content["numbers"]["difference_0"] == pytest.approx(0.0979, abs=1e-4)
+    assert {row["curve"] for row in content["rows"]} == {"exact", "ring, $m = 6$"}
