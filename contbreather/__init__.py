@@ -54,6 +54,7 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.lattice import Samples as Samples
     from contbreather.lattice import Symbolic as Symbolic
     from contbreather.plotting import plot as plot
+    from contbreather.plotting import plot_diagram as plot_diagram
     from contbreather.plotting import plot_multipliers as plot_multipliers
     from contbreather.plotting import plot_zones as plot_zones
     from contbreather.plotting import save_figure as save_figure
@@ -93,6 +94,7 @@ _HOME = {
     "load": "contbreather.continuation",
     "plot": "contbreather.plotting",
     "save_figure": "contbreather.plotting",
+    "plot_diagram": "contbreather.plotting",
     "plot_zones": "contbreather.plotting",
     "plot_multipliers": "contbreather.plotting",
     "switch": "contbreather.continuation.switching",

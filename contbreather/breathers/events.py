@@ -8,7 +8,8 @@ the unknown angle for a Neimark-Sacker point, two and the unknown time for grazi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,10 @@ def pitchfork() -> Event:
     ``a f''(phi) = 2 p sigma(gamma)``, exact on any lattice and for any forcing. The multiplier is
     the end of the band, so no eigenvalue is followed.
 
+    A located point knows its normal form: ``criticality`` says which way the arms bend,
+    ``coefficient`` how strongly, the limit of ``(t2 - t1 - pi)^2`` on them over the distance of
+    the free parameter from the pitchfork.
+
     Examples
     --------
     >>> import contbreather as cb
@@ -62,6 +67,7 @@ def pitchfork() -> Event:
         locus=_scalar_locus(_pitchfork, _pitchfork_slope),
         verify=_verify_pitchfork,
         arms=_asymmetric_arms,
+        analysis=_pitchfork_form,
     )
 
 
@@ -193,6 +199,16 @@ def _asymmetric_arms(point: Point) -> tuple[Seed, ...]:
 
     lifted = lift(point)
     return tuple(Seed(lifted.problem, lifted.z, sign * lifted.tangent) for sign in (1.0, -1.0))
+
+
+def _pitchfork_form(point: Point) -> Mapping[str, Any]:
+    """How the arms leave, along a branch in one parameter."""
+    from contbreather.breathers.arms import form_at
+
+    if point.curve.problem.adjoined is not None:
+        return {}
+    form = form_at(point.solution, point.curve.free[0])
+    return {"criticality": form.criticality, "coefficient": form.coefficient}
 
 
 def _verify_pitchfork(point: Point) -> str:

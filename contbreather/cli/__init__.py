@@ -79,7 +79,7 @@ def application() -> App:
     """All commands; each imports what it needs when it runs."""
     from cyclopts import App
 
-    from contbreather.cli import boundary, branch, figure, point, zones
+    from contbreather.cli import boundary, branch, diagram, figure, point, switch, zones
 
     app = App(
         name="contbreather",
@@ -91,6 +91,8 @@ def application() -> App:
         point.point,
         branch.branch,
         boundary.boundary,
+        switch.switch,
+        diagram.diagram,
         zones.zones,
         figure.figure,
     )

@@ -11,7 +11,7 @@ from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
     from contbreather.breathers import Breather
-    from contbreather.continuation import Event
+    from contbreather.continuation import Event, Problem
     from contbreather.lattice import Forcing
 
 Json = Annotated[
@@ -220,3 +220,36 @@ def _places(
         low, high = max(low, -10.0), min(high, 10.0)
     spread = np.linspace(low, high, 41)[[*range(1, 41, 2), *range(0, 41, 2)]].tolist()
     return [value for value in (*near, *spread) if free != "a" or value > 0.0]
+
+
+def start_in(
+    free: str | None, where: Where, window: tuple[float, float] | None, sites: int | None
+) -> tuple[Breather | Problem, str, tuple[float, float]]:
+    """Where a branch begins: a breather, on a ring the orbit that was shot from it.
+
+    Returns
+    -------
+    start, forcing, window
+        The forcing as a sentence, the window within the domain.
+    """
+    if free is None:
+        raise BadInput("--free is missing: which parameter is to vary, a, gamma or k?")
+    forcing = where.drive((free,))
+    known(free, forcing)
+    fixed = where.need(*(name for name in PARAMETERS if name != free))
+    span = interval(free, window)
+    start = first_in(free, around(free, where.given.get(free), span), fixed, forcing)
+    if sites is None:
+        return start, forcing.describe(), span
+    from contbreather.breathers.shooting import shooting
+
+    return shooting(start, sites=sites), forcing.describe(), span
+
+
+def around(free: str, start: float | None, span: tuple[float, float]) -> tuple[float, float]:
+    """Where to look for a start: at the value that was given, else in the whole window."""
+    if start is None:
+        return span
+    if not span[0] <= start <= span[1]:
+        raise BadInput(f"{free} = {start:g} is outside of the window {span[0]:g} to {span[1]:g}")
+    return start, start

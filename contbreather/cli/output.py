@@ -132,7 +132,11 @@ def point_entry(point: Point) -> dict[str, Any]:
         "arclength": point.arclength,
         "residual": point.residual,
         "located": point.located,
-        **{name: value for name, value in point.detail.items() if name not in numbers},
+        **{
+            name: getattr(value, "label", value)  # the point that an arm left, by its name
+            for name, value in point.detail.items()
+            if name not in numbers
+        },
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from .boundary import boundary
 from .branch import Branch, Point, Stop
 from .codim2 import cusp, fold, hopf
+from .columns import with_columns
 from .events import Event, Locus, branch_point, user
 from .problem import Problem
 from .refine import refined
@@ -33,4 +34,5 @@ __all__ = [
     "trace",
     "user",
     "walk",
+    "with_columns",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -152,11 +152,13 @@ class Diagram:
 
     def describe(self) -> str:
         """One sentence: how much there is, and what was left undone."""
-        parts = [f"{len(self)} branches, {len(self._distinct())} special points"]
+        parts = [
+            f"{_count(self, 'branch', 'branches')}, {_count(self._distinct(), 'special point')}"
+        ]
         if self.left:
-            parts.append(f"{len(self.left)} points not switched at")
+            parts.append(f"{_count(self.left, 'point')} not switched at")
         if self.failed:
-            parts.append(f"{len(self.failed)} arms not followed")
+            parts.append(f"{_count(self.failed, 'arm')} not followed")
         if self.interrupted:
             parts.append(Stop.INTERRUPTED.value)
         return "; ".join(parts)
@@ -186,6 +188,10 @@ class Diagram:
             for i, birth in enumerate(self.births):
                 if birth.place is not None and birth.place.name == place.name:
                     self._grow(leaf, i)
+
+
+def _count(things: Sized, one: str, more: str = "") -> str:
+    return f"{len(things)} {one if len(things) == 1 else more or one + 's'}"
 
 
 def _shown(point: Point) -> str:

@@ -7,8 +7,28 @@ from __future__ import annotations
 
 from contbreather.plotting.branches import plot
 from contbreather.plotting.canvas import new_figure, save_figure
+from contbreather.plotting.diagrams import plot_diagram
 from contbreather.plotting.files import written
 from contbreather.plotting.multipliers import plot_multipliers
+from contbreather.plotting.runs import (
+    plot_basin,
+    plot_localisation,
+    plot_motion,
+    plot_section,
+    plot_sweep,
+)
 from contbreather.plotting.zones import plot_zones
 
-__all__ = ["new_figure", "plot", "plot_multipliers", "plot_zones", "save_figure", "written"]
+__all__ = [
+    "new_figure",
+    "plot",
+    "plot_basin",
+    "plot_localisation",
+    "plot_motion",
+    "plot_multipliers",
+    "plot_section",
+    "plot_sweep",
+    "plot_zones",
+    "save_figure",
+    "written",
+]

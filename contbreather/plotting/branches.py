@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -114,6 +115,23 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
     return smooth[0], smooth[1]
 
 
+def _meant(point: Point) -> Point:
+    """Where an arm sets out, with the name of the point it left; every other point itself."""
+    parent = point.detail.get("parent")
+    if parent is None:
+        return point
+    return replace(point, kind=parent.kind, label=parent.label)
+
+
+def _distinct(points: Iterable[Point], x: str, y: str) -> list[Point]:
+    """One point of each name and place: a pitchfork is on its branch and on both arms."""
+    found: dict[tuple[str, float, float], Point] = {}
+    for point in points:
+        place = (point.label, round(_value(point, x), 9), round(_value(point, y), 9))
+        found.setdefault(place, point)
+    return list(found.values())
+
+
 def _value(point: Point, name: str) -> float:
     if name in ("arclength", "residual"):
         return float(getattr(point, name))
@@ -149,7 +167,7 @@ def _lines(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> set[str]:
 
 
 def _markers(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> None:
-    for point in branch.special:
+    for point in map(_meant, branch.special):
         plain = point.kind == "EP"
         ax.plot(
             _value(point, x), _value(point, y), marker(point.kind),
@@ -173,7 +191,7 @@ def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
     labels.keep_off([ax.get_legend()])
     for branch in branches:
         labels.avoid(_column(branch, x), _column(branch, y))
-    points = [point for branch in branches for point in branch.special]
+    points = _distinct(map(_meant, (p for branch in branches for p in branch.special)), x, y)
     for point in points:
         labels.announce(_value(point, x), _value(point, y))
     for point in sorted(points, key=lambda point: point.kind == "EP"):

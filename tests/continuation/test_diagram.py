@@ -258,7 +258,7 @@ def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on() -> None:
     tree = diagram(PITCHFORK.problem, "mu", within=MU, events=[event])
     assert len(tree) == 2
     assert "no curve leaves the start" in str(tree.failed[0])
-    assert "1 arms not followed" in tree.describe()
+    assert "1 arm not followed" in tree.describe()
 
 
 class Interrupted:

@@ -1,0 +1,113 @@
+"""`contbreather diagram`: all branches that hang together with one of breathers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from contbreather.cli.options import Csv, Json, Output, Where, Window, start_in
+from contbreather.cli.output import (
+    branch_entry,
+    branch_rows,
+    check_places,
+    columns_of,
+    point_entry,
+    say,
+    to_csv,
+    to_figure,
+    to_json,
+)
+from contbreather.cli.switch import Shot
+from contbreather.errors import NotConverged
+
+if TYPE_CHECKING:
+    from contbreather.continuation.diagram import Diagram
+
+
+def diagram(
+    where: Where = Where(),  # noqa: B008  # frozen
+    *,
+    free: Annotated[
+        str | None, Parameter(help="Parameter to vary: a, gamma, k, or a letter.")
+    ] = None,
+    window: Window = None,
+    depth: Annotated[
+        int, Parameter(help="How often to switch on the way from the first branch to another.")
+    ] = 2,
+    most: Annotated[
+        int, Parameter(help="Number of branches after which no others are followed.")
+    ] = 100,
+    sites: Shot = None,
+    csv: Csv = None,
+    output: Output = None,
+    json: Json = False,
+) -> None:
+    """Follow the breathers, switch wherever other branches leave, follow these, and so on.
+
+    No branch is in the diagram twice. Ctrl-C ends the work and keeps what there is.
+    """
+    from contbreather.continuation import Stop
+    from contbreather.continuation.diagram import diagram
+
+    check_places(csv, output)
+    start, forcing, span = start_in(free, where, window, sites)
+    assert free is not None
+    tree = diagram(start, free, within={free: span}, depth=depth, most=most)
+    made = []
+    if csv is not None:
+        made.append(to_csv(csv, _rows(tree), _columns(tree)))
+    if output is not None:
+        from contbreather.plotting import plot_diagram
+
+        made.append(to_figure(output, lambda: plot_diagram(tree)))
+    if json:
+        about = {"free": free, "forcing": forcing, "sites": sites}
+        to_json({**about, **_content(tree), "written": [str(path) for path in made]})
+    else:
+        say(tree, *(f"{line}." for line in _loose_ends(tree)), *(f"Wrote {path}." for path in made))
+    if tree.interrupted:
+        raise KeyboardInterrupt
+    broken = [i for i, one in enumerate(tree) if Stop.NO_CONVERGENCE in (one.began, one.stop)]
+    if broken or tree.failed:
+        lost = [f"branch {i} broke off" for i in broken] + [str(failure) for failure in tree.failed]
+        raise NotConverged(f"the diagram is not complete: {'; '.join(lost)}")
+
+
+def _loose_ends(tree: Diagram) -> Iterator[str]:
+    """What the tree does not show: arms that lead to a known branch, points left alone."""
+    yield from map(str, tree.met)
+    if tree.left:
+        yield f"Not switched at: {', '.join(place.name for place in tree.left)}; raise --depth"
+
+
+def _content(tree: Diagram) -> dict[str, Any]:
+    """Branches, and the graph as nodes and edges that name them."""
+    places = {place.name: place for row in tree.places for place in row}
+    edges = [
+        {"from": start, "to": end, "relation": relation}
+        for start, end, relation in tree.graph.edges(data="relation")
+    ]
+    return {
+        "branches": [
+            {"label": branch.problem.label, "depth": birth.depth, **branch_entry(branch)}
+            for branch, birth in zip(tree.branches, tree.births, strict=True)
+        ],
+        "points": {name: point_entry(place.point) for name, place in places.items()},
+        "edges": edges,
+        "left": [place.name for place in tree.left],
+        "failed": [str(failure) for failure in tree.failed],
+        "interrupted": tree.interrupted,
+    }
+
+
+def _columns(tree: Diagram) -> list[str]:
+    """All columns of all branches, each once."""
+    names = dict.fromkeys(name for branch in tree for name in columns_of(branch))
+    return ["branch", *names, "label"]
+
+
+def _rows(tree: Diagram) -> Iterator[dict[str, Any]]:
+    for i, branch in enumerate(tree):
+        yield from ({"branch": i, **row} for row in branch_rows(branch))

@@ -1,0 +1,217 @@
+"""`contbreather switch`: the branches that leave another one where it bifurcates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from contbreather.cli.options import Csv, Json, Output, Where, Window, start_in
+from contbreather.cli.output import (
+    branch_entry,
+    branch_rows,
+    check_places,
+    columns_of,
+    ends,
+    point_entry,
+    say,
+    to_csv,
+    to_figure,
+    to_json,
+)
+from contbreather.errors import BadInput, NotConverged
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+    from contbreather.continuation import Branch, Point
+
+PAPER = 1.005  # modulus over a period from which a ring counts as unstable
+SHOWN = ("p", "t1", "t2", "t3", "t4", "c", "asymmetry", "unstable")  # columns of the table
+
+Shot = Annotated[
+    int | None,
+    Parameter(name="--sites", help="Shoot the orbits on a ring of so many sites instead."),
+]
+
+
+def switch(
+    where: Where = Where(),  # noqa: B008  # frozen
+    *,
+    free: Annotated[
+        str | None, Parameter(help="Parameter to vary: a, gamma, k, or a letter.")
+    ] = None,
+    at: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help="Where to switch, a kind or a label; once more for the branch found there: "
+            "--at PF --at PD.",
+            negative="",
+        ),
+    ] = ("PF",),
+    window: Window = None,
+    sites: Shot = None,
+    csv: Csv = None,
+    output: Output = None,
+    json: Json = False,
+) -> None:
+    """The branches that leave a branch of breathers: both arms of a pitchfork, doubled orbits.
+
+    The breathers are followed as `contbreather branch` does, then everything that leaves them at
+    the first point of the kind. Each arm is given to its end, with stability and special points.
+    """
+    from contbreather import continuation
+    from contbreather.continuation.switching import switch
+
+    check_places(csv, output)
+    start, forcing, span = start_in(free, where, window, sites)
+    assert free is not None
+    within = {free: span}
+    branch = continuation.trace(start, free, within=within)
+    trail = [branch]
+    arms: tuple[Branch, ...] = ()
+    for kind in at:
+        point = _first(kind, arms[:1] or (branch,))
+        arms = switch(point, within=within)
+        trail.append(arms[0])
+    about = {"free": free, "forcing": forcing, "sites": sites, "at": point_entry(point)}
+    made = []
+    if csv is not None:
+        made.append(to_csv(csv, _rows(arms), _columns(arms)))
+    if output is not None:
+        made.append(to_figure(output, lambda: _drawn(trail[-2], arms)))
+    if json:
+        entries = [_entry(arm) for arm in arms]
+        paths = [str(path) for path in made]
+        to_json({**about, "branch": branch_entry(branch), "arms": entries, "written": paths})
+    else:
+        say(*_told(point, trail[-2], arms), *(f"Wrote {path}." for path in made))
+    broken = [end for arm in arms if arm.stop is continuation.Stop.NO_CONVERGENCE
+              for end in ends(arm)[-1:]]  # fmt: skip
+    if broken:
+        raise NotConverged(f"an arm broke off: {'; '.join(broken)}")
+
+
+def _first(kind: str, branches: Sequence[Branch]) -> Point:
+    for branch in branches:
+        try:
+            return branch.first(kind.upper())
+        except BadInput:
+            continue
+    there = [point.label for branch in branches for point in branch.special]
+    where = "; ".join(branch.describe() for branch in branches)
+    raise BadInput(f"--at {kind}: there is none. {where}. It has {', '.join(there) or 'nothing'}")
+
+
+# --- what is told ---------------------------------------------------------------------------------
+
+
+def _told(point: Point, parent: Branch, arms: Sequence[Branch]) -> Iterator[object]:
+    """Where it was switched, the special points of all arms, their stability and their ends."""
+    free = point.curve.free[0]
+    yield f"{point.label} at {free} = {point[free]:.12g}, on {parent.describe()}."
+    if "criticality" in point.detail:
+        size = f"(t2 - t1 - pi)^2 / ({free} - {point[free]:.6g}) -> {point['coefficient']:.9g}"
+        yield f"{point.detail['criticality'].capitalize()}: {size}."
+    yield _table(arms)
+    for i, arm in enumerate(arms, start=1):
+        yield from (f"Arm {i}, {line}." for line in (*_stretches(arm), *_ends(arm)))
+
+
+def _table(arms: Sequence[Branch]) -> Table:
+    """A line for each special point of each arm."""
+    from rich.table import Table
+
+    free, there = arms[0].free, columns_of(arms[0])
+    title = f"{arms[0].problem.label} in {free}"
+    names = [free, *(name for name in SHOWN if name in there)]
+    table = Table(title=title, title_justify="left")
+    for heading in ("arm", "label", *names):
+        table.add_column(heading, justify="left" if heading == "label" else "right")
+    for i, arm in enumerate(arms, start=1):
+        for point in arm.special:
+            row = [f"{point[name]:.12g}" for name in names]
+            table.add_row(str(i), _name(point), *row)
+    return table
+
+
+def _name(point: Point) -> str:
+    """The label of a point; of the start of an arm that of the point it left."""
+    label = point.detail["parent"].label if "parent" in point.detail else point.label
+    return str(label) if point.located else f"{label}?"
+
+
+def _stretches(arm: Branch) -> Iterator[str]:
+    """Between which of its special points an arm is stable, and on which chain."""
+    sites = arm[0].lattice.sites
+    on = "the infinite chain" if sites is None else f"a ring of {sites} (threshold {PAPER})"
+    marks = [i for i, point in enumerate(arm) if point.kind]
+    for i, j in pairwise(marks):
+        counts = {point["unstable"] for point in arm.points[i + 1 : j]}
+        if counts:
+            found = ", ".join(str(count) for count in sorted(counts))
+            word = "stable" if counts == {0} else f"unstable, multipliers outside: {found},"
+            yield f"{_name(arm[i])} to {_name(arm[j])}: {word} on {on}"
+
+
+def _ends(arm: Branch) -> Iterator[str]:
+    """Why it ends where it does; of grazing also which site, and when."""
+    end = arm[-1]
+    if end.kind == "GR":
+        yield f"{end.label}: {end.admissibility().reason.rstrip('.')}"
+    else:
+        yield ends(arm)[-1]
+    if "image_of" in arm[0].detail:
+        yield f"the mirror image of arm {arm[0].detail['image_of'] + 1}"
+
+
+def _entry(arm: Branch) -> dict[str, Any]:
+    """An arm for JSON."""
+    image = arm[0].detail.get("image_of")
+    return {
+        **branch_entry(arm),
+        "label": arm.problem.label,
+        "stability": list(_stretches(arm)),
+        "end": next(_ends(arm)),
+        "image_of": None if image is None else image + 1,
+    }
+
+
+def _columns(arms: Sequence[Branch]) -> list[str]:
+    return ["arm", *columns_of(arms[0]), "label"]
+
+
+def _rows(arms: Sequence[Branch]) -> Iterator[dict[str, Any]]:
+    for i, arm in enumerate(arms, start=1):
+        yield from ({"arm": i, **row} for row in branch_rows(arm))
+
+
+def _drawn(parent: Branch, arms: Sequence[Branch]) -> Figure:
+    """Arms and the branch they leave: p, and what tells both arms apart."""
+    from contbreather.continuation import with_columns
+    from contbreather.plotting import new_figure, plot_diagram
+    from contbreather.plotting.canvas import style
+
+    near = _between_folds(parent, arms[0])
+    with style():
+        if not all("p" in branch.names for branch in (parent, *arms)):
+            return plot_diagram((near, *arms)).figure  # type: ignore[return-value]
+        figure, (above, below) = new_figure(2)
+        plot_diagram((parent, *arms), y="p", ax=above)
+        if "asymmetry" not in near.names:
+            near = with_columns(near, asymmetry=lambda point: 0.0)
+        plot_diagram((near, *arms), y="asymmetry", ax=below)
+    return figure
+
+
+def _between_folds(branch: Branch, arm: Branch) -> Branch:
+    """The piece of a branch, from fold to fold, that an arm leaves."""
+    left = next(i for i, point in enumerate(branch) if point is arm[0].detail["parent"])
+    folds = [i for i, point in enumerate(branch) if point.kind == "LP"]
+    start = max((i for i in folds if i < left), default=0)
+    end = min((i for i in folds if i > left), default=len(branch) - 1)
+    return replace(branch, points=branch.points[start : end + 1])

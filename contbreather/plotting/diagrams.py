@@ -1,0 +1,88 @@
+"""Arms and whole diagrams: every branch against one number that all of them have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from contbreather.continuation import Branch, Point, refined, with_columns
+from contbreather.continuation.diagram import Diagram
+from contbreather.errors import BadInput
+from contbreather.plotting.branches import plot
+from contbreather.plotting.canvas import axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SMOOTH = 60  # points of a drawn branch
+
+
+def plot_diagram(
+    tree: Diagram | Sequence[Branch],
+    *,
+    x: str | None = None,
+    y: str | Callable[[Point], float] | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw all branches of a diagram as `plot` does, also where their problems differ.
+
+    Parameters
+    ----------
+    tree : Diagram, or sequence of Branch
+    x : str, optional
+        The free parameter unless given.
+    y : str or callable, optional
+        A column, or ``y(point)``, the number to draw. By default the first unknown that all
+        branches have; of breathers and orbits the time of the first impact. Branches without
+        the column are left out.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Raises
+    ------
+    BadInput
+        If there is nothing to draw.
+
+    Examples
+    --------
+    >>> import contbreather as cb, numpy as np
+    >>> mine = cb.Problem(lambda x, p: np.array([x[0] * (p["mu"] - x[0]**2)]),
+    ...                   start={"x": 0.0}, params={"mu": -1.0})
+    >>> tree = cb.diagram(mine, "mu", within={"mu": (-1, 1)}, events=[cb.branch_point()])
+    >>> ax = plot_diagram(tree)
+    >>> ax.get_xlabel(), ax.get_ylabel(), len(ax.get_lines()) >= 3
+    ('$\\mu$', 'x', True)
+    """
+    branches = list(tree)
+    if not branches:
+        raise BadInput("there is no branch to draw")
+    y = _common(branches) if y is None else y
+    if callable(y):
+        name = getattr(y, "__name__", "y")
+        branches = [with_columns(branch, **{name: y}) for branch in branches]
+        y = name
+    drawn = [refined(branch, SMOOTH) for branch in branches if y in branch.names]
+    if not drawn:
+        there = sorted({name for branch in branches for name in branch.names})
+        raise BadInput(f"no branch has a column {y!r}; there are {there}")
+    with axes_or_new(ax) as axes:
+        plot(*drawn, x=x, y=y, ax=axes)
+    return axes
+
+
+def _common(branches: Sequence[Branch]) -> str | Callable[[Point], float]:
+    """What to draw where nothing was said."""
+    unknowns = [branch.problem.start for branch in branches]
+    if all("phi" in own or "t1" in own for own in unknowns):
+        return t1
+    common = [name for name in unknowns[0] if all(name in own for own in unknowns)]
+    return (common or list(unknowns[0]))[0]
+
+
+def t1(point: Point) -> float:
+    """When site 0 hits the wall +1: breathers and orbits all have it, arms differ in it."""
+    return float(point["t1" if "t1" in point.curve.problem.start else "phi"])

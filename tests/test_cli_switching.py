@@ -1,0 +1,234 @@
+"""`contbreather switch` and `contbreather diagram`: the library's branches, told and written."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import contbreather as cb
+from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main
+
+Output = tuple[int, str, str]
+SWITCH = "switch --free a --gamma 0.04 --k 0.8"
+DIAGRAM = "diagram --free a --gamma 0.04 --k 0.8"
+
+
+@pytest.fixture
+def run(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[str], Output]:
+    """Run a command line in an empty directory: status, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def line(command: str) -> Output:
+        status = main(shlex.split(command))
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return line
+
+
+def strict(text: str) -> Any:
+    """Exactly one JSON value, without NaN or infinities."""
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{name} in JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def table(path: str) -> list[dict[str, str]]:
+    with Path(path).open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+# --- switch ---------------------------------------------------------------------------------------
+
+
+def test_both_arms_are_told_with_normal_form_stability_and_end(
+    run: Callable[[str], Output],
+) -> None:
+    status, out, err = run(f"{SWITCH} -o arms.png")
+    assert (status, err) == (DONE, "")
+    for sentence in (
+        "PF1 at a = 0.777632425944, on symmetric breather in a",
+        "Supercritical: (t2 - t1 - pi)^2 / (a - 0.777632) -> 8.761463",
+        "Arm 1, PF1 to GR1: stable on the infinite chain.",
+        "Arm 1, GR1: at the limit: site 1 reaches |u| = 1 at t = 0.01765",
+        "Arm 2, GR1: at the limit: site 1 reaches |u| = 1 at t = 3.15925",
+        "Arm 2, the mirror image of arm 1.",
+        "Wrote arms.png.",
+    ):
+        assert sentence in out
+    assert out.count("0.877386621674") == 2
+    assert Path("arms.png").stat().st_size > 10_000
+
+
+def test_arms_in_json_are_those_of_the_library(run: Callable[[str], Output]) -> None:
+    content = strict(run(f"{SWITCH} --json")[1])
+    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.0, 2.0)})
+    arms = cb.switch(branch.first("PF"), within={"a": (0.0, 2.0)})
+    assert content["at"]["criticality"] == "supercritical"
+    assert [arm["image_of"] for arm in content["arms"]] == [None, 1]
+    for told, arm in zip(content["arms"], arms, strict=True):
+        assert told["special"][-1]["label"] == "GR1"
+        assert told["special"][-1]["a"] == pytest.approx(arm[-1]["a"], abs=1e-13)
+        assert told["columns"]["c"][-1] == pytest.approx(arm[-1]["c"], abs=1e-12)
+        assert told["special"][0]["parent"] == "PF1"
+        assert told["end"].startswith("GR1: at the limit: site 1")
+
+
+def test_arms_as_a_table_are_told_apart(run: Callable[[str], Output]) -> None:
+    run(f"{SWITCH} --csv arms.csv")
+    rows = table("arms.csv")
+    assert {row["arm"] for row in rows} == {"1", "2"}
+    ends = [float(row["c"]) for row in rows if row["label"] == "GR1"]
+    assert ends[0] == pytest.approx(-ends[1], abs=1e-12)
+    assert {"a", "p", "t1", "t2", "asymmetry", "unstable"} < set(rows[0])
+
+
+def test_on_a_ring_the_same_arms_are_shot(run: Callable[[str], Output]) -> None:
+    status, out, _ = run(f"{SWITCH} --sites 20 --window 0.7 0.9")
+    assert status == DONE
+    assert "shooting, ring of 20, period 2 pi, impacts 0+ 0- in a" in out
+    assert "stable on a ring of 20 (threshold 1.005)" in out
+    assert out.count("0.877386621674") == 2
+
+
+def test_switching_goes_on_from_branch_to_branch(run: Callable[[str], Output]) -> None:
+    line = "switch --free a --gamma 0 --k 0.8 --at pf --at PD1 --window 0.6 0.99"
+    status, out, _ = run(f"{line} -o doubled.png")
+    assert status == DONE
+    assert "PD1 at a = 0.925512006293, on asymmetric breather" in out
+    assert "0.979973549455" in out
+    assert Path("doubled.png").exists()
+
+
+REFUSED = {
+    "no free parameter": ("switch --gamma 0.04 --k 0.8", r"--free is missing"),
+    "no such point": (f"{SWITCH} --at NS", r"--at NS: there is none.* It has GR1, LP1, PF1, GR2"),
+    "none on the arm": (f"{SWITCH} --at PF --at PD", r"asymmetric breather.* It has EP1, GR1"),
+    "a fold": (f"{SWITCH} --at LP", r"LP1.*no other branch is known to leave a LP"),
+    "an end": (f"{SWITCH} --window 0.5 0.9 --at EP", r"EP1 is where a branch ends"),
+    "not in the window": (f"{SWITCH} --window 0.5 0.7", r"--at PF: there is none"),
+    "ring without coupling": (
+        "switch --free a --gamma 0 --k 0.8 --sites 20",
+        r"do not feel each other .* take sites=1",
+    ),
+    "no ring": (f"{SWITCH} --sites 0", r"a ring needs a whole number of sites"),
+    "start outside of the window": (f"{SWITCH} --a 0.4 --window 0.5 0.9", r"outside of the window"),
+    "table nowhere": (f"{SWITCH} --csv nowhere/a.csv", r"there is no directory nowhere"),
+    "negative depth": (f"{DIAGRAM} --depth -1", r"depth >= 0"),
+    "no branches": (f"{DIAGRAM} --most 0", r"most >= 1"),
+    "diagram of nothing": ("diagram --gamma 0.04 --k 0.8", r"--free is missing"),
+}
+
+
+@pytest.mark.parametrize(("line", "sentence"), REFUSED.values(), ids=REFUSED)
+def test_bad_input_is_one_sentence_and_status_2(
+    run: Callable[[str], Output], line: str, sentence: str
+) -> None:
+    status, out, err = run(line)
+    assert (status, out) == (BAD_INPUT, "")
+    assert err.startswith("contbreather: ")
+    assert err.count("\n") == 1
+    assert re.search(sentence, err), err
+    assert list(Path().iterdir()) == []
+
+
+# --- diagram --------------------------------------------------------------------------------------
+
+
+def test_diagram_is_printed_as_a_tree_and_drawn(run: Callable[[str], Output]) -> None:
+    status, out, err = run(f"{DIAGRAM} -o tree.png --csv tree.csv")
+    assert (status, err) == (DONE, "")
+    assert "3 branches, 6 special points" in out
+    assert "branch 2 (image of branch 1): asymmetric breather in a" in out
+    assert Path("tree.png").stat().st_size > 10_000
+    rows = table("tree.csv")
+    assert {row["branch"] for row in rows} == {"0", "1", "2"}
+    assert {row["t1"] == "" for row in rows if row["branch"] == "0"} == {True}
+
+
+def test_diagram_in_json_is_its_graph(run: Callable[[str], Output]) -> None:
+    content = strict(run(f"{DIAGRAM} --json")[1])
+    assert [branch["depth"] for branch in content["branches"]] == [0, 1, 1]
+    born = [edge for edge in content["edges"] if edge["relation"] == "born"]
+    assert [(edge["from"], edge["to"]) for edge in born] == [
+        ("branch 0: PF1", 1),
+        ("branch 0: PF1", 2),
+    ]
+    assert content["points"]["branch 1: GR1"]["a"] == pytest.approx(0.877386621674, abs=1e-11)
+    assert content["interrupted"] is False
+
+
+def test_depth_bounds_the_diagram_and_what_is_left_is_told(run: Callable[[str], Output]) -> None:
+    out = run(f"{DIAGRAM} --depth 0")[1]
+    assert "1 branch, 4 special points; 1 point not switched at" in out
+    assert "Not switched at: branch 0: PF1; raise --depth." in out
+
+
+def test_an_interrupted_diagram_is_shown_and_has_its_own_status(
+    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from contbreather.continuation import diagram as module
+
+    def stopped(*args: object, **kwargs: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "follow", stopped)
+    status, out, err = run(f"{DIAGRAM} --json")
+    assert (status, err) == (INTERRUPTED, "contbreather: interrupted\n")
+    assert strict(out)["interrupted"] is True
+    assert strict(out)["left"] == ["branch 0: PF1"]
+
+
+def test_arms_that_fail_are_told_and_have_status_1(
+    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from contbreather.continuation import diagram as module
+
+    def fails(*args: object, **kwargs: object) -> None:
+        raise cb.NotConverged("no first step")
+
+    monkeypatch.setattr(module, "follow", fails)
+    status, out, err = run(DIAGRAM)
+    assert status == FAILED
+    assert "2 arms not followed" in out
+    assert "not complete: branch 0: PF1: no first step" in err
+
+
+# --- figures of several branches ------------------------------------------------------------------
+
+
+def test_branches_of_different_problems_share_a_figure_and_the_name_of_their_point() -> None:
+    tree = cb.diagram(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.1, 0.9)})
+    ax = cb.plot_diagram(tree)
+    assert ax.get_ylabel() == "$t_1$"
+    words = [text.get_text() for text in ax.texts]
+    assert words.count("PF1") == 1
+    assert words.count("GR1") == 2
+    on_arms = cb.plot_diagram(tree, y="asymmetry")  # breathers have no such column
+    assert [text.get_text() for text in on_arms.texts].count("PF1") == 1
+    with pytest.raises(cb.BadInput, match="no branch has a column 'q'; there are"):
+        cb.plot_diagram(tree, y="q")
+    with pytest.raises(cb.BadInput, match="no branch to draw"):
+        cb.plot_diagram([])
+
+
+def test_a_figure_of_any_number_that_points_have() -> None:
+    def height(point: cb.Point) -> float:
+        return float(point.displacement(1, 0.0))
+
+    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.4, 0.6)})
+    ax = cb.plot_diagram([branch], y=height)
+    assert ax.get_ylabel() == "height"
+    x, y = ax.get_lines()[0].get_data()
+    assert y[0] == pytest.approx(cb.symmetric(x[0], 0.04, 0.8).displacement(1, 0.0), abs=1e-12)
