@@ -23,6 +23,7 @@ __all__ = [
     "new_figure",
     "plot",
     "plot_basin",
+    "plot_diagram",
     "plot_localisation",
     "plot_motion",
     "plot_multipliers",

@@ -1,0 +1,205 @@
+"""Runs, sections, slow sweeps and attraction: what simulation leaves, as pictures."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.dynamics import Basin, Fate, Record, Run, SmoothRun, Sweep, localisation
+from contbreather.dynamics.conditions import PERIOD
+from contbreather.errors import BadInput
+from contbreather.plotting.canvas import (
+    BLUE,
+    CYCLE,
+    GREY,
+    ORANGE,
+    SKY,
+    VERMILLION,
+    axes_or_new,
+    symbol,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[Any]
+
+FATES = {
+    Fate.RETURNED: ("comes back", BLUE),
+    Fate.OTHER: ("another breather", SKY),
+    Fate.SPREAD: ("impacts elsewhere", ORANGE),
+    Fate.QUIET: ("no impacts", "#dddddd"),
+    Fate.OUTSIDE: ("behind a wall", "white"),
+    Fate.PENDING: ("not computed", "#f5f5f5"),
+}
+COLUMNS = {
+    "p": "$p$",
+    "amplitude": "speed of the centre",
+    "participation": "participation ratio",
+    "tilt": r"$t_2 - t_1 - \pi$",
+    "centre": "site with most energy",
+    "others": "impacts elsewhere, a period",
+}
+
+
+def plot_motion(record: Record, *, ax: Axes | None = None) -> Axes:
+    """Displacements of the recorded sites over time in periods.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> from contbreather.dynamics import Sample
+    >>> state = cb.symmetric(a=0.5, gamma=0.08, k=0.8).state(10)
+    >>> run = cb.simulate(state, a=0.5, gamma=0.08, k=0.8, periods=2, sample=Sample((0, 1)))
+    >>> len(plot_motion(run.record).get_lines())
+    2
+    """
+    with axes_or_new(ax) as axes:
+        for i, n in enumerate(record.sites):
+            t, colour = record.times / PERIOD, CYCLE[i % len(CYCLE)]
+            axes.plot(t, record.u[:, i], "-", color=colour, linewidth=1.0, label=f"$u_{{{n}}}$")
+        axes.set_xlabel(r"$t/2\pi$")
+        axes.set_ylabel("$u_n$")
+        axes.margins(x=0.0)
+        axes.legend(frameon=False, ncols=len(record.sites), loc="lower right", **_ABOVE)
+    return axes
+
+
+_ABOVE: dict[str, Any] = {"bbox_to_anchor": (1.0, 0.97), "handlelength": 1.3}
+
+
+def plot_section(
+    run: Run | SmoothRun, *, site: int = 0, skip: int = 0, ax: Axes | None = None
+) -> Axes:
+    """The stroboscopic section of one site: its velocity over its displacement, once in a period.
+
+    Parameters
+    ----------
+    run : Run or SmoothRun
+    site : int
+    skip : int
+        Periods to leave out at the beginning, as a transient.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+    """
+    if not 0 <= skip <= run.periods:
+        raise BadInput(f"skip = {skip}: the run has {run.periods} periods to leave out.")
+    u, v = (row[skip:, site % run.sites] for row in run.strobe)
+    with axes_or_new(ax) as axes:
+        axes.plot(u, v, ".", color=BLUE, markersize=1.2 if len(u) > 200 else 3.0)
+        axes.set_xlabel(f"$u_{{{site}}}$")
+        axes.set_ylabel(rf"$\dot u_{{{site}}}$")
+        _not_finer(axes, u, v)
+    return axes
+
+
+def _not_finer(axes: Axes, u: Array, v: Array) -> None:
+    """A fixed point is a point, however deep its rounding could be zoomed into."""
+    for row, limits in ((u, axes.set_xlim), (v, axes.set_ylim)):
+        if np.ptp(row) < 1e-3:
+            limits(row.mean() - 1e-3, row.mean() + 1e-3)
+
+
+def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Axes:
+    """The participation ratio once in a period: about 1 in a breather, N where all share."""
+    c, (u, v) = run.conditions, run.strobe
+    shared: dict[str, Any] = {"a": c.a, "gamma": c.gamma, "damping": c.damping}
+    seen = localisation(u, v, run.times, forcing=c.forcing, **shared)
+    with axes_or_new(ax) as axes:
+        axes.plot(run.times / PERIOD, seen.participation, "-", color=BLUE, linewidth=0.8)
+        axes.set_ylim(0.0, max(4.0, 1.05 * float(np.nanmax(seen.participation))))
+        axes.margins(x=0.0)
+        axes.set_xlabel(r"$t/2\pi$")
+        axes.set_ylabel("participation ratio")
+    return axes
+
+
+def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Axes:
+    """What a slow sweep saw, over its parameter: upwards and downwards in two colours.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    y : str
+        One of its columns: ``p``, ``amplitude``, ``participation``, ``tilt``, ``others``.
+    ax : matplotlib Axes, optional
+        Those of the continued branch for instance, to see both together.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> from contbreather.dynamics import sweep, there_and_back
+    >>> state = cb.symmetric(a=0.2, gamma=0.04, k=0.8).state(10)
+    >>> way = there_and_back([0.2, 0.1, 0.05])
+    >>> found = sweep(state, "a", way, periods=20, a=0.2, gamma=0.04, k=0.8, damping=0.01)
+    >>> [line.get_label() for line in plot_sweep(found).get_lines()]
+    ['sweep down', 'sweep up']
+    """
+    if y not in COLUMNS:
+        raise BadInput(f"a sweep has no column {y!r} to draw; there are {', '.join(COLUMNS)}.")
+    x, column = sweep.value, np.asarray(getattr(sweep, y), dtype=float)
+    turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(x))) != 0.0)
+    looks = {1.0: ("sweep up", BLUE, "^"), -1.0: ("sweep down", VERMILLION, "v")}
+    told: set[float] = set()
+    with axes_or_new(ax) as axes:
+        for start, end in pairwise([0, *turns.tolist(), len(x) - 1]):
+            way = float(np.sign(x[end] - x[start])) or 1.0
+            name, colour, mark = looks[way]
+            piece = slice(start, end + 1)
+            axes.plot(
+                x[piece], column[piece], mark, color=colour, markersize=2.6, linestyle="none",
+                label=None if way in told else name,
+            )  # fmt: skip
+            told.add(way)
+        axes.set_xlabel(symbol(sweep.name))
+        axes.set_ylabel(COLUMNS[y])
+        axes.legend(frameon=False, loc="best", handletextpad=0.2)
+    return axes
+
+
+def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Axes:
+    """Where each start of a plane ends, in colours that a legend explains.
+
+    Examples
+    --------
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> import contbreather as cb
+    >>> from contbreather.dynamics import Axis, attraction
+    >>> state = cb.symmetric(a=0.5, gamma=0.02, k=0.4).state(5)
+    >>> u, v = Axis("u", 0, [-0.9, 0.9]), Axis("v", 0, [-1.0, 0.0, 1.0])
+    >>> with ThreadPoolExecutor(1) as one:
+    ...     seen = attraction(state, u, v, a=0.5, gamma=0.02, k=0.4, periods=20, executor=one)
+    >>> ax = plot_basin(seen)
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('$u_{0}$', '$\\\\dot u_{0}$')
+    """
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.patches import Patch
+
+    order = sorted(FATES)
+    colours = ListedColormap([FATES[fate][1] for fate in order])
+    norm = BoundaryNorm([order[0] - 0.5, *(fate + 0.5 for fate in order)], len(order))
+    with axes_or_new(ax) as axes:
+        axes.pcolormesh(
+            basin.x.values, basin.y.values, basin.fate, cmap=colours, norm=norm,
+            shading="nearest", rasterized=True,
+        )  # fmt: skip
+        axes.set_xlabel(_coordinate(basin.x.name, basin.x.site))
+        axes.set_ylabel(_coordinate(basin.y.name, basin.y.site))
+        seen = [fate for fate in FATES if np.any(basin.fate == fate)]
+        patches = [
+            Patch(facecolor=FATES[fate][1], edgecolor=GREY, linewidth=0.4, label=FATES[fate][0])
+            for fate in seen
+        ]
+        axes.legend(
+            handles=patches, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False,
+            handlelength=1.0, handletextpad=0.4, columnspacing=1.0,
+        )  # fmt: skip
+    return axes
+
+
+def _coordinate(name: str, site: int) -> str:
+    return f"$u_{{{site}}}$" if name == "u" else rf"$\dot u_{{{site}}}$"
