@@ -180,9 +180,12 @@ def _deepest(
 # --- all other sites ------------------------------------------------------------------------
 
 
-def gaps_of_others(orbit: RingOrbit) -> list[Gap]:
+def gaps_of_others(orbit: RingOrbit, besides: tuple[int, float] | None = None) -> list[Gap]:
     """The margins of the sites that never hit a wall: the highest, and those beside it that may
-    be higher still; of mirror images the one to the right."""
+    be higher still; of mirror images the one to the right.
+
+    ``besides`` names a crest, by its site and time, that is not to be counted.
+    """
     watched = _watched(orbit)
     if watched.size == 0:
         return []
@@ -195,6 +198,9 @@ def gaps_of_others(orbit: RingOrbit) -> list[Gap]:
     bend = np.where(crest, 2.0 * u - before - after, 1.0)
     lift = np.divide((after - before) ** 2, 8.0 * bend, out=np.zeros_like(u), where=bend > 0.0)
     tops = np.where(crest, u + lift, 0.0)
+    if besides is not None:
+        apart = (times - besides[1] + 0.5 * T) % T - 0.5 * T
+        tops[np.ix_(np.abs(apart) < 2.5 * T / size, watched == besides[0])] = 0.0
     high = tops.max(axis=0)
     enough = high.max() - CLOSE * max(1.0, float(high.max()))
     beside = {(n + d) % orbit.lattice.sites for n in orbit.itinerary.hit for d in (-1, 1)}

@@ -269,13 +269,19 @@ def _shallow_locus(orbit: RingOrbit, worst: Gap, start: float) -> Locus:
 
 
 def _other_contact(traced: Gap) -> Event:
-    """Where one site touches its wall, all others must still keep off theirs."""
+    """Where one crest touches its wall, all else must still keep off theirs: other sites, and other
+    crests of the same one. So the grazing of one arm ends at the pitchfork, where the other's
+    begins."""
 
     def test(point: Point) -> float:
         orbit: RingOrbit = point.solution
-        own = (traced.site, traced.flight)
-        found = [*gaps_of_flights(orbit), *gaps_of_others(orbit)]
-        return min((g.margin for g in found if (g.site, g.flight) != own), default=1.0)
+        if traced.flight < 0:
+            others = gaps_of_others(orbit, besides=(traced.site, point["t"]))
+            found = [*gaps_of_flights(orbit), *others]
+        else:
+            flights = (gap for gap in gaps_of_flights(orbit) if gap.flight != traced.flight)
+            found = [*flights, *gaps_of_others(orbit)]
+        return min((gap.margin for gap in found), default=1.0)
 
     met = Event("GR", lambda point: test(point), locus=_contact_locus)
     return Event("GR-GR", test, terminal=True, positive=True, met=met)

@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 
 from .adjoin import adjoined
 from .branch import Point
+from .crossing import crossing
 from .events import Event
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton, solve_oriented
 from .problem import Curve
@@ -424,7 +425,11 @@ def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
     if float(look(left)) * float(look(right)) > 0:  # what was seen on the cubic is not there
         trail.done.append((left, right))
         return
-    u = brentq(look, left, right, xtol=1e-15, rtol=1e-14, disp=False)
+    try:
+        u = brentq(look, left, right, xtol=1e-15, rtol=1e-14, disp=False)
+    except Undefined:
+        yield _at_crossing(segment, event, left + (right - left) * a / (a - b), abs(a) + abs(b))
+        return
     polished = _polish(segment, event, u, left, right)
     point = polished[2] if polished else segment.at(u)
     if polished is not None:
@@ -435,6 +440,18 @@ def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
     else:
         width = 1e-14
         yield u - width, u + width, point
+
+
+def _at_crossing(segment: Segment, event: Event, u: float, size: float) -> Place:
+    """A zero where another curve crosses as well, as grazing does at a pitchfork: the corrector
+    fails beside it, so the branch point is solved for."""
+    found = crossing(segment.curve, segment.provisional(u).z)
+    if not found.solution.converged:
+        raise Undefined("Newton's iteration failed between two points of the curve")
+    place, point = segment.settled(found.solution, found.tangents)
+    if abs(measure(event, point)) > 1e-6 * size:
+        raise Undefined("a branch point is in the way")
+    return place - _ASIDE, place + _ASIDE, point
 
 
 def _jump(

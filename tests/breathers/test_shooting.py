@@ -751,6 +751,21 @@ def test_doubling_and_grazing_meet_in_the_same_point_from_both_sides() -> None:
         assert float(abs(orbit.displacement(1, t)).max()) == pytest.approx(1.0, abs=1e-10)
 
 
+def test_grazing_boundary_ends_at_the_pitchfork_where_the_other_crest_grazes() -> None:
+    """Beyond it only the traced crest would touch its wall and the other one be inside it. The end
+    is where both the symmetric breather's pitchfork line and its grazing pass."""
+    line = cb.boundary(arm().first("GR"), ("gamma", "a"), within={"gamma": (0.02, 0.1)})
+    end = line.special[-1]
+    assert (end.label, line.stop) == ("GR-GR1", cb.Stop.EVENT)
+    pitchforks = cb.boundary(
+        cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.7, 0.9)}).first("PF"),
+        ("gamma", "a"),
+    )
+    meeting = pitchforks.first("PF-GR")
+    assert (end["gamma"], end["a"]) == pytest.approx((meeting["gamma"], meeting["a"]), abs=1e-11)
+    assert all(point.admissibility().margin > -1e-12 for point in line)
+
+
 def test_neimark_sacker_boundary_keeps_a_pair_on_the_circle() -> None:
     line = cb.boundary(
         arm().first("NS"), ("gamma", "a"), within={"gamma": (0.038, 0.042)}, events=()
