@@ -79,7 +79,7 @@ def application() -> App:
     """All commands; each imports what it needs when it runs."""
     from cyclopts import App
 
-    from contbreather.cli import boundary, branch, diagram, figure, point, switch, zones
+    from contbreather.cli import boundary, branch, diagram, figure, point, simulate, switch, zones
 
     app = App(
         name="contbreather",
@@ -94,6 +94,7 @@ def application() -> App:
         switch.switch,
         diagram.diagram,
         zones.zones,
+        simulate.simulate,
         figure.figure,
     )
     for command in commands:

@@ -41,9 +41,7 @@ def life(run: Run | SmoothRun) -> int | None:
     Of smooth rings it needs a record of site 0 and its neighbours.
     """
     if isinstance(run, Run):
-        own = np.bincount(run.at_site(0)["period"], minlength=run.periods)
-        others = run.impacts["period"][run.impacts["site"] != 0]
-        broken = (own != 2) | (np.bincount(others, minlength=run.periods) > 0)
+        broken = unlike_a_breather(run.impacts, run.periods)
     else:
         assert run.record is not None
         u = run.record.u.reshape(run.periods, -1, len(run.record.sites))
@@ -53,6 +51,13 @@ def life(run: Run | SmoothRun) -> int | None:
         broken = missed | (np.abs(rest).max(axis=(1, 2)) > REACHED)
     gone = np.flatnonzero(broken)
     return int(gone[0]) if gone.size else None
+
+
+def unlike_a_breather(impacts: NDArray[np.void], periods: int, first: int = 0) -> NDArray[np.bool_]:
+    """For each whole period: does site 0 hit other than twice, or any other site at all?"""
+    period, own = impacts["period"] - first, impacts["site"] == 0
+    counts = [np.bincount(period[which], minlength=periods)[:periods] for which in (own, ~own)]
+    return np.asarray((counts[0] != 2) | (counts[1] > 0))
 
 
 def delocalised(run: SmoothRun) -> bool:

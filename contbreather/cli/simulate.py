@@ -1,0 +1,314 @@
+"""`contbreather simulate`: a ring in motion, from a breather or any state, and what it comes to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from contbreather.cli.options import Csv, Json, Output, Where
+from contbreather.cli.output import say, to_csv, to_figure, to_json
+from contbreather.cli.seen import Seen, seen_in, seen_of
+from contbreather.cli.starts import read_state, write_state
+from contbreather.errors import BadInput
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+    from contbreather.dynamics import Run, SmoothRun
+
+SITES = 20  # the paper's ring
+WINDOW = 6  # periods drawn densely
+INTERRUPTED = 130
+IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "acceleration")
+
+
+def simulate(
+    where: Where = Where(),  # noqa: B008  # frozen
+    *,
+    sites: Annotated[
+        int | None, Parameter(help="Length of the ring, 20 unless a state is given.")
+    ] = None,
+    periods: Annotated[float, Parameter(help="Length of the run, in periods 2 pi.")] = 200.0,
+    damping: Annotated[
+        float, Parameter(help="Linear damping of every site.", allow_leading_hyphen=True)
+    ] = 0.0,
+    smooth: Annotated[
+        float | None,
+        Parameter(help="Smooth walls (21) of this hardness m; rigid ones unless given."),
+    ] = None,
+    start: Annotated[
+        str | None,
+        Parameter(help="File with the first state; the exact breather unless given."),
+    ] = None,
+    perturb: Annotated[
+        float,
+        Parameter(help="Standard deviation of a random push on it.", allow_leading_hyphen=True),
+    ] = 0.0,
+    seed: Annotated[int, Parameter(help="Of that push.", allow_leading_hyphen=True)] = 0,
+    stream: Annotated[
+        str | None,
+        Parameter(help="Folder to keep the run in; the same command again goes on with it."),
+    ] = None,
+    csv: Csv = None,
+    impacts: Annotated[str | None, Parameter(help="Write all impacts to this file.")] = None,
+    final: Annotated[
+        str | None, Parameter(help="Write the last state to this file, for --start.")
+    ] = None,
+    output: Output = None,
+    json: Json = False,
+) -> int | None:
+    """A ring in motion, impact by impact, and a verdict on what it comes to.
+
+    It starts on the exact breather at t = 0, or from a file: JSON with u, v and t, as --final
+    writes it, or two columns u and v. --csv takes the states once in a period. After Ctrl-C all
+    that was simulated until then is written.
+    """
+    asked = Asked(
+        where, sites, periods, damping, smooth, start, perturb, seed, stream, csv, impacts, final,
+        output,
+    )  # fmt: skip
+    asked.check()
+    seen = asked.simulate()
+    made = [str(path) for path in _files(seen, asked)]
+    if json:
+        to_json({**_content(seen, asked), "written": made})
+    else:
+        say(_table(seen, asked), *_sentences(seen), *(f"Wrote {path}." for path in made))
+    return INTERRUPTED if seen.interrupted else None
+
+
+@dataclass(frozen=True)
+class Asked:
+    """All options as they were typed."""
+
+    where: Where
+    sites: int | None
+    periods: float
+    damping: float
+    smooth: float | None
+    start: str | None
+    perturb: float
+    seed: int
+    stream: str | None
+    csv: str | None
+    impacts: str | None
+    final: str | None
+    output: str | None
+
+    def check(self) -> None:
+        """Refuse what cannot be, before anything is computed."""
+        from contbreather.plotting.files import figure_path, writable
+
+        given = {"--csv": self.csv, "--impacts": self.impacts, "--final": self.final}
+        named = {name: path for name, path in given.items() if path is not None}
+        for path in named.values():
+            writable(path)
+        if self.output is not None:
+            figure_path(self.output)
+            named["--output"] = self.output
+        taken: dict[str, str] = {}
+        for name, path in named.items():
+            if path in taken:
+                raise BadInput(f"{taken[path]} and {name} both name {path}; give different names")
+            taken[path] = name
+        if self.smooth is not None and (self.impacts or self.stream):
+            which = "--impacts" if self.impacts else "--stream"
+            raise BadInput(f"{which} goes with rigid walls only: leave out --smooth")
+        if self.stream is not None and not self.periods.is_integer():
+            raise BadInput(f"--periods {self.periods:g}: a stream is of whole periods")
+        if not (math.isfinite(self.perturb) and self.perturb >= 0.0):
+            raise BadInput(f"--perturb {self.perturb:g}: a size, at least 0, was wanted")
+        if self.seed < 0:
+            raise BadInput(f"--seed {self.seed}: a whole number, at least 0, was wanted")
+
+    def simulate(self) -> Seen:
+        """Run it, and judge the later half."""
+        from contbreather.dynamics import record, simulate, simulate_smooth
+
+        values = self.where.need("a", "gamma", "k")
+        forcing = self.where.drive()
+        state, t0 = self._state(values)
+        shared: dict[str, Any] = {**values, "damping": self.damping, "forcing": forcing, "t0": t0}
+        if self.stream is not None:
+            kept = record(self.stream, state, periods=int(self.periods), **shared)
+            return seen_in(kept, int(self.periods))
+        if self.smooth is not None:
+            return seen_of(simulate_smooth(state, m=self.smooth, periods=self.periods, **shared))
+        return seen_of(simulate(state, periods=self.periods, **shared))
+
+    def _state(self, values: dict[str, float]) -> tuple[Any, float]:
+        """The first state and its time."""
+        import numpy as np
+
+        if self.start is not None:
+            (u, v), t0 = read_state(self.start)
+            if self.sites is not None and self.sites != len(u):
+                raise BadInput(
+                    f"--sites {self.sites}: the state in {self.start} has {len(u)} sites; leave "
+                    "out --sites"
+                )
+        else:
+            (u, v), t0 = self._breather(values), 0.0
+        if self.perturb > 0.0:
+            push = self.perturb * np.random.default_rng(self.seed).normal(size=(2, len(u)))
+            u, v = u + push[0], v + push[1]
+        return (u, v), t0
+
+    def _breather(self, values: dict[str, float]) -> Any:
+        from contbreather.breathers import symmetric
+
+        found = symmetric(values["a"], values["gamma"], values["k"], forcing=self.where.drive())
+        margins = found.admissibility()
+        if not margins.ok:
+            raise BadInput(f"{margins.reason}; give a state with --start instead")
+        return found.state(SITES if self.sites is None else self.sites)
+
+
+# --- what is left ---------------------------------------------------------------------------------
+
+
+def _files(seen: Seen, asked: Asked) -> Iterator[Any]:
+    if asked.csv is not None:
+        names = [f"{name}_{n}" for name in "uv" for n in range(seen.run.sites)]
+        yield to_csv(asked.csv, _strobes(seen), ["period", "time", *names])
+    if asked.impacts is not None:
+        yield to_csv(asked.impacts, _impacts(seen), IMPACTS)
+    if asked.final is not None:
+        yield write_state(asked.final, seen.run.final, seen.run.end)
+    if asked.output is not None:
+        yield to_figure(asked.output, lambda: draw(seen.run))
+
+
+def _strobes(seen: Seen) -> Iterator[dict[str, float]]:
+    """One row for each stroboscopic state; those of a stream are read piece by piece."""
+    from contbreather.dynamics.conditions import PERIOD
+
+    if seen.stream is None:
+        pieces, t0 = iter([(0, seen.run.strobe.u, seen.run.strobe.v)]), float(seen.run.times[0])
+    else:
+        kept, t0 = seen.stream, seen.stream.t0
+        later = ((one.first + 1, one.u, one.v) for one in kept.stretches())
+        first = (0, kept.start.u[None], kept.start.v[None])
+        pieces = (piece for piece in (first, *later))
+    for first_period, u, v in pieces:
+        for i in range(len(u)):
+            period = first_period + i
+            row = {"period": period, "time": t0 + PERIOD * period}
+            row |= {f"u_{n}": float(x) for n, x in enumerate(u[i])}
+            row |= {f"v_{n}": float(x) for n, x in enumerate(v[i])}
+            yield row
+
+
+def _impacts(seen: Seen) -> Iterator[dict[str, float]]:
+    from contbreather.dynamics import Run
+
+    if seen.stream is not None:
+        for one in seen.stream.stretches():
+            table = one.impacts
+            table["time"] += seen.stream.t0
+            yield from _rows(table)
+    elif isinstance(seen.run, Run):
+        yield from _rows(seen.run.impacts)
+
+
+def _rows(table: Any) -> Iterator[dict[str, float]]:
+    for row in table.tolist():
+        yield dict(zip(IMPACTS, row, strict=True))
+
+
+def draw(run: Run | SmoothRun) -> Figure:
+    """The last periods of three sites, the section of site 0, and how localised it was."""
+    from contbreather.plotting import new_figure, plot_localisation, plot_motion, plot_section
+    from contbreather.plotting.canvas import style
+
+    with style():
+        figure, (motion, section, where) = new_figure(3, height=13.5)
+        plot_motion(_window(run), ax=motion)
+        plot_section(run, skip=run.periods // 2, ax=section)
+        plot_localisation(run, ax=where)
+        titles = ("the last periods", "once in a period, later half", "where the energy is")
+        for ax, letter, title in zip((motion, section, where), "abc", titles, strict=True):
+            ax.set_title(f"({letter}) {title}", loc="left", pad=3)
+    return figure
+
+
+def _window(run: Any) -> Any:
+    """The last periods again, with some sites recorded densely."""
+    from contbreather.dynamics import Run, Sample, simulate, simulate_smooth
+
+    count = min(WINDOW, run.periods)
+    state = run.strobe.u[-1 - count], run.strobe.v[-1 - count]
+    shown = tuple(dict.fromkeys((0, 1 % run.sites, run.sites // 2)))
+    c = run.conditions
+    shared: dict[str, Any] = {"a": c.a, "gamma": c.gamma, "damping": c.damping}
+    shared |= {"forcing": c.forcing, "periods": max(1, count), "sample": Sample(shown, 100)}
+    shared |= {"t0": float(run.times[-1 - count]), "progress": False}
+    if isinstance(run, Run):
+        return simulate(state, k=c.k, **shared).record
+    return simulate_smooth(state, lam=c.lam, m=c.m, **shared).record
+
+
+def _content(seen: Seen, asked: Asked) -> dict[str, Any]:
+    run, c = seen.run, seen.run.conditions
+    content: dict[str, Any] = {
+        **asked.where.need("a", "gamma", "k"),
+        "damping": c.damping,
+        "forcing": c.forcing.describe(),
+        "m": asked.smooth,
+        "sites": run.sites,
+        "periods": seen.periods,
+        "stop": seen.stop,
+        "interrupted": seen.interrupted,
+        "verdict": {"kind": seen.kind, "reason": seen.reason, "evidence": seen.evidence},
+        "final": {"t": run.end, "u": run.final.u, "v": run.final.v},
+    }
+    if seen.by_site is not None:
+        content["impacts"] = {"total": sum(seen.by_site.values()), "by_site": seen.by_site}
+        if asked.start is None:
+            content["lost_after"] = seen.lost
+    return content
+
+
+WORDS = {
+    "participation": ("participation ratio", "{:.4g}"),
+    "return": ("returns to within", "{:.2g}"),
+    "periods": ("after so many periods", "{:.0f}"),
+    "multiplier": ("largest multiplier", "{:.9g}"),
+    "rotation": ("rotation number", "{:.10f}"),
+    "rotation_error": ("its error", "{:.0e}"),
+    "exponent": ("largest Lyapunov exponent", "{:.3g}"),
+    "exponent_error": ("its error", "{:.0e}"),
+}
+
+
+def _table(seen: Seen, asked: Asked) -> Table:
+    from rich.table import Table
+
+    walls = f"walls of m = {asked.smooth:g}" if asked.smooth is not None else "rigid walls"
+    title = f"Ring of {seen.run.sites}, {walls}, {seen.periods} periods"
+    table = Table(title=title, title_justify="left", show_header=False)
+    table.add_column()
+    table.add_column(justify="right")
+    if seen.by_site is not None:
+        own = seen.by_site.get(0, 0)
+        table.add_row("impacts", str(sum(seen.by_site.values())))
+        table.add_row("of them at site 0", str(own))
+        if asked.start is None:
+            lost = "to the end" if seen.lost is None else f"{seen.lost} periods"
+            table.add_row("breather kept for", lost)
+    for name, (words, shape) in WORDS.items():
+        if name in seen.evidence:
+            table.add_row(words, shape.format(seen.evidence[name]))
+    return table
+
+
+def _sentences(seen: Seen) -> list[str]:
+    lines = [seen.reason]
+    if seen.interrupted or seen.stop != "went through all its periods":
+        lines.append(seen.stop)
+    return [f"{line[0].upper()}{line[1:].rstrip('.')}." for line in lines]

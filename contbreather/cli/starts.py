@@ -1,0 +1,51 @@
+"""States in files: what a simulation starts from and what it leaves."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from contbreather.errors import BadInput
+
+if TYPE_CHECKING:
+    from contbreather.dynamics import State
+
+WANTED = "JSON with u, v and t, or two columns u and v were wanted"
+
+
+def read_state(path: str) -> tuple[tuple[Any, Any], float]:
+    """Displacements, velocities, and their time; 0 where the file does not say."""
+    import numpy as np
+
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is no text"
+        raise BadInput(f"cannot read a state from {path}: {reason}; {WANTED}") from error
+    try:
+        if text.lstrip().startswith("{"):
+            content = json.loads(text)
+            content = content.get("final", content)  # what --json prints will do, too
+            u, v = (np.array(content[name], dtype=float) for name in "uv")
+            return (u, v), float(content.get("t", 0.0))
+        rows = [line.replace(",", " ").split() for line in text.splitlines() if line.strip()]
+        if rows and rows[0] == ["u", "v"]:
+            rows = rows[1:]
+        u, v = np.array(rows, dtype=float).T
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise BadInput(f"no state in {path}: {WANTED}") from error
+    return (u, v), 0.0
+
+
+def write_state(path: str, state: State, t: float) -> Path:
+    """JSON with u, v and t, all digits."""
+    from contbreather.plotting.files import written
+
+    content = {"t": float(t), "u": state.u.tolist(), "v": state.v.tolist()}
+    text = json.dumps(content, allow_nan=False) + "\n"
+
+    def write(file: Path) -> None:
+        file.write_text(text, encoding="utf-8")
+
+    return written(path, write)

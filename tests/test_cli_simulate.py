@@ -1,0 +1,301 @@
+"""`contbreather simulate`: the library's run, a verdict, streams that go on, refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main
+from contbreather.dynamics import simulate_smooth
+from contbreather.dynamics.quasiperiodic import Kind
+from contbreather.dynamics.smooth_verdict import judge_smooth
+
+STABLE = "simulate --a 0.1 --gamma 0.08 --k 0.8 --damping 0.02"
+LOST = "simulate --a 0.2 --gamma 0.104 --k 0.8 --damping 0.005"
+
+Output = tuple[int, str, str]
+
+
+@pytest.fixture
+def run(capsys, tmp_path, monkeypatch) -> Callable[[str], Output]:
+    """Run a command line in an empty directory."""
+    monkeypatch.chdir(tmp_path)
+
+    def line(words: str) -> Output:
+        status = main(shlex.split(words))
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return line
+
+
+def table(path: str) -> list[dict[str, str]]:
+    with Path(path).open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def state_of(content) -> np.ndarray:
+    return np.array([content["final"]["u"], content["final"]["v"]])
+
+
+# --- the run --------------------------------------------------------------------------------------
+
+
+def test_run_is_that_of_the_library_to_the_last_digit(run):
+    status, out, err = run(f"{LOST} --periods 20 --sites 12 --json --csv s.csv --impacts i.csv")
+    own = cb.simulate(
+        cb.symmetric(0.2, 0.104, 0.8).state(12),
+        a=0.2, gamma=0.104, k=0.8, damping=0.005, periods=20,
+    )  # fmt: skip
+    content = json.loads(out)
+    assert (status, err) == (DONE, "")
+    assert np.array_equal(state_of(content), own.final)
+    assert content["impacts"]["total"] == len(own.impacts)
+    rows = table("s.csv")
+    assert [float(row["u_3"]) for row in rows] == own.strobe.u[:, 3].tolist()
+    assert [float(row["v_11"]) for row in rows] == own.strobe.v[:, 11].tolist()
+    assert [float(row["phase"]) for row in table("i.csv")] == own.impacts["phase"].tolist()
+    assert content["written"] == ["s.csv", "i.csv"]
+
+
+def test_breather_that_is_lost_is_said_to_be_and_when(run):
+    content = json.loads(run(f"{LOST} --periods 160 --json")[1])
+    assert content["verdict"]["kind"] == "DELOCALISED"
+    assert len(content["impacts"]["by_site"]) > 5
+    lost = content["lost_after"]
+    start = cb.symmetric(0.2, 0.104, 0.8).state(20)
+    own = cb.simulate(start, a=0.2, gamma=0.104, k=0.8, damping=0.005, periods=lost)
+    assert set(own.impacts["site"]) == {0}
+    assert len(own.impacts) == 2 * lost
+    assert f"{lost} periods" in run(f"{LOST} --periods 160")[1]
+
+
+def test_attractor_is_periodic_and_shows_its_multiplier(run):
+    status, out, _ = run(f"{STABLE} --periods 400")
+    assert status == DONE
+    assert "Periodic: repeats with the forcing" in out
+    assert "largest multiplier" in out
+    assert "to the end" in out
+
+
+def test_torus_has_its_rotation_number(run):
+    line = "simulate --a 0.15 --gamma 0.106 --k 0.8 --damping 0.02 --periods 3000 --json"
+    verdict = json.loads(run(line)[1])["verdict"]
+    assert verdict["kind"] == "QUASI_PERIODIC"
+    assert verdict["evidence"]["rotation"] == pytest.approx(0.3916, abs=1e-6)
+
+
+def test_short_run_has_no_verdict_and_says_what_is_needed(run):
+    assert "20 periods are too few, give at least 100" in run(f"{STABLE} --periods 20")[1]
+
+
+def test_smooth_ring_settles_on_the_orbit_that_shooting_finds(run):
+    status, out, _ = run(f"{STABLE} --smooth 6 --sites 8 --periods 300 --json")
+    verdict = json.loads(out)["verdict"]
+    assert (status, verdict["kind"]) == (DONE, "PERIODIC")
+    assert 0.9 < verdict["evidence"]["multiplier"] < 1.0
+
+
+def test_smooth_ring_that_is_delocalised_is_no_breather():
+    shared = {"a": 0.7, "gamma": 0.104, "k": 0.8, "damping": 0.005, "m": 6}
+    settled = simulate_smooth(cb.symmetric(0.7, 0.104, 0.8).state(20), periods=60, **shared)
+    found = judge_smooth(simulate_smooth(settled.final, periods=60, **shared))
+    assert found.kind in (Kind.SYNCHRONISED, Kind.DELOCALISED)
+
+
+def test_smooth_motion_next_to_one_that_repels_is_not_called_periodic():
+    b = cb.symmetric(0.2, 0.104, 0.8)
+    shared = {"a": 0.2, "gamma": 0.104, "k": 0.8, "damping": 0.005, "m": 6}
+    from contbreather.paper.fates import smooth_breather
+
+    orbit = smooth_breather(b, 6, 0.005, 20)
+    found = judge_smooth(simulate_smooth(orbit.state, periods=50, **shared))
+    assert found.kind is Kind.UNDECIDED
+    assert "it repels" in found.reason
+
+
+# --- starts ---------------------------------------------------------------------------------------
+
+
+def test_last_state_starts_the_next_run_at_its_own_time(run):
+    run(f"{LOST} --periods 3.25 --final here.json")
+    content = json.loads(run(f"{LOST} --periods 2.75 --start here.json --json")[1])
+    whole = json.loads(run(f"{LOST} --periods 6 --json")[1])
+    np.testing.assert_allclose(state_of(content), state_of(whole), atol=1e-11)
+    assert content["final"]["t"] == pytest.approx(whole["final"]["t"], abs=1e-12)
+    assert "lost_after" not in content  # nobody said that it began as a breather
+
+
+def test_two_columns_are_a_state_and_set_the_length_of_the_ring(run):
+    run("--version")
+    Path("state.csv").write_text("u,v\n0.1,0.2\n0.0,-0.3\n-0.5,0\n")
+    content = json.loads(run(f"{LOST} --periods 1 --start state.csv --json")[1])
+    own = cb.simulate(
+        ([0.1, 0.0, -0.5], [0.2, -0.3, 0.0]), a=0.2, gamma=0.104, k=0.8, damping=0.005, periods=1
+    )
+    assert content["sites"] == 3
+    assert np.array_equal(state_of(content), own.final)
+
+
+def test_push_is_of_the_size_given_and_the_same_for_the_same_seed(run):
+    def final(extra: str) -> np.ndarray:
+        return state_of(json.loads(run(f"{STABLE} --periods 0 --json {extra}")[1]))
+
+    still = final("")
+    pushed, again = final("--perturb 1e-3 --seed 4"), final("--perturb 1e-3 --seed 4")
+    other = final("--perturb 1e-3 --seed 5")
+    assert np.array_equal(pushed, again)
+    assert not np.array_equal(pushed, other)
+    assert np.std(pushed - still) == pytest.approx(1e-3, rel=0.3)
+
+
+# --- streams --------------------------------------------------------------------------------------
+
+
+def test_stream_goes_on_and_ends_like_one_run(run):
+    first = json.loads(run(f"{LOST} --stream folder --periods 60 --json")[1])
+    line = f"{LOST} --stream folder --periods 160 --json --csv all.csv --impacts i.csv"
+    second, whole = json.loads(run(line)[1]), json.loads(run(f"{LOST} --periods 160 --json")[1])
+    assert first["periods"] == 60
+    assert np.array_equal(state_of(second), state_of(whole))
+    for name in ("impacts", "lost_after", "periods"):
+        assert second[name] == whole[name]
+    assert second["verdict"]["kind"] == whole["verdict"]["kind"]
+    rows = table("all.csv")
+    assert [int(row["period"]) for row in rows] == list(range(161))
+    assert len(table("i.csv")) == whole["impacts"]["total"]
+
+
+def test_stream_of_another_run_is_refused(run):
+    run(f"{LOST} --stream folder --periods 2")
+    status, _, err = run(f"{STABLE} --stream folder --periods 2")
+    assert status == BAD_INPUT
+    assert "folder holds another run: a is 0.2 there and 0.1 here" in err
+
+
+def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(run, monkeypatch):
+    from contbreather.dynamics import recording
+
+    walk = recording.walk
+
+    def stopped(*args, **kwargs):
+        for i, one in enumerate(walk(*args, **kwargs)):
+            if i == 2:
+                raise KeyboardInterrupt
+            yield one
+
+    monkeypatch.setattr(recording, "walk", stopped)
+    status, out, _ = run(f"{STABLE} --stream folder --periods 150 --final f.json")
+    assert status == INTERRUPTED
+    assert re.search(r"Interrupted after \d+ of 150 periods; the same command goes on", out)
+    assert Path("f.json").exists()
+    monkeypatch.setattr(recording, "walk", walk)
+    status, out, _ = run(f"{STABLE} --stream folder --periods 150 --json")
+    whole = json.loads(run(f"{STABLE} --periods 150 --json")[1])
+    assert status == DONE
+    assert np.array_equal(state_of(json.loads(out)), state_of(whole))
+
+
+def test_interrupted_run_writes_what_it_has(run, monkeypatch):
+    from contbreather.dynamics import impacting
+
+    walk = impacting.walk
+
+    def stopped(*args, **kwargs):
+        for i, one in enumerate(walk(*args, **kwargs)):
+            if i == 2:
+                raise KeyboardInterrupt
+            yield one
+
+    monkeypatch.setattr(impacting, "walk", stopped)
+    status, out, _ = run(f"{STABLE} --periods 1000 --csv s.csv --json")
+    content = json.loads(out)
+    assert status == INTERRUPTED
+    assert content["interrupted"] is True
+    assert 0 < content["periods"] < 1000
+    assert len(table("s.csv")) == content["periods"] + 1
+
+
+# --- files, refusals ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("extra", ["", "--smooth 6", "--sites 1 --gamma 0", "--periods 0"])
+def test_picture_of_a_run_is_drawn(run, extra):
+    line = f"simulate --a 0.3 --k 0.8 --gamma 0.02 --periods 30 -o p.png {extra}"
+    line = line.replace("--gamma 0.02", "") if "--gamma 0" in extra else line
+    line = line.replace("--periods 30", "") if "--periods" in extra else line
+    status, out, err = run(line)
+    assert (status, err) == (DONE, "")
+    assert "Wrote p.png." in out
+    assert Path("p.png").stat().st_size > 10_000
+
+
+REFUSED = {
+    "no amplitude": ("simulate --gamma 0.1 --k 0.8", r"--a is missing"),
+    "coupling": ("simulate --a 0.1 --gamma 0.3 --k 0.8", r"0 <= gamma < 1/4"),
+    "no breather": ("simulate --a 0.05 --gamma 0.1 --k 0.8", r"the smallest a is 0\.057"),
+    "through a wall": (
+        "simulate --a 0.95 --gamma 0.1 --k 0.8",
+        r"site 1 reaches .* give a state with --start",
+    ),
+    "no sites": (f"{LOST} --sites 0", r"a ring needs a whole number of sites"),
+    "negative damping": (f"{STABLE[:-5]} -0.01", r"damping = -0\.01: a damping .* at least 0"),
+    "negative length": (f"{LOST} --periods -3", r"periods = -3\.0: a length"),
+    "length nan": (f"{LOST} --periods nan", r"periods = nan"),
+    "stream of a fraction": (f"{LOST} --stream f --periods 2.5", r"whole periods"),
+    "stream of nan": (f"{LOST} --stream f --periods nan", r"whole periods"),
+    "smooth stream": (f"{LOST} --stream f --smooth 6", r"--stream goes with rigid walls"),
+    "smooth impacts": (f"{LOST} --impacts f.csv --smooth 6", r"--impacts goes with rigid walls"),
+    "soft": (f"{LOST} --smooth 0", r"m = 0\.0: a hardness"),
+    "push": (f"{LOST} --perturb -1", r"--perturb -1: a size"),
+    "push through a wall": (f"{LOST} --perturb 5", r"lies outside the walls"),
+    "seed": (f"{LOST} --perturb 0.1 --seed -1", r"--seed -1"),
+    "no file": (f"{LOST} --start nothing.json", r"cannot read a state from nothing\.json"),
+    "no state": (f"{LOST} --start words.txt", r"no state in words\.txt: JSON with u, v"),
+    "half a state": (f"{LOST} --start half.json", r"no state in half\.json"),
+    "other length": (f"{LOST} --start two.csv --sites 5", r"has 2 sites; leave out --sites"),
+    "outside": (f"{LOST} --start out.csv", r"u\[0\] = 1\.5 lies outside the walls"),
+    "one name for two": (f"{LOST} --csv a.csv --impacts a.csv", r"give different names"),
+    "figure": (f"{LOST} -o run.jpeg", r"suffix must be one of"),
+    "place": (f"{LOST} --final nowhere/f.json", r"there is no directory nowhere"),
+}
+FILES = {
+    "words.txt": "to be or not\n",
+    "half.json": '{"u": [0.1]}',
+    "two.csv": "0.1,0.2\n0,0\n",
+    "out.csv": "u,v\n1.5,0\n0,0\n",
+}
+
+
+@pytest.mark.parametrize(("line", "sentence"), REFUSED.values(), ids=REFUSED)
+def test_bad_input_is_one_sentence_and_status_2(run, line, sentence):
+    run("--version")
+    for name, text in FILES.items():
+        Path(name).write_text(text)
+    status, out, err = run(line)
+    assert (status, out) == (BAD_INPUT, "")
+    assert err.startswith("contbreather: ")
+    assert err.count("\n") == 1
+    assert re.search(sentence, err), err
+    assert {path.name for path in Path().iterdir()} == set(FILES)
+
+
+def test_energy_that_blows_up_is_status_1(run, monkeypatch):
+    from contbreather.dynamics import smooth
+    from contbreather.errors import NotConverged
+
+    def grows(self, y, j):
+        raise NotConverged("the energy blows up in period 3")
+
+    monkeypatch.setattr(smooth.SmoothFlight, "period", grows)
+    status, out, err = run(f"{LOST} --smooth 6 --periods 5")
+    assert (status, out) == (FAILED, "")
+    assert "the energy blows up" in err
