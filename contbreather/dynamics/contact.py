@@ -70,8 +70,9 @@ def first_contact(
     level: float,
     start: float,
     limit: float,
+    last: float,
 ) -> float:
-    """First s in [start, limit] at which ``sign phi(s)`` comes up to ``level``.
+    """First s in [start, limit] at which ``sign phi(s)``, in the end ``last``, is up to ``level``.
 
     ``phi`` is column n of ``rows`` plus ``drive``, t the time at s = 0. Touching from inside with
     a velocity of rounding counts as contact only if the acceleration pushes on; the gap is not
@@ -82,7 +83,7 @@ def first_contact(
     float
         s, `NEVER`, or `LOST` if the walk did not come to an end.
     """
-    jerk = third_bound(rows, n) / h**3 + driven_bound(drive, 3)
+    jerk = column_bound(rows, n, limit / h, 3) / h**3 + driven_bound(drive, 3)
     s = start
     for _ in range(WALKS):
         value, slope, bend = site_at(rows, n, h, s / h)
@@ -98,22 +99,18 @@ def first_contact(
         if s >= limit:
             return NEVER
         s = min(limit, s + safe_advance(max(gap, CLOSE), slope, bend, jerk, limit - s))
+        if s >= limit and level - last > 2.0 * CLOSE:
+            return NEVER
     return LOST
 
 
 @compiled
-def third_bound(rows: Array, n: int) -> float:
-    """h^3 times a bound on the third derivative of a column over its step."""
+def column_bound(rows: Array, n: int, x: float, order: int) -> float:
+    """h^order times a bound on that derivative of a column, for all times up to x h."""
     total = 0.0
-    for j in range(3, rows.shape[0]):
-        total += j * (j - 1) * (j - 2) * abs(rows[j, n])
-    return total
-
-
-@compiled
-def fourth_bound(rows: Array, n: int) -> float:
-    """The same, one order higher."""
-    total = 0.0
-    for j in range(4, rows.shape[0]):
-        total += j * (j - 1) * (j - 2) * (j - 3) * abs(rows[j, n])
+    for j in range(rows.shape[0] - 1, order - 1, -1):
+        weight = abs(rows[j, n])
+        for i in range(order):
+            weight *= j - i
+        total = total * x + weight
     return total

@@ -16,8 +16,8 @@ from contbreather.dynamics.compiled import compiled
 from contbreather.dynamics.contact import (
     LOST,
     NEVER,
+    column_bound,
     first_contact,
-    fourth_bound,
 )
 from contbreather.dynamics.flow import (
     Array,
@@ -26,7 +26,8 @@ from contbreather.dynamics.flow import (
     driven_bound,
     driven_jerk,
     driven_terms,
-    expand_and_sum,
+    ends,
+    expand,
     expand_held,
     site_at,
     state_at,
@@ -87,6 +88,7 @@ class Work(NamedTuple):
     origin: Array
     last_v: Array  # at the end of the step, where no event intervenes
     last_w: Array
+    reach: Array  # no |v| is larger during the step
     patch: Array
     lift: Array
     column: Array
@@ -96,6 +98,9 @@ class Work(NamedTuple):
     fresh: NDArray[np.int8]
     changed: NDArray[np.int8]
     hits: NDArray[np.int64]
+    busy: NDArray[np.int64]  # the sites that may have an event in this step, ``many`` of them
+    many: NDArray[np.int64]
+    listed: NDArray[np.int8]
 
 
 @compiled
@@ -122,7 +127,9 @@ def release(law: Law, work: Work, n: int, t: float, h: float) -> float:
     _add_shifted(work.rows, right, (origin - work.origin[right]) / h, law.gamma, lift)
     if sign * (lift[0, 0] + driven(law.force, t + origin)[0]) <= 0.0:
         return origin
-    local = first_contact(lift, 0, h, law.force, t + origin, -sign, 0.0, 0.0, h - origin)
+    room = h - origin
+    last = site_at(lift, 0, h, room / h)[0] + driven(law.force, t + h)[0]
+    local = first_contact(lift, 0, h, law.force, t + origin, -sign, 0.0, 0.0, room, -sign * last)
     return local if local < 0.0 else origin + local
 
 
@@ -147,19 +154,16 @@ def lead(law: Law, work: Work, n: int, t: float, h: float) -> float:
     """How long a site just released certainly moves away: velocity and acceleration are zero."""
     sign = float(work.fresh[n])
     jerk = sign * (6.0 * work.rows[3, n] / h**3 + driven_jerk(law.motion, t))
-    snap = fourth_bound(work.rows, n) / h**4 + driven_bound(law.motion, 4)
+    snap = column_bound(work.rows, n, 1.0, 4) / h**4 + driven_bound(law.motion, 4)
     return min(h, -jerk / snap) if jerk < -1e-9 else min(h, 1e-3)
 
 
 @compiled
-def search(
-    law: Law, work: Work, n: int, t: float, h: float, first: float, last: float, bend: float
-) -> bool:
+def search(law: Law, work: Work, n: int, t: float, h: float, first: float, last: float) -> bool:
     """Find when site n next meets a wall, or is let go, before the step ends; False if astray.
 
-    Within a time d a function is at most ``d^2/8 max|u''|`` beyond its chord: with the bound
-    ``bend`` on u'' most sites are dismissed by their ``first`` and ``last`` displacement, nearly
-    all others by one more in the middle.
+    Within a time d a function is at most ``d^2/8 max|u''|`` beyond its chord: many sites are
+    dismissed by their ``first`` and ``last`` displacement, most others by one more in the middle.
     """
     if work.held[n] != 0:
         work.when[n] = release(law, work, n, t, h)
@@ -167,6 +171,7 @@ def search(
     work.when[n] = NEVER
     origin = work.origin[n]
     room = h - origin
+    bend = column_bound(work.rows, n, room / h, 2) / (h * h) + driven_bound(law.motion, 2)
     slack = bend * room * room / 8.0
     if max(abs(first), abs(last)) + slack < 1.0:
         work.fresh[n] = 0
@@ -178,7 +183,7 @@ def search(
     for sign in (1.0, -1.0):
         if max(sign * first, max(sign * middle, sign * last)) + 0.25 * slack < 1.0:
             continue
-        s = first_contact(work.rows, n, h, law.motion, at, sign, 1.0, start, room)
+        s = first_contact(work.rows, n, h, law.motion, at, sign, 1.0, start, room, sign * last)
         if s == LOST:
             return False
         if s >= 0.0 and (work.when[n] < 0.0 or origin + s < work.when[n]):
@@ -243,7 +248,8 @@ def settle(law: Law, work: Work, log: Log, period: int, t: float, dt: float) -> 
     the sites whose motion is another one from now on.
     """
     motion, velocity, _ = driven(law.motion, t)
-    for n in range(work.v.size):
+    for i in range(work.many[0]):
+        n = work.busy[i]
         work.changed[n] = 0
         if work.when[n] < 0.0 or work.when[n] > dt + TOGETHER:
             continue
@@ -276,46 +282,40 @@ def settle(law: Law, work: Work, log: Log, period: int, t: float, dt: float) -> 
 
 
 @compiled
-def resting(work: Work) -> bool:
+def resting(held: NDArray[np.int8]) -> bool:
     """Whether any site rests on a wall."""
     count = 0
-    for n in range(work.held.size):
-        count += abs(work.held[n])
+    for n in range(held.size):
+        count += abs(held[n])
     return count > 0
 
 
 @compiled
 def begin(law: Law, work: Work, t: float, h: float, anyone: bool) -> bool:
     """Expand all sites about the start of a step and search them; False if one went astray."""
-    for n in range(work.held.size):
-        work.origin[n] = 0.0
     if anyone:
         driven_terms(law.motion, t, h, work.column)
         args = (law.gamma, law.mu, work.held, 1.0, work.column, work.rows)
         expand_held(work.v, work.w, h, *args)
-        state_at(work.rows, h, 1.0, work.last_v, work.last_w)
     else:
-        ends = (work.last_v, work.last_w)
-        expand_and_sum(work.v, work.w, h, law.gamma, law.mu, work.rows, *ends)
-    bend = curvature(law, work, h)
+        expand(work.v, work.w, h, law.gamma, law.mu, work.rows)
+    ends(work.rows, h, work.last_v, work.last_w, work.reach)
+    free = 1.0 - driven_bound(law.motion, 0)
+    count, busy, reach = 0, work.busy, work.reach
+    for n in range(reach.size):
+        calm = reach[n] < free  # certain to stay between the walls: in a breather nearly all
+        work.listed[n] = not calm
+        busy[count] = n
+        count += not calm
+    work.origin[:] = 0.0
+    work.when[:] = NEVER
+    work.many[0] = count
     now, then = driven(law.motion, t)[0], driven(law.motion, t + h)[0]
-    for n in range(work.v.size):
-        if not search(law, work, n, t, h, work.v[n] + now, work.last_v[n] + then, bend):
+    for i in range(count):
+        n = busy[i]
+        if not search(law, work, n, t, h, work.v[n] + now, work.last_v[n] + then):
             return False
     return True
-
-
-@compiled
-def curvature(law: Law, work: Work, h: float) -> float:
-    """No |u''| exceeds this within the step: all sites stay between the walls."""
-    bend = 4.0 * law.gamma + driven_bound(law.force, 0)
-    if law.mu == 0.0:
-        return bend
-    fastest = 0.0
-    for n in range(work.w.size):
-        fastest = max(fastest, abs(work.w[n]))
-    # u' = w + a g'; it grows by at most bend per unit of time, damping only slows it down
-    return bend + law.mu * (fastest + driven_bound(law.motion, 1) + bend * h)
 
 
 @compiled
@@ -336,66 +336,79 @@ def renew(law: Law, work: Work, n: int, s: float, h: float) -> None:
     """
     patch, size = work.patch, work.v.size
     top, wide = patch.shape[0] - 1, patch.shape[1]
-    half = wide // 2
+    half, x = wide // 2, (h - s) / h
     for i in range(wide):
         m = (n - half + i) % size
         patch[0, i] = work.v[m]
         patch[1, i] = h * work.w[m]
-    for j in range(top + 1):
-        if j >= 2:
-            pull, drag = -law.gamma * h * h / (j * (j - 1)), -law.mu * h / j
-            for i in range(j // 2, wide - j // 2):
-                near = patch[j - 2, i - 1] + patch[j - 2, i + 1]
-                patch[j, i] = pull * (2.0 * patch[j - 2, i] - near) + drag * patch[j - 1, i]
+    for j in range(2, top + 1):
+        pull, drag = -law.gamma * h * h / (j * (j - 1)), -law.mu * h / j
+        for i in range(j // 2, wide - j // 2):
+            near = patch[j - 2, i - 1] + patch[j - 2, i + 1]
+            patch[j, i] = pull * (2.0 * patch[j - 2, i] - near) + drag * patch[j - 1, i]
     for i in range(half - top // 2, half + top // 2 + 1):
         m = (n - half + i) % size
+        v = w = reach = 0.0
+        for j in range(top, -1, -1):
+            entry = patch[j, i]
+            work.rows[j, m] = entry
+            w = w * x + v
+            v = v * x + entry
+            reach = reach * x + abs(entry)
         work.origin[m] = s
-        for j in range(top + 1):
-            work.rows[j, m] = patch[j, i]
+        work.last_v[m], work.last_w[m], work.reach[m] = v, w / h, reach
 
 
 @compiled
 def repair(law: Law, work: Work, t: float, s: float, h: float) -> bool:
     """After an event at the step's time s: new series and new searches around what changed."""
-    size, top = work.v.size, work.rows.shape[0] - 1
-    for n in range(size):
-        if work.changed[n] != 0:
-            renew(law, work, n, s, h)
-    bend = curvature(law, work, h)
+    top, known = work.rows.shape[0] - 1, work.many[0]
+    reach = top // 2
+    for i in range(known):
+        if work.changed[work.busy[i]] != 0:
+            renew(law, work, work.busy[i], s, h)
+    free = 1.0 - driven_bound(law.motion, 0)
     now, then = driven(law.motion, t + s)[0], driven(law.motion, t + h)[0]
-    for n in range(size):
+    for i in range(known):
+        n = work.busy[i]
         if work.changed[n] == 0:
             continue
-        for i in range(n - top // 2, n + top // 2 + 1):
-            m = i % size
-            last = site_at(work.rows, m, h, (h - s) / h)[0] + then
-            if not search(law, work, m, t, h, work.rows[0, m] + now, last, bend):
+        for k in range(n - reach, n + reach + 1):
+            m = k % work.v.size
+            work.when[m] = NEVER
+            if work.reach[m] < free:
+                continue
+            if work.listed[m] == 0:
+                work.listed[m] = 1
+                work.busy[work.many[0]] = m
+                work.many[0] += 1
+            if not search(law, work, m, t, h, work.rows[0, m] + now, work.last_v[m] + then):
                 return False
     return True
 
 
 @compiled
-def next_event(work: Work) -> tuple[float, int]:
+def next_event(busy: NDArray[np.int64], many: int, times: Array) -> tuple[float, int]:
     """The earliest event of the step, or NEVER, and how many sites take part in it."""
     best, count = NEVER, 0
-    for n in range(work.when.size):
-        if work.when[n] >= 0.0 and (best < 0.0 or work.when[n] < best):
-            best = work.when[n]
-    for n in range(work.when.size):
-        if work.when[n] >= 0.0 and work.when[n] <= best + TOGETHER:
+    for i in range(many):
+        when = times[busy[i]]
+        if when >= 0.0 and (best < 0.0 or when < best):
+            best = when
+    for i in range(many):
+        when = times[busy[i]]
+        if when >= 0.0 and when <= best + TOGETHER:
             count += 1
     return best, count
 
 
 @compiled
-def finish(work: Work, h: float) -> None:
-    """The state at the end of the step, as the start of the next."""
-    for n in range(work.v.size):
-        work.v[n] = work.last_v[n]
-        work.w[n] = work.last_w[n]
+def stop_at(work: Work, s: float, h: float) -> None:
+    """The state of all sites at the step's time s, into v and w."""
+    state_at(work.rows, h, s / h, work.v, work.w)
     for n in range(work.v.size):
         if work.origin[n] != 0.0:
-            present(work, n, 0, h, h)
+            present(work, n, 0, s, h)
 
 
 @compiled
@@ -408,28 +421,32 @@ def one_period(
     for n in range(size):
         work.hits[n] = 0
     while s < span:
-        anyone = resting(work)
+        anyone = resting(work.held)
         t, h = t0 + s, min(law.rest_step if anyone else law.step, span - s)
         if not begin(law, work, t, h, anyone):
             return ASTRAY, 0
         while True:
-            dt, count = next_event(work)
+            dt, count = next_event(work.busy, work.many[0], work.when)
             to_end = dt < 0.0
             end = (span if h >= span - s else s + h) if to_end else s + dt
-            sample = observe(law, work, watch, row, sample, t0, s, h, end)
+            if sample < watch.grid.size:
+                sample = observe(law, work, watch, row, sample, t0, s, h, end)
             if to_end:
-                finish(work, h)
+                work.v[:] = work.last_v
+                work.w[:] = work.last_w
                 break
             local = count * wide < size and not anyone
-            for n in range(size):
-                if not local:
-                    present(work, n, 0, dt, h)
-                elif work.when[n] >= 0.0 and work.when[n] <= dt + TOGETHER:
-                    present(work, n, wide // 2, dt, h)
+            if local:
+                for i in range(work.many[0]):
+                    n = work.busy[i]
+                    if work.when[n] >= 0.0 and work.when[n] <= dt + TOGETHER:
+                        present(work, n, wide // 2, dt, h)
+            else:
+                stop_at(work, dt, h)
             status = settle(law, work, log, period, t0 + end, dt)
             if status != 0:
                 return (FULL, 0) if status < 0 else (CHATTER, status - 1)
-            if not local or resting(work):
+            if not local or resting(work.held):
                 break
             if not repair(law, work, t, dt, h):
                 return ASTRAY, 0

@@ -102,43 +102,45 @@ def expand(v: Array, w: Array, h: float, gamma: float, mu: float, rows: Array) -
     for n in range(size):
         rows[0, n] = v[n]
         rows[1, n] = h * w[n]
-    for j in range(top - 1):
-        pull = -gamma * h * h / ((j + 1) * (j + 2))
-        drag = -mu * h / (j + 2)
-        _raise(rows[j], rows[j + 1], rows[j + 2], pull, drag)
+    last, right = size - 1, 1 % size  # with one site or two the neighbours coincide
+    for j in range(2, top + 1):
+        pull, drag = -gamma * h * h / (j * (j - 1)), -mu * h / j
+        before, now, new = rows[j - 2], rows[j - 1], rows[j]
+        new[0] = pull * (2.0 * before[0] - (before[last] + before[right])) + drag * now[0]
+        left = before[last - 1] + before[0]
+        new[last] = pull * (2.0 * before[last] - left) + drag * now[last]
+        if mu == 0.0:
+            for n in range(1, last):
+                new[n] = pull * (2.0 * before[n] - (before[n - 1] + before[n + 1]))
+        else:
+            for n in range(1, last):
+                pulled = pull * (2.0 * before[n] - (before[n - 1] + before[n + 1]))
+                new[n] = pulled + drag * now[n]
 
 
 @compiled
-def expand_and_sum(
-    v: Array, w: Array, h: float, gamma: float, mu: float, rows: Array, last_v: Array, last_w: Array
-) -> None:
-    """`expand`, and at once the state at the end of the step: one pass through memory."""
-    size, top = v.size, rows.shape[0] - 1
+def ends(rows: Array, h: float, last_v: Array, last_w: Array, reach: Array) -> None:
+    """The state at s = h, and in ``reach`` what no |v| exceeds until then.
+
+    Four powers at a time: that is one pass through memory for four, and no chain of additions.
+    """
+    size, count = last_v.size, rows.shape[0]
     for n in range(size):
-        rows[0, n] = v[n]
-        rows[1, n] = h * w[n]
-        last_v[n] = rows[0, n] + rows[1, n]
-        last_w[n] = rows[1, n]
-    for j in range(2, top + 1):
-        _raise(rows[j - 2], rows[j - 1], rows[j], -gamma * h * h / (j * (j - 1)), -mu * h / j)
+        last_v[n] = last_w[n] = reach[n] = 0.0
+    for j in range(0, count - 3, 4):
+        first, second, third, fourth = rows[j], rows[j + 1], rows[j + 2], rows[j + 3]
+        for n in range(size):
+            p, q, r, s = first[n], second[n], third[n], fourth[n]
+            last_v[n] += (p + q) + (r + s)
+            last_w[n] += (j * p + (j + 1) * q) + ((j + 2) * r + (j + 3) * s)
+            reach[n] += (abs(p) + abs(q)) + (abs(r) + abs(s))
+    for j in range(count - count % 4, count):
         for n in range(size):
             last_v[n] += rows[j, n]
             last_w[n] += j * rows[j, n]
+            reach[n] += abs(rows[j, n])
     for n in range(size):
         last_w[n] /= h
-
-
-@compiled
-def _raise(now: Array, following: Array, new: Array, pull: float, drag: float) -> None:
-    """One more power, at every site; with one site or two the neighbours coincide."""
-    last = now.size - 1
-    if last == 0:
-        new[0] = drag * following[0]
-        return
-    new[0] = pull * (2.0 * now[0] - (now[last] + now[1])) + drag * following[0]
-    for n in range(1, last):
-        new[n] = pull * (2.0 * now[n] - (now[n - 1] + now[n + 1])) + drag * following[n]
-    new[last] = pull * (2.0 * now[last] - (now[last - 1] + now[0])) + drag * following[last]
 
 
 @compiled
@@ -158,20 +160,17 @@ def expand_held(
     ``column`` holds the Taylor coefficients of a g, ``level`` is 1; with zeros and 0 the sites
     held do not move at all, which is what perturbations do.
     """
-    size, top = v.size, rows.shape[0] - 1
-    for j in range(top + 1):
-        if j == 0:
-            for n in range(size):
-                rows[0, n] = v[n]
-        elif j == 1:
-            for n in range(size):
-                rows[1, n] = h * w[n]
-        else:
-            pull = -gamma * h * h / (j * (j - 1))
-            _raise(rows[j - 2], rows[j - 1], rows[j], pull, -mu * h / j)
+    size = v.size
+    for j in range(rows.shape[0]):
+        pull, drag = -gamma * h * h / max(j * (j - 1), 1), -mu * h / max(j, 1)
         for n in range(size):
             if held[n] != 0:
                 rows[j, n] = (level * held[n] if j == 0 else 0.0) - column[j]
+            elif j < 2:
+                rows[j, n] = v[n] if j == 0 else h * w[n]
+            else:
+                near = rows[j - 2, (n - 1) % size] + rows[j - 2, (n + 1) % size]
+                rows[j, n] = pull * (2.0 * rows[j - 2, n] - near) + drag * rows[j - 1, n]
 
 
 @compiled

@@ -332,8 +332,8 @@ def walk(
             yield one
             if one.stop is not None:
                 return
-            if time.perf_counter() - began < 0.5 * MOMENT:
-                count = min(2 * count, machine.roomy)
+            longer = 0.5 * MOMENT / (time.perf_counter() - began)
+            count = min(int(count * min(max(longer, 1.0), 8.0)), machine.roomy)
 
 
 @dataclass(frozen=True)
@@ -434,13 +434,14 @@ def law_of(conditions: Conditions) -> Law:
 def work_of(sites: int, count: int) -> Work:
     from contbreather.dynamics.cruise import Work
 
-    v, w, origin, last_v, last_w, when = np.zeros((6, sites))
-    side, held, fresh, changed = np.zeros((4, sites), np.int8)
+    v, w, origin, last_v, last_w, reach, when = np.zeros((7, sites))
+    side, held, fresh, changed, listed = np.zeros((5, sites), np.int8)
     rows, patch = np.empty((count, sites)), np.empty((count, 4 * ((count - 1) // 2) + 1))
     lift, column = np.empty((count, 1)), np.empty(count)
-    hits = np.zeros(sites, np.int64)
-    buffers = (v, w, rows, origin, last_v, last_w, patch, lift, column, when)
-    return Work(*buffers, side, held, fresh, changed, hits)
+    hits, busy = np.zeros(sites, np.int64), np.zeros(sites + 1, np.int64)
+    many = np.zeros(1, np.int64)
+    buffers = (v, w, rows, origin, last_v, last_w, reach, patch, lift, column, when)
+    return Work(*buffers, side, held, fresh, changed, hits, busy, many, listed)
 
 
 def log_of(size: int, old: Log | None = None) -> Log:

@@ -66,10 +66,10 @@ def test_interrupted_recording_keeps_every_finished_period(tmp_path, state, monk
         return advance(self, *args, **kwargs)
 
     monkeypatch.setattr(contbreather.dynamics.impacting.Machine, "advance", interrupted)
-    first = record(tmp_path / "run", state, **CONDITIONS, periods=200)
-    assert 0 < first.periods < 200
-    second = record(tmp_path / "run", state, **CONDITIONS, periods=200)
-    assert_same(second, simulate(state, **CONDITIONS, periods=200))
+    first = record(tmp_path / "run", state, **CONDITIONS, periods=1000)
+    assert 0 < first.periods < 1000
+    second = record(tmp_path / "run", state, **CONDITIONS, periods=1000)
+    assert_same(second, simulate(state, **CONDITIONS, periods=1000))
 
 
 def test_killed_recording_goes_on_from_its_last_file(tmp_path, state):
