@@ -30,7 +30,7 @@ Array = NDArray[Any]
 FATES = {
     Fate.RETURNED: ("comes back", BLUE),
     Fate.OTHER: ("another breather", SKY),
-    Fate.SPREAD: ("impacts elsewhere", ORANGE),
+    Fate.SPREAD: ("impacts, no breather", ORANGE),
     Fate.QUIET: ("no impacts", "#dddddd"),
     Fate.OUTSIDE: ("behind a wall", "white"),
     Fate.PENDING: ("not computed", "#f5f5f5"),
@@ -64,11 +64,16 @@ def plot_motion(record: Record, *, ax: Axes | None = None) -> Axes:
         axes.set_xlabel(r"$t/2\pi$")
         axes.set_ylabel("$u_n$")
         axes.margins(x=0.0)
-        axes.legend(frameon=False, ncols=len(record.sites), loc="lower right", **_ABOVE)
+        axes.legend(
+            frameon=False, ncols=len(record.sites), loc="lower right", bbox_to_anchor=(1.0, 0.97),
+            handlelength=1.3, fontsize=_size(axes),
+        )  # fmt: skip
     return axes
 
 
-_ABOVE: dict[str, Any] = {"bbox_to_anchor": (1.0, 0.97), "handlelength": 1.3}
+def _size(axes: Axes) -> float:
+    """Of the words of a legend: a little smaller than those of the axes."""
+    return 0.9 * float(axes.xaxis.label.get_fontsize())
 
 
 def plot_section(
@@ -156,7 +161,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Axes:
             told.add(way)
         axes.set_xlabel(symbol(sweep.name))
         axes.set_ylabel(COLUMNS[y])
-        axes.legend(frameon=False, loc="best", handletextpad=0.2)
+        axes.legend(frameon=False, loc="best", handletextpad=0.2, fontsize=_size(axes))
     return axes
 
 
@@ -196,7 +201,7 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Axes:
         ]
         axes.legend(
             handles=patches, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False,
-            handlelength=1.0, handletextpad=0.4, columnspacing=1.0,
+            handlelength=1.0, handletextpad=0.4, columnspacing=1.0, fontsize=_size(axes),
         )  # fmt: skip
     return axes
 
