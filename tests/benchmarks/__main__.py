@@ -56,6 +56,11 @@ def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:
 
         return shooting.rows()
 
+    def dynamics() -> list[Row]:
+        from . import dynamics
+
+        return dynamics.rows()
+
     return {
         "stability": stability,
         "branch": branch,
@@ -64,6 +69,7 @@ def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:
         "zones": zones,
         "first-run": first_run,
         "shooting": shooting,
+        "dynamics": dynamics,
     }
 
 
