@@ -238,7 +238,7 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
 
 # --- derivatives of conditions that have none in closed form ------------------------------------
 
-_STEP = 1e-3
+_STEP = 1e-4  # the band may end a hundred times as far away: there F has a square root
 _Stencil = tuple[tuple[int, float], ...]
 _CENTRAL: _Stencil = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
 _FORWARD: _Stencil = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4))

@@ -155,7 +155,11 @@ class Trail:
         """Neighbouring places between which the test changes sign, or jumps."""
         known = sorted(u for u, value in self.values.items() if not math.isnan(value))
         pairs = itertools.pairwise(known)
-        return [p for p in pairs if p not in self.done and self._differ(*p)]
+        return [pair for pair in pairs if self._differ(*pair) and not self._dealt_with(*pair)]
+
+    def _dealt_with(self, left: float, right: float) -> bool:
+        # a place where the test was looked at before may lie inside a bracket
+        return any(low <= left and right <= high for low, high in self.done)
 
     def _differ(self, left: float, right: float) -> bool:
         a, b = self.values[left], self.values[right]

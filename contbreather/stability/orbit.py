@@ -49,6 +49,7 @@ GRID = 24  # samples between two singular places of the circle; refinement does 
 TURN = 0.6  # largest step of F between neighbouring samples, relative to its modulus
 DEPTH = 40  # halvings of one interval
 CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
+FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
 EDGE = 1e-7  # with several sites the very ends of the band are not evaluated
 
 
@@ -321,7 +322,7 @@ class OrbitMap:
             place = _ends_resolved(low, high)
             if self._sites[0].any():  # stay off the singular ends
                 x = EDGE + (1.0 - 2.0 * EDGE) * x
-            x, F = _refined(x, place, self.F)
+            x, F = _refined(x, place, self.F, FLAT * self._terms)
             places.append(place(x))
             values.append(F)
         return np.concatenate(places), np.concatenate(values)
@@ -456,13 +457,15 @@ def _ends_resolved(low: float, high: float) -> Callable[[Array], Array]:
 
 
 def _refined(
-    x: Array, place: Callable[[Array], Array], value: Callable[[Array], Array]
+    x: Array, place: Callable[[Array], Array], value: Callable[[Array], Array], floor: float
 ) -> tuple[Array, Array]:
-    """Samples halved wherever the function moves by much of its modulus."""
+    """Samples halved wherever the function moves by much of its modulus, unless that is nothing
+    but rounding, below the floor: about a zero on the circle itself."""
     F = value(place(x))
     for _ in range(DEPTH):
         size = np.abs(F)
         steep = np.abs(F[1:] - F[:-1]) > TURN * np.minimum(size[1:], size[:-1])
+        steep &= np.maximum(size[1:], size[:-1]) > floor
         wide = steep.copy()
         wide[1:] |= steep[:-1]
         wide[:-1] |= steep[1:]

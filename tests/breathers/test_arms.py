@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -288,8 +289,6 @@ def test_only_a_located_pitchfork_of_breathers_has_arms():
         pitchfork_arms(branch[0])
     with pytest.raises(BadInput, match="no special point"):
         pitchfork_arms(branch[1])
-    from dataclasses import replace
-
     off = replace(branch.first("PF"), z=branch.first("PF").z + 0.01)
     with pytest.raises(NotConverged, match="is no pitchfork"):
         pitchfork_arms(off)
@@ -367,6 +366,48 @@ def test_a_pair_leaves_the_circle_where_its_locus_says():
     for point in (line[0], line[-1]):
         F = orbit_at(point.ground.problem).map.F(np.array([point["kappa"]]))
         assert abs(F[0]) < 1e-9
+
+
+def test_neimark_sacker_line_of_an_arm_runs_from_grazing_to_grazing():
+    """Found once on the branch; its line ends where the line of grazing meets it."""
+    arm = arms(0.034, 0.95)[0]
+    assert [point.kind for point in arm.special] == ["EP", "NS", "GR"]
+    within = {"gamma": (0, 0.25), "a": (0, 1.2)}
+    line = boundary(arm.first("NS"), ("gamma", "a"), within=within)
+    assert [point.label for point in line.special] == ["NS-GR1", "NS-GR2"]
+    grazing = boundary(arm.first("GR"), ("gamma", "a"), within=within)
+    for label in ("1", "2"):
+        one, other = line.first(f"NS-GR{label}"), grazing.first(f"GR-NS{label}")
+        assert (one["gamma"], one["a"]) == pytest.approx((other["gamma"], other["a"]), abs=1e-9)
+
+
+def test_fold_line_of_a_subcritical_arm():
+    """Harmonics that make the pitchfork subcritical: the arm turns back at a fold, on its line up
+    to where the neighbour grazes and down to single oscillators."""
+    forcing = Fourier(cos={1: -1.0, 3: -0.45, 5: 0.5})
+    branch = trace(symmetric(0.6, 0.01, 0.95, forcing=forcing), "a", within={"a": (0.3, 0.9)})
+    assert branch.first("PF")["criticality"] == "subcritical"
+    arm = switch(branch.first("PF"), within={"a": (0.3, 0.9)})[0]
+    assert [point.kind for point in arm.special][:3] == ["EP", "LP", "PD"]
+    turn = arm.first("LP")
+    assert turn["a"] == arm["a"].min()
+    line = boundary(turn, ("gamma", "a"), within={"gamma": (0, 0.2), "a": (0, 1.2)})
+    assert [point.label for point in line.special] == ["EP1", "LP-GR1"]
+    single = replace(line[0].ground.solution, lattice=Ring(1))  # the same without coupling
+    assert line[0]["gamma"] == 0.0
+    assert np.abs(single.multipliers() - 1).min() < 1e-9
+    for point in line[::4]:
+        orbit = point.ground.solution
+        assert orbit.admissibility().margin > -1e-12
+
+
+def test_doubling_line_reaches_elastic_impacts():
+    """At k = 1 all multipliers are on the circle; over a stretch F is rounding."""
+    line = boundary(
+        arms(0.005, 0.95)[0].first("PD"), ("k", "a"), within={"k": (0.93, 1.0)}, towards="up"
+    )
+    assert line[-1]["k"] == 1.0
+    assert line[-1].solution.map.count().certain is False
 
 
 def test_on_a_ring_the_papers_threshold_is_met_exactly():
