@@ -50,6 +50,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 SITES = 20
+LONG = 120  # sites; a wave that goes round such a ring is damped away
 RESTITUTION = 0.8
 DAMPING = 0.005
 HARDNESS = 6  # "for m > 5 the simulation results ceased to depend on the exact choice of m"
@@ -319,8 +320,9 @@ def figure6(m: int = HARDNESS) -> TimeSeries:
         "breather is lost, site 0 misses a wall or a neighbour comes to one."
     )
     verdict6 = (
-        "Verdict: transients, all three. A life grows with the logarithm of how exact the start "
-        "is; what counts is the growth in a period, simulated beside the multiplier."
+        "Verdict: transients, all three; on long rings (a) and (c) are attractors, for no wave "
+        "comes round. A life grows with the logarithm of how exact the start is; what counts is "
+        "the growth in a period, simulated beside the multiplier."
     )
     return TimeSeries(6, tuple(panels), shown, (verdict6, *findings), numbers)
 
@@ -352,6 +354,7 @@ def _fate(exact: Breather, m: int, lost: int | None) -> dict[str, float]:
         "rigid_growth": growth(rigid),
         "rigid_multiplier": rigid.largest,
         "enough_damping": enough_damping(exact, SITES),
+        "long_multiplier": periodic(exact.state(LONG), symmetric=True, **conditions).largest,
     }
 
 
@@ -369,7 +372,8 @@ def _told(found: dict[str, float], m: int) -> str:
     return (
         f"{_gone(found['lost'])} ({why}); rigid walls: {_gone(found['rigid_lost'])} (growth "
         f"{found['rigid_growth']:.4f}, multiplier {found['rigid_multiplier']:.4f}), an attractor "
-        f"from damping {found['enough_damping']:.4f} on."
+        f"from damping {found['enough_damping']:.4f} on; on a ring of {LONG} the multiplier is "
+        f"{found['long_multiplier']:.4f}."
     )
 
 
