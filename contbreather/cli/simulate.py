@@ -78,6 +78,8 @@ def simulate(
     if json:
         to_json({**_content(seen, asked), "written": made})
     else:
+        walls = "rigid walls" if smooth is None else f"smooth walls, m = {smooth:g}"
+        say(f"Ring of {seen.run.sites}, {walls}, {seen.periods} periods")
         say(_table(seen, asked), *_sentences(seen), *(f"Wrote {path}." for path in made))
     return INTERRUPTED if seen.interrupted else None
 
@@ -276,8 +278,6 @@ def _content(seen: Seen, asked: Asked) -> dict[str, Any]:
 
 WORDS = {
     "participation": ("participation ratio", "{:.4g}"),
-    "return": ("returns to within", "{:.2g}"),
-    "periods": ("after so many periods", "{:.0f}"),
     "multiplier": ("largest multiplier", "{:.9g}"),
     "rotation": ("rotation number", "{:.10f}"),
     "rotation_error": ("its error", "{:.0e}"),
@@ -289,9 +289,7 @@ WORDS = {
 def _table(seen: Seen, asked: Asked) -> Table:
     from rich.table import Table
 
-    walls = f"walls of m = {asked.smooth:g}" if asked.smooth is not None else "rigid walls"
-    title = f"Ring of {seen.run.sites}, {walls}, {seen.periods} periods"
-    table = Table(title=title, title_justify="left", show_header=False)
+    table = Table(show_header=False)
     table.add_column()
     table.add_column(justify="right")
     if seen.by_site is not None:
@@ -301,6 +299,10 @@ def _table(seen: Seen, asked: Asked) -> Table:
         if asked.start is None:
             lost = "to the end" if seen.lost is None else f"{seen.lost} periods"
             table.add_row("breather kept for", lost)
+    if "return" in seen.evidence:
+        count = int(seen.evidence["periods"])
+        after = "a period" if count == 1 else f"{count} periods"
+        table.add_row(f"returns after {after} to", f"{seen.evidence['return']:.2g}")
     for name, (words, shape) in WORDS.items():
         if name in seen.evidence:
             table.add_row(words, shape.format(seen.evidence[name]))
