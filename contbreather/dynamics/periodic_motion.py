@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,11 @@ from numpy.typing import NDArray
 from contbreather.continuation import Point, Problem, fold
 from contbreather.dynamics.conditions import Conditions, State, check_state, number, whole
 from contbreather.dynamics.impacting import Run, RunStop, Sample, simulate
+from contbreather.dynamics.multiplier_events import (
+    neimark_sacker,
+    period_doubling,
+    pitchfork,
+)
 from contbreather.dynamics.tangent import variation
 from contbreather.errors import BadInput, ContbreatherError, NotConverged
 from contbreather.lattice import Forcing, Harmonic
@@ -205,8 +211,8 @@ def damped_orbit(start: PeriodicMotion) -> Problem:
     """A periodic motion of the damped ring as a start for `trace`: in a, gamma, k or damping.
 
     Unknowns are the arrays ``u`` and ``v`` at its t0. Columns ``largest`` and ``unstable`` as
-    computed from its multipliers over the period; event LP. A point's ``solution`` is a
-    `PeriodicMotion`.
+    computed from its multipliers over the period; events LP, PF (PD if not symmetric) and NS. A
+    point's ``solution`` is a `PeriodicMotion`.
 
     Examples
     --------
@@ -236,9 +242,16 @@ def damped_orbit(start: PeriodicMotion) -> Problem:
     def jacobian(x: Array, params: Mapping[str, float]) -> Array:
         return np.asarray(sign * variation(run_of(x, params)) - np.eye(x.size))
 
+    @lru_cache(maxsize=4)  # the columns and every event ask for the same one
+    def flown(values: bytes, params: tuple[float, ...]) -> Array:
+        return variation(run_of(np.frombuffer(values), dict(zip(NAMES, params, strict=True))))
+
+    def matrix(point: Point) -> Array:
+        return flown(point.x.tobytes(), tuple(point.params[name] for name in NAMES))
+
     def multipliers(point: Point) -> Array:
-        matrix = variation(run_of(point.x, point.params))
-        return np.asarray(np.abs(np.linalg.eigvals(matrix)) ** (2 if start.symmetric else 1))
+        moduli = np.abs(np.linalg.eigvals(matrix(point)))
+        return np.asarray(moduli ** (2 if start.symmetric else 1))
 
     def interpret(point: Point) -> PeriodicMotion:
         settings: dict[str, Any] = {n: point[n] for n in NAMES}
@@ -250,7 +263,11 @@ def damped_orbit(start: PeriodicMotion) -> Problem:
         {"u": start.state.u, "v": start.state.v},
         start.conditions.as_params(),
         jacobian=jacobian,
-        events=(fold(),),
+        events=(
+            fold(),
+            (pitchfork if start.symmetric else period_doubling)(matrix),
+            neimark_sacker(matrix),
+        ),
         record={
             "largest": lambda point: float(multipliers(point).max()),
             "unstable": lambda point: float(np.sum(multipliers(point) > 1.0 + 1e-9)),

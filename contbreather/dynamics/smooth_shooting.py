@@ -19,6 +19,11 @@ from numpy.typing import NDArray
 
 from contbreather.continuation import Event, Point, Problem, fold
 from contbreather.dynamics.conditions import PERIOD, State, check_state, reduced
+from contbreather.dynamics.multiplier_events import (
+    neimark_sacker,
+    period_doubling,
+    pitchfork,
+)
 from contbreather.dynamics.smooth import Explicit, SmoothConditions, wall_damping
 from contbreather.errors import NotConverged
 from contbreather.lattice import Forcing, Harmonic
@@ -152,8 +157,8 @@ def smooth_orbit(
     -------
     Problem
         Unknowns ``u`` and ``v`` (arrays of length N); columns ``largest`` (modulus of a multiplier
-        over 2 pi) and ``unstable`` (how many are outside the circle); events LP and PF. A point's
-        ``solution`` is a `SmoothOrbit`.
+        over 2 pi) and ``unstable`` (how many are outside the circle); events LP, PF (PD if not
+        symmetric) and NS. A point's ``solution`` is a `SmoothOrbit`.
 
     Examples
     --------
@@ -189,7 +194,7 @@ def smooth_orbit(
         {"a": a, "gamma": gamma, "lam": wall, "m": float(m), "damping": damping},
         jacobian=shooting.jacobian,
         sensitivity=shooting.sensitivity,
-        events=(fold(), _pitchfork(shooting)),
+        events=(fold(), *_events(shooting, symmetric)),
         record={"largest": largest, "unstable": unstable},
         domain=DOMAIN,
         scales={"m": 10.0},
@@ -198,14 +203,8 @@ def smooth_orbit(
     )
 
 
-def _pitchfork(shooting: Shooting) -> Event:
-    """PF: the multiplier +1 of the half map, where the equations themselves are regular."""
+def _events(shooting: Shooting, symmetric: bool) -> tuple[Event, ...]:
+    def matrix(point: Point) -> Array:
+        return shooting.linearised(point.x, point.params)[1]
 
-    def test(point: Point) -> float:
-        if shooting.sign > 0.0:  # over a whole period +1 is singular: the fold's matter
-            return math.nan
-        matrix = shooting.linearised(point.x, point.params)[1]
-        sign, log = np.linalg.slogdet(matrix - np.eye(len(matrix)))
-        return float(sign * math.exp(max(-700.0, log) / len(matrix)))
-
-    return Event("PF", test)
+    return (pitchfork if symmetric else period_doubling)(matrix), neimark_sacker(matrix)

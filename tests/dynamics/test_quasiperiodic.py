@@ -118,6 +118,16 @@ def test_verdict_on_the_torus_carries_its_evidence(torus):
     assert 2.0 < found.evidence["participation"] < 3.0
 
 
+def test_slowly_shrinking_direction_is_not_counted_as_a_frequency():
+    """gamma = 0.0845 of the theory notes: exponents 0 and -1.2e-4, hard to tell apart."""
+    conditions = {"a": 0.1, "gamma": 0.0845, "k": 0.8, "damping": 0.005}
+    state = symmetric(0.1, 0.082, 0.8).state(20)
+    found = verdict(state, **conditions, settle=20000, periods=3000)
+    assert found.kind is Kind.QUASI_PERIODIC
+    assert found.evidence["rotation"] == pytest.approx(0.4590294719, abs=1e-9)
+    assert found.evidence["frequencies"] <= 1
+
+
 def test_second_torus_bifurcation_gives_a_breather_with_two_frequencies():
     """Two Lyapunov exponents vanish: frequencies beside the forcing's."""
     conditions = {"a": 0.2, "gamma": 0.1087, "k": 0.8, "damping": 0.03}

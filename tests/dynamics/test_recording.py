@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,21 @@ def test_run_on_disk_is_the_run_in_memory(tmp_path, state):
     assert_same(open_recording(tmp_path / "run"), run)
     dense = np.concatenate([s.dense_u.reshape(-1, 2) for s in recorded.stretches()])
     assert np.array_equal(dense, run.record.u)
+
+
+def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path, monkeypatch):
+    monkeypatch.setattr(recording, "LARGEST", 50_000)
+    monkeypatch.setattr(contbreather.dynamics.impacting, "ROOM", 2**14)
+    state = symmetric(0.7, 0.06, 0.2).state(20)
+    peaks = []
+    for name, periods in (("warm", 10), ("short", 3000), ("long", 30000)):
+        tracemalloc.start()
+        settings = {"a": 0.7, "gamma": 0.06, "k": 0.2, "periods": periods}
+        recorded = record(tmp_path / name, state, **settings, sample=Sample((0,), 4))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert recorded.periods == periods
+    assert peaks[2] < 1.5 * peaks[1]
 
 
 def test_run_goes_on_where_it_stopped_with_the_same_bits(tmp_path, state):

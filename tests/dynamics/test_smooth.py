@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from contbreather.breathers import symmetric
+from contbreather.breathers.symmetric import smallest_amplitude
 from contbreather.continuation import Steps, trace
 from contbreather.dynamics import (
     Explicit,
@@ -215,6 +216,33 @@ def test_branch_of_figure_6c_has_a_fold_in_m():
     fold = branch.first("LP")
     assert fold["m"] == pytest.approx(16.4605, abs=1e-3)
     assert fold.solution.half is not None
+
+
+def test_smooth_breather_is_lost_where_a_pair_leaves_the_circle():
+    """a = 0.1, m = 6: at gamma = 0.0927; Fig. 6 (a) at 0.104 is beyond, Fig. 5 at 0.08 is not."""
+    start = smooth_orbit(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5)
+    steps = Steps(largest=0.005)
+    branch = trace(start, "gamma", within={"gamma": (0.08, 0.104)}, towards="up", steps=steps)
+    found = branch.first("NS")
+    assert found["gamma"] == pytest.approx(0.0927473, abs=1e-6)
+    assert found["largest"] == pytest.approx(1.0, abs=1e-7)
+    assert branch[-1]["largest"] == pytest.approx(1.0110, abs=1e-4)  # growth of Fig. 6 (a)
+
+
+def test_pitchfork_of_the_smooth_chain_comes_later_than_that_of_rigid_walls():
+    conditions = {"a": 0.77, "gamma": 0.04, "k": 0.8, "damping": 0.0}
+    start = smooth_orbit(symmetric(0.77, 0.04, 0.8).state(6), m=100, **conditions)
+    branch = trace(start, "a", within={"a": (0.77, 0.79)}, towards="up")
+    assert 0.7777 < branch.first("PF")["a"] < 0.785
+
+
+def test_smooth_branch_in_a_has_a_fold_near_that_of_the_exact_one():
+    """Down from a = 0.1: the fold of m = 6 at 0.0726, of rigid walls, undamped, at 0.0601."""
+    start = smooth_orbit(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5)
+    branch = trace(start, "a", within={"a": (0.05, 0.12)}, towards="down")
+    assert branch.first("LP")["a"] == pytest.approx(0.0726, abs=1e-4)
+    exact = smallest_amplitude(0.08, 0.8)
+    assert 0.0 < branch.first("LP")["a"] - exact < 0.02
 
 
 def test_branch_in_gamma_and_lam_stays_near_the_exact_one():
