@@ -7,6 +7,7 @@ the unknown angle for a Neimark-Sacker point, two and the unknown time for grazi
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.admissibility import Admissibility, admissibility
-from contbreather.breathers.symmetric import Breather, flight_of
+from contbreather.breathers.symmetric import Breather, flight_slope_of
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
@@ -32,6 +33,9 @@ Array = NDArray[np.float64]
 Scalar = Callable[[Breather], float]
 Slope = Callable[[Breather, str], float]
 
+# As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, and at
+# k = 1 there are none: within rounding of the edge the curve cannot be followed.
+_ELASTIC = 1.0 - 1e-5
 _ZERO = 1e-8  # a located event's own scalar, relative to the terms in it
 
 
@@ -82,7 +86,8 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
         at or outside the circle, so there the paper's rule is followed.
     threshold : float
         On a ring: the modulus over the whole period 2 pi that a pair must pass, 1.005 in the
-        paper.
+        paper. Its boundary ends where another of the ring's waves gets there first (NS-NS);
+        `contbreather.paper.threshold.neimark_sacker_line` puts the pieces together.
 
     Examples
     --------
@@ -247,7 +252,7 @@ def _pairs(breather: Breather) -> int:
 def _arc_locus(point: Point) -> Locus:
     breather: Breather = point.solution
     nu = closest_approach(breather.gamma, breather.k, breather.b).nu
-    return Locus({"nu": nu}, _arc_conditions, _arc_derivative)
+    return Locus({"nu": nu}, _arc_conditions, _arc_derivative, domain={"k": (0.0, _ELASTIC)})
 
 
 def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
@@ -309,7 +314,22 @@ def _circle_locus(point: Point, ring: Ring, threshold: float) -> Locus:
     if not mu.size:
         raise Undefined("no complex multipliers on this ring")
     nearest = mu[abs(mu).argmax()]
-    return Locus({"nu": float(np.angle(nearest)) / math.pi}, conditions, derivative)
+    start = {"nu": float(np.angle(nearest)) / math.pi}
+    return Locus(start, conditions, derivative, events=(_next_wave(ring, threshold),))
+
+
+def _next_wave(ring: Ring, threshold: float) -> Event:
+    """Where another multiplier of the ring reaches the threshold as well: beyond, the one that was
+    followed is not the first to be there any more, and the rule's line goes on with the other."""
+    radius = math.sqrt(threshold)
+
+    def test(point: Point) -> float:
+        mu = _upper(point.solution, ring)
+        own = int(abs(mu - radius * cmath.exp(1j * math.pi * point["nu"])).argmin())
+        return radius - float(np.delete(abs(mu), own).max(initial=0.0))
+
+    event = neimark_sacker(on=ring, threshold=threshold)
+    return Event("NS-NS", test, terminal=True, positive=True, met=event)
 
 
 # --- grazing --------------------------------------------------------------------------------------
@@ -394,11 +414,5 @@ def _motion_slope(breather: Breather, site: int | None, t: float, name: str) -> 
     p = sign * breather.p
     if name == "phi":
         return -p * flight.slope(y), -p * flight.curvature(y)
-    # the flight is a short series in gamma without a derivative of its own; the difference
-    # serves Newton's matrix only, never a result
-    gamma, lattice = breather.gamma, breather.lattice
-    low, high = max(gamma - 1e-6, 0.0), min(gamma + 1e-6, 0.5 * (gamma + 0.25))
-    distance = lattice.distance(site)
-    before, after = flight_of(lattice, low, distance), flight_of(lattice, high, distance)
-    step = (high - low) / p
-    return (after.value(y) - before.value(y)) / step, (after.slope(y) - before.slope(y)) / step
+    slope = flight_slope_of(breather.lattice, breather.gamma, breather.lattice.distance(site))
+    return p * slope.value(y), p * slope.slope(y)

@@ -41,12 +41,16 @@ class Locus:
         ``(curve, z, extra) -> (m + 1, len(z) + m) array``; differences are taken without it.
     events : tuple of Event
         What can happen on the boundary itself, a cusp on a fold curve for instance.
+    domain : dict, optional
+        ``{name: (low, high)}``, bounds of unknowns or parameters where the conditions make sense,
+        as far as they are narrower than those of the problem.
     """
 
     extra: Mapping[str, Any]
     conditions: Callable[[Curve, Array, Array], Array]
     derivative: Callable[[Curve, Array, Array], Array] | None = None
     events: tuple[Event, ...] = ()
+    domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, repr=False)

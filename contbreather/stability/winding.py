@@ -35,6 +35,7 @@ Array = NDArray[Any]
 TURN = 0.6  # largest step of F between neighbouring samples, relative to its modulus
 DEPTH = 48  # halvings of one grid interval: down to 1e-16 in alpha
 ROUNDING = 1e-13  # of F's own terms: closer than that to zero, a count is not certain
+NOISE = 1e-15  # of F's own terms: what their rounding amounts to
 MOST = 2**20  # samples on a circle, when a ring's count asks for more there is no telling
 
 
@@ -85,10 +86,12 @@ def check_radius(radius: float, lattice: object) -> int | None:
     )
 
 
-def _steep(F: Array) -> Array:
-    """Intervals across which F moves by much of its modulus, and their neighbours."""
+def _steep(F: Array, noise: float = 0.0) -> Array:
+    """Intervals across which F moves by much of its modulus, and their neighbours; what is below
+    the noise at both ends cannot be told apart any better."""
     size = np.abs(F)
     steep = np.abs(F[1:] - F[:-1]) > TURN * np.minimum(size[1:], size[:-1])
+    steep &= np.maximum(size[1:], size[:-1]) > noise
     wide = steep.copy()
     wide[1:] |= steep[:-1]
     wide[:-1] |= steep[1:]
@@ -106,10 +109,11 @@ def resolved_arc(
     out, into = curve(arc, k, b)
     if gamma == 0.0:
         return arc, out, into
+    noise = NOISE * (abs(b) + 1.0)
     for _ in range(DEPTH):
-        wide = _steep(out)
+        wide = _steep(out, noise)
         if inside:
-            wide |= _steep(into)
+            wide |= _steep(into, noise)
         steep = np.flatnonzero(wide)
         steep = steep[arc.alpha[steep + 1] - arc.alpha[steep] > 1e-15]
         if steep.size == 0:
@@ -121,8 +125,9 @@ def resolved_arc(
     return arc, out, into
 
 
-def _crossings(F: Array) -> int:
+def _crossings(F: Array, noise: float) -> int:
     """Crossings of the negative real axis, upwards less downwards, of a resolved curve."""
+    F = F[np.abs(F) > noise]
     above = F.imag > 0.0
     i = np.flatnonzero(above[1:] != above[:-1])
     if i.size == 0:
@@ -174,7 +179,7 @@ def _neutral(gamma: float, b: float) -> int:
 def _chain_count(gamma: float, k: float, b: float) -> Count:
     beta0, beta0_size, fold, fold_size = _ends(gamma, k, b)
     arc, F, _ = resolved_arc(gamma, k, b)
-    count = int(beta0 > 0.0) + int(fold < 0.0) + 2 * _crossings(F)
+    count = int(beta0 > 0.0) + int(fold < 0.0) + 2 * _crossings(F, NOISE * (abs(b) + 1.0))
     if k == 1.0:
         # the formula has turned from arg(-L) at the band's edge straight to arg D(-1)
         count -= _neutral(gamma, b) + int(fold < 0.0) - int(F[-1].imag < 0.0)

@@ -251,3 +251,64 @@ def test_neimark_sacker_by_bisection_of_the_winding_number() -> None:
     gamma = brentq(side, 0.10, 0.12, xtol=1e-11)
     point = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "gamma").first("NS")
     assert point["gamma"] == pytest.approx(gamma, abs=1e-9)
+
+
+@pytest.mark.parametrize("pair", [("k", "a"), ("k", "gamma")])
+def test_a_pitchfork_line_goes_to_elastic_impacts(pair: tuple[str, str]) -> None:
+    """At k = 1 a pitchfork has f' = 0 there: q = 0 in (11), phi = -pi; the line ends nowhere else
+    but where existence ends."""
+    start = cb.trace(cb.symmetric(0.8, 0.05, 0.6), "a").first("PF")
+    line = cb.boundary(start, pair)
+    end = max(line.points, key=lambda point: point["k"])
+    assert end["k"] == 1.0
+    assert end["phi"] == pytest.approx(-math.pi, abs=1e-12)
+    assert not line.stop.failed
+    assert line.began is None or not line.began.failed
+    sigma = np.array([CHAIN.sigma(gamma) for gamma in np.atleast_1d(line["gamma"])])
+    q = (1 - line["k"]) / (1 + line["k"])
+    assert np.allclose(line["p"] * np.hypot(q, 2 * sigma), line["a"], rtol=1e-10)
+
+
+@pytest.mark.parametrize("pair", [("k", "a"), ("k", "gamma")])
+def test_the_angle_tends_to_the_edge_of_the_band_as_impacts_become_elastic(
+    pair: tuple[str, str],
+) -> None:
+    start = cb.trace(cb.symmetric(0.3, 0.05, 0.8), "gamma").first("NS")
+    line = cb.boundary(start, pair)
+    assert not line.stop.failed
+    assert line.began is None or not line.began.failed
+    near = [point for point in line.points if 1 - point["k"] < 1e-3]
+    gap = [2 * math.sqrt(point["gamma"]) - point["nu"] for point in near]
+    law = [value / (1 - point["k"]) ** 2 for value, point in zip(gap, near, strict=True)]
+    assert len(law) > 3
+    assert np.ptp(law) < 0.02 * max(law)
+
+
+def test_grazing_is_followed_up_to_the_rim_of_the_coupling() -> None:
+    """The derivative of u_1 in gamma grows without limit there."""
+    start = cb.trace(cb.symmetric(0.3, 0.1, 0.7), "gamma").first("GR")
+    line = cb.boundary(start, ("gamma", "a"))
+    assert line[-1]["gamma"] == 0.24999
+    assert not line.stop.failed
+    assert line[-1].solution.admissibility().max_neighbour == pytest.approx(1.0, abs=1e-10)
+
+
+def test_the_line_of_the_papers_rule_ends_where_another_wave_comes_first() -> None:
+    """On the traced arc the largest complex multiplier over 2 pi has the modulus of the threshold;
+    at its ends two pairs have."""
+    ring, threshold = cb.Ring(60), 1.005
+
+    def pairs(point: cb.Point) -> np.ndarray:
+        mu = point.solution.stability(sites=60, threshold=1 + 1e-9).multipliers
+        return np.sort(abs(mu[mu.imag > 1e-9]))[::-1]
+
+    event = cb.neimark_sacker(on=ring, threshold=threshold)
+    start = cb.trace(cb.symmetric(0.2, 0.05, 0.8), "gamma", events=[event]).first("NS")
+    line = cb.boundary(start, ("gamma", "a"))
+    assert len(line) > 10
+    assert np.allclose([pairs(point)[0] for point in line], threshold, rtol=0, atol=1e-10)
+    for end in (line[0], line[-1]):
+        assert end.kind == "NS-NS"
+        first, second, third = pairs(end)[:3]
+        assert first == pytest.approx(second, abs=1e-9)
+        assert third < threshold - 1e-5

@@ -17,6 +17,7 @@ from contbreather.stability import (
     unstable_count,
     unstable_multipliers,
 )
+from contbreather.stability.winding import resolved_arc
 
 CHAIN = InfiniteChain()
 
@@ -159,3 +160,15 @@ def test_bad_input_is_refused_with_a_reason():
         unstable_count(0.1, 0.8, 0.1, radius=0.9)
     with pytest.raises(BadInput, match="band on that circle"):
         unstable_count(0.1, 0.8, 0.1, Ring(40))
+
+
+@pytest.mark.parametrize("k", [1.0, 1.0 - 1e-8, 0.9])
+def test_a_pitchfork_of_elastic_impacts_is_counted_without_noise(k):
+    """F vanishes like nu^2 at the angle 0 there, down to rounding: nothing to be resolved."""
+    b = pitchfork_b(0.05, k)
+    count = unstable_count(0.05, k, b)
+    assert not count.certain
+    assert count.pairs == 0
+    assert count.count in (0, 1)
+    arc, _, _ = resolved_arc(0.05, k, b)
+    assert arc.nu.size < 2000
