@@ -277,10 +277,10 @@ def test_the_angle_tends_to_the_edge_of_the_band_as_impacts_become_elastic(
     line = cb.boundary(start, pair)
     assert not line.stop.failed
     assert line.began is None or not line.began.failed
-    near = [point for point in line.points if 1 - point["k"] < 1e-3]
+    near = [point for point in line.points[1:-1] if 1 - point["k"] < 1e-2]
     gap = [2 * math.sqrt(point["gamma"]) - point["nu"] for point in near]
     law = [value / (1 - point["k"]) ** 2 for value, point in zip(gap, near, strict=True)]
-    assert len(law) > 3
+    assert len(law) > 2
     assert np.ptp(law) < 0.02 * max(law)
 
 
