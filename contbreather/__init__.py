@@ -42,7 +42,26 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.continuation.diagram import diagram as diagram
     from contbreather.continuation.maps import FixedPoint as FixedPoint
     from contbreather.continuation.switching import switch as switch
+    from contbreather.dynamics import Axis as Axis
+    from contbreather.dynamics import Explicit as Explicit
+    from contbreather.dynamics import Implicit as Implicit
+    from contbreather.dynamics import Sample as Sample
+    from contbreather.dynamics import Switching as Switching
+    from contbreather.dynamics import attraction as attraction
+    from contbreather.dynamics import damped_orbit as damped_orbit
+    from contbreather.dynamics import localisation as localisation
+    from contbreather.dynamics import lyapunov as lyapunov
+    from contbreather.dynamics import open_recording as open_recording
+    from contbreather.dynamics import periodic as periodic
+    from contbreather.dynamics import record as record
+    from contbreather.dynamics import rotation as rotation
     from contbreather.dynamics import simulate as simulate
+    from contbreather.dynamics import simulate_smooth as simulate_smooth
+    from contbreather.dynamics import smooth_orbit as smooth_orbit
+    from contbreather.dynamics import sweep as sweep
+    from contbreather.dynamics import there_and_back as there_and_back
+    from contbreather.dynamics import variation as variation
+    from contbreather.dynamics import verdict as verdict
     from contbreather.errors import BadInput as BadInput
     from contbreather.errors import ContbreatherError as ContbreatherError
     from contbreather.errors import NoSolution as NoSolution
@@ -55,7 +74,12 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.lattice import Symbolic as Symbolic
     from contbreather.plotting import plot as plot
     from contbreather.plotting import plot_diagram as plot_diagram
+    from contbreather.plotting import plot_basin as plot_basin
+    from contbreather.plotting import plot_localisation as plot_localisation
+    from contbreather.plotting import plot_motion as plot_motion
     from contbreather.plotting import plot_multipliers as plot_multipliers
+    from contbreather.plotting import plot_section as plot_section
+    from contbreather.plotting import plot_sweep as plot_sweep
     from contbreather.plotting import plot_zones as plot_zones
     from contbreather.plotting import save_figure as save_figure
 
@@ -96,13 +120,37 @@ _HOME = {
     "save_figure": "contbreather.plotting",
     "plot_diagram": "contbreather.plotting",
     "plot_zones": "contbreather.plotting",
+    "plot_basin": "contbreather.plotting",
+    "plot_localisation": "contbreather.plotting",
+    "plot_motion": "contbreather.plotting",
     "plot_multipliers": "contbreather.plotting",
+    "plot_section": "contbreather.plotting",
+    "plot_sweep": "contbreather.plotting",
     "switch": "contbreather.continuation.switching",
     "FixedPoint": "contbreather.continuation.maps",
     "diagram": "contbreather.continuation.diagram",
     "Diagram": "contbreather.continuation.diagram",
     "shooting": "contbreather.breathers.shooting",
+    "Axis": "contbreather.dynamics",
+    "Explicit": "contbreather.dynamics",
+    "Implicit": "contbreather.dynamics",
+    "Sample": "contbreather.dynamics",
+    "Switching": "contbreather.dynamics",
+    "attraction": "contbreather.dynamics",
+    "damped_orbit": "contbreather.dynamics",
+    "localisation": "contbreather.dynamics",
+    "lyapunov": "contbreather.dynamics",
+    "open_recording": "contbreather.dynamics",
+    "periodic": "contbreather.dynamics",
+    "record": "contbreather.dynamics",
+    "rotation": "contbreather.dynamics",
     "simulate": "contbreather.dynamics",
+    "simulate_smooth": "contbreather.dynamics",
+    "smooth_orbit": "contbreather.dynamics",
+    "sweep": "contbreather.dynamics",
+    "there_and_back": "contbreather.dynamics",
+    "variation": "contbreather.dynamics",
+    "verdict": "contbreather.dynamics",
     "BadInput": "contbreather.errors",
     "ContbreatherError": "contbreather.errors",
     "NoSolution": "contbreather.errors",
