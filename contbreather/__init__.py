@@ -73,8 +73,8 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.lattice import Samples as Samples
     from contbreather.lattice import Symbolic as Symbolic
     from contbreather.plotting import plot as plot
-    from contbreather.plotting import plot_diagram as plot_diagram
     from contbreather.plotting import plot_basin as plot_basin
+    from contbreather.plotting import plot_diagram as plot_diagram
     from contbreather.plotting import plot_localisation as plot_localisation
     from contbreather.plotting import plot_motion as plot_motion
     from contbreather.plotting import plot_multipliers as plot_multipliers
