@@ -425,6 +425,64 @@ def test_branch_lists_its_special_points_and_why_it_ends(run: Callable[..., Outp
     assert "ended at a terminal event" in out
 
 
+@pytest.mark.parametrize(
+    ("k", "label", "sentence"),
+    [
+        (0.01, "GR1", r"the impact of site 0 itself vanishes, at velocity \de-1\d"),
+        (0.01, "GR2", r"site 0 between its impacts is at u = -?1 at t = "),
+        (0.8, "GR2", r"site 1 reaches \|u\| = 1 at t = "),
+    ],
+)
+def test_an_end_says_what_grazed(
+    run: Callable[..., Output], k: float, label: str, sentence: str
+) -> None:
+    out = run("branch", "--free", "a", "--gamma", "0.1", "--k", str(k))[1]
+    assert re.search(rf"^{label}: ended at a terminal event \({sentence}", out, flags=re.MULTILINE)
+
+
+def test_free_parameter_is_the_first_number_of_a_row(run: Callable[..., Output]) -> None:
+    for line, heading in (
+        (["branch", "--free", "gamma", "--a", "0.2", "--k", "0.8"], "label gamma p phi unstable"),
+        (["boundary", "PF", "--k", "0.8"], "label gamma a p phi unstable"),
+    ):
+        words = re.sub("[┃ ]+", " ", run(*line)[1].splitlines()[2])
+        assert words.strip().startswith(heading)
+
+
+def test_verdict_on_the_verge_is_left_out_of_the_table_and_kept_in_csv(
+    run: Callable[..., Output],
+) -> None:
+    out = run(*BRANCH, "--csv", "b.csv")[1]
+    cells = {row.split("│")[1].strip(): row.split("│")[5].strip()
+             for row in out.splitlines() if row.startswith("│")}  # fmt: skip
+    rows = {row["label"]: row["unstable"] for row in table(Path("b.csv")) if row["label"]}
+    assert cells["LP1"] == "\N{EN DASH}"
+    assert rows["LP1"] in {"0", "1"}
+    assert {label: cells[label] for label in ("GR1", "GR2")} == {"GR1": "1", "GR2": "0"}
+
+
+def test_tables_fit_terminals_of_80_columns(tmp_path: Path) -> None:
+    """A real terminal, of 80 columns: each number is whole, and right to its last digit."""
+    command = f"stty cols 80; {sys.executable} -m contbreather boundary NS --k 0.8"
+    package = Path(cb.__file__).parents[1]
+    done = subprocess.run(
+        ["script", "-qec", command, "/dev/null"],
+        env={**os.environ, "PYTHONPATH": str(package), "TERM": "dumb"},
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "\N{HORIZONTAL ELLIPSIS}" not in done.stdout
+    row = next(line for line in done.stdout.splitlines() if "NS-LP1" in line)
+    gamma, a = (cell.strip() for cell in row.split("│")[2:4])
+    assert (len(gamma) >= 6, float(gamma)) == (True, pytest.approx(0.125220720183, rel=1e-4))
+    assert float(a) == pytest.approx(0.0527199073812, rel=1e-4)
+
+
+def test_pipes_take_tables_as_wide_as_they_are(run: Callable[..., Output]) -> None:
+    out = run("boundary", "NS", "--k", "0.8")[1]
+    assert "0.125220720183" in out
+    assert "residual" in out
+
+
 def test_branch_in_json_is_all_columns_and_special_points(run: Callable[..., Output]) -> None:
     content = strict(run(*BRANCH, "--window", "0.3", "0.7", "--json")[1])
     columns = content["columns"]
@@ -497,6 +555,39 @@ def test_boundary_in_any_pair(run: Callable[..., Output], pair: str, fixed: str)
     columns = strict(run("boundary", "PF", "--pair", *pair.split(), fixed, "--json")[1])["columns"]
     for i in range(0, len(columns["a"]), 5):
         assert DEFINING["PF"]({name: column[i] for name, column in columns.items()})
+
+
+def test_boundary_passes_the_fold_as_the_library_does(run: Callable[..., Output]) -> None:
+    """NS-LP is no end: the line goes on among the breathers with the smaller p."""
+    content = strict(run("boundary", "NS", "--k", "0.8", "--json")[1])
+    labels = [point["label"] for point in content["special"]]
+    point = cb.trace(cb.symmetric(0.2, 0.08, 0.8), "gamma").first("NS")
+    line = cb.boundary(point, ("gamma", "a"), within={"gamma": (0, 0.2499)})
+    assert labels == [point.label for point in line.special] == ["NS-GR1", "NS-LP1", "EP1"]
+
+
+@pytest.mark.parametrize("stop", [cb.Stop.NO_CONVERGENCE, cb.Stop.RIM])
+@pytest.mark.parametrize(
+    "line", [BRANCH, ["boundary", "PF", "--k", "0.8"]], ids=["branch", "boundary"]
+)
+def test_what_ends_in_mx_is_shown_and_has_status_1(
+    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch, line: list[str], stop: cb.Stop
+) -> None:
+    from dataclasses import replace
+
+    from contbreather import continuation
+
+    name = "trace" if line is BRANCH else "boundary"
+    whole = getattr(continuation, name)
+
+    def broken(*args: Any, **kwargs: Any) -> Any:
+        return replace(whole(*args, **kwargs), stop=stop, reason="too sharp")
+
+    monkeypatch.setattr(continuation, name, broken)
+    status, out, err = run(*line)
+    assert status == FAILED
+    assert "label" in out
+    assert "too sharp" in err
 
 
 def test_boundary_shows_where_it_meets_others(run: Callable[..., Output]) -> None:

@@ -27,6 +27,7 @@ from contbreather.lattice.green import POWERS, TERMS, response_weights
 FloatArray = NDArray[np.float64]
 HALF_PI = 0.5 * math.pi
 NEAR = 13  # (0.03)^12 < 1e-18: the third harmonic has died out two sites earlier
+LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
 CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
 
 
@@ -166,9 +167,13 @@ def _reason(breather: Breather, margin: float, site: int | None, time: float) ->
     elif time in (breather.phi, breather.phi + math.pi):
         speed = breather.w_minus * (breather.k if time == breather.phi else 1.0)
         reach = f"the impact of site 0 itself, at velocity {speed:.6g}"
+        if abs(margin) < LIMIT:
+            reach = f"the impact of site 0 itself vanishes, at velocity {speed:.2g}"
     else:
         there = breather.displacement(0, time)
         reach = f"site 0 between its impacts is at u = {there:.6g} at t = {time:.6g}"
+    if abs(margin) < LIMIT:
+        return f"at the limit: {reach}."
     if margin > 0.0:
         return f"every site keeps off its walls; closest to the limit: {reach}."
     rule = {None: "|a f| <= 1", 0: "(B3)"}.get(site, "(15)")

@@ -18,8 +18,8 @@ from contbreather.cli.options import (
     interval,
     known,
 )
-from contbreather.cli.output import check_places, ends, leave
-from contbreather.errors import BadInput, NotConverged
+from contbreather.cli.output import check_ends, check_places, leave
+from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
     from contbreather.continuation import Event, Point
@@ -49,7 +49,8 @@ def boundary(
     """A curve of folds (LP), pitchforks (PF), Neimark-Sacker points (NS) or grazings (GR).
 
     Its first point is found on a branch in the second parameter, at the value of the first one if
-    that is given. `contbreather zones` finds all curves of all kinds.
+    that is given. Past a fold (as NS-LP) it goes on among the breathers with the smaller p; the
+    curves of `contbreather zones`, which finds all of all kinds, end there.
     """
     from contbreather import continuation
 
@@ -58,16 +59,12 @@ def boundary(
     forcing = where.drive(pair)
     _check_pair(pair, forcing)
     span = interval(pair[0], window)
-    events = _events()
-    seed = _seed(wanted, pair, where, forcing, span, events)
+    seed = _seed(wanted, pair, where, forcing, span)
     within = {pair[0]: span, pair[1]: interval(pair[1], None)}
-    found = continuation.boundary(
-        seed, pair, within=within, events=events, steps=continuation.Steps(largest=0.02)
-    )
+    found = continuation.boundary(seed, pair, within=within, steps=continuation.Steps(largest=0.02))
     about = {"curve": wanted, "pair": pair, "forcing": forcing.describe()}
     leave(found, about, csv, output, json)
-    if continuation.Stop.NO_CONVERGENCE in (found.began, found.stop):
-        raise NotConverged(f"the curve broke off: {'; '.join(ends(found))}")
+    check_ends(found, "curve")
 
 
 def _kind(kind: str | None) -> str:
@@ -85,7 +82,7 @@ def _check_pair(pair: tuple[str, str], forcing: Forcing) -> None:
 
 
 def _events() -> tuple[Event, ...]:
-    """Those of the breather; behind a fold lies another one, so a fold ends the curve."""
+    """Those of the breather; the curve is to begin among the breathers before the fold."""
     from contbreather.breathers.problem import events_on
     from contbreather.lattice import InfiniteChain
 
@@ -101,7 +98,6 @@ def _seed(
     where: Where,
     forcing: Forcing,
     span: tuple[float, float],
-    events: tuple[Event, ...],
 ) -> Point:
     """The first event of the kind on branches in the second parameter."""
     from contbreather.continuation import trace
@@ -118,7 +114,7 @@ def _seed(
         except BadInput as error:
             reason = str(error)
             continue
-        branch = trace(start, free, within={free: reach}, events=events, progress=False)
+        branch = trace(start, free, within={free: reach}, events=_events(), progress=False)
         for point in branch.special:
             if point.kind == kind and point.located:
                 return point

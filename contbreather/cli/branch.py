@@ -15,13 +15,14 @@ from contbreather.cli.options import (
     Threshold,
     Where,
     Window,
+    around,
     events_by,
     first_in,
     interval,
     known,
 )
-from contbreather.cli.output import check_places, ends, leave
-from contbreather.errors import BadInput, NotConverged
+from contbreather.cli.output import check_ends, check_places, leave
+from contbreather.errors import BadInput
 
 
 def branch(
@@ -45,7 +46,7 @@ def branch(
     It starts at the value of the free parameter, if one is given, else at a breather that is
     found in the window.
     """
-    from contbreather.continuation import Stop, trace
+    from contbreather.continuation import trace
 
     check_places(csv, output)
     if free is None:
@@ -54,19 +55,9 @@ def branch(
     known(free, forcing)
     fixed = where.need(*(name for name in PARAMETERS if name != free))
     span = interval(free, window)
-    start = first_in(free, _around(free, where.given.get(free), span), fixed, forcing)
+    start = first_in(free, around(free, where.given.get(free), span), fixed, forcing)
     found = trace(
         start, free, within={free: span}, towards=towards, events=events_by(sites, threshold)
     )
     leave(found, {"free": free, "forcing": forcing.describe()}, csv, output, json)
-    if Stop.NO_CONVERGENCE in (found.began, found.stop):
-        raise NotConverged(f"the branch broke off: {'; '.join(ends(found))}")
-
-
-def _around(free: str, start: float | None, span: tuple[float, float]) -> tuple[float, float]:
-    """Where to look for a start: at the value that was given, else in the whole window."""
-    if start is None:
-        return span
-    if not span[0] <= start <= span[1]:
-        raise BadInput(f"{free} = {start:g} is outside of the window {span[0]:g} to {span[1]:g}")
-    return start, start
+    check_ends(found, "branch")

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NotConverged
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
     from contbreather.continuation import Branch, Point
 
-PIPE_WIDTH = 160  # columns where there is no terminal to fit into
+PIPE_WIDTH = 160  # of sentences, where there is no terminal to fit into
+ENDLESS = 100_000
 
 
 def console() -> Console:
@@ -43,11 +44,12 @@ def check_places(table: str | None, figure: str | None) -> None:
 
 
 def say(*lines: object, quiet: bool = False) -> None:
-    """Print for people, unless a program reads."""
+    """Print for people, unless a program reads; into a pipe tables go as wide as they are."""
     if not quiet:
         shown = console()
         for line in lines:
-            shown.print(line, markup=False)
+            free = not isinstance(line, str) and not shown.is_terminal
+            shown.print(line, markup=False, width=ENDLESS if free else None)
 
 
 def to_json(content: Mapping[str, Any]) -> None:
@@ -158,9 +160,23 @@ def ends(branch: Branch) -> list[str]:
     )
     for point, stop, reason in sides:
         if stop is not None:
-            why = f"{stop.value} ({reason})" if reason else stop.value
-            sentences.append(f"{point.label}: {why}")
+            why = reason or _grazed(point)
+            sentences.append(f"{point.label}: {stop.value}{f' ({why})' if why else ''}")
     return sentences
+
+
+def _grazed(point: Point) -> str:
+    """What touches a wall at an end of breathers or orbits; nothing at other ends."""
+    if "GR" not in point.kind.split("-"):
+        return ""
+    reason: str = point.solution.admissibility().reason
+    return reason.removeprefix("at the limit: ").rstrip(".")
+
+
+def check_ends(branch: Branch, what: str) -> None:
+    """Raise where the numerics gave up: what there is was shown, but it is not all."""
+    if any(stop is not None and stop.failed for stop in (branch.began, branch.stop)):
+        raise NotConverged(f"the {what} broke off: {'; '.join(ends(branch))}")
 
 
 def leave(
@@ -181,5 +197,5 @@ def leave(
     if as_json:
         to_json({**about, **branch_entry(branch), "written": [str(path) for path in made]})
         return
-    say(branch.table(), *(f"{end}." for end in ends(branch)))
+    say(branch, *(f"{end}." for end in ends(branch)))
     say(*(f"Wrote {path}." for path in made))

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from .problem import Curve, Problem
+from .tabular import Column, Sheet
 
 if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderResult
     from rich.table import Table
 
     from .events import Event
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SEAM = 1e-10  # relative arclength within which two branches meet
+# At points of all other kinds some multiplier is on the circle (some eigenvalue on the axis).
+_CLEAR = {"EP", "MX", "GR", "UZ"}
 
 
 class Stop(enum.Enum):
@@ -266,34 +270,65 @@ class Branch:
             doubtful=tuple(_turned(point, end) for point in reversed(self.doubtful)),
         )
 
-    def table(self) -> Table:
-        """A rich table with a line for each special point."""
-        from rich.table import Table
+    def table(self, width: int | None = None) -> Table:
+        """A rich table with a line for each special point, the free parameters first.
 
+        A count of unstable directions is left blank where one of them is on the verge.
+
+        Parameters
+        ----------
+        width : int, optional
+            Columns of text to fit into, by fewer digits and without arclength and residual if
+            need be. Printed on a rich console, the branch itself takes its width.
+        """
         start = self.points[0]
-        names = (*self.curve.slots, *self.problem.record)
-        moving = [name for name in names if np.ndim(start[name]) == 0]
-        table = Table(title=self.describe(), title_justify="left", caption_justify="left")
-        for heading in ("label", *moving, "arclength", "residual"):
-            table.add_column(heading, justify="left" if heading == "label" else "right")
-        for point in self.special:
-            name = point.label if point.located else f"{point.label}?"
-            numbers = [f"{point[column]:.12g}" for column in moving]
-            table.add_row(name, *numbers, f"{point.arclength:.6g}", f"{point.residual:.1e}")
-        return table
+        free = (*self.curve.free, *self._released)
+        own = [name for name in self.curve.slots if name not in free]
+        names = (*free, *own, *self.problem.record)
+        points = self.special
+        columns = [Column("label", [p.label if p.located else f"{p.label}?" for p in points])]
+        columns += [
+            Column(name, [self._shown(point, name) for point in points])
+            for name in names
+            if np.ndim(start[name]) == 0
+        ]
+        columns += [
+            Column("arclength", [p.arclength for p in points], digits=6, spare=True),
+            Column("residual", [f"{p.residual:.1e}" for p in points], spare=True, right=True),
+        ]
+        return Sheet(columns, self.describe()).table(width)
+
+    @property
+    def _released(self) -> tuple[str, ...]:
+        """On a boundary the second of its two parameters, an unknown there."""
+        return () if self.problem.adjoined is None else (list(self.problem.start)[-1],)
+
+    def _shown(self, point: Point, name: str) -> complex | None:
+        """A number of a point, but no count where rounding decides it."""
+        value: complex = point[name]
+        if name not in self.problem.record or not isinstance(value, int | np.integer):
+            return value
+        kinds, together = set(point.kind.split("-")), self.problem.adjoined
+        if together is not None and together.event is not None:
+            kinds.add(together.event.kind)
+        return value if kinds <= _CLEAR else None
 
     def describe(self) -> str:
         """One sentence: what was walked, how far, and why it ended."""
+        free = (*self.curve.free, *self._released)
         fixed = ", ".join(
-            f"{n} = {v:.10g}" for n, v in self.problem.params.items() if n not in self.curve.free
+            f"{n} = {v:.10g}" for n, v in self.problem.params.items() if n not in free
         )
-        title = f"{self.problem.label or 'branch'} in {self.free}"
-        head = f"{title} ({fixed})" if fixed else title
+        title = self.problem.label or "branch"
+        if self._released:
+            head = f"{title} in ({', '.join(free)})" + (f" at {fixed}" if fixed else "")
+        else:
+            head = f"{title} in {self.free}" + (f" ({fixed})" if fixed else "")
         end = f"{self.stop.value}{': ' + self.reason if self.reason else ''}"
         return f"{head}: {len(self)} points; {end}"
 
-    def __rich__(self) -> Table:
-        return self.table()
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield self.table(width=options.max_width)
 
     def __repr__(self) -> str:
         return f"<Branch {self.describe()}; special {[point.label for point in self.special]}>"

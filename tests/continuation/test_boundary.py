@@ -93,7 +93,7 @@ def test_a_boundary_has_the_columns_of_problem_locus_and_parameters(planar: Bran
     assert line["null"].shape == (len(line), 2)
     assert np.allclose(np.sum(line["null"] ** 2, axis=1), 1, atol=1e-13)
     assert line.free == "b2"
-    assert "HB boundary in b2" in repr(line)
+    assert "HB boundary in (b2, b1)" in repr(line)
 
 
 def test_recorded_numbers_and_solutions_are_those_of_the_original_problem(planar: Branch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -84,6 +85,46 @@ def test_a_branch_says_what_it_is(branch: Branch) -> None:
     assert "0.384900179" in table
     assert table.count("\n") >= 5 + 3
     assert printed(branch.table()) == table
+
+
+def shown_at(branch: Branch, width: int) -> list[list[str]]:
+    """The cells of the printed table."""
+    out = io.StringIO()
+    Console(file=out, width=width, color_system=None).print(branch)
+    rows = [line for line in out.getvalue().splitlines() if line[:1] in "│┃"]
+    return [[cell.strip() for cell in re.split("[│┃]", row)[1:-1]] for row in rows]
+
+
+def test_narrow_tables_have_fewer_digits_and_columns_but_whole_numbers(branch: Branch) -> None:
+    """Every number is the point's own, rounded to the digits that it is shown with."""
+    wide, middle, narrow = (shown_at(branch, width) for width in (200, 70, 45))
+    assert wide[0] == ["label", "h", "x", "slope", "arclength", "residual"]
+    assert middle[0] == narrow[0] == ["label", "h", "x", "slope"]
+    assert wide[2][1] == middle[2][1] == f"{branch.first('LP1')['h']:.12g}"
+    for row, point in zip(narrow[1:], branch.special, strict=True):
+        for cell, name in zip(row[1:], ("h", "x", "slope"), strict=True):
+            assert any(cell == f"{point[name]:.{digits}g}" for digits in range(4, 12))
+
+
+def test_a_width_that_is_too_small_folds_numbers_and_hides_none(branch: Branch) -> None:
+    rows = shown_at(branch, 22)
+    assert not any("\N{HORIZONTAL ELLIPSIS}" in cell for row in rows for cell in row)
+    joined = "".join(row[1] for row in rows[1:] if row)
+    assert f"{abs(branch.first('LP2')['h']):.4g}" in joined
+
+
+def test_a_count_is_blank_where_rounding_decides_it() -> None:
+    """At a fold a multiplier is on the circle: the table has no number, the column keeps it."""
+    cusp = Problem(
+        lambda x, p: p["h"] + p["mu"] * x - x**3,
+        {"x": 1.5},
+        {"mu": 1.0, "h": 1.875},
+        record={"count": lambda point: int(point["x"] ** 2 < 1 / 3)},
+    )
+    branch = trace(cusp, "h", within={"x": (-1.5, 1.5)}, events=[fold(), user("x", 0.1)])
+    column = [row[3] for row in shown_at(branch, 200)]
+    assert column == ["count", "0", "\N{EN DASH}", "1", "\N{EN DASH}", "0"]
+    assert set(branch["count"]) == {0, 1}
 
 
 def test_a_branch_in_trouble_says_why() -> None:

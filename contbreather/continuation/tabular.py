@@ -1,0 +1,111 @@
+"""Numbers in a table that fits: fewer digits, then fewer columns, never half a number."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderResult
+    from rich.table import Table
+
+DIGITS = 12  # where there is room
+FEWEST = 4
+NOTHING = "\N{EN DASH}"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A heading and its cells: words as they are, numbers with as many digits as there is room for.
+
+    Parameters
+    ----------
+    heading : str
+    cells : sequence of str, numbers or None
+        None stands for a number that would mean nothing.
+    digits : int
+        Significant ones, at most.
+    spare : bool
+        Left out first where there is no room.
+    right : bool, optional
+        To which side the cells lean; by default numbers to the right, words to the left.
+    """
+
+    heading: str
+    cells: Sequence[str | complex | None]
+    digits: int = DIGITS
+    spare: bool = False
+    right: bool | None = None
+
+    def texts(self, digits: int) -> list[str]:
+        return [_text(cell, min(digits, self.digits)) for cell in self.cells]
+
+    def width(self, digits: int) -> int:
+        return max(map(len, (self.heading, *self.texts(digits))))
+
+    @property
+    def leaning(self) -> Literal["left", "right"]:
+        right = self.right
+        if right is None:
+            right = not any(isinstance(cell, str) for cell in self.cells)
+        return "right" if right else "left"
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Columns with a title: a rich table no wider than its console, as far as that can be.
+
+    Examples
+    --------
+    >>> names, spare = Column("label", ["LP1"]), Column("b", [2.0], spare=True)
+    >>> wide = Sheet([names, Column("a", [1 / 3]), spare])
+    >>> [column.header for column in wide.table().columns]
+    ['label', 'a', 'b']
+    >>> [list(column.cells) for column in wide.table(width=20).columns]
+    [['LP1'], ['0.333333']]
+    """
+
+    columns: Sequence[Column]
+    title: str = ""
+    caption: str = ""
+
+    def table(self, width: int | None = None) -> Table:
+        """All digits and columns, or those for which `width` is enough."""
+        from rich.table import Table
+
+        kept, digits = self._room(width)
+        table = Table(
+            title=self.title or None, title_justify="left",
+            caption=self.caption or None, caption_justify="left",
+        )  # fmt: skip
+        for column in kept:
+            # too narrow even so: a number goes on in the next line, an ellipsis would hide its end
+            table.add_column(column.heading, justify=column.leaning, overflow="fold")
+        for row in zip(*(column.texts(digits) for column in kept), strict=True):
+            table.add_row(*row)
+        return table
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield self.table(width=options.max_width)
+
+    def _room(self, width: int | None) -> tuple[list[Column], int]:
+        """The columns that are kept, and the digits of their numbers."""
+        kept, digits = list(self.columns), DIGITS
+        if width is None or _width(kept, digits) <= width:
+            return kept, digits
+        kept = [column for column in kept if not column.spare]
+        while digits > FEWEST and _width(kept, digits) > width:
+            digits -= 1
+        return kept, digits
+
+
+def _width(columns: Sequence[Column], digits: int) -> int:
+    """With a rule and two spaces for each column, and one rule more."""
+    return 1 + sum(column.width(digits) + 3 for column in columns)
+
+
+def _text(cell: str | complex | None, digits: int) -> str:
+    if cell is None:
+        return NOTHING
+    return cell if isinstance(cell, str) else f"{cell:.{digits}g}"
