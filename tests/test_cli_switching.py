@@ -116,7 +116,7 @@ REFUSED = {
     "no such point": (f"{SWITCH} --at NS", r"--at NS: there is none.* It has GR1, LP1, PF1, GR2"),
     "none on the arm": (f"{SWITCH} --at PF --at PD", r"asymmetric breather.* It has EP1, GR1"),
     "a fold": (f"{SWITCH} --at LP", r"LP1.*no other branch is known to leave a LP"),
-    "an end": (f"{SWITCH} --window 0.5 0.9 --at EP", r"EP1 is where a branch ends"),
+    "an end": (f"{SWITCH} --window 0.5 0.9 --at EP", r"EP1.* is where a branch ends"),
     "not in the window": (f"{SWITCH} --window 0.5 0.7", r"--at PF: there is none"),
     "ring without coupling": (
         "switch --free a --gamma 0 --k 0.8 --sites 20",

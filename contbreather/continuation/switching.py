@@ -121,8 +121,8 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
             point,
         )
     if point.event is None:
-        what = f"{point.label} is where a branch ends" if point.kind else "is no special point"
-        raise NothingToSwitch(f"{point!r}: {what}; switch at a BP, PF or PD of a branch", point)
+        what = "where a branch ends" if point.kind else "no special point"
+        raise NothingToSwitch(f"{point!r} is {what}; switch at a BP, PF or PD of a branch", point)
     if point.event.arms is None:
         raise NothingToSwitch(f"{point!r}: no other branch is known to leave a {point.kind}", point)
     if not point.located:
