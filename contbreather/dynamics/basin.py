@@ -10,7 +10,13 @@ from __future__ import annotations
 import enum
 import os
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    as_completed,
+)
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -23,7 +29,7 @@ from contbreather.dynamics.conditions import Conditions, State, check_state, who
 from contbreather.dynamics.energy import localisation
 from contbreather.dynamics.impacting import RunStop, simulate
 from contbreather.dynamics.progress import Bar
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic
 
 Array = NDArray[Any]
@@ -32,7 +38,7 @@ Array = NDArray[Any]
 class Fate(enum.IntEnum):
     """Where a start ended: the values are those of `Basin.fate`."""
 
-    PENDING = -1  # not computed: the run was interrupted
+    PENDING = -1  # not computed: the run was interrupted, or its worker killed
     OUTSIDE = 0  # the start lies behind a wall
     QUIET = 1  # no impacts any more
     SPREAD = 2  # impacts, but no breather at the site
@@ -45,6 +51,11 @@ class Axis:
     """One direction of the plane: displacement ``"u"`` or velocity ``"v"`` of a site, and values.
 
     The values are those of the coordinate itself, not its distance from the reference.
+
+    Examples
+    --------
+    >>> Axis("v", 1, [-0.5, 0.0, 0.5]).label
+    'v_1'
     """
 
     name: str
@@ -84,7 +95,7 @@ class Basin:
     distance : ndarray
         Largest difference to the reference state at the end.
     complete : bool
-        False after an interruption: rows not computed are `Fate.PENDING`.
+        False after an interruption or without workers: rows not computed are `Fate.PENDING`.
     """
 
     x: Axis
@@ -154,7 +165,12 @@ def attraction(
     Returns
     -------
     Basin
-        After Ctrl-C as well, with the rows completed until then.
+        After Ctrl-C, or when a worker was killed, as well: with the rows completed until then.
+
+    Raises
+    ------
+    NotConverged
+        If no worker came to a result.
 
     Examples
     --------
@@ -180,11 +196,21 @@ def attraction(
             for done, future in enumerate(as_completed(rows)):
                 fate[rows[future]], distance[rows[future]] = future.result()
                 bar.advance(done + 1)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, BrokenExecutor) as end:
             complete = False
             for future in rows:
                 future.cancel()
+            if isinstance(end, BrokenExecutor) and np.all(fate == Fate.PENDING):
+                raise NotConverged(_no_workers()) from end
     return Basin(x, y, fate, distance, complete)
+
+
+def _no_workers() -> str:
+    return (
+        "the worker processes ended before their first result. Each begins by reading the script "
+        "that started them: call attraction(...) below `if __name__ == '__main__':` in a file, or "
+        "give executor=ThreadPoolExecutor(1) to compute in this process"
+    )
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.dynamics.conditions import Conditions
+from contbreather.dynamics.conditions import Conditions, whole
 from contbreather.dynamics.energy import (
     forced_displacement,
     forced_velocity,
@@ -31,6 +31,7 @@ from contbreather.lattice import Forcing, Harmonic
 Array = NDArray[Any]
 TURN = 2.0 * math.pi
 
+LEAST = 100  # periods that must be seen before anything can be said
 LONGEST = 64  # periods after which a motion may close to count as periodic or locked
 CLOSED = 1e-9  # how well it must close
 NEARBY = 1e-3  # so close to returning that Newton's method is asked
@@ -183,7 +184,8 @@ def verdict(
     state, a, gamma, k, damping, t0, forcing
         As in `simulate`.
     settle, periods : int
-        Periods to let pass, and to watch: the weaker the attraction, the more are needed.
+        Periods to let pass, and to watch, at least 100: the weaker the attraction, the more are
+        needed.
 
     Examples
     --------
@@ -195,8 +197,9 @@ def verdict(
     """
     conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
     settings: dict[str, Any] = {**conditions.as_params(), "forcing": conditions.forcing, "t0": t0}
-    start = simulate(state, periods=settle, **settings)
-    for run in (start, simulate(start.final, periods=max(int(periods), 100), **settings)):
+    length = whole("periods", periods, LEAST)
+    start = simulate(state, periods=whole("settle", settle, 0), **settings)
+    for run in (start, simulate(start.final, periods=length, **settings)):
         if run.stop is RunStop.INTERRUPTED:
             raise KeyboardInterrupt
         if run.stop is not RunStop.DONE:

@@ -203,6 +203,14 @@ def open_recording(path: str | Path) -> Recording:
     ------
     BadInput
         If there is none.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     run = record(f"{folder}/run", ([0.2], [0.3]), a=0.5, gamma=0.0, k=0.8, periods=7)
+    ...     open_recording(f"{folder}/run").periods
+    7
     """
     folder = Path(path)
     if not (folder / START).exists():

@@ -165,3 +165,9 @@ def test_what_has_not_settled_is_called_undecided():
     state = symmetric(0.1, 0.084, 0.8).state(20)
     found = verdict(state, **conditions, settle=500, periods=300)
     assert found.kind is Kind.UNDECIDED
+
+
+def test_verdict_on_too_short_a_time_is_refused():
+    for name, value in (("periods", 50), ("periods", 200.5), ("settle", -1)):
+        with pytest.raises(BadInput, match=f"{name} = {value}: a whole number, at least"):
+            verdict(([0.0], [0.0]), a=0.5, gamma=0.0, k=0.8, **{name: value})

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from multiprocessing import get_context
 
 import numpy as np
@@ -25,7 +30,7 @@ from contbreather.dynamics import (
     sweep,
     there_and_back,
 )
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier, Ring
 
 DAMPED = {"gamma": 0.05, "k": 0.8, "damping": 0.02}
@@ -209,6 +214,40 @@ def test_picture_does_not_depend_on_who_computes_it(basin):
         shared = attraction(start.state, x, y, **conditions, executor=pool)
     assert np.array_equal(alone.fate, shared.fate)
     assert np.array_equal(alone.distance, shared.distance, equal_nan=True)
+
+
+class Dying(ThreadPoolExecutor):
+    """Its workers are killed after some rows."""
+
+    def __init__(self, rows):
+        super().__init__(1)
+        self.rows = rows
+
+    def submit(self, call, *args):
+        self.rows -= 1
+        return super().submit(call, *args) if self.rows >= 0 else self.broken()
+
+    def broken(self):
+        lost = Future()
+        lost.set_exception(BrokenExecutor("a worker was terminated abruptly"))
+        return lost
+
+
+def test_rows_done_before_the_workers_died_are_kept(basin, monkeypatch):
+    start, x, y, conditions = basin
+    # in order of submission: the rows computed before the worker dies come first
+    monkeypatch.setattr("contbreather.dynamics.basin.as_completed", list)
+    with Dying(1) as pool:
+        found = attraction(start.state, x, y, **conditions, executor=pool)
+    assert not found.complete
+    assert np.all(found.fate[0] != Fate.PENDING)
+    assert np.all(found.fate[1:] == Fate.PENDING)
+
+
+def test_workers_that_never_answer_are_an_error_that_says_what_to_do(basin):
+    start, x, y, conditions = basin
+    with Dying(0) as pool, pytest.raises(NotConverged, match="__main__"):
+        attraction(start.state, x, y, **conditions, executor=pool)
 
 
 def test_axis_of_nothing_is_refused():
