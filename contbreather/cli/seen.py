@@ -74,10 +74,12 @@ def _lost_in(kept: Recording) -> int | None:
 
     from contbreather.paper.fates import unlike_a_breather
 
+    wall = 0
     for one in kept.stretches():
-        gone = np.flatnonzero(unlike_a_breather(one.impacts, one.periods, one.first))
+        gone = np.flatnonzero(unlike_a_breather(one.impacts, one.periods, one.first, wall))
         if gone.size:
             return one.first + int(gone[0])
+        wall = int(one.impacts["wall"][-1]) if one.impacts.size else wall
     return None
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 SITES = 20  # the paper's ring
 WINDOW = 6  # periods drawn densely
 INTERRUPTED = 130
+CLOSE = 0.05  # an impact so close to t = 0 is at the end of a period
 IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "acceleration")
 
 
@@ -155,20 +156,23 @@ class Asked:
                     "out --sites"
                 )
         else:
-            (u, v), t0 = self._breather(values), 0.0
+            (u, v), t0 = self._breather(values)
         if self.perturb > 0.0:
             push = self.perturb * np.random.default_rng(self.seed).normal(size=(2, len(u)))
             u, v = u + push[0], v + push[1]
         return (u, v), t0
 
-    def _breather(self, values: dict[str, float]) -> Any:
+    def _breather(self, values: dict[str, float]) -> tuple[Any, float]:
+        """The exact breather at t = 0, or a quarter of a period later if it hits just then."""
         from contbreather.breathers import symmetric
 
         found = symmetric(values["a"], values["gamma"], values["k"], forcing=self.where.drive())
         margins = found.admissibility()
         if not margins.ok:
             raise BadInput(f"{margins.reason}; give a state with --start instead")
-        return found.state(SITES if self.sites is None else self.sites)
+        # a period should not begin at an impact: it might be counted there or not
+        t0 = 0.0 if abs(math.remainder(found.phi, math.pi)) > CLOSE else 0.5 * math.pi
+        return found.state(SITES if self.sites is None else self.sites, t0), t0
 
 
 # --- what is left ---------------------------------------------------------------------------------

@@ -53,11 +53,20 @@ def life(run: Run | SmoothRun) -> int | None:
     return int(gone[0]) if gone.size else None
 
 
-def unlike_a_breather(impacts: NDArray[np.void], periods: int, first: int = 0) -> NDArray[np.bool_]:
-    """For each whole period: does site 0 hit other than twice, or any other site at all?"""
+def unlike_a_breather(
+    impacts: NDArray[np.void], periods: int, first: int = 0, wall: int = 0
+) -> NDArray[np.bool_]:
+    """For each whole period: does site 0 rest, or miss a wall, or does any other site hit one?
+
+    `wall` is the one of the last impact before, if there was any. Impacts are not counted: where
+    their phases move, as on a torus, one may slip over the end of a period.
+    """
     period, own = impacts["period"] - first, impacts["site"] == 0
-    counts = [np.bincount(period[which], minlength=periods)[:periods] for which in (own, ~own)]
-    return np.asarray((counts[0] != 2) | (counts[1] > 0))
+    walls = np.concatenate([[wall], impacts["wall"][own]])
+    missed = period[own][walls[1:] == walls[:-1]]
+    none = np.bincount(period[own], minlength=periods)[:periods] == 0
+    wrong = [np.bincount(one, minlength=periods)[:periods] > 0 for one in (missed, period[~own])]
+    return np.asarray(none | wrong[0] | wrong[1])
 
 
 def delocalised(run: SmoothRun) -> bool:
