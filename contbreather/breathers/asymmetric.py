@@ -170,8 +170,9 @@ def asymmetric_problem(orbit: Orbit) -> Problem:
     t2 - t1 - pi, ``unstable`` the number of multipliers outside.
     """
     orbit._need_two("this problem")
-    site = orbit.impacts[0].site
-    start = dict(zip(NAMES, (orbit.p, *orbit.times.tolist(), orbit.c), strict=True))
+    site, first = orbit.impacts[0].site, orbit.impacts[0].time
+    times = first, first + math.pi + orbit.asymmetry  # times count modulo the period
+    start = dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True))
     return problem_from(start, orbit.params, orbit.forcing, orbit.lattice, site)
 
 

@@ -163,7 +163,7 @@ class Orbit:
     def asymmetry(self) -> float:
         """``t2 - t1 - pi`` of a breather with two impacts: 0 where both flights are equal."""
         self._need_two("asymmetry")
-        return self.impacts[1].time - self.impacts[0].time - math.pi
+        return (self.impacts[1].time - self.impacts[0].time) % self.period - math.pi
 
     def _need_two(self, name: str) -> None:
         if not self.two_impacts:

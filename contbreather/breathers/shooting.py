@@ -277,14 +277,14 @@ def _section(
         seed = seed.solution
     if isinstance(seed, RingOrbit):
         return _from_orbit(seed, given, sites, sequence, symmetric)
-    on = _conditions(given, seed)
     if hasattr(seed, "state"):
-        return _from_motion(seed, on, sites, sequence, symmetric)
-    if not isinstance(seed, Sequence | np.ndarray) or len(seed) != 2:
+        return _from_motion(seed, _conditions(given, seed), sites, sequence, symmetric)
+    if isinstance(seed, str) or not isinstance(seed, Sequence | np.ndarray) or len(seed) != 2:
         raise BadInput(
             f"a seed is a breather, an orbit, a point of a branch, a state (u, v) or a dict of "
             f"impact times; got {type(seed).__name__}."
         )
+    on = _conditions(given, seed)
     size = np.size(seed[0])
     if sites is not None and sites != size:
         raise BadInput(f"the state has {size} sites, but sites = {sites} was asked for.")

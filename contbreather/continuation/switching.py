@@ -99,6 +99,11 @@ def switch(
     >>> [(arm[0]["mu"], round(arm[-1]["x"], 12)) for arm in arms]
     [(0.0, -1.0), (0.0, 1.0)]
     """
+    if not isinstance(point, Point):
+        raise BadInput(
+            f"switch takes a special point of a branch, branch.first('PF') for instance; got a "
+            f"{type(point).__name__}"
+        )
     given = None if events is None else tuple(events)
     arms: list[Branch] = []
     for seed in seeds_at(point):

@@ -184,7 +184,12 @@ def walk(
     >>> [round(point["mu"], 3) for point in itertools.islice(walk(line, "mu"), 2)]
     [0.0, 0.007]
     """
-    problem = start if isinstance(start, Problem) else start.problem
+    problem = start if isinstance(start, Problem) else getattr(start, "problem", None)
+    if not isinstance(problem, Problem):
+        raise BadInput(
+            "a walk starts from a Problem, or from what has one: a breather, an orbit, a point; "
+            f"got a {type(start).__name__}"
+        )
     walker = Walker(problem, free, within, towards, events, steps or Steps(), along)
     return walker.run()
 

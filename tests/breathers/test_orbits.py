@@ -323,3 +323,19 @@ def test_questions_about_two_impacts_are_for_two_impacts():
         orbit.multipliers()
     with pytest.raises(BadInput, match="fall together on a ring of 2"):
         Orbit(0.5, 0.08, 0.8, [(0, 1, 0.0, -1.0), (2, -1, 1.0, 1.0)], (0.0, 0.1)).on(Ring(2))
+
+
+def test_times_count_modulo_the_period():
+    b = symmetric(0.5, 0.04, 0.8)
+    far = orbit_problem(
+        [(0, 1), (0, -1)],
+        times=[b.phi, b.phi + math.pi],
+        impulses=[-2 * b.p, 2 * b.p],
+        a=b.a,
+        gamma=b.gamma,
+        k=b.k,
+    ).at(t1=b.phi - 4 * math.pi, t2=b.phi + 3 * math.pi)
+    orbit = orbit_at(far)
+    assert orbit.asymmetry == pytest.approx(0.0, abs=1e-14)
+    assert orbit.residual < 1e-13
+    assert orbit.admissibility().margin == pytest.approx(b.admissibility().margin, abs=1e-12)

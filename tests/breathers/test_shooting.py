@@ -293,7 +293,7 @@ def test_asymmetric_orbit_is_the_closed_form_at_thirty_digits() -> None:
     assert orbit.residual < 1e-14
 
 
-def test_figures_of_the_issue_are_reached() -> None:
+def test_known_velocities_offset_and_multiplier_on_a_ring_of_twenty() -> None:
     orbit = tilted()
     for hit in orbit.hits:
         assert abs(hit.before) == pytest.approx(1.214598943047, abs=1e-12)
@@ -971,6 +971,7 @@ def test_impossible_sequences_are_refused(sequence, says: str) -> None:
         ({"t1": -3.2, "t2": 0.4}, {"gamma": 0.3}, r"gamma = 0\.3"),
         ({"t1": -3.2, "t2": 0.4}, {"k": 1.2}, r"k = 1\.2"),
         (17, {}, "a seed is a breather"),
+        ("PF", {"a": None}, "a seed is a breather, .* got str"),
         (([0.0] * 3, [0.0] * 3), {}, "3 sites, but sites = 20"),
         (([0.0] * 20, [0.0] * 19), {"sequence": None}, "rows of equal length"),
         (([2.0] * 20, [0.0] * 20), {"sequence": None}, r"u\[0\] = 2 .*outside the walls"),

@@ -393,3 +393,12 @@ def test_a_large_scale_does_not_blur_what_is_known() -> None:
 def test_folds_are_no_branch_points_for_the_algebraic_bifurcation_equation() -> None:
     branch = trace(CIRCLE.problem, "mu", events=[fold(), branch_point()])
     assert {point.kind for point in branch.special} <= {"LP", "EP"}
+
+
+@pytest.mark.parametrize("thing", ["PF", None, 3.0])
+def test_what_is_no_point_or_start_is_refused_by_its_type(thing: object) -> None:
+    name = type(thing).__name__
+    with pytest.raises(BadInput, match=f"switch takes a special point .* got a {name}"):
+        switch(thing)
+    with pytest.raises(BadInput, match=f"starts from a Problem, or from .* got a {name}"):
+        trace(thing, "mu")
