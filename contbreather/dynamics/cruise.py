@@ -309,6 +309,7 @@ def begin(law: Law, work: Work, t: float, h: float, anyone: bool) -> bool:
         count += not calm
     work.origin[:] = 0.0
     work.when[:] = NEVER
+    work.changed[:] = 0
     work.many[0] = count
     now, then = driven(law.motion, t)[0], driven(law.motion, t + h)[0]
     for i in range(count):
@@ -412,6 +413,14 @@ def stop_at(work: Work, s: float, h: float) -> None:
 
 
 @compiled
+def elsewhere(work: Work, s: float, h: float) -> None:
+    """The state at the step's time s of the sites that had no event then."""
+    for n in range(work.v.size):
+        if work.changed[n] == 0:
+            present(work, n, 0, s, h)
+
+
+@compiled
 def one_period(
     law: Law, work: Work, log: Log, watch: Watch, row: int, period: int, t0: float, span: float
 ) -> tuple[int, int]:
@@ -446,7 +455,10 @@ def one_period(
             status = settle(law, work, log, period, t0 + end, dt)
             if status != 0:
                 return (FULL, 0) if status < 0 else (CHATTER, status - 1)
-            if not local or resting(work.held):
+            if local and resting(work.held):
+                elsewhere(work, dt, h)
+                local = False
+            if not local:
                 break
             if not repair(law, work, t, dt, h):
                 return ASTRAY, 0

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from contbreather.breathers import symmetric
-from contbreather.dynamics import RunStop, Sample, simulate
+from contbreather.dynamics import RunStop, Sample, flow, simulate
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, Ring
 from contbreather.stability import dense_half_map
@@ -294,7 +294,7 @@ def test_near_miss_is_no_impact(excess):
 @settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 10**6),
-    sites=st.integers(1, 9),
+    sites=st.integers(1, 9) | st.integers(60, 90),
     a=st.floats(0.0, 2.0),
     gamma=st.floats(0.0, 0.2499),
     k=st.floats(0.0, 1.0),
@@ -304,12 +304,41 @@ def test_no_site_is_ever_beyond_a_wall(seed, sites, a, gamma, k, damping):
     rng = np.random.default_rng(seed)
     state = rng.uniform(-1.0, 1.0, sites), rng.normal(size=sites)
     sample = Sample(sites=range(sites), per_period=300)
-    run = simulate(state, a=a, gamma=gamma, k=k, damping=damping, periods=4, sample=sample)
+    periods = 4 if sites < 10 else 1
+    run = simulate(state, a=a, gamma=gamma, k=k, damping=damping, periods=periods, sample=sample)
     assert run.stop is RunStop.DONE or k > 0.95
     assert np.all(np.abs(run.record.u) <= 1.0 + 1e-13)
     assert np.all(np.isfinite(run.record.v))
     assert np.all(np.diff(run.impacts["time"]) > -1e-11)
     assert np.allclose(run.impacts["after"], -k * run.impacts["before"], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("k", [0.05, 0.4, 1.0])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_repaired_surroundings_of_an_impact_are_the_whole_ring_expanded_anew(seed, k, monkeypatch):
+    """Long rings expand anew only what an impact can reach; with many more powers that is all."""
+    rng = np.random.default_rng(seed)
+    state = rng.uniform(-0.9, 0.9, 60), rng.normal(size=60)
+    conditions = {"a": 1.2, "gamma": 0.2, "k": k, "damping": 0.05, "periods": 0.75}
+    local = simulate(state, **conditions)
+    assert len(local.impacts) > 60
+    assert (len(local.rests) > 0) == (k == 0.05)
+    monkeypatch.setattr(flow, "LAST", 1e-60)
+    whole = simulate(state, **conditions)
+    assert len(local.impacts) == len(whole.impacts)
+    order = [np.lexsort((run.impacts["time"], run.impacts["site"])) for run in (local, whole)]
+    times = [run.impacts["time"][i] for run, i in zip((local, whole), order, strict=True)]
+    assert np.allclose(*times, rtol=0, atol=1e-9)
+    assert np.allclose(local.final.u, whole.final.u, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("beyond", [-1e-9, 1e-9])
+def test_neighbour_touches_its_wall_from_the_upper_limit_on(beyond):
+    """gamma = 0.1, k = 0.8: its maximum is 1 at a = 0.806417833236, eq. (15)."""
+    a = 0.806417833236 + beyond
+    run = simulate(symmetric(a, 0.1, 0.8).state(40), a=a, gamma=0.1, k=0.8, periods=1)
+    hit = set(run.impacts["site"].tolist())
+    assert hit == ({0, 1, 39} if beyond > 0 else {0})
 
 
 # --- rest on a wall -------------------------------------------------------------------------------
