@@ -45,11 +45,20 @@ def orbit_fold() -> Event:
     """
     plain = fold()
 
-    def test(point: Point) -> float:
-        asymmetry = _orbit(point).asymmetry
-        return math.nan if asymmetry == 0.0 else plain.test(point) / asymmetry
+    def off_pitchfork(event: Event) -> Event:
+        def test(point: Point) -> float:
+            asymmetry = _orbit(point.ground).asymmetry
+            return math.nan if asymmetry == 0.0 else event.test(point) / asymmetry
 
-    return Event("LP", test, locus=plain.locus, verify=plain.verify)
+        return replace(event, test=test)
+
+    def locus(point: Point) -> Locus:
+        # on its curve, so does the test of a cusp where both folds of mirror images meet
+        assert plain.locus is not None
+        own = plain.locus(point)
+        return replace(own, events=tuple(map(off_pitchfork, own.events)))
+
+    return replace(off_pitchfork(Event("LP", plain.test, verify=plain.verify)), locus=locus)
 
 
 def pitchfork_of_arms() -> Event:

@@ -401,6 +401,20 @@ def test_fold_line_of_a_subcritical_arm():
         assert orbit.admissibility().margin > -1e-12
 
 
+def test_fold_line_of_an_arm_meets_its_mirror_image_at_the_pitchfork():
+    """There the pitchfork changes its criticality; no cusp, though two folds of arms meet."""
+    forcing = Fourier(cos={1: -1.0, 3: -0.45, 5: 0.5})
+    branch = trace(symmetric(0.6, 0.01, 0.95, forcing=forcing), "a", within={"a": (0.3, 0.9)})
+    turn = switch(branch.first("PF"), within={"a": (0.3, 0.9)})[0].first("LP")
+    line = boundary(turn, ("k", "a"), within={"k": (0.75, 0.96), "a": (0, 1.2)}, towards="down")
+    assert [point.kind for point in line.special] == ["EP", "CP", "LP-PF", "CP", "EP"]
+    meeting = line.first("LP-PF")
+    near = symmetric(meeting["a"] - 0.02, 0.01, meeting["k"], forcing=forcing)
+    fork = trace(near, "a", within={"a": (0.6, 0.7)}).first("PF")
+    assert fork["a"] == pytest.approx(meeting["a"], abs=1e-8)
+    assert abs(fork["coefficient"]) > 1e6  # of asymmetry^2 over distance: a pole there
+
+
 def test_doubling_line_reaches_elastic_impacts():
     """At k = 1 all multipliers are on the circle; over a stretch F is rounding."""
     line = boundary(
