@@ -417,8 +417,8 @@ def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
     }
     shown = (
         f"Past the pitchfork (exactly at a = {_pitchfork(exact):.6f} without damping): a = {a}, "
-        f"gamma = {gamma}, k = {RESTITUTION}. Lines: exact symmetric breather, unstable. Dashed: exact "
-        f"asymmetric one. Circles: ring of {SITES} with smooth walls, m = {m}, damping {DAMPING}, "
+        f"gamma = {gamma}, k = {RESTITUTION}. Lines: exact symmetric breather, unstable. Dashed: "
+        f"exact asymmetric one. Circles: ring of {SITES} with smooth walls, m = {m}, damping {DAMPING}, "
         f"after a ramp of a from {RAMP[0]} and 500 periods."
     )
     fate = "the ramp ends delocalised, impacts are everywhere" if lost else (
