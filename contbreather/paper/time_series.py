@@ -418,8 +418,8 @@ def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
     shown = (
         f"Past the pitchfork (exactly at a = {_pitchfork(exact):.6f} without damping): a = {a}, "
         f"gamma = {gamma}, k = {RESTITUTION}. Lines: exact symmetric breather, unstable. Dashed: "
-        f"exact asymmetric one. Circles: ring of {SITES} with smooth walls, m = {m}, damping {DAMPING}, "
-        f"after a ramp of a from {RAMP[0]} and 500 periods."
+        f"exact asymmetric one. Circles: ring of {SITES} with smooth walls, m = {m}, damping "
+        f"{DAMPING}, after a ramp of a from {RAMP[0]} and 500 periods."
     )
     fate = "the ramp ends delocalised, impacts are everywhere" if lost else (
         f"the asymmetric breather: mean of u_0 {mean[0]:.4f}, of u_10 {mean[2]:.4f}"
