@@ -93,7 +93,7 @@ def first_contact(
         bend = sign * (bend + forced_bend)
         if gap <= CLOSE:
             if slope > STILL:
-                return s + (gap / slope if slope > 1e-3 else 0.0)
+                return max(start, s + (gap / slope if slope > 1e-3 else 0.0))
             if slope > -STILL and bend > PUSHED:
                 return s
         if s >= limit:

@@ -303,6 +303,8 @@ def test_near_miss_is_no_impact(excess):
 def test_no_site_is_ever_beyond_a_wall(seed, sites, a, gamma, k, damping):
     rng = np.random.default_rng(seed)
     state = rng.uniform(-1.0, 1.0, sites), rng.normal(size=sites)
+    on_wall = rng.uniform(size=sites) < 0.2
+    state[0][on_wall] = np.sign(state[0][on_wall])
     sample = Sample(sites=range(sites), per_period=300)
     periods = 4 if sites < 10 else 1
     run = simulate(state, a=a, gamma=gamma, k=k, damping=damping, periods=periods, sample=sample)
@@ -311,6 +313,25 @@ def test_no_site_is_ever_beyond_a_wall(seed, sites, a, gamma, k, damping):
     assert np.all(np.isfinite(run.record.v))
     assert np.all(np.diff(run.impacts["time"]) > -1e-11)
     assert np.allclose(run.impacts["after"], -k * run.impacts["before"], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("wall", [-1.0, 1.0])
+def test_site_on_its_wall_that_moves_out_is_hit_at_once(wall):
+    """Its gap is zero to within rounding, of either sign, depending on the forced motion then."""
+    for t0 in (*np.linspace(0.0, 7.0, 200).tolist(), 1e6):
+        run = simulate(([wall], [0.7 * wall]), a=1.3, gamma=0.0, k=0.5, periods=0.01, t0=t0)
+        assert run.impacts["wall"][0] == wall
+        assert run.impacts["time"][0] == pytest.approx(t0, abs=1e-14)
+        assert run.impacts["after"][0] == pytest.approx(-0.35 * wall, abs=1e-14)
+
+
+def test_impact_at_the_seam_of_two_steps_is_found_once():
+    """Steps are a quarter of a period; the impact is moved across their seam by rounding errors."""
+    own = symmetric(0.5, 0.08, 0.8, lattice=Ring(6))
+    for shift in np.linspace(-3e-15, 3e-15, 121):
+        t0 = own.phi + 1.5 * PI + shift
+        run = simulate(own.state(6, t0), a=0.5, gamma=0.08, k=0.8, t0=t0, periods=0.45)
+        assert run.impacts["wall"].tolist() == [1]
 
 
 @pytest.mark.parametrize("k", [0.05, 0.4, 1.0])
