@@ -19,10 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced, whole
 from contbreather.dynamics.impacting import Run, law_of, walk
+from contbreather.dynamics.smooth import Explicit, SmoothRun
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic
 
 Array = NDArray[Any]
+FINE = 1e-12  # tolerance of the variational equations of a smooth run
 
 
 def kicks(
@@ -48,15 +50,15 @@ def kicks(
     return since[order], site[order], entry[order], period[order]
 
 
-def variation(run: Run, vectors: ArrayLike | None = None) -> Array:
+def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
     """The derivative of a run's final state with respect to its first one, times some vectors.
 
     Parameters
     ----------
-    run : Run
+    run : Run or SmoothRun
     vectors : array_like, shape (2 N, m), optional
         Perturbations (u_0 .. u_N-1, u'_0 .. u'_N-1) of the first state, in columns; the identity
-        unless given, for the whole matrix. The run must not begin or end at an impact.
+        unless given, for the whole matrix. A rigid run must not begin or end at an impact.
 
     Returns
     -------
@@ -80,6 +82,8 @@ def variation(run: Run, vectors: ArrayLike | None = None) -> Array:
             f"perturbations of {sites} sites are columns of length {2 * sites}; "
             f"an array of shape {columns.shape} was given."
         )
+    if isinstance(run, SmoothRun):
+        return _smooth(run, columns)
     tables = run.impacts.copy(), run.rests.copy()
     for table in tables:
         table["time"] -= run.times[0]
@@ -90,6 +94,21 @@ def variation(run: Run, vectors: ArrayLike | None = None) -> Array:
     spans = np.array([PERIOD] * run.periods + ([rest] if rest > 1e-12 else []))
     carry(du, dv, held, spans, 0, law_of(run.conditions), *events, np.empty((len(spans), 0)))
     return np.concatenate([du, dv], axis=1).T
+
+
+def _smooth(run: SmoothRun, columns: Array) -> Array:
+    """Along a smooth run: its variational equations, integrated together with it."""
+    from contbreather.dynamics.smooth_flow import varied
+
+    first = np.concatenate([run.strobe.u[0], run.strobe.v[0]])
+    start = np.concatenate([first, columns.T.ravel()])
+    t0 = reduced(run.times[0])
+    times = np.array([t0 + run.end - run.times[0]])
+    if times[0] == t0:
+        return columns
+    arguments = (*run.conditions.arguments, run.sites, 0)
+    end = Explicit(FINE).states(varied, None, arguments, t0, start, times)[0]
+    return np.asarray(end.reshape(-1, first.size)[1:].T)
 
 
 def resting(state: State, conditions: Conditions, t0: float) -> NDArray[np.int8]:

@@ -20,6 +20,7 @@ from contbreather.dynamics import (
     simulate,
     simulate_smooth,
     smooth_orbit,
+    variation,
 )
 from contbreather.dynamics.smooth import damping_of, restitution_of
 from contbreather.dynamics.smooth_flow import jacobian, motion, varied
@@ -191,6 +192,22 @@ def test_derivatives_of_the_shooting_problem_are_those_of_its_residual(figure5):
         minus = figure5.residual(x, {**params, name: params[name] - h})
         given = figure5.sensitivity(x, params, name)
         assert np.allclose(given, (plus - minus) / (2 * h), rtol=1e-4, atol=1e-6), name
+
+
+def test_variation_of_a_smooth_run_is_its_derivative_and_gives_the_multipliers(figure5):
+    state = figure5.start["u"], figure5.start["v"]
+    run = simulate_smooth(state, m=6, **FIGURE5, periods=1)
+    matrix = variation(run)
+    direction, h = np.random.default_rng(1).normal(size=40), 1e-5
+    ends = [
+        simulate_smooth(np.split(np.concatenate(state) + s * h * direction, 2), m=6, **FIGURE5,
+                        periods=1, solver=Explicit(1e-13)).final
+        for s in (1, -1)
+    ]  # fmt: skip
+    slope = np.subtract(*map(np.concatenate, ends)) / (2 * h)
+    assert np.allclose(matrix @ direction, slope, rtol=0, atol=1e-6)
+    assert np.allclose(variation(run, direction[:, None])[:, 0], matrix @ direction, atol=1e-8)
+    assert np.abs(np.linalg.eigvals(matrix)).max() == pytest.approx(0.993700, abs=1e-6)
 
 
 def test_smooth_branch_in_m_leads_to_the_impacting_ring():
