@@ -161,4 +161,4 @@ def enough_damping(breather: Breather, sites: int) -> float:
     high = 0.01
     while high < MOST and excess(high) > 0.0:
         high += 0.01
-    return float(brentq(excess, high - 0.01, high, xtol=1e-7))
+    return float(brentq(excess, high - 0.01, high, xtol=1e-10))

@@ -11,7 +11,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.cli import DONE, main
-from contbreather.dynamics import Sample, periodic, simulate, simulate_smooth
+from contbreather.dynamics import Sample, damped_orbit, periodic, simulate, simulate_smooth
 from contbreather.paper import fates, time_series
 
 SET = {"gamma": 0.104, "k": 0.8}
@@ -49,6 +49,13 @@ def test_with_more_than_enough_damping_the_ring_settles_on_the_breather_and_with
         away = np.abs(np.subtract(run.final, own.state)).max()
         assert (own.largest < 1.0) == settles
         assert (away < 1e-9) if settles else (away > 0.01)
+
+
+def test_enough_damping_is_the_neimark_sacker_point_of_the_branch_in_damping():
+    own = periodic(breather(0.7).state(20), a=0.7, damping=0.03, symmetric=True, **SET)
+    branch = cb.trace(damped_orbit(own), "damping", within={"damping": (0.01, 0.03)})
+    enough = fates.enough_damping(breather(0.7), 20)
+    assert branch.first("NS")["damping"] == pytest.approx(enough, abs=1e-8)
 
 
 def test_life_ends_where_a_wall_is_missed_or_a_neighbour_hits():
