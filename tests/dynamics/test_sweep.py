@@ -99,6 +99,29 @@ def test_upward_sweep_loses_the_breather_where_the_neighbour_grazes():
     assert np.all(np.abs(up.tilt[up.value < 0.77]) < 1e-6)
 
 
+def test_sweep_in_gamma_meets_the_torus_where_the_branch_has_it():
+    """A pair of multipliers leaves the circle at gamma = 0.08320; beyond the states do not repeat,
+    and further on the torus is lost."""
+    conditions = {"a": 0.1, "k": 0.8, "damping": 0.005}
+    start = periodic(symmetric(0.1, 0.08, 0.8).state(20), gamma=0.08, **conditions, symmetric=True)
+    branch = trace(damped_orbit(start), "gamma", within={"gamma": (0.07, 0.1)}, towards="up")
+    border = branch.first("NS")["gamma"]
+    values = np.arange(0.08, 0.09, 0.0005)
+    up = sweep(start.state, "gamma", values, periods=2000, gamma=0.08, **conditions)
+    unsteady = up.value[up.change > 1e-3]
+    assert border < unsteady[0] < border + 0.001
+    assert 0.084 < up.lost() < 0.088
+
+
+def test_smooth_breather_is_lost_at_the_fold_of_its_branch():
+    """Fig. 5 downwards in a: the fold of m = 6 is at 0.0726."""
+    conditions = {"gamma": 0.08, "k": 0.8, "damping": 0.005}
+    state = symmetric(0.1, 0.08, 0.8).state(20)
+    values = [0.1, 0.09, 0.08, 0.075, 0.071, 0.067]
+    down = sweep(state, "a", values, periods=100, a=0.1, m=6, **conditions)
+    assert down.lost() == pytest.approx(0.071)
+
+
 def test_other_parameters_can_be_swept_forcing_included(orbit):
     for name, value in (("gamma", 0.06), ("k", 0.75), ("damping", 0.03)):
         seen = sweep(orbit.state, name, [value], periods=20, a=0.2, **DAMPED)
