@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import math
 import os
@@ -117,6 +118,39 @@ REFUSED = {
     "letter without value": (
         "point --a 0.5 --gamma 0.12 --k 0.4 --forcing '-cos(t)-c*cos(3*t)'",
         r"needs a value for c",
+    ),
+    "time by another name": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing '-cos(x)'",
+        r"needs a value for x; the time is t",
+    ),
+    "forcing zero": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing 0",
+        r"the forcing '0' is zero; a breather needs",
+    ),
+    "forcing zero by its letter": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing 'c*cos(t)' --set c=0",
+        r"is zero at c = 0;",
+    ),
+    "a beyond all bounds": (
+        "point --a 1e300 --gamma 0.1 --k 0.8",
+        r"too large.*no breather is admissible beyond a = 1, where",
+    ),
+    "gamma of a boundary": (
+        "boundary PF --pair k a --gamma 0.3",
+        r"^contbreather: gamma = 0\.3: the coupling must",
+    ),
+    "root that is not there": (
+        "point --a 0.5 --gamma 0.1 --k 0.8 --root 3",
+        r"--root 3: the solutions of \(11\) are 1: p = 0\.767381929, 2: p = 0\.257470095; choose",
+    ),
+    "root zero": ("point --a 0.5 --gamma 0.1 --k 0.8 --root 0", r"--root 0: the solutions"),
+    "root of a branch that is not there": (
+        "branch --free gamma --a 0.5 --gamma 0.1 --k 0.8 --root 3",
+        r"--root 3: the solutions",
+    ),
+    "zones without a curve": (
+        "zones --k 0.8 --gamma-window 0.02 0.03 --a-window 0.3 0.4",
+        r"no curve passes the window",
     ),
     "value without letter": (
         "point --a 0.5 --gamma 0.12 --k 0.4 --set c=1",
@@ -380,6 +414,43 @@ def test_solution_through_a_wall_is_not_called_a_breather(run: Callable[..., Out
     content = strict(run(*line, "--json")[1])
     assert content["admissible"] is False
     assert content["max_neighbour"] > 1
+
+
+def test_nothing_is_said_of_the_stability_of_what_is_no_breather(
+    run: Callable[..., Output],
+) -> None:
+    """Its multipliers are inside the circle, but the chain has no such motion."""
+    assert cb.symmetric(0.9, 0.1, 0.8).stability().unstable == 0
+    line = ["point", "--a", "0.9", "--gamma", "0.1", "--k", "0.8", "--sites", "40"]
+    out = run(*line)[1]
+    assert "stable" not in out.replace("stability", "")
+    assert "Nothing is said of its stability" in out
+    content = strict(run(*line, "--json")[1])
+    assert (content["stable"], content["unstable"]) == (None, None)
+    assert content["ring"]["unstable"] is None
+    assert "(15) is broken" in content["reason"]
+
+
+def test_any_root_can_be_asked_for(run: Callable[..., Output]) -> None:
+    place = ["--a", "0.3", "--gamma", "0.12", "--k", "0.7", "--forcing", TWO_HARMONICS, "--json"]
+    roots = cb.symmetric_roots(0.3, 0.12, 0.7, forcing=cb.Symbolic(TWO_HARMONICS))
+    assert len(roots) == 4
+    for number, root in enumerate(roots, start=1):
+        content = strict(run("point", *place, "--root", str(number))[1])
+        assert (content["root"], content["p"], content["phi"]) == (number, root.p, root.phi)
+        assert [one["p"] for one in content["other_roots"]] == [
+            other.p for other in roots if other is not root
+        ]
+
+
+def test_branch_starts_at_the_root_that_was_asked_for(run: Callable[..., Output]) -> None:
+    line = ["branch", "--free", "gamma", "--a", "0.5", "--k", "0.8", "--gamma", "0.1", "--json"]
+    for number, root in enumerate(cb.symmetric_roots(0.5, 0.1, 0.8), start=1):
+        columns = strict(run(*line, "--root", str(number))[1])["columns"]
+        nearest = min(abs(np.array(columns["gamma"]) - 0.1))
+        here = int(np.argmin(abs(np.array(columns["gamma"]) - 0.1)))
+        assert nearest < 1e-12
+        assert columns["p"][here] == pytest.approx(root.p, abs=1e-12)
 
 
 RIM = {
@@ -726,6 +797,37 @@ def test_zones_of_another_forcing(run: Callable[..., Output]) -> None:
     ]
     assert max(smallest) < 1e-10
     assert min(map(abs, smallest)) < 1e-10
+
+
+def test_a_window_that_is_cut_says_so(run: Callable[..., Output]) -> None:
+    line = ["zones", "--k", "0.8", "--gamma-window", "0.2", "0.3", "--json"]
+    status, out, err = run(*line)
+    assert status == DONE
+    assert "only 0.2 to 0.2499 is looked at" in err
+    assert max(max(c["gamma"]) for c in strict(out)["zones"][0]["curves"]) <= 0.2499
+    assert run(*line[:4], "0.2", "0.24", "--json")[2] == ""
+
+
+def test_without_meetings_there_is_a_sentence_and_no_empty_table(
+    run: Callable[..., Output],
+) -> None:
+    out = run("zones", "--a", "0.3", "--gamma-window", "0.05", "0.1", "--csv", "z.csv")[1]
+    assert out.startswith("No two curves meet there.\nPoints on the curves at a = 0.3: NS ")
+    assert "┃" not in out
+
+
+@pytest.mark.parametrize("command", [["boundary"], ["zones"], ["branch"], ["figure"], ["point"]])
+def test_help_fills_its_lines(command: list[str], tmp_path: Path) -> None:
+    """No line of prose is broken where the source breaks it: the next word would not fit."""
+    done = subprocess.run(
+        [sys.executable, "-m", "contbreather", *command, "--help"],
+        env={**os.environ, "PYTHONPATH": str(Path(cb.__file__).parents[1]), "COLUMNS": "80"},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    prose = done.stdout.split("╭")[0].splitlines()
+    for line, following in itertools.pairwise(prose):
+        if line.strip() and following.strip():
+            assert len(line.rstrip()) + 1 + len(following.split()[0]) > 80
 
 
 # --- figure and the rest ------------------------------------------------------------------------

@@ -384,4 +384,10 @@ def symmetric_roots(
     gamma, a = check_gamma(gamma), check_amplitude(a)
     restitution_ratio(k)
     found = roots(a, gamma, float(k), forcing, lattice)
+    if not all(math.isfinite(p) for p, _ in found):
+        reach = 1.0 / forcing.peak()
+        raise BadInput(
+            f"a = {a!r}: too large, p is beyond what a number can hold; on the infinite chain no "
+            f"breather is admissible beyond a = {reach:.6g}, where the far field reaches the walls."
+        )
     return tuple(Breather(a, gamma, float(k), p, phi, forcing, lattice) for p, phi in found)

@@ -85,7 +85,7 @@ def application() -> App:
         name="contbreather",
         help="Exact discrete breathers of an impacting chain, continued, with their stability.",
         version=__version__,
-        help_format="plaintext",
+        help_format="markdown",
     )
     commands: tuple[Callable[..., Any], ...] = (
         point.point,

@@ -14,6 +14,7 @@ from contbreather.cli.options import (
     Json,
     Output,
     Where,
+    check_values,
     first_in,
     interval,
     known,
@@ -39,7 +40,10 @@ def boundary(
     window: Annotated[
         tuple[float, float] | None,
         Parameter(
-            help="Lowest and highest value of the first.", negative="", allow_leading_hyphen=True
+            help="Lowest and highest value of the first; 0 to 0.2499 for gamma, 0.01 to 0.999 for "
+            "k unless given.",
+            negative="",
+            allow_leading_hyphen=True,
         ),
     ] = None,
     csv: Csv = None,
@@ -104,6 +108,7 @@ def _seed(
 
     first, free = pair
     fixed = where.need(*(name for name in PARAMETERS if name not in pair))
+    check_values(fixed)
     reason = ""
     for value in _values(first, where.given.get(first), span):
         values = {**fixed, first: value} if first in PARAMETERS else fixed

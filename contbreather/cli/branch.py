@@ -11,6 +11,7 @@ from contbreather.cli.options import (
     Csv,
     Json,
     Output,
+    Root,
     Sites,
     Threshold,
     Where,
@@ -35,6 +36,7 @@ def branch(
     towards: Annotated[
         Literal["both", "up", "down"], Parameter(help="Direction in which it changes at first.")
     ] = "both",
+    root: Root = 1,
     sites: Sites = None,
     threshold: Threshold = None,
     csv: Csv = None,
@@ -55,7 +57,8 @@ def branch(
     known(free, forcing)
     fixed = where.need(*(name for name in PARAMETERS if name != free))
     span = interval(free, window)
-    start = first_in(free, around(free, where.given.get(free), span), fixed, forcing)
+    near = around(free, where.given.get(free), span)
+    start = first_in(free, near, fixed, forcing, root=root)
     found = trace(
         start, free, within={free: span}, towards=towards, events=events_by(sites, threshold)
     )

@@ -20,8 +20,8 @@ def figure(
 ) -> None:
     """A figure of the paper, with what is exact beside what the paper says, and our verdict.
 
-    Without --output it writes figure2.png (to figure8.png) into the current directory, unless
-    --json or --csv is given.
+    It is drawn to the file that --output names; without --output, --csv and --json to figure2.png
+    for figure 2, and so on, in the current directory.
     """
     from contbreather.paper import FIGURES
 

@@ -10,6 +10,8 @@ from cyclopts import Parameter
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from contbreather.breathers import Breather
     from contbreather.continuation import Event, Problem
     from contbreather.lattice import Forcing
@@ -39,10 +41,19 @@ Threshold = Annotated[
 ]
 Window = Annotated[
     tuple[float, float] | None,
-    Parameter(negative="", help="Lowest and highest value.", allow_leading_hyphen=True),
+    Parameter(
+        negative="",
+        help="Lowest and highest value; 0 to 0.2499 for gamma, 0.01 to 0.999 for k unless given.",
+        allow_leading_hyphen=True,
+    ),
+]
+
+Root = Annotated[
+    int, Parameter(help="Which solution of (11), by falling p, where there are several.")
 ]
 
 HARMONIC = "-cos(t)"
+ROUND = 1e-6  # a window that is wider than its parameter's by less is as good as the same
 PARAMETERS = ("a", "gamma", "k")
 MEANING = {
     "a": "the amplitude of the forcing",
@@ -137,17 +148,22 @@ def events_by(sites: int | None, threshold: float | None) -> tuple[Event, ...] |
     return saddle_node(), pitchfork(), on_ring, grazing()
 
 
-def interval(name: str, window: tuple[float, float] | None) -> tuple[float, float]:
-    """The window of a parameter: what was typed, within its domain."""
+def interval(
+    name: str,
+    window: tuple[float, float] | None,
+    reach: Mapping[str, tuple[float, float]] | None = None,
+) -> tuple[float, float]:
+    """The window of a parameter: what was typed, as far as it lies in `reach`, its domain else."""
     import math
 
     from contbreather.breathers.problem import DOMAIN
     from contbreather.breathers.zones import WINDOWS
+    from contbreather.cli.output import note
 
     endless = (-math.inf, math.inf)
     if window is None:
         return WINDOWS.get(name, endless)
-    low, high = DOMAIN.get(name, endless)
+    low, high = (DOMAIN if reach is None else reach).get(name, endless)
     if not all(math.isfinite(bound) for bound in window) or not window[0] < window[1]:
         raise BadInput(
             f"window {window[0]:g} {window[1]:g} of {name}: two finite numbers were wanted, the "
@@ -158,6 +174,11 @@ def interval(name: str, window: tuple[float, float] | None) -> tuple[float, floa
         raise BadInput(
             f"the window {window[0]:g} to {window[1]:g} contains no breather: {name} is "
             f"{MEANING.get(name, 'outside of it')}"
+        )
+    if max(abs(inside[0] - window[0]), abs(inside[1] - window[1])) > ROUND:
+        note(
+            f"of the window {window[0]:g} to {window[1]:g} of {name} only {inside[0]:g} to "
+            f"{inside[1]:g} is looked at: {name} is {MEANING.get(name, 'bounded')}"
         )
     return inside
 
@@ -170,8 +191,31 @@ def known(name: str, forcing: Forcing) -> str:
     return name
 
 
+def check_values(values: dict[str, float]) -> None:
+    """Refuse what no breather can have, before one is looked for."""
+    from contbreather.breathers.closure import check_amplitude, restitution_ratio
+    from contbreather.lattice import check_gamma
+
+    checks = {"a": check_amplitude, "gamma": check_gamma, "k": restitution_ratio}
+    for name, value in values.items():
+        checks[name](value)
+
+
+def rooted(found: Sequence[Breather], root: int) -> Breather:
+    """The solution with that number, or which there are."""
+    if not 1 <= root <= len(found):
+        there = ", ".join(f"{i}: p = {one.p:.9g}" for i, one in enumerate(found, start=1))
+        raise BadInput(f"--root {root}: the solutions of (11) are {there}; choose one of them")
+    return found[root - 1]
+
+
 def first_in(
-    free: str, window: tuple[float, float], values: dict[str, float], forcing: Forcing
+    free: str,
+    window: tuple[float, float],
+    values: dict[str, float],
+    forcing: Forcing,
+    *,
+    root: int = 1,
 ) -> Breather:
     """An admissible breather somewhere in the window of the free parameter.
 
@@ -180,7 +224,7 @@ def first_in(
     BadInput
         If there is none, with the reason at the last place that was looked at.
     """
-    from contbreather.breathers import symmetric
+    from contbreather.breathers import symmetric_roots
     from contbreather.errors import NoSolution
 
     reason = ""
@@ -188,9 +232,14 @@ def first_in(
         own = {**values, free: value}
         drive = forcing.at(**{free: value}) if free in forcing.params else forcing
         try:
-            breather = symmetric(own["a"], own["gamma"], own["k"], forcing=drive)
+            found = symmetric_roots(own["a"], own["gamma"], own["k"], forcing=drive)
         except NoSolution as error:
             reason = str(error)
+            continue
+        try:
+            breather = rooted(found, root)
+        except BadInput as error:
+            reason = f"at {free} = {value:.6g} {error}"
             continue
         verdict = breather.admissibility()
         if verdict.ok:

@@ -52,6 +52,11 @@ def say(*lines: object, quiet: bool = False) -> None:
             shown.print(line, markup=False, width=ENDLESS if free else None)
 
 
+def note(line: str) -> None:
+    """Say on standard error what a person should know; programs go on undisturbed."""
+    print(f"contbreather: {line}", file=sys.stderr)
+
+
 def to_json(content: Mapping[str, Any]) -> None:
     """One JSON object on standard output; what is not finite becomes null, never NaN."""
     json.dump(_plain(content), sys.stdout, allow_nan=False, ensure_ascii=False)

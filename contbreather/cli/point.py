@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from contbreather.cli.options import Json, Sites, Threshold, Where, ring_of
+from contbreather.cli.options import Json, Root, Sites, Threshold, Where, ring_of, rooted
 from contbreather.cli.output import say, to_json
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 def point(
     where: Where = Where(),  # noqa: B008  # frozen
     *,
+    root: Root = 1,
     sites: Sites = None,
     threshold: Threshold = None,
     json: Json = False,
@@ -25,15 +26,15 @@ def point(
 
     values = where.need("a", "gamma", "k")
     rule = ring_of(sites, threshold)
-    first, *others = symmetric_roots(
-        values["a"], values["gamma"], values["k"], forcing=where.drive()
-    )
-    content = _content(first, others, rule)
+    found = symmetric_roots(values["a"], values["gamma"], values["k"], forcing=where.drive())
+    breather = rooted(found, root)
+    others = [other for other in found if other is not breather]
+    content = _content(breather, others, rule)
     if json:
-        to_json(content)
+        to_json({**content, "root": root})
         return
     say(_table(content))
-    say(*_sentences(first, others, rule))
+    say(*_sentences(breather, others, rule))
 
 
 def _content(
@@ -55,8 +56,9 @@ def _content(
         "max_neighbour": margins.max_neighbour,
         "margin": margins.margin,
         "reason": margins.reason,
-        "stable": verdict.stable,
-        "unstable": verdict.unstable,
+        # what goes through a wall is no motion of the chain, be its linearisation what it may
+        "stable": verdict.stable if margins.ok else None,
+        "unstable": verdict.unstable if margins.ok else None,
         "certain": verdict.certain,
         "over_reflecting": verdict.over_reflecting,
         "multipliers": verdict.multipliers,
@@ -70,7 +72,7 @@ def _content(
             "sites": sites,
             "threshold": threshold,
             "largest": ring.largest,
-            "unstable": ring.unstable,
+            "unstable": ring.unstable if margins.ok else None,
         }
     return content
 
@@ -84,7 +86,7 @@ def _table(content: dict[str, Any]) -> Table:
     for name in ("a", "gamma", "k", "p", "phi", "chi"):
         table.add_row(name, f"{content[name]:.15g}")
     table.add_row("max |u_1|", f"{content['max_neighbour']:.15g}")
-    for mu in content["multipliers"]:
+    for mu in content["multipliers"] if content["admissible"] else ():
         table.add_row("isolated multiplier of QS", f"{mu:.12g}")
     return table
 
@@ -92,9 +94,14 @@ def _table(content: dict[str, Any]) -> Table:
 def _sentences(
     breather: Breather, others: list[Breather], rule: tuple[int, float] | None
 ) -> list[str]:
-    lines = [breather.admissibility().reason, breather.stability().describe()]
-    if rule is not None:
-        lines.append(breather.stability(sites=rule[0], threshold=rule[1]).describe())
+    margins = breather.admissibility()
+    lines = [margins.reason]
+    if margins.ok:
+        lines.append(breather.stability().describe())
+        if rule is not None:
+            lines.append(breather.stability(sites=rule[0], threshold=rule[1]).describe())
+    else:
+        lines.append("nothing is said of its stability: the chain has no such motion")
     if others:
         roots = ", ".join(f"p = {other.p:.9g}" for other in others)
         lines.append(f"further roots of (11): {roots}")

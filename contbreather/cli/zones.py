@@ -12,8 +12,6 @@ from contbreather.cli.output import check_places, say, to_csv, to_figure, to_jso
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from contbreather.breathers.zones import Zones
     from contbreather.continuation import Branch
 
@@ -55,16 +53,17 @@ def zones(
     a
         Amplitude: diagrams in (k, gamma) instead.
     gamma_window
-        Lowest and highest coupling to look at.
+        Lowest and highest coupling to look at, 0 to 0.2499 unless given.
     a_window
-        Lowest and highest amplitude.
+        Lowest and highest amplitude, all unless given.
     k_window
-        Lowest and highest restitution.
+        Lowest and highest restitution, 0.01 to 0.999 unless given: at 0 and 1 curves degenerate.
     forcing
         F(t)/a as a formula in t.
     set
         NAME=VALUE of another letter in the formula.
     """
+    from contbreather.breathers.zones import WINDOWS
     from contbreather.breathers.zones import zones as diagram
 
     name, values = _fixed(k, gamma, a)
@@ -73,19 +72,24 @@ def zones(
     check_places(csv, output)
     drive = Where(forcing=forcing, set=set).drive()
     given = {"gamma": gamma_window, "a": a_window, "k": k_window}
-    windows = {n: interval(n, window) for n, window in given.items() if window is not None}
+    windows = {n: interval(n, given[n], WINDOWS) for n in given if given[n] is not None}
     planes: list[dict[str, Any]] = [{name: value} for value in values]
     found = [diagram(**plane, forcing=drive, within=windows) for plane in planes]
+    if not any(branches for one in found for branches in one.curves.values()):
+        raise BadInput(
+            "no curve passes the window: breathers exist all over it, all stable or all unstable "
+            "(see contbreather point); widen the window"
+        )
     made = []
     if csv is not None:
         made.append(to_csv(csv, (row for one in found for row in _rows(one)), COLUMNS))
     if output is not None:
-        made.append(to_figure(output, lambda: _figure(found)))
+        made.append(to_figure(output, lambda: _figure(found, windows)))
     if json:
         entries = [_entry(one) for one in found]
         to_json({"forcing": drive.describe(), "zones": entries, "written": [str(p) for p in made]})
         return
-    say(_table(found), *(f"Wrote {path}." for path in made))
+    say(*_told(found), *(f"Wrote {path}." for path in made))
 
 
 def _fixed(
@@ -103,10 +107,10 @@ def _fixed(
     return next(iter(given.items()))
 
 
-def _figure(found: list[Zones]) -> Any:
+def _figure(found: list[Zones], windows: dict[str, tuple[float, float]]) -> Any:
     from contbreather.plotting import plot_zones
 
-    return plot_zones(found)[0]
+    return plot_zones(found, within=windows)[0]
 
 
 def _rows(diagram: Zones) -> Iterator[dict[str, Any]]:
@@ -152,22 +156,19 @@ def _points(diagram: Zones) -> Iterator[dict[str, Any]]:
         }
 
 
-def _table(found: list[Zones]) -> Table:
-    from rich.table import Table
+def _told(found: list[Zones]) -> Iterator[object]:
+    """Where the curves meet, and how many points they have."""
+    from contbreather.continuation.tabular import Column, Sheet
 
-    sizes = "; ".join(
-        f"{one.fixed[0]} = {one.fixed[1]:g}: "
-        + ", ".join(f"{kind} {sum(map(len, c))}" for kind, c in one.curves.items() if c)
-        for one in found
-    )
-    table = Table(
-        title="Where the curves meet", title_justify="left",
-        caption=f"Points on the curves at {sizes}", caption_justify="left",
-    )  # fmt: skip
     rows = [row for one in found for row in _points(one)]
-    for name in ("k", "meeting", "gamma", "a", "p", "phi"):
-        table.add_column(name, justify="left" if name == "meeting" else "right")
-    for row in rows:
-        numbers = [f"{row[name]:.12g}" for name in ("gamma", "a", "p", "phi")]
-        table.add_row(f"{row['k']:.6g}", row["meeting"], *numbers)
-    return table
+    if rows:
+        columns = [
+            Column(name, [row[name] for row in rows])
+            for name in ("k", "meeting", "gamma", "a", "p", "phi")
+        ]
+        yield Sheet(columns, "Where the curves meet")
+    else:
+        yield "No two curves meet there."
+    for one in found:
+        sizes = ", ".join(f"{kind} {sum(map(len, c))}" for kind, c in one.curves.items() if c)
+        yield f"Points on the curves at {one.fixed[0]} = {one.fixed[1]:g}: {sizes}."

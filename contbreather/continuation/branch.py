@@ -282,7 +282,7 @@ class Branch:
             need be. Printed on a rich console, the branch itself takes its width.
         """
         start = self.points[0]
-        free = (*self.curve.free, *self._released)
+        free = self.curve.varied
         own = [name for name in self.curve.slots if name not in free]
         names = (*free, *own, *self.problem.record)
         points = self.special
@@ -298,11 +298,6 @@ class Branch:
         ]
         return Sheet(columns, self.describe()).table(width)
 
-    @property
-    def _released(self) -> tuple[str, ...]:
-        """On a boundary the second of its two parameters, an unknown there."""
-        return () if self.problem.adjoined is None else (list(self.problem.start)[-1],)
-
     def _shown(self, point: Point, name: str) -> complex | None:
         """A number of a point, but no count where rounding decides it."""
         value: complex = point[name]
@@ -315,12 +310,12 @@ class Branch:
 
     def describe(self) -> str:
         """One sentence: what was walked, how far, and why it ended."""
-        free = (*self.curve.free, *self._released)
+        free = self.curve.varied
         fixed = ", ".join(
             f"{n} = {v:.10g}" for n, v in self.problem.params.items() if n not in free
         )
         title = self.problem.label or "branch"
-        if self._released:
+        if len(free) > 1:
             head = f"{title} in ({', '.join(free)})" + (f" at {fixed}" if fixed else "")
         else:
             head = f"{title} in {self.free}" + (f" ({fixed})" if fixed else "")

@@ -32,9 +32,10 @@ class Problem:
     Parameters
     ----------
     residual : callable
-        ``residual(x, params) -> array`` with as many entries as `x`. `x` is a one-dimensional
-        array in the order of `start`, `params` a dict of floats. Where the equations have no
-        value it raises a `ValueError` or `ArithmeticError` or returns a NaN: the branch ends there.
+        ``residual(x, params) -> array`` with as many entries as `x`; one equation may be a number.
+        `x` is a one-dimensional array in the order of `start`, `params` a dict of floats. Where the
+        equations have no value it raises a `ValueError` or `ArithmeticError` or returns a NaN: the
+        branch ends there.
     start : dict
         Name and start value of each unknown; a value may be a one-dimensional array.
     params : dict
@@ -153,7 +154,7 @@ class Problem:
     def evaluate(self, x: Array, params: Params) -> Array:
         """The residual, or `Undefined` where it has none."""
         try:
-            value = np.asarray(self.residual(x, params))
+            value = _row(self.residual(x, params))
             total = value.sum()
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
@@ -182,8 +183,8 @@ class Problem:
                 f"iteration from it leaves the domain: {error}",
                 residual=before,
             ) from error
-        scale = 1 + float(abs(found.z).max())
-        if not found.converged or found.residual > 1e-6 * scale:
+        small = 1e-6 * (1 + float(abs(found.z).max())) * curve.row_sizes(found.z)
+        if not found.converged or (abs(curve.equations(found.z)) > small).any():
             raise NotConverged(
                 f"the start {self.shown()} is no solution: residual {before:.3g}, and "
                 f"{found.residual:.3g} after {found.iterations} Newton iterations; "
@@ -208,11 +209,20 @@ class Problem:
         )
 
 
+def _row(value: Any) -> Array:
+    """A residual as an array of its own; one equation may be a number."""
+    row = np.array(value)
+    return row if row.ndim else row[None]
+
+
 class Curve:
     """A problem with named parameters set free: H(z) with ``z = (x, free parameters)``.
 
     Attributes
     ----------
+    varied : tuple of str
+        The parameters that change along it: the free ones, and on a boundary the one that its
+        locus determines, an unknown there.
     slots : dict
         Where each unknown and each free parameter lies in z.
     scales : ndarray
@@ -235,6 +245,7 @@ class Curve:
             problem = problem.adjoined.freed(problem, free)
         self.problem = problem
         self.free = free
+        self.varied = free if problem.adjoined is None else (*free, list(problem.start)[-1])
         self.size = problem.x.size
         self.fixed = {name: float(value) for name, value in problem.params.items()}
         self.start = np.concatenate([problem.x, [self.fixed[name] for name in free]])
@@ -323,7 +334,7 @@ class Curve:
         """The residual without checks, at a possibly complex z."""
         values: dict[str, Any] = dict(self.fixed)
         values.update(zip(self.free, z[self.size :], strict=True))
-        value = np.asarray(self.problem.residual(self.unknowns(z), values))
+        value = _row(self.problem.residual(self.unknowns(z), values))
         if value.dtype.kind == "c" and z.dtype.kind != "c":
             raise Undefined("the equations are not real")
         return value

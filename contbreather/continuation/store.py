@@ -56,6 +56,12 @@ def save(path: str | Path, *branches: Branch, **named: Branch) -> None:
     True
     """
     every = {**{f"branch{i}": one for i, one in enumerate(branches, start=1)}, **named}
+    for one in every.values():
+        if not isinstance(one, Branch):
+            raise BadInput(
+                f"save writes branches, got a {type(one).__name__}; pass them one by one, "
+                "save(path, *branches) for those of a list"
+            )
     if not every or len(every) < len(branches) + len(named):
         raise BadInput(f"branches with different names are wanted, got {list(every) or 'none'}")
     groups: dict[str, Dataset] = {}
@@ -93,14 +99,20 @@ def load(path: str | Path, *, problem: Problem | None = None) -> Branch | dict[s
             if tree.attrs.get("format") != _FORMAT:
                 raise BadInput(f"{path} holds no branches that `save` wrote")
             found = {name: _branch(group, problem) for name, group in tree.children.items()}
-    except OSError as error:
-        raise BadInput(f"cannot read {path}: {error}") from error
+    except OSError as error:  # what HDF5 has to say is not for people
+        if error.errno is None:
+            raise BadInput(f"cannot read {path}: it is no netCDF-4 file") from error
+        raise BadInput(f"cannot read {path}: {os.strerror(error.errno)}") from error
     return next(iter(found.values())) if len(found) == 1 else found
 
 
 @contextmanager
 def _whole(path: Path) -> Iterator[Path]:
     """A file to write beside `path`; it takes that name when all is on the disk."""
+    if path.is_dir():
+        raise BadInput(f"cannot write {path}: it is a directory; name a file in it")
+    if not path.parent.is_dir():
+        raise BadInput(f"cannot write {path}: there is no directory {path.parent}; make it first")
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         yield temporary
@@ -108,7 +120,8 @@ def _whole(path: Path) -> Iterator[Path]:
             os.fsync(written.fileno())
         os.replace(temporary, path)
     except OSError as error:
-        raise BadInput(f"cannot write {path}: {error}") from error
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise BadInput(f"cannot write {path}: {reason}; choose another place") from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -242,7 +255,10 @@ def _bare(data: Dataset) -> Curve:
         interpret=missing,
         label=str(data.attrs["label"]),
     )
-    return Curve(problem, (free,))
+    curve = Curve(problem, (free,))
+    if str(data.attrs["boundary"]):
+        curve.varied = (free, list(problem.start)[-1])
+    return curve
 
 
 def _attached(data: Dataset, problem: Problem) -> tuple[Curve, tuple[Event, ...]]:

@@ -70,8 +70,8 @@ class Symbolic(Periodic):
         object.__setattr__(self, "expression", text)
         values = tuple(sorted((name, float(value)) for name, value in params.items()))
         object.__setattr__(self, "values", values)
+        self._check_names(_letters(text))  # before anything is said of a time dependence
         compiled = _compile(text)
-        self._check_names(set(compiled.names))
         harmonics, slopes = compiled.resolve(dict(values))
         object.__setattr__(self, "_series", Series(harmonics))
         object.__setattr__(self, "_slopes", {n: Series(h) for n, h in slopes.items()})
@@ -85,7 +85,8 @@ class Symbolic(Periodic):
                 "taken (the amplitude a multiplies any forcing by itself); rename it."
             )
         if missing := sorted(free - given):
-            raise BadInput(f"{self.expression!r} needs a value for {', '.join(missing)}.")
+            time = "" if "t" in _words(self.expression) else "; the time is t"
+            raise BadInput(f"{self.expression!r} needs a value for {', '.join(missing)}{time}.")
         if unknown := sorted(given - free):
             raise BadInput(
                 f"unknown forcing parameter {', '.join(unknown)}: {self.expression!r} has "
@@ -161,6 +162,17 @@ def _canonical(expression: str | sympy.Expr) -> str:
     return ast.unparse(tree)
 
 
+def _words(text: str) -> set[str]:
+    """All names in a formula, functions left out."""
+    nodes = ast.walk(ast.parse(text, mode="eval"))
+    return {node.id for node in nodes if isinstance(node, ast.Name)} - _FUNCTIONS
+
+
+def _letters(text: str) -> set[str]:
+    """The names in a formula that need a value."""
+    return _words(text) - {"t", "pi"}
+
+
 Spectrum = Callable[[Mapping[str, float]], dict[int, complex]]
 
 
@@ -177,7 +189,12 @@ class _Compiled(NamedTuple):
         spectrum = self.spectrum(params)
         largest = max((abs(c) for c in spectrum.values()), default=0.0)
         if not math.isfinite(largest) or largest == 0.0:
-            raise BadInput(f"the forcing {self.text!r} is zero or not finite at {dict(params)}.")
+            where = ", ".join(f"{name} = {value:g}" for name, value in params.items())
+            raise BadInput(
+                f"the forcing {self.text!r} {'is zero' if largest == 0.0 else 'is not finite'}"
+                f"{f' at {where}' if where else ''}; a breather needs one that moves it, "
+                "for instance '-cos(t)'."
+            )
         slopes = {n: response_of(s(params), 1e-17 * largest) for n, s in self.slopes.items()}
         return response_of(spectrum, 1e-17 * largest), slopes
 
@@ -187,9 +204,7 @@ def _compile(text: str) -> _Compiled:
     import sympy
 
     t = sympy.Symbol("t", real=True)
-    tree = ast.walk(ast.parse(text, mode="eval"))
-    names = {node.id for node in tree if isinstance(node, ast.Name)} - _FUNCTIONS - {"t", "pi"}
-    symbols = {name: sympy.Symbol(name, real=True) for name in sorted(names)}
+    symbols = {name: sympy.Symbol(name, real=True) for name in sorted(_letters(text))}
     try:
         expression = sympy.sympify(text, locals={**symbols, "t": t})
     except (sympy.SympifyError, TypeError, ValueError) as error:

@@ -84,8 +84,8 @@ def _draw(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
 
 
 def _ordinate(branch: Branch) -> str:
-    unknowns = list(branch.problem.start)
-    return unknowns[-1] if branch.problem.adjoined is not None else unknowns[0]
+    varied = branch.curve.varied
+    return varied[1] if len(varied) > 1 else next(iter(branch.problem.start))
 
 
 def _column(branch: Branch, name: str) -> Array:

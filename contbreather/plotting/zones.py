@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers import admissibility, symmetric
 from contbreather.breathers.problem import unstable
-from contbreather.breathers.zones import KINDS, Zones
+from contbreather.breathers.zones import KINDS, WINDOWS, Zones
 from contbreather.errors import BadInput, NoSolution
 from contbreather.plotting.canvas import (
     BLACK,
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+Window = Mapping[str, tuple[float, float]]
+Box = tuple[tuple[float, float], tuple[float, float]]  # of the pair, abscissa first
 
 LINES: dict[str, dict[str, Any]] = {
     "LP": {"color": BLACK, "linestyle": "-", "label": "fold (LP)"},
@@ -57,7 +61,11 @@ class Region:
 
 
 def plot_zones(
-    zones: Zones | Sequence[Zones], ax: Axes | Sequence[Axes] | None = None, *, legend: bool = True
+    zones: Zones | Sequence[Zones],
+    ax: Axes | Sequence[Axes] | None = None,
+    *,
+    legend: bool = True,
+    within: Window | None = None,
 ) -> Any:
     """Draw zone diagrams: limits of existence and stability, regions, codim-2 points.
 
@@ -73,6 +81,10 @@ def plot_zones(
         A new figure of the width of a journal column unless given.
     legend : bool
         Explain the curves in the first panel.
+    within : dict, optional
+        The windows that the zones were computed in, ``{"a": (0.95, 0.99)}``: where breathers go on
+        beyond the ends of all curves the axes do so too, as far as that. Without it they end
+        where the curves end.
 
     Returns
     -------
@@ -81,7 +93,7 @@ def plot_zones(
     Raises
     ------
     BadInput
-        If there are not as many axes as zones.
+        If there are not as many axes as zones, or no curves.
 
     Examples
     --------
@@ -91,12 +103,12 @@ def plot_zones(
     ['S', 'US']
     """
     several = [zones] if isinstance(zones, Zones) else list(zones)
-    if not several:
-        raise BadInput("plot_zones needs at least one zone diagram")
+    if not several or not all(any(one.curves.values()) for one in several):
+        raise BadInput("plot_zones needs at least one zone diagram, and a curve in each")
     if ax is None:
         with style():
             figure, panels = new_figure(len(several), height=1.0 + 5.8 * len(several))
-            draw_panels(several, panels)
+            draw_panels(several, panels, within)
             if legend:
                 explain(panels, figure)
             _name(several, panels)
@@ -104,30 +116,33 @@ def plot_zones(
         panels = list(ax) if isinstance(ax, Sequence | np.ndarray) else [ax]
         if len(panels) != len(several):
             raise BadInput(f"{len(several)} zone diagrams need as many axes, got {len(panels)}")
-        draw_panels(several, panels)
+        draw_panels(several, panels, within)
         if legend:
             explain(panels)
         _name(several, panels)
     return panels[0] if isinstance(zones, Zones) else panels
 
 
-def draw_panels(several: Sequence[Zones], panels: Sequence[Axes]) -> None:
+def draw_panels(
+    several: Sequence[Zones], panels: Sequence[Axes], within: Window | None = None
+) -> None:
     """Everything but words and legend, which come last, when all else has its place."""
     for i, (one, panel) in enumerate(zip(several, panels, strict=True)):
-        _panel(one, panel, f"({'abcdefghij'[i]}) " if len(several) > 1 else "")
+        letter = f"({ascii_lowercase[i % 26]}) " if len(several) > 1 else ""
+        _panel(one, panel, letter, box_of(one, within))
 
 
-def _panel(zones: Zones, ax: Axes, letter: str) -> None:
+def _panel(zones: Zones, ax: Axes, letter: str, box: Box) -> None:
     horizontal, vertical = zones.pair
     ax.set_xlabel(symbol(horizontal))
     ax.set_ylabel(symbol(vertical))
     ax.set_title(f"{letter}{symbol(zones.fixed[0])} = {zones.fixed[1]:g}", loc="left", pad=3)
     for kind, branch in zones:
         ax.plot(branch[horizontal], branch[vertical], **LINES[kind])
-    window = _window(zones)
+    window = _window(zones, box)
     ax.set_xlim(window[:2])
     ax.set_ylim(window[2:])
-    _shade(zones, ax, window)
+    _shade(zones, ax, window, box)
     for point in zones.special:
         ax.plot(
             point[horizontal], point[vertical], MEETING, color=BLACK, markerfacecolor="white",
@@ -135,15 +150,35 @@ def _panel(zones: Zones, ax: Axes, letter: str) -> None:
         )  # fmt: skip
 
 
-def _window(zones: Zones) -> tuple[float, float, float, float]:
-    """Limits of the axes: what the curves span, from zero where they come near it."""
+def _window(zones: Zones, box: Box) -> tuple[float, float, float, float]:
+    """Limits of the axes: a little more than what is shaded, from zero where that comes near it."""
     limits: list[float] = []
-    for name in zones.pair:
-        low, high = extent(zones, name)
-        low = 0.0 if low < 0.2 * high else low - 0.04 * (high - low)
+    for name, (low, high) in zip(zones.pair, box, strict=True):
+        start = 0.0 if low < 0.2 * high else low - 0.04 * (high - low)
         top = {"gamma": 0.25, "k": 1.0}.get(name, float("inf"))
-        limits += [low, min(high + 0.04 * (high - low), top)]
+        limits += [start, min(high + 0.04 * (high - low), top)]
     return limits[0], limits[1], limits[2], limits[3]
+
+
+def box_of(zones: Zones, within: Window | None = None) -> Box:
+    """What the curves span in both parameters, and on to the window where breathers go on."""
+    spans = [extent(zones, name) for name in zones.pair]
+    for i, name in enumerate(zones.pair):
+        if within is None:
+            continue
+        across = np.linspace(*spans[1 - i], PROBES + 2)[1:-1].tolist()
+        ends = list(spans[i])
+        reach = {**WINDOWS, **within}[name]
+        for end in (0, 1):
+            # beyond the outermost curve nothing changes any more: any breather there speaks for all
+            beyond = 0.5 * (ends[end] + reach[end])
+            if not math.isfinite(beyond) or beyond == ends[end]:
+                continue
+            places = [(beyond, other)[:: 1 - 2 * i] for other in across]
+            if any(_verdict(zones, *place) for place in places):
+                ends[end] = reach[end]
+        spans[i] = (ends[0], ends[1])
+    return spans[0], spans[1]
 
 
 def extent(zones: Zones, name: str) -> tuple[float, float]:
@@ -155,11 +190,11 @@ def extent(zones: Zones, name: str) -> tuple[float, float]:
 # --- regions ------------------------------------------------------------------------------------
 
 
-def regions(zones: Zones) -> tuple[list[Region], NDArray[np.int64]]:
+def regions(zones: Zones, box: Box | None = None) -> tuple[list[Region], NDArray[np.int64]]:
     """The pieces into which the curves cut the plane, and a map of their numbers (rows upwards)."""
     from scipy import ndimage
 
-    (x0, x1), (y0, y1) = (extent(zones, name) for name in zones.pair)
+    (x0, x1), (y0, y1) = box_of(zones) if box is None else box
     walls = np.zeros((RASTER, RASTER), dtype=bool)
     for _, branch in zones:
         _draw(
@@ -220,11 +255,11 @@ def _verdict(zones: Zones, x: float, y: float) -> str:
     return "US" if unstable(breather) else "S"
 
 
-def _shade(zones: Zones, ax: Axes, window: tuple[float, float, float, float]) -> None:
+def _shade(zones: Zones, ax: Axes, window: tuple[float, float, float, float], box: Box) -> None:
     from matplotlib.colors import to_rgba
     from scipy import ndimage
 
-    found, numbers = regions(zones)
+    found, numbers = regions(zones, box)
     # pixels under a curve go with the region next to them, so that no white seam shows
     nearest = ndimage.distance_transform_edt(
         numbers == 0, return_distances=False, return_indices=True
@@ -235,7 +270,7 @@ def _shade(zones: Zones, ax: Axes, window: tuple[float, float, float, float]) ->
         if region.verdict:
             image[numbers == region.number] = to_rgba(SHADES[region.verdict])
             _letter(ax, region)
-    (x0, x1), (y0, y1) = (extent(zones, name) for name in zones.pair)
+    (x0, x1), (y0, y1) = box
     ax.imshow(
         image, extent=(x0, x1, y0, y1), origin="lower", aspect="auto", interpolation="nearest",
         zorder=0,

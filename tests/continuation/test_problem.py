@@ -69,7 +69,7 @@ def test_unknown_names_are_refused_with_the_known_ones() -> None:
     ("residual", "shape"),
     [
         (lambda u, p: np.zeros(3), r"\(3,\)"),
-        (lambda u, p: 0.0, r"\(\)"),
+        (lambda u, p: 0.0, r"\(1,\)"),
         (lambda u, p: np.zeros((2, 1)), r"\(2, 1\)"),
     ],
 )
@@ -277,3 +277,26 @@ def test_derivatives_are_taken_once_for_each_place() -> None:
     point = trace(problem, "mu", within={"mu": (-1, 1)})[0]
     point.jacobian()[0, 0] = 7.0  # a copy
     assert point.jacobian()[0, 0] == matrix[0, 0] == 1.0
+
+
+def test_one_equation_may_be_a_number() -> None:
+    """A residual without brackets gives the same branch to the last bit."""
+
+    def bare(x, p):
+        return x[0] ** 3 - x[0] - p["mu"]
+
+    def row(x, p):
+        return np.array([bare(x, p)])
+
+    branches = [
+        trace(Problem(f, {"x": 1.5}, {"mu": 1.875}), "mu", within={"x": (-2, 2)}, events=[fold()])
+        for f in (bare, row)
+    ]
+    for name in ("x", "mu"):
+        assert branches[0][name].tolist() == branches[1][name].tolist()
+    assert [p.label for p in branches[0].special] == ["EP1", "LP1", "LP2", "EP2"]
+
+
+def test_a_number_for_two_equations_is_refused() -> None:
+    with pytest.raises(BadInput, match="as many equations as unknowns"):
+        trace(Problem(lambda x, p: x[0] - p["mu"], {"x": 0.0, "y": 0.0}, {"mu": 0.0}), "mu")

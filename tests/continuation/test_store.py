@@ -289,6 +289,22 @@ def test_writing_a_file_that_is_there_replaces_it(branch: Branch, path: Path) ->
     assert path.read_text() == "x"
 
 
+def test_files_are_refused_in_words_for_people(branch: Branch, path: Path) -> None:
+    for refused, sentence in (
+        (lambda: load(path), "No such file or directory"),
+        (lambda: save(path.parent / "nowhere" / "x.nc", branch), "there is no directory .*nowhere"),
+        (lambda: save(path.parent, branch), "it is a directory; name a file in it"),
+        (lambda: save(path, [branch, branch]), r"got a list; pass them one by one, save\(path, \*"),
+    ):
+        with pytest.raises(BadInput, match=sentence) as caught:
+            refused()
+        assert "synchronously" not in str(caught.value)  # HDF5's word
+        assert "errno" not in str(caught.value).lower()
+    path.write_text("no numbers")
+    with pytest.raises(BadInput, match="it is no netCDF-4 file"):
+        load(path)
+
+
 def test_what_cannot_be_written_or_read_is_refused(branch: Branch, path: Path) -> None:
     with pytest.raises(BadInput, match=r"cannot write .*nowhere/run.nc: "):
         save(path.parent / "nowhere" / "run.nc", branch)
