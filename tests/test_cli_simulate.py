@@ -14,9 +14,6 @@ import pytest
 
 import contbreather as cb
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main
-from contbreather.dynamics import simulate_smooth
-from contbreather.dynamics.quasiperiodic import Kind
-from contbreather.dynamics.smooth_verdict import judge_smooth
 
 STABLE = "simulate --a 0.1 --gamma 0.08 --k 0.8 --damping 0.02"
 LOST = "simulate --a 0.2 --gamma 0.104 --k 0.8 --damping 0.005"
@@ -108,24 +105,6 @@ def test_smooth_ring_settles_on_the_orbit_that_shooting_finds(run):
     verdict = json.loads(out)["verdict"]
     assert (status, verdict["kind"]) == (DONE, "PERIODIC")
     assert 0.9 < verdict["evidence"]["multiplier"] < 1.0
-
-
-def test_smooth_ring_that_is_delocalised_is_no_breather():
-    shared = {"a": 0.7, "gamma": 0.104, "k": 0.8, "damping": 0.005, "m": 6}
-    settled = simulate_smooth(cb.symmetric(0.7, 0.104, 0.8).state(20), periods=60, **shared)
-    found = judge_smooth(simulate_smooth(settled.final, periods=60, **shared))
-    assert found.kind in (Kind.SYNCHRONISED, Kind.DELOCALISED)
-
-
-def test_smooth_motion_next_to_one_that_repels_is_not_called_periodic():
-    b = cb.symmetric(0.2, 0.104, 0.8)
-    shared = {"a": 0.2, "gamma": 0.104, "k": 0.8, "damping": 0.005, "m": 6}
-    from contbreather.paper.fates import smooth_breather
-
-    orbit = smooth_breather(b, 6, 0.005, 20)
-    found = judge_smooth(simulate_smooth(orbit.state, periods=50, **shared))
-    assert found.kind is Kind.UNDECIDED
-    assert "it repels" in found.reason
 
 
 # --- starts ---------------------------------------------------------------------------------------
