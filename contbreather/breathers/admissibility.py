@@ -12,6 +12,7 @@ of that amplitude, so the first two such sites and the far field bound all the o
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -27,6 +28,8 @@ from contbreather.lattice.green import POWERS, TERMS, response_weights
 FloatArray = NDArray[np.float64]
 HALF_PI = 0.5 * math.pi
 NEAR = 13  # (0.03)^12 < 1e-18: the third harmonic has died out two sites earlier
+Place = tuple[int | None, float]  # a site, None for the far field, and a time
+
 LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
 CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
 
@@ -53,6 +56,8 @@ class Admissibility:
         `centre_margin`, site 0 between its impacts.
     far : float
         ``1 - a max |f|`` on a lattice without end, else 1.
+    places : dict
+        Site and time of each of the three margins by name.
     """
 
     ok: bool
@@ -64,6 +69,7 @@ class Admissibility:
     neighbours: float
     centre: float
     far: float
+    places: Mapping[str, Place]
 
     def __bool__(self) -> bool:
         return self.ok
@@ -137,12 +143,14 @@ def admissibility(breather: Breather) -> Admissibility:
     centre_time, centre = _centre(breather)
     endless = breather.lattice.sites is None
     far = 1.0 - breather.a * breather.forcing.peak() if endless else 1.0
-    candidates: list[tuple[float, int | None, float]] = [
-        (1.0 - highest, site, time),
-        (centre, 0, centre_time),
-        (far, None, breather.phi),
-    ]
-    margin, where, when = min(candidates, key=lambda item: item[0])
+    places: dict[str, Place] = {
+        "neighbours": (site, time),
+        "centre": (0, centre_time),
+        "far": (None, breather.phi),
+    }
+    margins = {"neighbours": 1.0 - highest, "centre": centre, "far": far}
+    least = min(margins, key=margins.__getitem__)
+    margin, (where, when) = margins[least], places[least]
     return Admissibility(
         ok=margin > 0.0,
         max_neighbour=peaks[1][1] if peaks else 0.0,
@@ -150,9 +158,8 @@ def admissibility(breather: Breather) -> Admissibility:
         reason=_reason(breather, margin, where, when),
         site=where,
         time=when,
-        neighbours=1.0 - highest,
-        centre=centre,
-        far=far,
+        places=places,
+        **margins,
     )
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.admissibility import Admissibility, admissibility
+from contbreather.breathers.admissibility import admissibility
 from contbreather.breathers.symmetric import Breather, flight_slope_of
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.newton import Undefined
@@ -335,11 +335,13 @@ def _next_wave(ring: Ring, threshold: float) -> Event:
 # --- grazing --------------------------------------------------------------------------------------
 
 
-def _grazing_locus(point: Point) -> Locus:
+def _grazing_locus(point: Point, apart_from: frozenset[str] = frozenset()) -> Locus:
     """``u_n = 1, u_n' = 0`` at an unknown time, for the site that is closest to its walls."""
     breather: Breather = point.solution
-    worst: Admissibility = admissibility(breather)
-    site, t = worst.site, worst.time
+    margins = admissibility(breather)
+    others = [name for name in margins.places if name not in apart_from]
+    least = min(others, key=lambda name: getattr(margins, name))  # of equals the nearest site
+    site, t = margins.places[least]
     if site is None:
         t = _crest(breather)
         wall = math.copysign(1.0, breather.forcing.f(t))
@@ -363,17 +365,18 @@ def _grazing_locus(point: Point) -> Locus:
 
 
 def _other_grazing(site: int | None) -> Event:
-    """Where one site grazes, the others must still keep off their walls."""
+    """Where one site grazes, the others must still keep off their walls; where they do not, the
+    limit of existence goes on with them."""
+    own = frozenset({"far" if site is None else "neighbours" if site else "centre"})
 
     def test(point: Point) -> float:
         breather: Breather = point.solution
         margins = admissibility(breather)
-        own = {"far" if site is None else "neighbours" if site else "centre"}
-        if breather.gamma == 0.0 and site != 0:
-            own = {"far", "neighbours"}  # without coupling they all follow the forcing alike
-        return min(getattr(margins, name) for name in {"neighbours", "centre", "far"} - own)
+        alike = breather.gamma == 0.0 and site != 0  # without coupling all follow the forcing
+        mine = own | {"far", "neighbours"} if alike else own
+        return min(getattr(margins, name) for name in margins.places.keys() - mine)
 
-    met = Event("GR", lambda point: test(point), locus=_grazing_locus)
+    met = Event("GR", test, locus=lambda point: _grazing_locus(point, own))
     return Event("GR-GR", test, terminal=True, positive=True, met=met)
 
 

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.admissibility import admissibility
 from contbreather.breathers.problem import events_on, problem_of
-from contbreather.breathers.symmetric import Breather, symmetric
+from contbreather.breathers.symmetric import Breather, symmetric, symmetric_roots
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.progress import Progress
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice import Forcing, InfiniteChain, Lattice
+from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 
 Array = NDArray[np.float64]
+Place = Point | Mapping[str, float]
 
 KINDS = ("LP", "GR", "PF", "NS")
 # Windows of the three parameters, and the comb of values on which branches are traced.
@@ -30,13 +31,15 @@ KINDS = ("LP", "GR", "PF", "NS")
 WINDOWS = {"gamma": (0.0, 0.2499), "a": (0.0, math.inf), "k": (0.01, 0.999)}
 COMBS = {
     "gamma": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.235, 0.245),
-    "k": (0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
+    "k": (0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 0.99, 0.997, 0.999),
     "a": (0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
 }
 PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
 FEWEST = 80  # points on a curve
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
+PASSED = 3e-3  # a breather this close to a traced branch is one of it; chords of a branch are long
+VANISHED = 1e-9  # the impact has lost its velocity: no event of an impacting breather
 BESIDE = 3e-3  # how far from a meeting a curve is looked for that the comb missed
 
 
@@ -105,8 +108,10 @@ def zones(
     k, gamma, a : float
         Exactly one: the plane is that of the other two, ``(gamma, a)`` for the paper's Fig. 2.
     forcing : Forcing, optional
-        `Harmonic` unless given. Where a forcing has several breathers, the diagram is that of the
-        one with the largest p.
+        `Harmonic` unless given; then a fold ends the zone, for the breather behind it is unstable
+        throughout. Any other forcing may have several breathers at one point: the diagram has
+        the curves of all of them. Where the impacts vanish, p -> 0 on the line a max|f| = 1, there
+        is no curve to follow.
     lattice : Lattice, optional
         The infinite chain unless given. On a `Ring` the NS curves follow the paper's rule.
     within : dict, optional
@@ -166,7 +171,10 @@ class _Search:
             if other not in self.pair:
                 raise BadInput(f"no window for {other!r}: the plane is that of {self.pair}")
         self.within = {n: _narrowed(n, within.get(n)) for n in self.pair}
-        self.events = tuple(_ending(event) for event in events_on(lattice))
+        self.events = events_on(lattice)
+        self.single = forcing is None or isinstance(forcing, Harmonic)
+        if self.single:
+            self.events = tuple(_ending(event) for event in self.events)
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
 
     def run(self, shown: Progress) -> Zones:
@@ -201,41 +209,49 @@ class _Search:
         branches = [branch for kind in KINDS for branch in self.curves[kind]]
         return [p for b in branches for p in b.special if _is_meeting(p) and not self._known(p)]
 
-    def _known(self, point: Point) -> bool:
-        return any(_on_curve(b, point, self.pair) for b in self.curves[_followed(point)])
+    def _known(self, point: Point, but: Branch | None = None) -> bool:
+        names = (*self.pair, "p")  # p tells breathers apart
+        curves = (b for b in self.curves[_followed(point)] if b is not but)
+        return any(_on_curve(b, point, names, SAME) for b in curves)
 
     def _branches(self, x: float) -> Iterator[Branch]:
         """Branches of admissible breathers in the second parameter, at one value of the first."""
         free = self.pair[1]
-        covered: list[tuple[float, float]] = []
+        traced: list[Branch] = []
         for y in _comb(free, self.within):
-            if any(low <= y <= high for low, high in covered):
+            if self.single and any(b[free].min() <= y <= b[free].max() for b in traced):
                 continue
-            breather = self._breather(x, y)
-            if breather is None:
-                continue
-            branch = trace(
-                problem_of(breather),
-                free,
-                within={free: self.within[free]},
-                events=self.events,
-                steps=Steps(first=0.02, largest=0.2),
-                progress=False,
-            )
-            covered.append((float(branch[free].min()), float(branch[free].max())))
-            yield branch
+            for breather in self._breathers(x, y):
+                here = {free: y, "p": breather.p, "phi": breather.phi}
+                if any(_on_curve(b, here, (free, "p", "phi"), PASSED) for b in traced):
+                    continue
+                branch = trace(
+                    problem_of(breather),
+                    free,
+                    within={free: self.within[free]},
+                    events=self.events,
+                    steps=Steps(first=0.02, largest=0.1),
+                    progress=False,
+                )
+                traced.append(branch)
+                yield branch
 
-    def _breather(self, x: float, y: float) -> Breather | None:
+    def _breathers(self, x: float, y: float) -> list[Breather]:
+        """Those that are admissible; for harmonic forcing the one above the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
+        how = {"forcing": self.forcing, "lattice": self.lattice}
         try:
-            found = symmetric(**values, forcing=self.forcing, lattice=self.lattice)
+            if self.single:
+                found = [symmetric(**values, **how)]
+            else:
+                found = symmetric_roots(**values, **how)
         except NoSolution:
-            return None
-        return found if admissibility(found).ok else None
+            return []
+        return [breather for breather in found if admissibility(breather).ok]
 
-    def _follow(self, point: Point) -> None:
-        """Trace an event as a boundary, unless it lies on one already."""
-        if self._known(point):
+    def _follow(self, point: Point, since: Branch | None = None) -> None:
+        """Trace an event as a boundary, unless it lies on one already: on another than `since`."""
+        if point["p"] < VANISHED or self._known(point, but=since):
             return
         branch = boundary(
             point, self.pair, within=self.within, events=self.events, steps=STEPS, progress=False
@@ -244,7 +260,7 @@ class _Search:
         self.curves[_followed(point)].append(branch)
         for end in branch.special:
             if end.kind == "GR-GR":  # another site takes over: the limit of existence goes on
-                self._follow(end)
+                self._follow(end, branch)
 
 
 def _is_meeting(point: Point) -> bool:
@@ -283,14 +299,13 @@ def _comb(name: str, within: Mapping[str, tuple[float, float]]) -> Iterable[floa
     return [value for value in comb if value > 0 or name != "a"]  # no forcing, no breather
 
 
-def _on_curve(branch: Branch, point: Point, pair: tuple[str, str]) -> bool:
-    """Whether a point lies on a traced curve, in the unknowns too: p tells breathers apart."""
-    names = (*pair, "p")
-    here = np.array([point[name] for name in names])
+def _on_curve(branch: Branch, place: Place, names: tuple[str, ...], near: float) -> bool:
+    """Whether a traced curve passes a place: these values by name."""
+    here = np.array([place[name] for name in names])
     nodes = np.stack([branch[name] for name in names], axis=-1)
     if len(nodes) == 1:
-        return bool(np.linalg.norm(here - nodes[0]) < SAME)
+        return bool(np.linalg.norm(here - nodes[0]) < near)
     start, chord = nodes[:-1], np.diff(nodes, axis=0)
     along = np.sum((here - start) * chord, axis=-1) / np.sum(chord * chord, axis=-1)
     foot = start + np.clip(along, 0, 1)[:, None] * chord
-    return bool(np.linalg.norm(here - foot, axis=-1).min() < SAME)
+    return bool(np.linalg.norm(here - foot, axis=-1).min() < near)

@@ -140,7 +140,7 @@ def adjoined(
         together.residual,
         {**problem.start, **locus.extra, released: problem.params[released]},
         {name: value for name, value in problem.params.items() if name != released},
-        domain={**problem.domain, **locus.domain},
+        domain={**problem.domain, **{n: d for n, d in locus.domain.items() if n in base.free}},
         scales=problem.scales,
         adjoined=together,
     )

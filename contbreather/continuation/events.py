@@ -42,8 +42,8 @@ class Locus:
     events : tuple of Event
         What can happen on the boundary itself, a cusp on a fold curve for instance.
     domain : dict, optional
-        ``{name: (low, high)}``, bounds of unknowns or parameters where the conditions make sense,
-        as far as they are narrower than those of the problem.
+        ``{name: (low, high)}``, bounds of parameters, where they are freed, within which the
+        conditions can be followed, as far as they are narrower than those of the problem.
     """
 
     extra: Mapping[str, Any]

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import admissibility, symmetric
+from contbreather.breathers import admissibility, symmetric_roots
 from contbreather.breathers.problem import unstable
 from contbreather.breathers.zones import KINDS, WINDOWS, Zones
 from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice import Harmonic
 from contbreather.plotting.canvas import (
     BLACK,
     BLUE,
@@ -71,7 +72,7 @@ def plot_zones(
 
     A region is lettered S or US by the number of unstable multipliers at several points inside of
     it, of the chain that the zones were computed for; nothing is assumed about sides of curves.
-    Where a forcing allows several breathers, it is the one with the largest p.
+    Where a forcing allows several breathers, S means that at least one of them is stable.
 
     Parameters
     ----------
@@ -244,15 +245,17 @@ def _agreed(zones: Zones, xs: Array, ys: Array) -> str:
 
 
 def _verdict(zones: Zones, x: float, y: float) -> str:
+    """S where a stable breather exists, US where only unstable ones do."""
     like = next(branch for _, branch in zones)[0].solution
     values = {zones.fixed[0]: zones.fixed[1], zones.pair[0]: x, zones.pair[1]: y}
     try:
-        breather = symmetric(**values, forcing=like.forcing, lattice=like.lattice)
+        found = symmetric_roots(**values, forcing=like.forcing, lattice=like.lattice)
     except NoSolution:
         return ""
-    if not admissibility(breather).ok:
-        return ""
-    return "US" if unstable(breather) else "S"
+    if isinstance(like.forcing, Harmonic):
+        found = found[:1]  # behind the fold none is stable, nor any limit drawn
+    counts = [unstable(breather) for breather in found if admissibility(breather).ok]
+    return "" if not counts else "US" if min(counts) else "S"
 
 
 def _shade(zones: Zones, ax: Axes, window: tuple[float, float, float, float], box: Box) -> None:

@@ -21,6 +21,9 @@ def zones(k: float) -> cb.Zones:
     return cb.zones(k=k)
 
 
+WELLS = cb.Fourier(cos={1: -1.0, 3: -2.7})  # up to four breathers at one point
+
+
 @pytest.mark.parametrize("k", KS)
 def test_every_curve_has_its_points_and_solves_its_equations(k: float) -> None:
     for _, branch in zones(k):
@@ -193,17 +196,92 @@ def test_impossible_restitution_is_refused(k: float) -> None:
         cb.zones(k=k)
 
 
+def roots_at(a: float, gamma: float, forcing: cb.Forcing) -> int:
+    try:
+        return len(cb.symmetric_roots(a, gamma, 0.8, forcing=forcing))
+    except cb.NoSolution:
+        return 0
+
+
+@pytest.mark.parametrize("gamma", [0.12, 0.205])
+def test_all_sheets_of_a_forcing_with_several_breathers(gamma: float, several: cb.Zones) -> None:
+    """Every event on the branch through every admissible root lies on a curve of the diagram."""
+    seen: list[cb.Point] = []
+    for a in np.linspace(0.05, 0.7, 14):
+        for root in cb.symmetric_roots(a, gamma, 0.8, forcing=WELLS):
+            passed = {round(point["p"], 6) for point in seen}
+            if not root.admissibility().ok:
+                continue
+            for point in cb.trace(root, "a").special:
+                kind, p = point.kind, point["p"]
+                if kind in ("LP", "PF", "NS", "GR") and p > 1e-9 and round(p, 6) not in passed:
+                    seen.append(point)
+    assert len(seen) >= 7
+    for point in seen:
+        assert distance(several[point.kind], point) < 1e-3, point
+
+
+@pytest.fixture(scope="module")
+def several() -> cb.Zones:
+    return cb.zones(k=0.8, forcing=WELLS, within={"gamma": (0.1, 0.21)})
+
+
+def distance(curves: tuple[cb.Branch, ...], point: cb.Point) -> float:
+    """From a point to the nearest chord of some curves, p included."""
+    names = ("gamma", "a", "p")
+    here = np.array([point[name] for name in names])
+    found = [math.inf]
+    for curve in curves:
+        nodes = np.stack([curve[name] for name in names], axis=-1)
+        start, chord = nodes[:-1], np.diff(nodes, axis=0)
+        along = np.clip(np.sum((here - start) * chord, -1) / np.sum(chord * chord, -1), 0, 1)
+        found.append(float(np.linalg.norm(here - start - along[:, None] * chord, axis=-1).min()))
+    return min(found)
+
+
+@pytest.mark.parametrize("gamma", [0.005, 0.03])
+def test_weakly_coupled_chains_lose_stability_only_where_impacts_are_all_but_elastic(
+    gamma: float,
+) -> None:
+    """The curve lies beyond k = 0.97, and the counts on both sides of it differ by a pair."""
+    (line,) = cb.zones(gamma=gamma)["NS"]
+    assert line["k"].min() > 0.97
+    point = line[len(line) // 2]
+    counts = {
+        cb.symmetric(point["a"], gamma, point["k"] + shift).stability().unstable
+        for shift in (-1e-6, 1e-6)
+    }
+    assert len(counts) == 2
+    assert max(counts) - min(counts) == 2
+
+
+@pytest.mark.parametrize("a", [0.97, 0.98, 0.99])
+def test_the_limit_goes_on_with_site_zero_in_the_plane_of_k_and_gamma(a: float) -> None:
+    diagram = cb.zones(a=a)
+    assert len(diagram["GR"]) == 2
+    (corner,) = [point for point in diagram.special if point.kind == "GR-GR"]
+    sites = set()
+    for line in diagram["GR"]:
+        margins = line[len(line) // 2].solution.admissibility()
+        assert abs(margins.margin) < 1e-9
+        sites.add(margins.site)
+    assert sites == {0, 1}
+    at_corner = corner.solution.admissibility()
+    assert at_corner.centre == pytest.approx(0.0, abs=1e-9)
+    assert at_corner.neighbours == pytest.approx(0.0, abs=1e-9)
+
+
 def test_zones_of_another_forcing() -> None:
     """f = cos t + 0.1 cos 3t: across the lower limit two solutions of (11) appear."""
     forcing = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
     diagram = cb.zones(k=0.8, forcing=forcing, within={"gamma": (0.0, 0.1)})
-    line = diagram.curves["LP"][0]
-    for point in list(line)[1:-1:9]:
-        roots = [
-            len(cb.symmetric_roots(point["a"] * (1 + shift), point["gamma"], 0.8, forcing=forcing))
-            for shift in (-1e-7, 1e-7)
-        ]
-        assert roots[1] - roots[0] == 2
+    for line in diagram.curves["LP"]:
+        for point in list(line)[1:-1:9]:
+            below, above = (
+                roots_at(point["a"] * (1 + shift), point["gamma"], forcing)
+                for shift in (-1e-7, 1e-7)
+            )
+            assert abs(above - below) == 2
     assert diagram.curves["GR"]
 
 
