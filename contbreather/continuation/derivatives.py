@@ -55,8 +55,9 @@ def _column(function: Function, z: Array, i: int, step: float) -> Array:
 
 def directional(function: Function, z: Array, step: Array) -> Array:
     """``step . grad`` of `function` at `z` by the five-point formula over ``z + {-2..2} step``."""
-    near = np.asarray(function(z + step)) - np.asarray(function(z - step))
-    far = np.asarray(function(z + 2 * step)) - np.asarray(function(z - 2 * step))
+    # np.array copies: a function may return the same array each time, written anew
+    near = np.array(function(z + step)) - function(z - step)
+    far = np.array(function(z + 2 * step)) - function(z - 2 * step)
     return np.asarray((8 * near - far) / 12)
 
 

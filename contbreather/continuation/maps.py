@@ -126,14 +126,14 @@ class Iterate:
 
     def after(self, x: Array, params: Params, times: int) -> Array:
         for _ in range(times):
-            x = np.asarray(self.map(x, params))
+            x = np.array(self.map(x, params))  # a map may return one array each time
         return x
 
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
         """The other points of the cycle, each a start of the same one."""
         points = []
         for _ in range(self.period - 1):
-            x = np.asarray(self.map(x, params))
+            x = np.array(self.map(x, params))
             points.append(x)
         return tuple(points)
 
@@ -143,7 +143,7 @@ class Iterate:
         product = np.eye(x.size)
         for _ in range(self.period):
             product = np.asarray(self.derivative(x, params)) @ product
-            x = np.asarray(self.map(x, params))
+            x = np.array(self.map(x, params))
         return product - np.eye(x.size)
 
 

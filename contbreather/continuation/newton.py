@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 # ValueError. Anything else is a bug and must surface.
 OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 
+_ROUNDING = 1e-12  # residual, relative to the terms of its row, of a solution where Newton is blind
+
 
 class Undefined(ContbreatherError, ArithmeticError):
     """The equations have no value here: a NaN, an overflow, or beyond the rim of their domain."""
@@ -67,7 +69,8 @@ def newton(
     `jacobian` returns an ``(m, n)`` array, with ``m = n`` without `row` and ``m = n - 1`` with it;
     `metric` holds the weights of a squared length, 1 if None.
     Raises `Undefined` where the equations have no value. A correction that grows ends the
-    iteration unconverged: a shorter predictor step is then the cure.
+    iteration unconverged: a shorter predictor step is then the cure. Where the matrix is singular
+    a correction may be short far from any solution: there the residual has to be rounding.
     """
     size = z.size
     right = np.zeros(size)
@@ -82,6 +85,7 @@ def newton(
             matrix[:-1], matrix[-1] = jacobian(z), row
             right[:-1] = value  # the linear condition holds at every iterate, its residual stays 0
         step = solve(matrix, right)
+        singular = step is None
         if step is None:  # at a branch point: the shortest correction is as good as any
             step = _shortest(matrix, right)
         correction = length(step, metric)
@@ -91,7 +95,9 @@ def newton(
             return Solution(z, False, iteration, _largest(value), correction)
         z = z - step
         if correction <= bound:
-            return Solution(z, True, iteration, _largest(equations(z)), correction)
+            value = equations(z)
+            solved = not singular or _is_rounding(value, matrix[: value.size], z, metric)
+            return Solution(z, solved, iteration, _largest(value), correction)
         previous = correction
     return Solution(z, False, most, _largest(equations(z)), previous)
 
@@ -104,6 +110,14 @@ def _shortest(matrix: Array, right: Array) -> Array:
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
     return np.asarray(np.linalg.lstsq(matrix, right)[0])
+
+
+def _is_rounding(value: Array, matrix: Array, z: Array, metric: Array | None) -> bool:
+    """Whether all that is left of the equations is rounding of the terms of each row."""
+    sizes = abs(z) + (1.0 if metric is None else metric**-0.5)
+    terms = abs(matrix) @ sizes
+    terms[terms == 0] = 1.0
+    return bool((abs(value) <= _ROUNDING * terms).all())
 
 
 def _largest(value: Array) -> float:
