@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.asymmetric import problem_from
 from contbreather.breathers.events import pitchfork
+from contbreather.breathers.orbit_admissibility import LIMIT
 from contbreather.breathers.orbits import Orbit, orbit_at
 from contbreather.breathers.symmetric import Breather, symmetric
 from contbreather.continuation import Branch, Event, Point, Problem, Steps, trace
@@ -208,6 +209,7 @@ def asymmetric(
     arm: int = 1,
     forcing: Forcing | None = None,
     lattice: Lattice | None = None,
+    inadmissible: bool = False,
 ) -> Orbit:
     """The asymmetric breather at given parameters, followed from its pitchfork.
 
@@ -221,11 +223,14 @@ def asymmetric(
         `Harmonic` unless given.
     lattice : Lattice, optional
         `InfiniteChain` unless given.
+    inadmissible : bool
+        Return the solution of the equations also where it is no orbit of the chain, beyond GR.
 
     Raises
     ------
     NoSolution
-        If the arms do not reach that amplitude; the sentence says where they are.
+        If the arms do not reach that amplitude; the sentence says where they are, or which site
+        meets a wall before.
 
     Examples
     --------
@@ -252,11 +257,11 @@ def asymmetric(
         seed = lifted.beside(arm * OFF)
         if not window["a"][0] <= seed.params["a"] <= window["a"][1]:
             seed = lifted.beside(arm * math.sqrt((a - point["a"]) * lifted.form.coefficient))
-            return _solved(seed.at(a=a))
+            return _solved(seed.at(a=a), inadmissible)
         side = "up" if up else "down"
         last = trace(seed, "a", events=(), within=window, towards=side, progress=False)[-1]
         if abs(last["a"] - a) <= 1e-12 * a:
-            return _solved(last.problem.at(a=a))
+            return _solved(last.problem.at(a=a), inadmissible)
     where = f"pitchforks at a = {', '.join(tried)}" if tried else "no pitchfork was found"
     raise NoSolution(
         f"no asymmetric breather at a = {a!r} (gamma = {gamma}, k = {k}, {forcing.describe()}) "
@@ -264,6 +269,13 @@ def asymmetric(
     )
 
 
-def _solved(problem: Problem) -> Orbit:
+def _solved(problem: Problem, inadmissible: bool) -> Orbit:
     solved, _ = problem.solve(tolerance=1e-11)
-    return orbit_at(solved)
+    orbit = orbit_at(solved)
+    verdict = orbit.admissibility()
+    if not inadmissible and verdict.margin < -LIMIT:
+        raise NoSolution(
+            f"no asymmetric breather at a = {orbit.a!r} (gamma = {orbit.gamma}, k = {orbit.k}): "
+            f"{verdict.reason} With inadmissible=True it is returned nevertheless."
+        )
+    return orbit

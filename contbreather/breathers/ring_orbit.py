@@ -377,7 +377,9 @@ class RingOrbit:
 
     def __repr__(self) -> str:
         times = ", ".join(f"{t:.8g}" for t in self.t)
+        margins = self.admissibility()
+        mark = "" if margins.ok or abs(margins.margin) < 1e-9 else f"; {margins.reason}"
         return (
             f"<RingOrbit {self.itinerary.describe()}; a = {self.a:.10g}, gamma = {self.gamma:.10g},"
-            f" k = {self.k:.10g}; t = ({times}); residual {self.residual:.1e}>"
+            f" k = {self.k:.10g}; t = ({times}); residual {self.residual:.1e}{mark}>"
         )

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.breathers.clearance import LIMIT
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.ring_orbit import RingOrbit
@@ -32,7 +33,7 @@ from contbreather.breathers.shooting_seeds import (
 )
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.problem import Curve
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.lattice import Forcing, Harmonic, Ring, check_gamma
 
 FloatArray = NDArray[np.float64]
@@ -181,6 +182,7 @@ def shooting(
     forcing: Forcing | None = None,
     t: float = 0.0,
     threshold: float = PAPER,
+    inadmissible: bool = False,
 ) -> Problem:
     """An orbit with impacts on a ring, shot from impact to impact: a problem to trace.
 
@@ -207,6 +209,8 @@ def shooting(
         Time of a state.
     threshold : float
         Modulus over the whole period that counts as a Neimark-Sacker point on this ring.
+    inadmissible : bool
+        Return the solution of the equations also where a site is behind a wall between impacts.
 
     Returns
     -------
@@ -219,6 +223,8 @@ def shooting(
         An impossible sequence, times out of order, a seed that hits other walls.
     NotConverged
         If Newton's iteration does not end at an orbit of this sequence; carries the residual.
+    NoSolution
+        If what solves the equations is no orbit of the ring: which site is where, and when.
 
     Examples
     --------
@@ -242,7 +248,13 @@ def shooting(
             f"no orbit of {section.itinerary.describe()} near the seed: {error}",
             residual=error.residual,
         ) from error
-    checked(shot_orbit(solved).section)
+    orbit = shot_orbit(solved)
+    checked(orbit.section)
+    verdict = orbit.admissibility()
+    if not inadmissible and verdict.margin < -LIMIT:
+        raise NoSolution(
+            f"{verdict.reason} What solves the equations is returned with inadmissible=True."
+        )
     return solved
 
 

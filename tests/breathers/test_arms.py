@@ -306,6 +306,9 @@ def test_asymmetric_breathers_are_found_or_the_sentence_says_where_they_are():
     assert near.asymmetry**2 / 1e-8 == pytest.approx(8.7615, rel=1e-3)
     with pytest.raises(NoSolution, match=r"pitchforks at a = 0\.777632 \(upwards\)"):
         asymmetric(0.7, 0.04, 0.8)
+    with pytest.raises(NoSolution, match=r"at a = 0\.95 .*site 1 reaches .* inadmissible=True"):
+        asymmetric(0.95, 0.04, 0.8)
+    assert not asymmetric(0.95, 0.04, 0.8, inadmissible=True).admissibility().ok
     with pytest.raises(BadInput, match="the arms are 1 and -1"):
         asymmetric(0.82, 0.04, 0.8, arm=2)
     with pytest.raises(BadInput, match="unknown parameter 'c3'"):

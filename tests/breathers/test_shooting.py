@@ -785,7 +785,8 @@ def test_margins_are_those_of_the_symmetric_breather() -> None:
         breather = cb.symmetric(a, gamma, k, lattice=cb.Ring(RING))
         theirs = breather.admissibility()
         for symmetric in (True, False):
-            ours = shot_orbit(shooting(breather, symmetric=symmetric)).admissibility()
+            shot = shooting(breather, symmetric=symmetric, inadmissible=True)
+            ours = shot_orbit(shot).admissibility()
             assert ours.neighbours == pytest.approx(theirs.neighbours, abs=1e-11)
             assert ours.centre == pytest.approx(theirs.centre, abs=1e-9)
             assert ours.ok == theirs.ok
@@ -810,6 +811,15 @@ def test_inadmissible_orbit_says_which_site_and_when() -> None:
     assert "site 1" in verdict.reason
     with pytest.raises(cb.BadInput, match="GR"):
         cb.trace(branch[-1], "a", within={"a": (0, 0.95)})
+
+
+def test_inadmissible_orbit_is_returned_by_name_only_and_marked() -> None:
+    beyond = cb.symmetric(0.97, 0.04, 0.8)
+    with pytest.raises(cb.NoSolution, match=r"site 1 is at u = -?1\.04.* inadmissible=True"):
+        shooting(beyond, sites=RING)
+    orbit = shot_orbit(shooting(beyond, sites=RING, inadmissible=True))
+    assert "no orbit of these impacts: site 1" in repr(orbit)
+    assert "no orbit" not in repr(arm()[-1].solution)  # at the limit, not beyond it
 
 
 def test_margin_vanishes_with_the_velocity_of_an_impact() -> None:
