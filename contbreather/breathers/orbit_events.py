@@ -138,9 +138,9 @@ def unstable(orbit: Orbit) -> int:
     return _counted(orbit.map, 1.0 if orbit.lattice.sites is None else PAPER).count
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=512)
 def _counted(map: OrbitMap, radius: float) -> Count:
-    # the event and the column of a table ask for the same count
+    # the event asks at every step, the column of a table after the walk for the same counts
     return map.count(radius)
 
 

@@ -93,6 +93,7 @@ def rows() -> list[Row]:
 def arm_row(points: int = 200) -> Row:
     """A branch of asymmetric breathers on the infinite chain, with events and stability."""
     import contbreather as cb
+    from contbreather.breathers.orbit_events import _counted
     from contbreather.continuation.switching import follow, seeds_at
 
     start = cb.symmetric(a=0.7, gamma=GAMMA, k=K)
@@ -102,6 +103,7 @@ def arm_row(points: int = 200) -> Row:
     step = whole[-1].arclength / points  # short, for that many of them
 
     def walk() -> tuple[Any, Any]:
+        _counted.cache_clear()  # every run judges all its points itself
         arm = follow(fork, seed, steps=cb.Steps(first=step, largest=step))
         return arm, arm["unstable"]
 
