@@ -210,9 +210,10 @@ DOMAIN = {
 def damped_orbit(start: PeriodicMotion) -> Problem:
     """A periodic motion of the damped ring as a start for `trace`: in a, gamma, k or damping.
 
-    Unknowns are the arrays ``u`` and ``v`` at its t0. Columns ``largest`` and ``unstable`` as
-    computed from its multipliers over the period; events LP, PF (PD if not symmetric) and NS. A
-    point's ``solution`` is a `PeriodicMotion`.
+    Unknowns are the arrays ``u`` and ``v`` at its t0. Where an impact comes to t0 they jump and the
+    branch ends without an event (MX); it goes on with another t0. Columns ``largest`` and
+    ``unstable`` as computed from its multipliers over the period; events LP, PF (PD if not
+    symmetric) and NS. A point's ``solution`` is a `PeriodicMotion`.
 
     Examples
     --------

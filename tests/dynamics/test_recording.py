@@ -165,3 +165,13 @@ def test_places_that_hold_no_run_are_refused(tmp_path, state):
     (tmp_path / "note.txt").touch()
     with pytest.raises(BadInput, match="is not empty and holds no run"):
         record(tmp_path, state, **CONDITIONS, periods=2)
+
+
+def test_progress_is_shown_on_standard_error_and_only_if_wanted(state, monkeypatch, capsys):
+    monkeypatch.setattr("contbreather.dynamics.progress.PATIENCE", 0.0)
+    simulate(state, **CONDITIONS, periods=20)
+    assert capsys.readouterr() == ("", "")  # no terminal here
+    simulate(state, **CONDITIONS, periods=20, progress=True)
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "20/20 periods" in shown.err
