@@ -18,7 +18,7 @@ from contbreather.continuation import Branch
 from contbreather.errors import BadInput
 from contbreather.plotting import new_figure, plot, plot_multipliers, plot_zones, save_figure
 from contbreather.plotting import zones as zone_plots
-from contbreather.plotting.canvas import MARKERS, MEETING, marker
+from contbreather.plotting.canvas import MARKERS, MEETING, PAGE, marker, size
 from contbreather.plotting.files import written
 from contbreather.plotting.labels import Labels
 
@@ -114,6 +114,67 @@ def test_every_special_point_has_its_marker_and_its_label(in_a: Branch) -> None:
     for point in in_a.special:
         assert shown[marker(point.kind)] == pytest.approx((point["a"], point["p"]))
     assert {text.get_text() for text in words(ax)} == {p.label for p in in_a.special}
+
+
+def test_ends_of_several_branches_are_dots_without_names(in_a: Branch) -> None:
+    other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
+    ax = plot(in_a, other)
+    assert not any(text.get_text().startswith("EP") for text in words(ax))
+    dots = [line for line in ax.get_lines() if line.get_marker() == marker("EP")]
+    assert len(dots) == sum(point.kind == "EP" for b in (in_a, other) for point in b.special)
+
+
+def test_one_point_of_two_branches_is_named_once() -> None:
+    """Both branches find it, each to its own rounding."""
+    pitchfork = cb.Problem(
+        lambda x, p: np.array([x[0] * (p["mu"] - x[0] ** 2)]), {"x": 0.0}, {"mu": -1.0}
+    )
+    events, within = [cb.branch_point()], {"mu": (-1, 1), "x": (-1, 1)}
+    flat = cb.trace(pitchfork, "mu", within=within, events=events)
+    bent = cb.trace(pitchfork.at(x=0.5, mu=0.25), "mu", within=within, events=events)
+    assert [p.kind for b in (flat, bent) for p in b.special].count("BP") == 2
+    assert [text.get_text() for text in words(plot(flat, bent))] == ["BP1"]
+
+
+@pytest.mark.parametrize("value", [1.0, -3.0, 0.0, 1e5])
+def test_what_is_constant_up_to_rounding_is_drawn_as_constant(value: float) -> None:
+    line = cb.Problem(lambda x, p: np.array([x[0] - p["mu"]]), {"x": 0.0}, {"mu": 0.0})
+    branch = cb.trace(line, "mu", within={"mu": (-1, 1)})
+    noise = 3e-16 * max(abs(value), 1.0)
+    shown = cb.continuation.with_columns(
+        branch, level=lambda point: value + noise * np.sin(99 * point["mu"])
+    )
+    ax = plot(shown, y="level")
+    ax.figure.draw_without_rendering()
+    low, high = ax.get_ylim()
+    assert low < value < high
+    assert high - low > 0.1 * max(abs(value), 1.0)
+    assert ax.yaxis.get_offset_text().get_text() == ""
+
+
+def test_small_changes_are_not_taken_for_rounding() -> None:
+    line = cb.Problem(lambda x, p: np.array([x[0] - 1 - 1e-6 * p["mu"]]), {"x": 1.0}, {"mu": 0.0})
+    ax = plot(cb.trace(line, "mu", within={"mu": (-1, 1)}))
+    ax.figure.draw_without_rendering()
+    low, high = ax.get_ylim()
+    assert high - low < 3e-6
+    assert ax.yaxis.get_offset_text().get_text() == ""
+
+
+def test_every_marker_covers_about_the_same_area() -> None:
+    """A star of the size of a disc has a quarter of its ink: it is drawn larger."""
+    from matplotlib.markers import MarkerStyle
+
+    def ink(kind: str) -> float:
+        style = MarkerStyle(marker(kind))
+        path = style.get_path().transformed(style.get_transform())
+        (polygon,) = path.to_polygons()[:1]
+        x, y = polygon.T
+        area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
+        return float(area * size(kind) ** 2)
+
+    areas = {kind: ink(kind) for kind in MARKERS if kind not in ("EP", "MX")}
+    assert max(areas.values()) < 2.5 * min(areas.values()), areas
 
 
 def test_kinds_have_markers_of_their_own() -> None:
@@ -264,6 +325,49 @@ def test_type_is_readable_in_a_journal_column(diagram: Zones) -> None:
     assert all(6.0 <= text.get_fontsize() <= 10.0 for text in labels)
 
 
+@pytest.mark.parametrize(
+    ("count", "rows", "width"), [(1, 1, 8.5), (2, 2, 8.5), (3, 2, PAGE), (4, 2, PAGE)]
+)
+def test_zone_diagrams_fit_a_page(diagram: Zones, count: int, rows: int, width: float) -> None:
+    panels = plot_zones([diagram] * count)
+    assert len(panels) == len(panels[0].figure.axes) == count
+    tops = {round(ax.get_position().y1, 2) for ax in panels}
+    size_in_cm = 2.54 * panels[0].figure.get_size_inches()
+    assert len(tops) == rows
+    assert size_in_cm[0] == pytest.approx(width)
+    assert size_in_cm[1] < 25.0
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.1])
+def test_names_of_meetings_keep_off_axes_points_and_each_other(gamma: float) -> None:
+    """At gamma = 0.1 one is in the corner; at gamma = 0 two are at the top, side by side."""
+    ax = plot_zones(zones(gamma=gamma))
+    assert overlaps(ax) == 0
+    frame, pixel = ax.bbox, ax.figure.dpi / 72
+    for text in words(ax):
+        box = text.get_window_extent()
+        assert box.x0 > frame.x0 + 2 * pixel
+        assert box.x1 < frame.x1 - 2 * pixel
+        assert box.y1 < frame.y1
+
+
+def test_axes_go_as_far_as_breathers_in_the_window() -> None:
+    """Between a = 0.95 and 0.99 breathers exist down to gamma = 0, left of every curve."""
+    window = {"a": (0.95, 0.99)}
+    narrow = zones(k=0.8, within=window)
+    (x0, x1), (y0, y1) = zone_plots.box_of(narrow, window)
+    assert cb.symmetric(0.97, 0.003, 0.8).admissibility().ok
+    assert x0 == 0.0
+    assert x1 == pytest.approx(max(b["gamma"].max() for _, b in narrow))  # none beyond GR
+    assert (y0, y1) == pytest.approx((0.95, 0.99))
+    ax = plot_zones(narrow, within=window)
+    assert ax.get_xlim()[0] == 0.0
+    assert "US" in {text.get_text() for text in words(ax)}
+    # and no farther than was looked
+    window = {"gamma": (0.02, 0.03), "a": (0.6, 0.99)}
+    assert zone_plots.box_of(zones(k=0.8, within=window), window)[0] == pytest.approx((0.02, 0.03))
+
+
 def test_zones_and_axes_must_be_as_many(diagram: Zones) -> None:
     _, axes = new_figure(2)
     with pytest.raises(BadInput, match="1 zone diagrams need as many axes, got 2"):
@@ -279,6 +383,18 @@ def test_zones_and_axes_must_be_as_many(diagram: Zones) -> None:
 def test_multipliers_off_the_band_are_labelled_with_their_values(half: bool, labels: set) -> None:
     ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=half)
     assert {text.get_text() for text in words(ax)} == labels
+
+
+def test_leaders_do_not_cross_the_disc() -> None:
+    """Fig. 3 (b): the word for the pair outside stands within a radius of it."""
+    from contbreather.paper import figure3
+
+    for ax in figure3().draw().axes[:2]:
+        for text in words(ax):
+            centre = ax.transData.inverted().transform(
+                text.get_window_extent().get_points().mean(axis=0)
+            )
+            assert np.hypot(*(centre - np.array(text.xy))) < 1.4
 
 
 def test_all_multipliers_are_drawn_and_those_outside_stand_out() -> None:

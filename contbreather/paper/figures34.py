@@ -33,15 +33,32 @@ class MultiplierFigure:
     @property
     def caption(self) -> str:
         before, after = self.breathers
+        beyond = " and ".join(
+            f"({letter})" for letter, b in zip("ab", self.breathers, strict=True) if self._beyond(b)
+        )
         return (
             f"Multipliers around the {self.bifurcation}: a = {before.a:g}, k = {before.k:g}, "
             f"(a) gamma = {before.gamma:g}, (b) gamma = {after.gamma:g}. Above: all "
             f"{2 * self.sites} eigenvalues of the monodromy matrix (QS)^2 on a ring of "
             f"{self.sites} sites; bars: band of the infinite chain. Below: by how much their "
             "moduli exceed 1, against the angle of mu, the eigenvalues of QS. Dashed: the paper's "
-            f"threshold {self.threshold:g}; arrow: the isolated multiplier of the infinite "
-            "chain (exact), which is beyond the axis."
+            f"threshold {self.threshold:g}"
+            + (
+                f"; arrow in {beyond}: the isolated multiplier of the infinite chain (exact), "
+                "which is beyond the axis."
+                if beyond
+                else "."
+            )
         )
+
+    @property
+    def _top(self) -> float:
+        """Where the axis of the moduli ends, above 1."""
+        return 2.4 * (self.threshold - 1.0)
+
+    def _beyond(self, breather: Breather) -> bool:
+        """Whether an isolated multiplier is an arrow, not a cross."""
+        return any(abs(one) ** 2 - 1.0 >= self._top for one in breather.stability().multipliers)
 
     def verdicts(self) -> tuple[str, str]:
         """For each panel: the paper's rule on the ring, then the exact verdict."""
@@ -73,12 +90,11 @@ class MultiplierFigure:
         """The figure: panels (a) and (b) side by side, multipliers above, moduli below."""
         with style():
             figure, axes = new_figure(2, 2, height=8.6)
-            top = 2.4 * (self.threshold - 1.0)
             for i, (letter, breather) in enumerate(zip("ab", self.breathers, strict=True)):
                 upper, lower = axes[i], axes[2 + i]
                 plot_multipliers(breather, sites=self.sites, digits=self.digits, ax=upper)
                 upper.set_title(rf"({letter}) $\gamma$ = {breather.gamma:g}", loc="left", pad=3)
-                _moduli(lower, breather, self.sites, self.threshold, top)
+                _moduli(lower, breather, self.sites, self.threshold, self._top)
                 word = "stable" if breather.stability().stable else "unstable"
                 lower.set_title(f"infinite chain: {word}", loc="left", pad=3, fontsize="small")
             for right in (axes[1], axes[3]):
@@ -95,6 +111,7 @@ def _moduli(ax: Axes, breather: Breather, sites: int, threshold: float, top: flo
     limit, top = 1e3 * (threshold - 1.0), 1e3 * top
     ax.set_ylim(-0.4 * top, top)
     ax.set_xlim(-0.03, 1.03)
+    ax.set_xticks([0.0, 0.5, 1.0], ["0", "0.5", "1"])  # short, for the panels stand close
     ax.axvspan(0.0, 2.0 * math.sqrt(breather.gamma), color=SKY, alpha=0.25, linewidth=0)
     ax.axhline(0.0, color=GREY, linewidth=0.5)
     ax.axhline(limit, color="black", linewidth=0.8, linestyle="--")

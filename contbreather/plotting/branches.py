@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 
 from contbreather.continuation import Branch, Point
 from contbreather.errors import BadInput
-from contbreather.plotting.canvas import CYCLE, GREY, axes_or_new, marker, symbol
+from contbreather.plotting.canvas import CYCLE, GREY, axes_or_new, marker, size, symbol
 from contbreather.plotting.labels import Labels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 Array = NDArray[np.float64]
 
 STABILITY = "unstable"  # the column that counts unstable directions, if a problem records one
 FINE = 6  # pieces of the line between two points
+SAME = 2.0  # typographic points: two markers of one name that close are one
+ROUNDING = 1e-9  # relative; what varies by less is constant
 
 
 def plot(
@@ -78,6 +81,8 @@ def _draw(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
         colour = CYCLE[(taken + i) % len(CYCLE)]
         styles |= _lines(ax, branch, x, y, colour)
         _markers(ax, branch, x, y, colour)
+    for axis, name in ((ax.xaxis, x), (ax.yaxis, y)):
+        _calm(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
     if styles == {"-", "--"}:
         _legend(ax)
     _words(ax, branches, x, y)
@@ -123,13 +128,16 @@ def _meant(point: Point) -> Point:
     return replace(point, kind=parent.kind, label=parent.label)
 
 
-def _distinct(points: Iterable[Point], x: str, y: str) -> list[Point]:
+def _distinct(points: Iterable[tuple[Point, Array]], near: float) -> list[Point]:
     """One point of each name and place: a pitchfork is on its branch and on both arms."""
-    found: dict[tuple[str, float, float], Point] = {}
-    for point in points:
-        place = (point.label, round(_value(point, x), 9), round(_value(point, y), 9))
-        found.setdefault(place, point)
-    return list(found.values())
+    found: list[tuple[Point, Array]] = []
+    for point, place in points:
+        if not any(
+            point.label == other.label and float(np.hypot(*(place - there))) < near
+            for other, there in found
+        ):
+            found.append((point, place))
+    return [point for point, _ in found]
 
 
 def _value(point: Point, name: str) -> float:
@@ -171,11 +179,28 @@ def _markers(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> None:
         plain = point.kind == "EP"
         ax.plot(
             _value(point, x), _value(point, y), marker(point.kind),
-            color=GREY if plain else colour, markersize=5 if plain else 4.5,
+            color=GREY if plain else colour, markersize=5 if plain else size(point.kind),
             markeredgecolor=colour if point.kind == "MX" else "none" if plain else "white",
             markeredgewidth=0.5,
             zorder=3, clip_on=False,
         )  # fmt: skip
+
+
+def _calm(axis: Axis, scale: float) -> None:
+    """Tick labels without an offset, and a range wide enough for rounding not to show."""
+    from matplotlib.ticker import ScalarFormatter
+
+    formatter = axis.get_major_formatter()
+    if isinstance(formatter, ScalarFormatter):
+        formatter.set_useOffset(False)
+    low, high = axis.get_data_interval()
+    middle = 0.5 * (low + high)
+    if high - low <= ROUNDING * max(abs(middle), 1e-3 * scale):
+        room = 0.1 * max(abs(middle), scale)
+        corners = np.array([[middle - room] * 2, [middle + room] * 2])
+        horizontal = axis is axis.axes.xaxis
+        axis.axes.update_datalim(corners, updatex=horizontal, updatey=not horizontal)
+        axis.axes.autoscale_view()
 
 
 def _legend(ax: Axes) -> None:
@@ -191,7 +216,11 @@ def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
     labels.keep_off([ax.get_legend()])
     for branch in branches:
         labels.avoid(_column(branch, x), _column(branch, y))
-    points = _distinct(map(_meant, (p for branch in branches for p in branch.special)), x, y)
+    # with several branches their ends are many, and say nothing: a dot is enough
+    quiet = "EP" if len(branches) > 1 else ""
+    named = [p for b in branches for p in map(_meant, b.special) if p.kind != quiet]
+    places = [ax.transData.transform((_value(p, x), _value(p, y))) for p in named]
+    points = _distinct(zip(named, places, strict=True), SAME * labels.pixel)
     for point in points:
         labels.announce(_value(point, x), _value(point, y))
     for point in sorted(points, key=lambda point: point.kind == "EP"):

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMN = 8.5  # cm, one column of a journal
+PAGE = 17.5  # both columns
 CM = 1.0 / 2.54
 
 # Okabe and Ito's colours: told apart by colour-blind readers, and in grey by their brightness
@@ -29,6 +30,8 @@ MARKERS = {
     "EP": ".", "MX": "x", "CP": "h",
 }  # fmt: skip
 MEETING = "p"
+SIZE = 4.5
+SIZES = {"*": 9.0, "X": 5.0, "x": 5.0, "P": 5.0}  # of markers with little inside
 
 _TEXT = 8.0
 _STYLE: dict[str, Any] = {
@@ -143,3 +146,8 @@ def symbol(name: str) -> str:
 def marker(kind: str) -> str:
     """The marker of a kind of special point; meetings of two kinds share one."""
     return MEETING if "-" in kind else MARKERS.get(kind, "d")
+
+
+def size(kind: str) -> float:
+    """How large the marker of a kind is drawn: all fill about the same area."""
+    return SIZES.get(marker(kind), SIZE)

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 _RADII = (3.0, 6.0, 10.0, 15.0, 22.0, 30.0, 40.0, 55.0, 70.0)  # points, from the point to the word
 _DIRECTIONS = 16
+_RIM = 3.0  # points between a word and the axes, ticks included
 _LEADER = 12.0  # words farther off than that are tied to their point by a line
 _SPACING = 2.0  # points between two samples of a curve
 
@@ -73,13 +74,14 @@ class Labels:
         """Write `text` near (x, y); nothing if that is outside of the axes."""
         anchor = self.ax.transData.transform((x, y))
         frame = np.asarray(self.ax.bbox.extents)
+        inner = frame + _RIM * self.pixel * np.array([1.0, 1.0, -1.0, -1.0])
         slack = 2.0 * self.pixel
         if np.any(anchor < frame[:2] - slack) or np.any(anchor > frame[2:] + slack):
             return None
         word = self.ax.annotate(text, (x, y), (0, 0), textcoords="offset points", **style)
         box = word.get_window_extent()
         size = np.array([box.width, box.height])
-        _, radius, shift = min(self._options(anchor, size, frame), key=lambda option: option[0])
+        _, radius, shift = min(self._options(anchor, size, inner), key=lambda option: option[0])
         word.set(horizontalalignment="center", verticalalignment="center")
         word.set_position(tuple(shift / self.pixel))
         self.taken.append(_box(anchor + shift, size))

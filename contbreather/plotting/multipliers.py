@@ -71,7 +71,7 @@ def plot_multipliers(
             labels.avoid(one.real, one.imag)
             labels.announce(one.real, one.imag)
         named = mu[alone & (mu.imag >= 0.0)]
-        for one in named[np.argsort(-np.abs(np.abs(named) - 1.0))]:  # tight places last
+        for one in named[np.argsort(np.abs(np.abs(named) - 1.0))]:  # the tightest place first
             colour = VERMILLION if abs(one) > 1.0 else "black"
             text = _number(one, digits, "\n" if narrow else " ")
             labels.place(one.real, one.imag, text, fontsize="small", color=colour)

@@ -19,7 +19,9 @@ from contbreather.lattice import Harmonic
 from contbreather.plotting.canvas import (
     BLACK,
     BLUE,
+    COLUMN,
     MEETING,
+    PAGE,
     VERMILLION,
     new_figure,
     style,
@@ -47,6 +49,7 @@ RASTER = 420  # pixels along each side of the map of regions; a pixel is thinner
 SMALL = 1e-3  # of the map: regions below that get no letter
 # Sizes of letters, and how many pixels of the map the rim of the region must be away for each.
 LETTERS = (("large", 20.0), ("small", 13.0), ("xx-small", 8.0))
+CROWDED, HEADROOM = 0.05, 0.08  # of the height: what a meeting below the top needs, and gets
 PROBES = 5  # points of a region that must agree
 
 
@@ -79,7 +82,8 @@ def plot_zones(
     zones : Zones, or a sequence of them
         One panel each.
     ax : matplotlib Axes, or as many as zones; optional
-        A new figure of the width of a journal column unless given.
+        A new figure of the width of a journal column unless given, of two columns for more than
+        two panels.
     legend : bool
         Explain the curves in the first panel.
     within : dict, optional
@@ -108,7 +112,7 @@ def plot_zones(
         raise BadInput("plot_zones needs at least one zone diagram, and a curve in each")
     if ax is None:
         with style():
-            figure, panels = new_figure(len(several), height=1.0 + 5.8 * len(several))
+            figure, panels = _sheet(len(several))
             draw_panels(several, panels, within)
             if legend:
                 explain(panels, figure)
@@ -122,6 +126,17 @@ def plot_zones(
             explain(panels)
         _name(several, panels)
     return panels[0] if isinstance(zones, Zones) else panels
+
+
+def _sheet(count: int) -> tuple[Figure, list[Axes]]:
+    """Panels in a column of a journal; more than two in both of them, so that they fit a page."""
+    columns = 1 if count <= 2 else 2
+    rows = -(-count // columns)
+    width = COLUMN if columns == 1 else PAGE
+    figure, panels = new_figure(rows, columns, width=width, height=1.0 + 5.8 * rows)
+    for spare in panels[count:]:
+        spare.remove()
+    return figure, panels[:count]
 
 
 def draw_panels(
@@ -158,6 +173,9 @@ def _window(zones: Zones, box: Box) -> tuple[float, float, float, float]:
         start = 0.0 if low < 0.2 * high else low - 0.04 * (high - low)
         top = {"gamma": 0.25, "k": 1.0}.get(name, float("inf"))
         limits += [start, min(high + 0.04 * (high - low), top)]
+    low, high = box[1]
+    if any(point[zones.pair[1]] > high - CROWDED * (high - low) for point in zones.special):
+        limits[3] += HEADROOM * (high - low)  # for the names of the meetings
     return limits[0], limits[1], limits[2], limits[3]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -104,6 +106,26 @@ def test_isolated_multiplier_beyond_the_axis_is_pointed_at_with_its_value(figure
     words = [text.get_text() for text in figure_axes[3].texts]
     assert f"{1e3 * top:.1f}" in words
     assert not any(text.get_text() for text in figure_axes[2].texts)  # nothing comes out in (a)
+
+
+@pytest.mark.parametrize("figure", [figure3, figure4])
+def test_caption_describes_the_arrows_that_are_there(figure) -> None:
+    made = figure()
+    panels = made.draw().axes[2:]
+    arrows = [any(getattr(word, "arrow_patch", None) for word in ax.texts) for ax in panels]
+    assert arrows == [False, True]
+    assert "arrow in (b):" in made.caption
+    alone = replace(made, breathers=(made.breathers[0],) * 2)
+    assert "arrow" not in alone.caption
+
+
+def test_tick_labels_of_neighbouring_panels_stand_apart() -> None:
+    figure = figure3().draw()
+    figure.draw_without_rendering()
+    left, right = figure.axes[2:]
+    gap = right.get_xticklabels()[0].get_window_extent().x0
+    gap -= left.get_xticklabels()[-1].get_window_extent().x1
+    assert gap > figure.dpi / 72 * 7  # the height of a letter
 
 
 def test_verdicts_of_a_figure_name_both_chains() -> None:
