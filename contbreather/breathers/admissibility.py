@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -57,7 +57,7 @@ class Admissibility:
     far : float
         ``1 - a max |f|`` on a lattice without end, else 1.
     places : dict
-        Site and time of each of the three margins by name.
+        Of a symmetric breather: site and time of each of the three margins, by name.
     """
 
     ok: bool
@@ -69,7 +69,7 @@ class Admissibility:
     neighbours: float
     centre: float
     far: float
-    places: Mapping[str, Place]
+    places: Mapping[str, Place] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return self.ok

@@ -20,6 +20,7 @@ from scipy.optimize import brentq
 
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice.forcing import Series
 
 FloatArray = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
@@ -268,7 +269,7 @@ def _crests(harmonics: tuple[tuple[int, float, float], ...]) -> list[float]:
     # a last coefficient that is nearly nothing would spoil the matrix; Newton restores it below
     kept = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
     if max(kept) > 64:
-        start = np.linspace(-math.pi, math.pi, 32 * highest, endpoint=False)
+        start = _bends(slope, 32 * highest)
     else:
         # odd harmonics only: with Z = z^2 the matrix has half the size
         top = max(kept)
@@ -285,6 +286,14 @@ def _crests(harmonics: tuple[tuple[int, float, float], ...]) -> list[float]:
         if not distinct or phi - distinct[-1] > 1e-9:
             distinct.append(phi)
     return distinct
+
+
+def _bends(slope: Mapping[int, tuple[float, float]], size: int) -> FloatArray:
+    """Times on a grid next to which a series is or comes near to zero."""
+    values = Series(tuple((m, c, s) for m, (c, s) in slope.items())).on_grid(size)
+    after, small = np.roll(values, -1), np.abs(values)
+    low = (small <= np.roll(small, 1)) & (small <= np.roll(small, -1))
+    return np.asarray(2.0 * math.pi * np.flatnonzero(low | (values * after <= 0.0)) / size)
 
 
 def _settled(phi: float, harmonics: Iterable[tuple[int, float, float]]) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.admissibility import admissibility
 from contbreather.breathers.problem import events_on, problem_of
-from contbreather.breathers.symmetric import Breather, symmetric, symmetric_roots
+from contbreather.breathers.symmetric import Breather, symmetric_roots
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.progress import Progress
 from contbreather.errors import BadInput, NoSolution
@@ -239,14 +239,12 @@ class _Search:
     def _breathers(self, x: float, y: float) -> list[Breather]:
         """Those that are admissible; for harmonic forcing the one above the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
-        how = {"forcing": self.forcing, "lattice": self.lattice}
         try:
-            if self.single:
-                found = [symmetric(**values, **how)]
-            else:
-                found = symmetric_roots(**values, **how)
+            found = symmetric_roots(**values, forcing=self.forcing, lattice=self.lattice)
         except NoSolution:
             return []
+        if self.single:
+            found = found[:1]
         return [breather for breather in found if admissibility(breather).ok]
 
     def _follow(self, point: Point, since: Branch | None = None) -> None:

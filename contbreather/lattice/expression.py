@@ -28,6 +28,7 @@ from contbreather.lattice.forcing import (
 if TYPE_CHECKING:
     import sympy
 
+LARGEST_POWER = 99
 RESERVED = ("a", "gamma", "k", "p", "phi", "t")  # names that already mean something
 
 
@@ -159,7 +160,21 @@ def _canonical(expression: str | sympy.Expr) -> str:
                 f"{expression!r} holds {ast.unparse(node)!r}, which no forcing may: use numbers, "
                 f"t, names of parameters, + - * / ** and {', '.join(sorted(_FUNCTIONS))}."
             )
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+            _check_power(node, expression)
     return ast.unparse(tree)
+
+
+def _check_power(node: ast.BinOp, expression: str) -> None:
+    """sympy multiplies powers out: refuse those that would take it for ever."""
+    names = any(isinstance(part, ast.Name) for part in ast.walk(node.right))
+    sizes = [n.value for n in ast.walk(node.right) if isinstance(n, ast.Constant)]
+    numbers = [size for size in sizes if isinstance(size, int | float)]
+    towers = any(isinstance(part, ast.Pow) for part in ast.walk(node.right))
+    if towers or (not names and any(abs(x) > LARGEST_POWER for x in numbers)):
+        raise BadInput(
+            f"{ast.unparse(node)!r} in {expression!r}: powers up to {LARGEST_POWER} are taken."
+        )
 
 
 def _words(text: str) -> set[str]:
@@ -318,6 +333,8 @@ _PROBES = np.sqrt(np.array([0.3, 1.7, 5.3, 11.0, 17.9, 31.1]))
 def _check_antisymmetric(text: str, values: FloatArray) -> None:
     half = values.size // 2
     size = float(np.max(np.abs(values)))
+    if size > 1e10 * float(np.median(np.abs(values))) > 0.0:
+        raise BadInput(f"the forcing {text!r} has a pole: it reaches {size:.2g} near it.")
     worst = float(np.max(np.abs(values[:half] + values[half:])))
     if worst > 1e-12 * size:
         raise BadInput(

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.errors import BadInput
 
 FloatArray = NDArray[np.float64]
+HIGHEST = 1001  # harmonic; sixteen points to its period are looked at
 LONG = 12  # from so many harmonics on numpy beats a loop, even for one time
 
 Harmonics = tuple[tuple[int, float, float], ...]  # (m, A, B): A cos(m t) + B sin(m t)
@@ -95,6 +96,13 @@ class Series:
             return np.asarray(np.cos(angle) @ weight[:, 1] - np.sin(angle) @ weight[:, 0])
         return np.asarray(np.cos(angle) @ weight[:, 0] + np.sin(angle) @ weight[:, 1])
 
+    def on_grid(self, size: int) -> FloatArray:
+        """Values at ``2 pi j/size``, j = 0..size-1; size exceeds twice the highest harmonic."""
+        spectrum = np.zeros(size // 2 + 1, dtype=complex)
+        for m, cosine, sine in self.harmonics:
+            spectrum[m] = 0.5 * size * complex(cosine, -sine)
+        return np.fft.irfft(spectrum, size)
+
 
 class Periodic:
     """Shared by every forcing that is a series: evaluation, and the largest |f|."""
@@ -146,11 +154,12 @@ class Periodic:
 def _peak(harmonics: Harmonics) -> float:
     series = Series(harmonics)
     highest = max(m for m, _, _ in harmonics)
-    t = np.linspace(0.0, math.pi, 32 * highest + 1)
-    values = np.abs(series.at(t, 0))
+    t = math.pi * np.arange(32 * highest) / (32 * highest)
+    values = np.abs(series.on_grid(64 * highest)[: t.size])
     best = float(values.max())
     # every crest that could still win; the grid misses at most (highest h)^2/2 of a crest
-    for start in t[values >= best * (1.0 - 0.01)]:
+    crest = (values >= np.roll(values, 1)) & (values >= np.roll(values, -1))
+    for start in t[crest & (values >= best * (1.0 - 0.01))]:
         x = float(start)
         for _ in range(6):
             curvature = series.at(x, 2)
@@ -313,6 +322,8 @@ def _coefficients(kind: str, given: Mapping[int, float]) -> tuple[tuple[int, flo
                 f"{kind} harmonic {m!r}: the forcing must be antisymmetric, F(t + pi) = -F(t), "
                 "which leaves the odd harmonics 1, 3, 5, ... only; drop the others."
             )
+        if m > HIGHEST:
+            raise BadInput(f"{kind} harmonic {m}: harmonics up to {HIGHEST} are resolved in time.")
         if not is_finite(value):
             raise BadInput(f"{kind} harmonic {m}: its coefficient {value!r} is no finite number.")
     return tuple(sorted((int(m), float(v)) for m, v in given.items()))

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.errors import NotConverged
+from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.modes import Ring, check_gamma
 from contbreather.stability.aliases import regular_slopes
 from contbreather.stability.characteristic import (
@@ -39,6 +39,7 @@ from contbreather.stability.winding import check_kb, resolved_arc
 
 Array = NDArray[Any]
 
+LONGEST = 100_000  # sites; a ring of 20 000 takes 3 s
 STEPS = 14  # Newton steps for a wave; 4 or 5 are usual
 SPARE = 6  # coefficients beyond the remainder's degree, which must vanish
 RADIUS = 2.0  # circle on which polynomials are compared: outside the band, near all else
@@ -240,6 +241,11 @@ def even_multipliers(ring: Ring, gamma: float, k: float, b: float) -> Array:
     """The multipliers of the even sector alone, N + 2 (N even) or N + 1; see `half_multipliers`."""
     gamma = check_gamma(gamma)
     k, b = check_kb(k, b)
+    if ring.sites > LONGEST:
+        raise BadInput(
+            f"{ring.sites} sites: all multipliers are computed for rings of up to {LONGEST}; for "
+            "longer ones ask about the infinite chain."
+        )
     if gamma == 0.0 or ring.sites == 1:  # a single oscillator, and others that feel nothing
         single = np.linalg.eigvals(dense_half_map(1, 0.0, k, b)).astype(complex)
         return np.concatenate([single, np.ones(2 * (ring.sites // 2))])

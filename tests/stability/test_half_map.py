@@ -195,3 +195,8 @@ def test_the_largest_is_never_inside_where_odd_modes_are_neutral():
     assert abs(largest(Ring(1), 0.05, 0.3, 0.0)) < 1
     with pytest.raises(BadInput, match="restitution"):
         half_multipliers(Ring(12), 0.1, -0.1, 0.0)
+
+
+def test_a_ring_that_no_memory_holds_is_refused():
+    with pytest.raises(BadInput, match="up to 100000"):
+        even_multipliers(Ring(10**11), 0.1, 0.8, 0.2)
