@@ -231,6 +231,10 @@ REFUSED = {
         "zones --k 0.8 --gamma-window 0.2 0.24 --a-window 0.9 0.99",
         r"no breather",
     ),
+    "zones where nothing can be": (
+        "zones --a 2",
+        r"no breather at a = 2 for k between 0\.01 and 0\.999 and gamma between 0 and 0\.2499;",
+    ),
     "two fixed parameters": ("zones --k 0.8 --a 0.5", r"leave one"),
     "unknown kind": ("boundary HB --k 0.8", r"'HB' is none of them"),
     "no kind": ("boundary --k 0.8", r"LP, PF, NS or GR; none was given"),
@@ -509,6 +513,20 @@ def test_an_end_says_what_grazed(
 ) -> None:
     out = run("branch", "--free", "a", "--gamma", "0.1", "--k", str(k))[1]
     assert re.search(rf"^{label}: ended at a terminal event \({sentence}", out, flags=re.MULTILINE)
+
+
+def test_where_two_graze_both_are_named(run: Callable[..., Output]) -> None:
+    """Checked by the profile: both sites are on a wall at the times that are said."""
+    line = ["boundary", "GR", "--k", "0.05"]
+    content = strict(run(*line, "--json")[1])
+    point = next(point for point in content["special"] if point["kind"] == "GR-GR")
+    (sentence,) = [end for end in content["ends"] if end.startswith("GR-GR1")]
+    found = re.findall(r"site (\d) at t = (\S+)", sentence)
+    assert [site for site, _ in found] == ["1", "0"]
+    assert sentence.endswith("graze at once)")
+    breather = cb.symmetric(point["a"], point["gamma"], 0.05)
+    for site, time in found:
+        assert abs(breather.displacement(int(site), float(time))) == pytest.approx(1.0, abs=1e-8)
 
 
 def test_free_parameter_is_the_first_number_of_a_row(run: Callable[..., Output]) -> None:

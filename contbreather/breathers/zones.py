@@ -181,8 +181,8 @@ class _Search:
         found = [self._scan(x, shown) for x in _comb(self.pair[0], self.within)]
         if not any(found):
             raise BadInput(
-                f"no breather within {self.within} at {self.name} = {self.value:g}; "
-                "widen the window"
+                f"no breather at {self.name} = {self.value:g} for {self._searched()}; "
+                "widen the window, or choose another value"
             )
         # a curve too narrow for the comb still shows where it meets another: look beside that
         low, high = self.within[self.pair[0]]
@@ -192,6 +192,13 @@ class _Search:
                     self._scan(x, shown)
         curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
         return Zones((self.name, self.value), self.pair, curves)
+
+    def _searched(self) -> str:
+        """The windows as words."""
+        return " and ".join(
+            f"{name} > 0" if high == math.inf else f"{name} between {low:g} and {high:g}"
+            for name, (low, high) in self.within.items()
+        )
 
     def _scan(self, x: float, shown: Progress) -> bool:
         """Trace branches at one value of the first parameter, and every new event on them."""

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 160  # of sentences, where there is no terminal to fit into
 ENDLESS = 100_000
+BOTH = 1e-6  # of two margins that vanish together
 
 
 def console() -> Console:
@@ -172,9 +173,18 @@ def ends(branch: Branch) -> list[str]:
 
 def _grazed(point: Point) -> str:
     """What touches a wall at an end of breathers or orbits; nothing at other ends."""
-    if "GR" not in point.kind.split("-"):
+    kinds = point.kind.split("-")
+    if "GR" not in kinds:
         return ""
-    reason: str = point.solution.admissibility().reason
+    margins = point.solution.admissibility()
+    places = [margins.places[n] for n in margins.places if getattr(margins, n) < BOTH]
+    if kinds == ["GR", "GR"] and len(places) > 1:
+        *several, last = (
+            "the far field" if site is None else f"site {site} at t = {time:.6g}"
+            for site, time in places
+        )
+        return f"{', '.join(several)} and {last} graze at once"
+    reason: str = margins.reason
     return reason.removeprefix("at the limit: ").rstrip(".")
 
 
