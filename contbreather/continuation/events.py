@@ -68,6 +68,10 @@ class Event:
         The branch ends at the event.
     positive : bool
         Points are meant only where the test is positive: a start beyond is refused.
+    count : callable, optional
+        ``count(point) -> int``, a number that changes by one where the test has a simple zero, of
+        unstable eigenvalues for instance. Two zeros within a step, which leave no change of sign,
+        are seen by it.
     locus : callable, optional
         ``locus(point) -> Locus`` at a point close to the event. Needed to trace the event in two
         parameters, and to locate one whose test jumps beyond what bisection gives.
@@ -97,6 +101,7 @@ class Event:
     test: Callable[[Point], float | int]
     terminal: bool = field(default=False, kw_only=True)
     positive: bool = field(default=False, kw_only=True)
+    count: Callable[[Point], int] | None = field(default=None, kw_only=True)
     locus: Callable[[Point], Locus] | None = field(default=None, kw_only=True)
     verify: Callable[[Point], str] | None = field(default=None, kw_only=True)
     polish: Callable[[Point], tuple[Solution, Mapping[str, Any]]] | None = field(
@@ -167,6 +172,7 @@ def branch_point() -> Event:
     return Event(
         "BP",
         _branch_point_test,
+        count=_unstable,
         verify=_branch_point_verify,
         polish=_branch_point_polish,
         arms=_branch_point_arms,
@@ -176,7 +182,13 @@ def branch_point() -> Event:
 def hopf() -> Event:
     """HB: a complex pair of eigenvalues of the derivative in the unknowns crosses the imaginary
     axis. A pair of real eigenvalues of opposite sign (a neutral saddle) is told apart."""
-    return Event("HB", _hopf_test, locus=_hopf_locus, verify=_hopf_verify)
+    return Event(
+        "HB",
+        _hopf_test,
+        count=lambda point: _unstable(point) // 2,
+        locus=_hopf_locus,
+        verify=_hopf_verify,
+    )
 
 
 def cusp() -> Event:
@@ -273,7 +285,7 @@ def _branch_point_arms(point: Point) -> tuple[Seed, ...]:
 def _hopf_test(point: Point) -> float:
     """The smallest sum of two eigenvalues, with the sign of the product of all such sums: it
     vanishes where that product does, smoothly, and cannot overflow."""
-    values = np.linalg.eigvals(point.jacobian()[:, : point.curve.size])
+    values = point.curve.spectrum(point.z)
     if values.size < 2:
         return float("nan")
     first, second = np.triu_indices(values.size, 1)
@@ -353,6 +365,11 @@ def _hopf_verify(point: Point) -> str:
 
 
 # --- linear algebra that events share ---------------------------------------------------------
+
+
+def _unstable(point: Point) -> int:
+    """Number of eigenvalues of the derivative in the unknowns with positive real part."""
+    return int(np.count_nonzero(point.curve.spectrum(point.z).real > 0))
 
 
 def _balanced(point: Point) -> Array:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,187 +15,18 @@ from scipy.optimize import brentq
 from .adjoin import adjoined
 from .branch import Point
 from .crossing import crossing
+from .dips import Place, bottom, probe, told_apart
 from .events import Event
-from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton, solve_oriented
+from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
 from .problem import Curve
+from .segment import Segment
+from .trail import ASIDE, Trail, Value, look_at, measure
 
 Array = NDArray[np.float64]
-Value = float | int
 
 _SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
-_ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
-_BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
-_APART = 1e-4  # two zeros of one test closer than this, relative to the step, may be one
 _ROUNDS = 20  # how often a step is looked through again, at the events found so far
 _AT_END = 1e-11  # a test this small, relative to its change over the step, vanishes at the end
-
-
-class Segment:
-    """The curve between two neighbouring points of a walk: u = 0 at the first, 1 at the last."""
-
-    def __init__(self, first: Point, last: Point, tolerance: float) -> None:
-        self.curve: Curve = first.curve
-        self.first, self.last = first, last
-        self.length = last.arclength - first.arclength
-        self.tolerance = tolerance
-        chord = last.z - first.z
-        dual = self.curve.dual(chord)
-        self._row = dual / dual.dot(chord)  # row . (z - z_first) is u, on the cubic too
-        self._slopes = [point.tangent / self._row.dot(point.tangent) for point in (first, last)]
-        self._known: dict[float, Point] = {0.0: first, 1.0: last}
-
-    def guess(self, u: float) -> tuple[Array, Array]:
-        """Position and unit tangent on the cubic through both ends."""
-        z0, z1 = self.first.z, self.last.z
-        d0, d1 = self._slopes
-        v = 1 - u
-        z = v * v * (1 + 2 * u) * z0 + u * v * v * d0 + u * u * (1 + 2 * v) * z1 - u * u * v * d1
-        slope = 6 * u * v * (z1 - z0) + v * (1 - 3 * u) * d0 + u * (3 * u - 2) * d1
-        return z, self.curve.normalised(slope)
-
-    def provisional(self, u: float) -> Point:
-        """The point on the cubic, not corrected: close enough to see the sign of a test."""
-        if u in self._known:
-            return self._known[u]
-        z, tangent = self.guess(u)
-        return self._point(u, z, tangent, math.nan)
-
-    def at(self, u: float) -> Point:
-        """The point of the curve at u, solved for."""
-        if u not in self._known:
-            curve, (guess, slope) = self.curve, self.guess(u)
-            found = newton(
-                curve.equations,
-                curve.jacobian,
-                guess,
-                row=self._row,
-                metric=curve.metric,
-                tolerance=self.tolerance,
-            )
-            if not found.converged:
-                raise Undefined("Newton's iteration failed between two points of the curve")
-            self._near(guess, found.z)
-            tangent, _ = tangent_at(curve, found.z, slope)
-            self._known[u] = self._point(u, found.z, tangent, found.residual)
-        return self._known[u]
-
-    def settled(self, found: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
-        """A polished solution and its u. Where curves cross, their tangents are known; elsewhere
-        the tangent is solved for."""
-        u = float(self._row.dot(found.z - self.first.z))
-        guess, slope = self.guess(min(max(u, 0.0), 1.0))
-        self._near(guess, found.z)
-        if tangents:
-            tangent = closest(tangents, self.curve.dual(slope))
-        else:
-            tangent, _ = tangent_at(self.curve, found.z, slope)
-        return u, self._point(u, found.z, tangent, found.residual)
-
-    def _near(self, guess: Array, z: Array) -> None:
-        if self.curve.length(z - guess) > _BESIDE * self.length:
-            raise Undefined("the location ended on another curve")
-
-    def _point(self, u: float, z: Array, tangent: Array, residual: float) -> Point:
-        return Point(self.curve, z, tangent, self.first.arclength + u * self.length, residual)
-
-
-def tangent_at(curve: Curve, z: Array, along: Array) -> tuple[Array, int]:
-    """Unit tangent at z on the side of `along`, and the sign of the bordered determinant.
-
-    That sign is the same all along a curve and changes at branch points. Where the bordered
-    matrix is singular it is 0, and the tangent is the null vector closest to `along`.
-    """
-    size = z.size
-    matrix = np.empty((size, size))
-    matrix[:-1], matrix[-1] = curve.jacobian(z), curve.dual(along)
-    right = np.zeros(size)
-    right[-1] = 1.0
-    tangent, side = solve_oriented(matrix, right)
-    if tangent is None or not math.isfinite(tangent.sum()):
-        return _null_vector(matrix[:-1], matrix[-1], curve), 0
-    return curve.normalised(tangent), side
-
-
-def _null_vector(matrix: Array, row: Array, curve: Curve) -> Array:
-    if not math.isfinite(matrix.sum()):
-        raise Undefined("the derivatives are not finite")
-    _, sizes, right = np.linalg.svd(matrix)
-    null = right[int(np.count_nonzero(sizes > 1e-10 * sizes[0])) :]
-    nearest = (null @ row) @ null
-    return curve.normalised(nearest if curve.length(nearest) > 1e-10 else null[-1])
-
-
-def closest(tangents: Sequence[Array], row: Array) -> Array:
-    """The tangent that makes the smallest angle with a direction, turned to its side."""
-    nearest = max(tangents, key=lambda tangent: abs(float(tangent.dot(row))))
-    return nearest if nearest.dot(row) >= 0 else -nearest
-
-
-def measure(event: Event, point: Point) -> Value:
-    """The test of an event: an int where it counts, a float where it has zeros, NaN where it has
-    no value."""
-    try:
-        value = event.test(point)
-    except OUT_OF_DOMAIN:
-        return math.nan
-    return int(value) if isinstance(value, int | np.integer | np.bool_) else float(value)
-
-
-@dataclass
-class Trail:
-    """The values of one test along one step, by u, and what they gave away."""
-
-    event: Event
-    values: dict[float, Value]
-    done: list[tuple[float, float]] = field(default_factory=list)  # brackets that were dealt with
-    zeros: list[float] = field(default_factory=list)
-    sure: set[float] = field(default_factory=lambda: {0.0, 1.0})  # where the value is final
-
-    def changes(self) -> list[tuple[float, float]]:
-        """Neighbouring places between which the test changes sign, or jumps."""
-        known = sorted(u for u, value in self.values.items() if not math.isnan(value))
-        pairs = itertools.pairwise(known)
-        return [pair for pair in pairs if self._differ(*pair) and not self._dealt_with(*pair)]
-
-    def _dealt_with(self, left: float, right: float) -> bool:
-        # a place where the test was looked at before may lie inside a bracket
-        return any(low <= left and right <= high for low, high in self.done)
-
-    def _differ(self, left: float, right: float) -> bool:
-        a, b = self.values[left], self.values[right]
-        if self.jumps:
-            return a != b
-        return a != 0 and (b == 0 or (a < 0) != (b < 0))
-
-    @property
-    def jumps(self) -> bool:
-        """Whether the test counts: all its values are int, but for NaN where it has none."""
-        return all(isinstance(v, int) or math.isnan(v) for v in self.values.values())
-
-    def settle(self, u: float, left: float, right: float) -> None:
-        """Remember an event at u: the test keeps its sign up to it, and the other one after it."""
-        low, high = max(u - _ASIDE, left), min(u + _ASIDE, right)
-        self.values[low], self.values[high] = self.values[left], self.values[right]
-        self.done.append((low, high))
-        self.sure |= {low, high}
-        self.zeros.append(u)
-
-    def settle_jump(self, low: float, high: float, look: Callable[[float], Value]) -> None:
-        """Remember a jump in a bracket: there may be others to either side."""
-        for u in (low, high):
-            if u not in self.sure:
-                self.values[u] = look(u)
-        self.done.append((low, high))
-        self.sure |= {low, high}
-
-    def deflated(self, u: float) -> float:
-        """The value at u with the zeros found so far divided out."""
-        return float(self.values[u]) / math.prod(u - zero or math.nan for zero in self.zeros)
-
-    def learn(self, u: float, value: Value) -> None:
-        """Take in one more value, unless u is so close to an event that rounding decides it."""
-        if u not in self.values and not any(low <= u <= high for low, high in self.done):
-            self.values[u] = value
 
 
 @dataclass(frozen=True)
@@ -259,7 +90,9 @@ def find(
 def _events_on(segment: Segment, trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
     for trail in trails:
         yield from _at_ends(segment, trail, ends)
-        _probe(segment, trail)
+        for low, high, point in told_apart(segment, trail):
+            yield _special(point, trail.event, (low, high), segment)
+        yield from _dipped(segment, trail)
     for _ in range(_ROUNDS):
         fresh = [point for trail in trails for point in _search(segment, trail)]
         yield from fresh
@@ -267,7 +100,13 @@ def _events_on(segment: Segment, trails: Sequence[Trail], ends: Ends) -> Iterato
             break
         _look_at(segment, trails, fresh)
         for trail in trails:
-            _probe(segment, trail)
+            yield from _dipped(segment, trail)
+
+
+def _dipped(segment: Segment, trail: Trail) -> Iterator[Point]:
+    probe(segment, trail)
+    for low, high, point in bottom(segment, trail):
+        yield _special(point, trail.event, (low, high), segment)
 
 
 def _between(
@@ -277,7 +116,7 @@ def _between(
     places = [segment.first, *sorted(cuts, key=lambda point: point.arclength), segment.last]
     values = [trail.values[0.0] for trail in trails]
     for start, end in itertools.pairwise(places):
-        if end.arclength - start.arclength < _ASIDE * segment.length:
+        if end.arclength - start.arclength < ASIDE * segment.length:
             continue
         piece = Segment(start, end, segment.tolerance)
         middle = piece.provisional(0.5)
@@ -313,41 +152,6 @@ def _at_end(segment: Segment, event: Event, u: float) -> Point:
     return _special(point, event, (low, high), segment)
 
 
-def _probe(segment: Segment, trail: Trail) -> None:
-    """Look where a test that keeps its sign may dip through zero and back within the step."""
-    if trail.jumps or trail.changes():
-        return
-    places = [0.0, 0.5, 1.0]
-    for _ in range(4):
-        values = [trail.deflated(u) for u in places]
-        if not all(math.isfinite(value) and value != 0 for value in values):
-            return
-        vertex, depth = _parabola(places, values)
-        nearest = min(values, key=abs)
-        if not places[0] < vertex < places[2] or depth / nearest > 0.3:
-            return
-        if min(abs(vertex - u) for u in places) < 1e-6:
-            return
-        if any(abs(vertex - zero) < _APART for zero in trail.zeros):
-            return
-        trail.values[vertex] = measure(trail.event, segment.provisional(vertex))
-        if trail.changes():
-            return
-        around = sorted([*places, vertex])
-        lowest = min(range(1, 3), key=lambda i: abs(trail.deflated(around[i])))
-        places = around[lowest - 1 : lowest + 2]
-
-
-def _parabola(u: list[float], f: list[float]) -> tuple[float, float]:
-    """Place and value of the vertex of the parabola through three points."""
-    slope = (f[1] - f[0]) / (u[1] - u[0])
-    bend = ((f[2] - f[1]) / (u[2] - u[1]) - slope) / (u[2] - u[0])
-    if bend == 0:
-        return math.inf, math.inf
-    vertex = 0.5 * (u[0] + u[1] - slope / bend)
-    return vertex, f[0] + (vertex - u[0]) * (slope + bend * (vertex - u[1]))
-
-
 def _search(segment: Segment, trail: Trail) -> Iterator[Point]:
     """Locate each change of one test that was not dealt with yet."""
     _make_sure(segment, trail)
@@ -364,7 +168,7 @@ def _search(segment: Segment, trail: Trail) -> Iterator[Point]:
 
 def _make_sure(segment: Segment, trail: Trail) -> None:
     """Replace values seen on the cubic by those on the curve, wherever a change depends on them."""
-    look = _look(segment, trail.event)
+    look = look_at(segment, trail.event)
     while unsure := {u for pair in trail.changes() for u in pair} - trail.sure:
         for u in unsure:
             try:
@@ -374,25 +178,11 @@ def _make_sure(segment: Segment, trail: Trail) -> None:
         trail.sure |= unsure
 
 
-def _look(segment: Segment, event: Event) -> Callable[[float], Value]:
-    """The test along the step. Next to a branch point the corrector may end on the other curve,
-    so that an event with its own polish is looked for on the cubic."""
-    place = segment.at if event.polish is None else segment.provisional
-
-    def look(u: float) -> Value:
-        value = measure(event, place(u))
-        if math.isnan(value):
-            raise Undefined("the test has no value between two points of the curve")
-        return value
-
-    return look
-
-
 def _located(segment: Segment, trail: Trail, left: float, right: float) -> Iterator[Point]:
     finder = _jump if trail.jumps else _zero
     for low, high, point in finder(segment, trail, left, right):
         if trail.jumps:
-            trail.settle_jump(low, high, _look(segment, trail.event))
+            trail.settle_jump(low, high, look_at(segment, trail.event))
         else:
             trail.settle(0.5 * (low + high), left, right)
         yield _special(point, trail.event, (low, high), segment)
@@ -411,8 +201,6 @@ def _look_at(segment: Segment, trails: Sequence[Trail], fresh: Sequence[Point]) 
 
 # --- zeros and jumps --------------------------------------------------------------------------
 
-Place = tuple[float, float, Point]  # bracket and point
-
 
 def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator[Place]:
     """The zero of a float test in a bracket."""
@@ -425,7 +213,7 @@ def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
     if polished is not None:
         yield polished
         return
-    look = _look(segment, event)
+    look = look_at(segment, event)
     if float(look(left)) * float(look(right)) > 0:  # what was seen on the cubic is not there
         trail.done.append((left, right))
         return
@@ -455,7 +243,7 @@ def _at_crossing(segment: Segment, event: Event, u: float, size: float) -> Place
     place, point = segment.settled(found.solution, found.tangents)
     if abs(measure(event, point)) > 1e-6 * size:
         raise Undefined("a branch point is in the way")
-    return place - _ASIDE, place + _ASIDE, point
+    return place - ASIDE, place + ASIDE, point
 
 
 def _jump(
@@ -476,7 +264,7 @@ def _jump(
     if right - left < _SHARP:
         yield left, right, segment.at(middle)
         return
-    trail.values[middle] = _look(segment, event)(middle)
+    trail.values[middle] = look_at(segment, event)(middle)
     trail.sure.add(middle)
     for low, high in ((left, middle), (middle, right)):
         if trail.values[low] != trail.values[high]:
@@ -494,9 +282,9 @@ def _polish(segment: Segment, event: Event, u: float, left: float, right: float)
         if not found.converged:
             return None
         place, point = segment.settled(found, detail.get("tangents", ()))
-        if not left - _ASIDE <= place <= right + _ASIDE:
+        if not left - ASIDE <= place <= right + ASIDE:
             return None
-        low, high = place - _ASIDE, place + _ASIDE
+        low, high = place - ASIDE, place + ASIDE
         if event.polish is None and not _changes_across(segment, event, low, high):
             return None
     except OUT_OF_DOMAIN:

@@ -257,6 +257,7 @@ class Curve:
         self.metric = None if (weights == 1).all() else weights
         self._scheme: derivatives.Scheme | None = None
         self._recent: list[tuple[Array, Array]] = []
+        self._spectra: list[tuple[Array, NDArray[np.complex128]]] = []
 
     def dual(self, tangent: Array) -> Array:
         """The row whose product with z is the inner product of the arclength."""
@@ -308,6 +309,15 @@ class Curve:
             raise Undefined(str(error)) from error
         self._recent = [(z, matrix), *self._recent[:2]]
         return matrix
+
+    def spectrum(self, z: Array) -> NDArray[np.complex128]:
+        """Eigenvalues of the derivative in the unknowns; not to be written to."""
+        for known, values in self._spectra:
+            if known is z:
+                return values
+        values = np.linalg.eigvals(self.jacobian(z)[:, : self.size]).astype(complex)
+        self._spectra = [(z, values), *self._spectra[:2]]
+        return values
 
     def _jacobian(self, z: Array) -> Array:
         problem, n = self.problem, self.size
@@ -395,7 +405,7 @@ class Curve:
     def reconsider(self, *places: Array) -> str:
         """Choose anew how derivatives are taken, now for these places; what is wrong with given
         ones there."""
-        self._scheme, self._recent = None, []
+        self._scheme, self._recent, self._spectra = None, [], []
         for z in places:
             try:
                 self.jacobian(z)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .branch import Branch, Point
-from .location import Segment
 from .newton import OUT_OF_DOMAIN
 from .problem import Curve
+from .segment import Segment
 
 Array = NDArray[np.float64]
 

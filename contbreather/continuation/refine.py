@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from .branch import Branch, Point
-from .location import Segment
+from .segment import Segment
 
 
 def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:

@@ -17,9 +17,9 @@ from .boundary import boundary_problem
 from .branch import Branch, Point, Stop, labelled
 from .codim2 import fold, hopf
 from .events import Event, branch_point
-from .location import measure
 from .newton import Undefined
 from .problem import Curve, Problem
+from .trail import measure
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree

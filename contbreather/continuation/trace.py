@@ -15,11 +15,13 @@ from ..errors import BadInput, NotConverged
 from .branch import Branch, Point, Stop, labelled
 from .crossing import crossing
 from .events import Event
-from .location import Ends, Found, Segment, Value, closest, find, measure, tangent_at
+from .location import Ends, Found, find
 from .newton import Solution, Undefined, newton, solve
 from .problem import Curve, Problem
 from .progress import Progress
+from .segment import Segment, closest, tangent_at
 from .steps import Steps
+from .trail import Value, measure
 
 Array = NDArray[np.float64]
 Within = Mapping[str, tuple[float, float]]

@@ -1,0 +1,137 @@
+"""Several zeros of one test within a step, which may leave no change of sign."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+from .branch import Point
+from .newton import OUT_OF_DOMAIN
+from .segment import Segment
+from .trail import Trail, measure, place_of
+
+Place = tuple[float, float, Point]  # bracket and point
+
+_APART = 1e-4  # two zeros of one test closer than this, relative to the step, may be one
+_ONE = 1e-6  # zeros closer than this, relative to the step, are taken for one by their count
+_LOW = 0.1  # a test this small within a step, relative to its ends, may vanish there
+_TOUCH = 1e-5  # and one this small does
+
+
+def told_apart(segment: Segment, trail: Trail) -> Iterator[Place]:
+    """Look between several zeros, where their count changes by more than one, so that each leaves
+    its change of sign. Those that are at one place are doubtful."""
+    event = trail.event
+    if event.count is None:
+        return
+    place = place_of(segment, event)
+    counts = {u: event.count(place(u)) for u in (0.0, 1.0)}
+    size = _TOUCH * max(abs(trail.values[u]) for u in counts)
+    pieces = [(0.0, 1.0)]
+    while pieces:
+        left, right = pieces.pop()
+        if abs(counts[left] - counts[right]) < 2:
+            continue
+        middle = 0.5 * (left + right)
+        try:
+            point = place(middle)
+            value, counts[middle] = measure(event, point), event.count(point)
+        except OUT_OF_DOMAIN:  # nothing can be seen there
+            continue
+        if right - left > _ONE:
+            trail.values[middle] = value
+            trail.sure.add(middle)
+            pieces += [(left, middle), (middle, right)]
+        elif abs(value) < size and not trail.sign_changes(left, right):
+            reason = f"two {event.kind} at once, or closer than can be told: not simple"
+            yield _doubtful(trail, left, right, point, reason)
+
+
+def _doubtful(trail: Trail, left: float, right: float, point: Point, reason: str) -> Place:
+    trail.zeros.append(0.5 * (left + right))
+    return left, right, replace(point, detail={"reason": reason})
+
+
+def probe(segment: Segment, trail: Trail) -> None:
+    """Look where a test that keeps its sign may dip through zero and back within the step."""
+    if trail.jumps or trail.changes():
+        return
+    places = [0.0, 0.5, 1.0]
+    for _ in range(4):
+        values = [trail.deflated(u) for u in places]
+        if not all(math.isfinite(value) and value != 0 for value in values):
+            return
+        vertex, depth = _parabola(places, values)
+        nearest = min(values, key=abs)
+        if not places[0] < vertex < places[2] or depth / nearest > 0.3:
+            return
+        if min(abs(vertex - u) for u in places) < 1e-6:
+            return
+        if any(abs(vertex - zero) < _APART for zero in trail.zeros):
+            return
+        trail.values[vertex] = measure(trail.event, segment.provisional(vertex))
+        if trail.changes():
+            return
+        around = sorted([*places, vertex])
+        lowest = min(range(1, 3), key=lambda i: abs(trail.deflated(around[i])))
+        places = around[lowest - 1 : lowest + 2]
+
+
+def _parabola(u: list[float], f: list[float]) -> tuple[float, float]:
+    """Place and value of the vertex of the parabola through three points."""
+    slope = (f[1] - f[0]) / (u[1] - u[0])
+    bend = ((f[2] - f[1]) / (u[2] - u[1]) - slope) / (u[2] - u[0])
+    if bend == 0:
+        return math.inf, math.inf
+    vertex = 0.5 * (u[0] + u[1] - slope / bend)
+    return vertex, f[0] + (vertex - u[0]) * (slope + bend * (vertex - u[1]))
+
+
+def bottom(segment: Segment, trail: Trail) -> Iterator[Place]:
+    """Look where the size of a test may have a kink at zero, as the least of several does: on the
+    line through the middle of the step and one end of it, and from there downhill."""
+    if trail.jumps or trail.changes():
+        return
+    size = {u: abs(trail.deflated(u)) for u in (0.0, 0.5, 1.0)}
+    if not all(0 < value < math.inf for value in size.values()):
+        return
+    highest, middle = max(size.values()), size[0.5]
+    for end in (0.0, 1.0):
+        if 2 * middle < size[end]:
+            u = 0.5 + (0.5 - end) * middle / (size[end] - middle)
+            if min(abs(u - known) for known in size) > _ONE:
+                size[u] = abs(trail.deflated(u, measure(trail.event, segment.provisional(u))))
+    places = sorted(size)
+    at = min(range(len(places)), key=lambda i: size[places[i]])
+    if not 0 < at < len(places) - 1 or size[places[at]] > _LOW * highest or trail.changes():
+        return
+    left, right = _downhill(segment, trail, places[at - 1], places[at + 1])
+    if not trail.changes():
+        u = 0.5 * (left + right)
+        point = segment.provisional(u)
+        if abs(trail.deflated(u, measure(trail.event, point))) < _TOUCH * highest:
+            reason = f"the test of {trail.event.kind} touches zero: none, or two at once"
+            yield _doubtful(trail, left, right, point, reason)
+
+
+def _downhill(segment: Segment, trail: Trail, left: float, right: float) -> tuple[float, float]:
+    """Bracket of the least size of a test by golden section, unless a change of sign is met."""
+    golden = 0.5 * (math.sqrt(5) - 1)
+
+    def size(u: float) -> float:
+        trail.values[u] = measure(trail.event, segment.provisional(u))
+        return abs(trail.deflated(u))
+
+    one, other = right - golden * (right - left), left + golden * (right - left)
+    low, high = size(one), size(other)
+    while right - left > _ONE and not trail.changes():
+        if low < high:
+            right, other, high = other, one, low
+            one = right - golden * (right - left)
+            low = size(one)
+        else:
+            left, one, low = one, other, high
+            other = left + golden * (right - left)
+            high = size(other)
+    return left, right

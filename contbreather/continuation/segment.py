@@ -1,0 +1,118 @@
+"""The curve between two neighbouring points of a walk."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .branch import Point
+from .newton import Solution, Undefined, newton, solve_oriented
+from .problem import Curve
+
+Array = NDArray[np.float64]
+
+_BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
+
+
+class Segment:
+    """The curve between two neighbouring points of a walk: u = 0 at the first, 1 at the last."""
+
+    def __init__(self, first: Point, last: Point, tolerance: float) -> None:
+        self.curve: Curve = first.curve
+        self.first, self.last = first, last
+        self.length = last.arclength - first.arclength
+        self.tolerance = tolerance
+        chord = last.z - first.z
+        dual = self.curve.dual(chord)
+        self._row = dual / dual.dot(chord)  # row . (z - z_first) is u, on the cubic too
+        self._slopes = [point.tangent / self._row.dot(point.tangent) for point in (first, last)]
+        self._known: dict[float, Point] = {0.0: first, 1.0: last}
+
+    def guess(self, u: float) -> tuple[Array, Array]:
+        """Position and unit tangent on the cubic through both ends."""
+        z0, z1 = self.first.z, self.last.z
+        d0, d1 = self._slopes
+        v = 1 - u
+        z = v * v * (1 + 2 * u) * z0 + u * v * v * d0 + u * u * (1 + 2 * v) * z1 - u * u * v * d1
+        slope = 6 * u * v * (z1 - z0) + v * (1 - 3 * u) * d0 + u * (3 * u - 2) * d1
+        return z, self.curve.normalised(slope)
+
+    def provisional(self, u: float) -> Point:
+        """The point on the cubic, not corrected: close enough to see the sign of a test."""
+        if u in self._known:
+            return self._known[u]
+        z, tangent = self.guess(u)
+        return self._point(u, z, tangent, math.nan)
+
+    def at(self, u: float) -> Point:
+        """The point of the curve at u, solved for."""
+        if u not in self._known:
+            curve, (guess, slope) = self.curve, self.guess(u)
+            found = newton(
+                curve.equations,
+                curve.jacobian,
+                guess,
+                row=self._row,
+                metric=curve.metric,
+                tolerance=self.tolerance,
+            )
+            if not found.converged:
+                raise Undefined("Newton's iteration failed between two points of the curve")
+            self._near(guess, found.z)
+            tangent, _ = tangent_at(curve, found.z, slope)
+            self._known[u] = self._point(u, found.z, tangent, found.residual)
+        return self._known[u]
+
+    def settled(self, found: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
+        """A polished solution and its u. Where curves cross, their tangents are known; elsewhere
+        the tangent is solved for."""
+        u = float(self._row.dot(found.z - self.first.z))
+        guess, slope = self.guess(min(max(u, 0.0), 1.0))
+        self._near(guess, found.z)
+        if tangents:
+            tangent = closest(tangents, self.curve.dual(slope))
+        else:
+            tangent, _ = tangent_at(self.curve, found.z, slope)
+        return u, self._point(u, found.z, tangent, found.residual)
+
+    def _near(self, guess: Array, z: Array) -> None:
+        if self.curve.length(z - guess) > _BESIDE * self.length:
+            raise Undefined("the location ended on another curve")
+
+    def _point(self, u: float, z: Array, tangent: Array, residual: float) -> Point:
+        return Point(self.curve, z, tangent, self.first.arclength + u * self.length, residual)
+
+
+def tangent_at(curve: Curve, z: Array, along: Array) -> tuple[Array, int]:
+    """Unit tangent at z on the side of `along`, and the sign of the bordered determinant.
+
+    That sign is the same all along a curve and changes at branch points. Where the bordered
+    matrix is singular it is 0, and the tangent is the null vector closest to `along`.
+    """
+    size = z.size
+    matrix = np.empty((size, size))
+    matrix[:-1], matrix[-1] = curve.jacobian(z), curve.dual(along)
+    right = np.zeros(size)
+    right[-1] = 1.0
+    tangent, side = solve_oriented(matrix, right)
+    if tangent is None or not math.isfinite(tangent.sum()):
+        return _null_vector(matrix[:-1], matrix[-1], curve), 0
+    return curve.normalised(tangent), side
+
+
+def _null_vector(matrix: Array, row: Array, curve: Curve) -> Array:
+    if not math.isfinite(matrix.sum()):
+        raise Undefined("the derivatives are not finite")
+    _, sizes, right = np.linalg.svd(matrix)
+    null = right[int(np.count_nonzero(sizes > 1e-10 * sizes[0])) :]
+    nearest = (null @ row) @ null
+    return curve.normalised(nearest if curve.length(nearest) > 1e-10 else null[-1])
+
+
+def closest(tangents: Sequence[Array], row: Array) -> Array:
+    """The tangent that makes the smallest angle with a direction, turned to its side."""
+    nearest = max(tangents, key=lambda tangent: abs(float(tangent.dot(row))))
+    return nearest if nearest.dot(row) >= 0 else -nearest

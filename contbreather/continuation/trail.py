@@ -1,0 +1,109 @@
+"""What is known of one test along one step of a walk."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .branch import Point
+from .events import Event
+from .newton import OUT_OF_DOMAIN, Undefined
+from .segment import Segment
+
+Value = float | int
+
+ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
+
+
+def measure(event: Event, point: Point) -> Value:
+    """The test of an event: an int where it counts, a float where it has zeros, NaN where it has
+    no value."""
+    try:
+        value = event.test(point)
+    except OUT_OF_DOMAIN:
+        return math.nan
+    return int(value) if isinstance(value, int | np.integer | np.bool_) else float(value)
+
+
+@dataclass
+class Trail:
+    """The values of one test along one step, by u, and what they gave away."""
+
+    event: Event
+    values: dict[float, Value]
+    done: list[tuple[float, float]] = field(default_factory=list)  # brackets that were dealt with
+    zeros: list[float] = field(default_factory=list)
+    sure: set[float] = field(default_factory=lambda: {0.0, 1.0})  # where the value is final
+
+    def changes(self) -> list[tuple[float, float]]:
+        """Neighbouring places between which the test changes sign, or jumps."""
+        known = sorted(u for u, value in self.values.items() if not math.isnan(value))
+        pairs = itertools.pairwise(known)
+        return [pair for pair in pairs if self._differ(*pair) and not self._dealt_with(*pair)]
+
+    def _dealt_with(self, left: float, right: float) -> bool:
+        # a place where the test was looked at before may lie inside a bracket
+        return any(low <= left and right <= high for low, high in self.done)
+
+    def _differ(self, left: float, right: float) -> bool:
+        if self.jumps:
+            return self.values[left] != self.values[right]
+        return self.sign_changes(left, right)
+
+    def sign_changes(self, left: float, right: float) -> bool:
+        a, b = self.values[left], self.values[right]
+        return a != 0 and (b == 0 or (a < 0) != (b < 0))
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the test counts: all its values are int, but for NaN where it has none."""
+        return all(isinstance(v, int) or math.isnan(v) for v in self.values.values())
+
+    def settle(self, u: float, left: float, right: float) -> None:
+        """Remember an event at u: the test keeps its sign up to it, and the other one after it."""
+        low, high = max(u - ASIDE, left), min(u + ASIDE, right)
+        self.values[low], self.values[high] = self.values[left], self.values[right]
+        self.done.append((low, high))
+        self.sure |= {low, high}
+        self.zeros.append(u)
+
+    def settle_jump(self, low: float, high: float, look: Callable[[float], Value]) -> None:
+        """Remember a jump in a bracket: there may be others to either side."""
+        for u in (low, high):
+            if u not in self.sure:
+                self.values[u] = look(u)
+        self.done.append((low, high))
+        self.sure |= {low, high}
+
+    def deflated(self, u: float, value: Value | None = None) -> float:
+        """The value at u with the zeros found so far divided out."""
+        value = self.values[u] if value is None else value
+        return float(value) / math.prod(u - zero or math.nan for zero in self.zeros)
+
+    def learn(self, u: float, value: Value) -> None:
+        """Take in one more value, unless u is so close to an event that rounding decides it."""
+        if u not in self.values and not any(low <= u <= high for low, high in self.done):
+            self.values[u] = value
+
+
+def look_at(segment: Segment, event: Event) -> Callable[[float], Value]:
+    """The test along the step."""
+    place = place_of(segment, event)
+
+    def look(u: float) -> Value:
+        value = measure(event, place(u))
+        if math.isnan(value):
+            raise Undefined("the test has no value between two points of the curve")
+        return value
+
+    return look
+
+
+def place_of(segment: Segment, event: Event) -> Callable[[float], Point]:
+    """Where an event is looked for. Next to a branch point the corrector may end on the other
+    curve, so that one with its own polish is looked for on the cubic."""
+    return segment.at if event.polish is None else segment.provisional

@@ -1,0 +1,129 @@
+"""Several events of one kind within a step, which leave no change of sign."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from contbreather.continuation import Branch, Event, Problem, Steps, branch_point, fold, hopf, trace
+from contbreather.continuation.maps import FixedPoint, neimark_sacker, period_doubling
+
+from .zoo import events_of, scalar
+
+UNIT = {"m": (-1.0, 1.0)}
+GAPS = [0.05, 3e-3, 1e-5]
+RATES = [1.0, 7.0, -1.0, -0.3]  # at which the second crosses, the first at 1
+
+
+def rings(gap: float, rate: float) -> Problem:
+    """Two Hopf points on one equilibrium, at m = 0 and m = gap."""
+
+    def residual(u, p):
+        one, other = p["m"], rate * (p["m"] - gap)
+        return np.array(
+            [one * u[0] - u[1], u[0] + one * u[1], other * u[2] - 2 * u[3], 2 * u[2] + other * u[3]]
+        )
+
+    return Problem(residual, dict.fromkeys("abcd", 0.0), {"m": -0.8})
+
+
+def forks(gap: float, rate: float) -> Problem:
+    """Two pitchforks on one equilibrium, at m = 0 and m = gap."""
+
+    def residual(u, p):
+        one, other = p["m"], rate * (p["m"] - gap)
+        return np.array([u[0] * (one - u[0] ** 2), u[1] * (other - u[1] ** 2)])
+
+    return Problem(residual, {"x": 0.0, "y": 0.0}, {"m": -0.8})
+
+
+def kinds_and_places(branch: Branch) -> tuple[list[str], list[float]]:
+    found = events_of(branch)
+    return [point.kind for point in found], [point["m"] for point in found]
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("gap", GAPS)
+@pytest.mark.parametrize("make", [rings, forks])
+def test_two_close_bifurcations_are_both_found(make, gap: float, rate: float) -> None:
+    for events in ([hopf(), branch_point()], [fold(), branch_point(), hopf()]):
+        kinds, places = kinds_and_places(trace(make(gap, rate), "m", within=UNIT, events=events))
+        assert kinds == ["HB" if make is rings else "BP"] * 2
+        assert places == pytest.approx([0.0, gap], abs=1e-12)
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("make", [rings, forks])
+def test_two_bifurcations_at_once_are_doubtful_with_the_reason(make, rate: float) -> None:
+    kind, event = ("HB", hopf()) if make is rings else ("BP", branch_point())
+    branch = trace(make(0.0, rate), "m", within=UNIT, events=[event])
+    assert events_of(branch) == []
+    (point,) = branch.doubtful
+    assert point.kind == kind
+    assert point["m"] == pytest.approx(0.0, abs=1e-6)
+    assert "two" in point.detail["reason"]
+    assert "at once" in point.detail["reason"]
+
+
+def test_eigenvalues_that_cross_far_from_each_other_are_told_apart_by_their_count() -> None:
+    """A Hopf point and two branch points in one step: each kind looks for its own."""
+
+    def residual(u, p):
+        m, x, y = p["m"], *u[2:]
+        own = [m * u[0] - u[1], u[0] + m * u[1]]
+        return np.array([*own, x * (m - 0.01 - x * x), y * (m - 0.02 - y * y)])
+
+    problem = Problem(residual, dict.fromkeys("abxy", 0.0), {"m": -0.8})
+    branch = trace(problem, "m", within=UNIT, events=[hopf(), branch_point()])
+    kinds, places = kinds_and_places(branch)
+    assert kinds == ["HB", "BP", "BP"]
+    assert places == pytest.approx([0.0, 0.01, 0.02], abs=1e-12)
+    assert all("neutral" in point.detail["reason"] for point in branch.doubtful)
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-4])
+def test_two_close_bifurcations_of_a_map_are_both_found(gap: float) -> None:
+    def turned(u, radius, angle):
+        c, s = radius * np.cos(angle), radius * np.sin(angle)
+        return [c * u[0] - s * u[1], s * u[0] + c * u[1]]
+
+    def wheels(u, p):
+        return np.array(
+            [*turned(u[:2], 1 + p["m"], 1.0), *turned(u[2:], 1 + 3 * (p["m"] - gap), 2.2)]
+        )
+
+    def flips(u, p):
+        return -np.array([(1 + p["m"]) * u[0], (1 + 3 * (p["m"] - gap)) * u[1]]) - u**3
+
+    within = {"m": (-0.3, 0.3)}
+    for map_, names, event in (
+        (wheels, "abcd", neimark_sacker()),
+        (flips, "ab", period_doubling()),
+    ):
+        start = dict.fromkeys(names, 0.0)
+        problem = FixedPoint(map_, start, {"m": -0.21}, events=[event])
+        branch = trace(problem, "m", within=within, steps=Steps(first=0.1))
+        kinds, places = kinds_and_places(branch)
+        assert kinds == [event.kind] * 2
+        assert places == pytest.approx([0.0, gap], abs=1e-12)
+
+
+def test_four_zeros_of_one_test_in_two_pairs_are_found() -> None:
+    def test(point):
+        return np.prod(point["m"] - np.array([0.5, 0.501, 0.54, 0.541]))
+
+    line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0})
+    branch = trace(line, "m", within=UNIT, events=[Event("ZZ", test)])
+    _, places = kinds_and_places(branch)
+    assert places == pytest.approx([0.5, 0.501, 0.54, 0.541], abs=1e-10)
+
+
+@pytest.mark.parametrize("lift", [0.0, 1e-4, 1e-2])
+def test_a_test_that_only_comes_close_to_zero_is_no_event(lift: float) -> None:
+    """With a kink as sharp as that of the least of several values."""
+    line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0})
+    event = Event("VV", lambda point: abs(point["m"] - 0.3) + lift)
+    branch = trace(line, "m", within=UNIT, events=[event])
+    assert events_of(branch) == []
+    reasons = [point.detail["reason"] for point in branch.doubtful]
+    assert reasons == (["the test of VV touches zero: none, or two at once"] if not lift else [])
