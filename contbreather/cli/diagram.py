@@ -48,7 +48,6 @@ def diagram(
 
     No branch is in the diagram twice. Ctrl-C ends the work and keeps what there is.
     """
-    from contbreather.continuation import Stop
     from contbreather.continuation.diagram import diagram
 
     check_places(csv, output)
@@ -69,7 +68,8 @@ def diagram(
         say(tree, *(f"{line}." for line in _loose_ends(tree)), *(f"Wrote {path}." for path in made))
     if tree.interrupted:
         raise KeyboardInterrupt
-    broken = [i for i, one in enumerate(tree) if Stop.NO_CONVERGENCE in (one.began, one.stop)]
+    ended = [(i, stop) for i, one in enumerate(tree) for stop in (one.began, one.stop)]
+    broken = [i for i, stop in ended if stop is not None and stop.failed]
     if broken or tree.failed:
         lost = [f"branch {i} broke off" for i in broken] + [str(failure) for failure in tree.failed]
         raise NotConverged(f"the diagram is not complete: {'; '.join(lost)}")

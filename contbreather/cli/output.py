@@ -177,7 +177,8 @@ def _grazed(point: Point) -> str:
     if "GR" not in kinds:
         return ""
     margins = point.solution.admissibility()
-    places = [margins.places[n] for n in margins.places if getattr(margins, n) < BOTH]
+    known = getattr(margins, "places", {})  # orbits with any impacts tell the worst place only
+    places = [known[name] for name in known if getattr(margins, name) < BOTH]
     if kinds == ["GR", "GR"] and len(places) > 1:
         *several, last = (
             "the far field" if site is None else f"site {site} at t = {time:.6g}"

@@ -13,6 +13,7 @@ from contbreather.cli.options import Csv, Json, Output, Where, Window, start_in
 from contbreather.cli.output import (
     branch_entry,
     branch_rows,
+    check_ends,
     check_places,
     columns_of,
     ends,
@@ -22,16 +23,17 @@ from contbreather.cli.output import (
     to_figure,
     to_json,
 )
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.table import Table
 
     from contbreather.continuation import Branch, Point
+    from contbreather.continuation.tabular import Sheet
 
 PAPER = 1.005  # modulus over a period from which a ring counts as unstable
-SHOWN = ("p", "t1", "t2", "t3", "t4", "c", "asymmetry", "unstable")  # columns of the table
+TIMES = ("t1", "t2", "t3", "t4")
+SHOWN = ("p", *TIMES, "c", "asymmetry", "unstable")  # columns of the table
 
 Shot = Annotated[
     int | None,
@@ -90,10 +92,8 @@ def switch(
         to_json({**about, "branch": branch_entry(branch), "arms": entries, "written": paths})
     else:
         say(*_told(point, trail[-2], arms), *(f"Wrote {path}." for path in made))
-    broken = [end for arm in arms if arm.stop is continuation.Stop.NO_CONVERGENCE
-              for end in ends(arm)[-1:]]  # fmt: skip
-    if broken:
-        raise NotConverged(f"an arm broke off: {'; '.join(broken)}")
+    for i, arm in enumerate(arms, start=1):
+        check_ends(arm, f"arm {i}")
 
 
 def _first(kind: str, branches: Sequence[Branch]) -> Point:
@@ -122,21 +122,17 @@ def _told(point: Point, parent: Branch, arms: Sequence[Branch]) -> Iterator[obje
         yield from (f"Arm {i}, {line}." for line in (*_stretches(arm), *_ends(arm)))
 
 
-def _table(arms: Sequence[Branch]) -> Table:
+def _table(arms: Sequence[Branch]) -> Sheet:
     """A line for each special point of each arm."""
-    from rich.table import Table
+    from contbreather.continuation.tabular import Column, Sheet
 
     free, there = arms[0].free, columns_of(arms[0])
-    title = f"{arms[0].problem.label} in {free}"
     names = [free, *(name for name in SHOWN if name in there)]
-    table = Table(title=title, title_justify="left")
-    for heading in ("arm", "label", *names):
-        table.add_column(heading, justify="left" if heading == "label" else "right")
-    for i, arm in enumerate(arms, start=1):
-        for point in arm.special:
-            row = [f"{point[name]:.12g}" for name in names]
-            table.add_row(str(i), _name(point), *row)
-    return table
+    lines = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm.special]
+    own = [Column(name, [point[name] for _, point in lines], spare=name in TIMES) for name in names]
+    first = Column("arm", [i for i, _ in lines])
+    labels = Column("label", [_name(point) for _, point in lines])
+    return Sheet([first, labels, *own], title=f"{arms[0].problem.label} in {free}")
 
 
 def _name(point: Point) -> str:
