@@ -11,8 +11,9 @@ from .branch import Branch, Point
 from .events import Event, Locus
 from .newton import Undefined
 from .problem import Problem
+from .starts import Within
 from .steps import Steps
-from .trace import Within, trace
+from .trace import trace
 
 
 def boundary(

@@ -17,9 +17,10 @@ from .problem import Problem
 from .progress import Progress
 from .recognition import Likeness, recognised, same_place, simplest
 from .seed import Seed
+from .starts import Within
 from .steps import Steps
 from .switching import follow, seeds_at
-from .trace import Startable, Within, trace
+from .trace import Startable, trace
 
 if TYPE_CHECKING:
     from networkx import MultiDiGraph

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 _SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
 _ROUNDS = 20  # how often a step is looked through again, at the events found so far
-_AT_END = 1e-11  # a test this small, relative to its change over the step, vanishes at the end
+_AT_END = 1e-12  # a walk that ends this close to an event, relative to 1 + |z|, ends at it
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,8 @@ def _at_ends(segment: Segment, trail: Trail, ends: Ends) -> Iterator[Point]:
     if trail.jumps:
         return
     start, end = trail.values[0.0], trail.values[1.0]
-    change = abs(end - start)
+    # the distance at which the test would vanish, the same whatever the length of the step
+    change = abs(end - start) / segment.length * (1 + segment.curve.length(segment.last.z))
     if ends.first and abs(start) < _AT_END * change:
         trail.values[0.0] = 0.0
         yield _at_end(segment, trail.event, 0.0)
@@ -206,7 +207,7 @@ def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
     """The zero of a float test in a bracket."""
     a, b = float(trail.values[left]), float(trail.values[right])
     if b == 0:
-        yield right, right, segment.at(right)
+        yield right, right, _isolated(segment, trail.event, right, left, right)
         return
     event = trail.event
     polished = _polish(segment, event, left + (right - left) * a / (a - b), left, right)
@@ -231,7 +232,20 @@ def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
         yield u, u, replace(point, detail={"reason": reason}, located=False)
     else:
         width = 1e-14
-        yield u - width, u + width, point
+        yield u - width, u + width, _isolated(segment, event, u, left, right)
+
+
+def _isolated(segment: Segment, event: Event, u: float, left: float, right: float) -> Point:
+    """The point at a zero, doubtful if the test is exactly zero beside it as well."""
+    point = segment.at(u)
+    if measure(event, point) != 0:
+        return point
+    aside = ASIDE + 1e-12 * (1 + segment.curve.length(point.z)) / segment.length
+    beside = [v for v in (u - aside, u + aside) if left < v < right]
+    if all(measure(event, segment.at(v)) != 0 for v in beside):
+        return point
+    reason = f"the test of {event.kind} is zero along a piece of the curve, which is no place"
+    return replace(point, detail={"reason": reason})
 
 
 def _at_crossing(segment: Segment, event: Event, u: float, size: float) -> Place:

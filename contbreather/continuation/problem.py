@@ -97,20 +97,25 @@ class Problem:
     adjoined: Adjoined | None = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
+        for what, given in (("start", self.start), ("params", self.params)):
+            if not isinstance(given, Mapping):
+                raise BadInput(f"{what} must be a dict of names and values, got {given!r}")
         if not self.start:
             raise BadInput("a problem needs at least one unknown: start is empty")
         clash = set(self.start) & set(self.params)
         if clash:
             raise BadInput(f"{sorted(clash)} are named both as unknowns and as parameters")
         for name, value in (*self.start.items(), *self.params.items()):
-            array = np.asarray(value, dtype=float)
+            array = _real(name, value)
+            if not array.size:
+                raise BadInput(f"{name!r} is empty; at least one number was wanted")
             if array.ndim > (name in self.start):
                 raise BadInput(f"{name!r} has shape {array.shape}; a number was wanted")
             if not np.isfinite(array).all():
                 raise BadInput(f"{name!r} must be finite, got {value}")
         self.check_names((*self.scales, *self.domain))
         for name, size in self.scales.items():
-            if not 0 < size < math.inf:
+            if not 0 < _real(name, size) < math.inf:
                 raise BadInput(f"the scale of {name!r} must be finite and positive, got {size}")
 
     @property
@@ -155,13 +160,16 @@ class Problem:
         """The residual, or `Undefined` where it has none."""
         try:
             value = _row(self.residual(x, params))
-            total = value.sum()
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
+        try:  # the sum is finite unless an entry is not (or all but overflows, which is as bad)
+            total = value.sum()
+            finite = isinstance(total, complex) or math.isfinite(total)
+        except TypeError as error:
+            raise BadInput(f"the residual is {value!r}; an array of numbers was wanted") from error
         if isinstance(total, complex):  # what Python makes of (-1.0) ** 0.5
             raise Undefined("the equations are not real")
-        # the sum is finite unless an entry is not (or all but overflows, which is as bad)
-        if not math.isfinite(total):
+        if not finite:
             raise Undefined("the equations are not finite")
         return value
 
@@ -209,6 +217,15 @@ class Problem:
         )
 
 
+def _real(name: str, value: Any) -> Array:
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise BadInput(
+            f"{name!r} must be a number or a one-dimensional array of numbers, got {value!r}"
+        ) from error
+
+
 def _row(value: Any) -> Array:
     """A residual as an array of its own; one equation may be a number."""
     row = np.array(value)
@@ -237,7 +254,7 @@ class Curve:
 
     def __init__(self, problem: Problem, free: tuple[str, ...]) -> None:
         for name in free:
-            if name not in problem.params:
+            if not isinstance(name, str) or name not in problem.params:
                 raise BadInput(
                     f"{name!r} is no parameter of this problem; it has {list(problem.params)}"
                 )
@@ -357,6 +374,8 @@ class Curve:
             raise BadInput(
                 f"the equations have no value at the start {self.problem.shown()}: {error}"
             ) from error
+        if value.dtype == bool:
+            raise BadInput(f"the residual is {value!r}; an array of numbers was wanted")
         if value.shape != (self.size,):
             raise BadInput(
                 f"the residual has shape {value.shape} for {self.size} unknowns; "

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from numbers import Integral, Real
 
 from ..errors import BadInput
+
+_ROUNDING = 1e-13  # corrections shorter than this, relative to 1 + |z|, may be rounding
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,8 @@ class Steps:
         Number of steps after which the branch ends, in each direction.
     tolerance : float
         A Newton iteration has converged when its last correction is at most
-        ``tolerance * (1 + |z|)``; being quadratic it is then far more exact than that.
+        ``tolerance * (1 + |z|)``; being quadratic it is then far more exact than that. At least
+        1e-13: shorter corrections are rounding.
     growth : float
         A step is at most this many times its predecessor.
 
@@ -42,6 +46,8 @@ class Steps:
     growth: float = 1.5
 
     def __post_init__(self) -> None:
+        if not all(isinstance(size, Real) and not isinstance(size, bool) for size in astuple(self)):
+            raise BadInput(f"every entry of {self} must be a number")
         sizes = (self.smallest, self.first, self.largest, self.tolerance, self.growth)
         if not all(math.isfinite(size) and size > 0 for size in sizes):
             raise BadInput(f"every size in {self} must be finite and positive")
@@ -52,5 +58,9 @@ class Steps:
             )
         if self.growth <= 1:
             raise BadInput(f"growth must exceed 1, got {self.growth:g}")
-        if self.most < 1:
-            raise BadInput(f"most must be at least 1 step, got {self.most}")
+        if self.tolerance < _ROUNDING:
+            raise BadInput(
+                f"a tolerance below {_ROUNDING:g} is lost in rounding, got {self.tolerance:g}"
+            )
+        if not issubclass(type(self.most), Integral) or self.most < 1:
+            raise BadInput(f"most must be a whole number, at least 1 step, got {self.most}")

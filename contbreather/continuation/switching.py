@@ -22,8 +22,9 @@ from .problem import Curve, Problem
 from .progress import Progress
 from .recognition import images, lies_on
 from .seed import Seed
+from .starts import Within
 from .steps import Steps
-from .trace import Within, trace
+from .trace import trace
 
 Array = NDArray[np.float64]
 

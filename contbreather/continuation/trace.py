@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import BadInput, NotConverged
+from ..errors import BadInput
 from .branch import Branch, Point, Stop, labelled
 from .crossing import crossing
 from .events import Event
@@ -19,12 +18,12 @@ from .location import Ends, Found, find
 from .newton import Solution, Undefined, newton, solve
 from .problem import Curve, Problem
 from .progress import Progress
-from .segment import Segment, closest, tangent_at
+from .segment import Segment, tangent_at
+from .starts import Within, all_of, bounds_of, first_tangent, given, settled
 from .steps import Steps
 from .trail import Value, measure
 
 Array = NDArray[np.float64]
-Within = Mapping[str, tuple[float, float]]
 
 # The shape of one step: how far the tangent may turn, and how far the curve may stray from the
 # cubic through both ends, as a fraction of the step. Together they leave no room for a feature of
@@ -36,11 +35,8 @@ _FINE = 1e-7  # relative distance at which a curve has come back to its start
 _PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
-_AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
-_SKEW = 1e-3  # how far a direction that was given may be off the tangent
 _TINY = 1e-4  # what counts as a tiny step, relative to the longest so far
 _PATIENCE = 200  # so many of them in a row lead nowhere
-_ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
 
 class Startable(Protocol):
@@ -65,7 +61,7 @@ def trace(
     *,
     within: Within | None = None,
     towards: str = "both",
-    events: Iterable[Event] | None = None,
+    events: Event | Iterable[Event] | None = None,
     steps: Steps | None = None,
     progress: bool | Progress | None = None,
     along: ArrayLike | None = None,
@@ -83,7 +79,7 @@ def trace(
         ``{name: (low, high)}`` for any unknown or parameter: the branch ends exactly there.
     towards : {'both', 'up', 'down'}
         Direction in which `free` changes at first.
-    events : iterable of Event, optional
+    events : Event or iterable of Event, optional
         What to look for; the problem's own events by default, ``()`` for none.
     steps : Steps, optional
         Step sizes and tolerance.
@@ -115,8 +111,7 @@ def trace(
     """
     if towards not in ("both", "up", "down"):
         raise BadInput(f"towards must be 'both', 'up' or 'down', got {towards!r}")
-    if events is not None:
-        events = tuple(events)  # both walks need them
+    events = all_of(events)  # both walks need them
     with progress if isinstance(progress, Progress) else Progress(progress, free) as shown:
         sides = ("down", "up") if towards == "both" and along is None else (towards,)
         branches = []
@@ -170,7 +165,7 @@ def walk(
     *,
     within: Within | None = None,
     towards: str = "up",
-    events: Iterable[Event] | None = None,
+    events: Event | Iterable[Event] | None = None,
     steps: Steps | None = None,
     along: ArrayLike | None = None,
 ) -> Generator[Point, None, End]:
@@ -225,28 +220,29 @@ class Walker:
         free: str,
         within: Within | None,
         towards: str,
-        events: Iterable[Event] | None,
+        events: Event | Iterable[Event] | None,
         steps: Steps,
         along: ArrayLike | None = None,
     ) -> None:
         if along is None and towards not in ("up", "down"):
             raise BadInput(f"a walk goes towards 'up' or 'down', got {towards!r}")
         self.steps = steps
-        self.events: Sequence[Event] = problem.events if events is None else tuple(events)
-        for event in self.events:
-            if not isinstance(event, Event):
-                raise BadInput(f"an Event was wanted, got {event!r}")
+        self.directed = along is not None
+        if not isinstance(steps, Steps):
+            raise BadInput(f"steps must be given as Steps(largest=...), got {steps!r}")
+        wanted = all_of(events)
+        self.events: Sequence[Event] = problem.events if wanted is None else wanted
         with _quiet():
             if along is None:
-                self.curve, residual = _settled(problem, free, steps.tolerance)
-                tangent, self.side = _first_tangent(self.curve)
+                self.curve, residual = settled(problem, free, steps.tolerance)
+                tangent, self.side = first_tangent(self.curve)
                 if towards == "down":
                     tangent, self.side = -tangent, -self.side
             else:
-                self.curve, residual, tangent = _given(problem, free, along)
+                self.curve, residual, tangent = given(problem, free, along)
                 self.side = 0
             self.crossed = self.side == 0  # whether the start is a branch point
-            self.bounds = _bounds(self.curve, within)
+            self.bounds = bounds_of(self.curve, within)
             self.origin = Point(self.curve, self.curve.start, tangent, 0.0, residual)
             self.tests = self._first_tests()
         self.longest, self.tiny = 0.0, 0
@@ -267,18 +263,32 @@ class Walker:
                     found = self._events_on(point, step, tests, first=count == 0)
                     line, stop = self._line_up(point, step, found, first=count == 0)
             except Failed as failed:
-                end = failed
+                end = failed if point is not self.origin else self._stuck(failed)
                 break
             doubtful += found.doubtful
             yield from line
             if stop is not None:
-                return End(stop, "", tuple(doubtful))
+                return End(stop, self._rim(line[-1], stop), tuple(doubtful))
             bend = (step.point.tangent - point.tangent) / (step.point.arclength - point.arclength)
             point, size, tests = step.point, step.next_size, found.after
             self.side = step.side or self.side
         if point is self.origin:
             yield point
-        return End(end.stop, end.reason, tuple(doubtful))
+        return End(end.stop, end.reason or self._rim(point, end.stop), tuple(doubtful))
+
+    def _rim(self, point: Point, stop: Stop) -> str:
+        """Where a branch ended at a bound that is not of the window but of the domain."""
+        for name, bounds in self.curve.problem.domain.items():
+            if stop is Stop.BOUND and name in self.curve.slots and point[name] in bounds:
+                return f"the domain of {name} ends at {point[name]:g}"
+        return ""
+
+    def _stuck(self, failed: Failed) -> Failed:
+        """What to say of a walk that cannot make its first step."""
+        if not self.directed or failed.stop is not Stop.NO_CONVERGENCE:
+            return failed
+        reason = f"no curve leaves the start in this direction: {failed.reason}"
+        return Failed(failed.stop, reason)
 
     def _refuse_to_crawl(self, length: float) -> None:
         """End a walk that only takes tiny steps: it would not get anywhere, at great expense."""
@@ -520,126 +530,7 @@ def _quiet() -> np.errstate:
     return np.errstate(over="ignore", invalid="ignore", divide="ignore")
 
 
-def _settled(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:
-    """The curve with its start on it, and the residual there.
-
-    A start that is a solution to rounding is taken as it is: at a fold or a branch point, where
-    Newton's iteration at a fixed parameter is singular, it could only get worse.
-    """
-    curve = Curve(problem, (free,))
-    curve.check()
-    value = curve.equations(curve.start)
-    if (abs(value) <= _ROUNDING * curve.rows * (1 + abs(curve.start / curve.scales).max())).all():
-        return curve, float(abs(value).max())
-    try:
-        problem, found = problem.solve(tolerance=tolerance)
-    except NotConverged:
-        nearest = _nearest(curve, tolerance)
-        if nearest is None:
-            raise
-        return nearest
-    return Curve(problem, (free,)), found.residual
-
-
-def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
-    """The curve started at a solution a hair away, with another value of the parameter: just
-    beyond a fold there is none at the same."""
-    z = curve.start
-    try:
-        tangent, _ = tangent_at(curve, z, np.eye(1, z.size, z.size - 1)[0])
-        row, metric = curve.dual(tangent), curve.metric
-        found = newton(
-            curve.equations, curve.jacobian, z, row=row, metric=metric, tolerance=tolerance
-        )
-    except Undefined:
-        return None
-    # where all derivatives vanish no correction is made, and none is no sign of a solution
-    solved = found.converged and found.residual <= _GAP * (1 + float(curve.rows.max()))
-    if not solved or curve.length(found.z - z) > _GAP * (1 + curve.length(z)):
-        return None
-    moved = Point(curve, found.z, tangent, 0.0, found.residual)
-    return Curve(moved.problem, curve.free), found.residual
-
-
-def _given(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, Array]:
-    """The curve, the residual at its start, and the tangent there, both as they were given."""
-    curve = Curve(problem, (free,))
-    curve.check()
-    tangent = np.asarray(along, dtype=float)
-    if tangent.shape != curve.start.shape or not 0 < curve.length(tangent) < math.inf:
-        raise BadInput(f"a direction of shape {curve.start.shape} was wanted, got {along!r}")
-    tangent, z = curve.normalised(tangent), curve.start
-    # where curves cross the derivatives may vanish: how to take them, and their size, is seen a
-    # little further on
-    ahead = z + _AHEAD * (1 + curve.length(z)) * tangent
-    with contextlib.suppress(Undefined):
-        curve.reconsider(ahead)
-        curve.rows = np.maximum(curve.row_sizes(ahead), curve.rows)
-    try:
-        value, change = curve.equations(z) / curve.rows, curve.jacobian(z) @ tangent / curve.rows
-    except Undefined as error:
-        raise BadInput(f"the equations have no derivatives at the start: {error}") from error
-    off, skew = abs(value).max(), abs(change).max()
-    if off > _GAP * (1 + curve.length(z)) or skew > _SKEW:
-        raise BadInput(
-            f"no curve leaves the start in this direction: the residual there is {off:.2g}, "
-            f"and {skew:.2g} is its change along the direction"
-        )
-    return curve, float(abs(value * curve.rows).max()), tangent
-
-
-def _first_tangent(curve: Curve) -> tuple[Array, int]:
-    """The tangent at the start, upwards in the free parameter, and the sign of the determinant.
-
-    At a branch point it is that of the curve closest to the direction of the parameter.
-    """
-    z = curve.start
-    along = np.eye(1, z.size, z.size - 1)[0]
-    sizes = np.linalg.svd(np.vstack([curve.jacobian(z), along]) * curve.scales, compute_uv=False)
-    if sizes[-1] < 1e-7 * sizes[0]:
-        try:
-            found = crossing(curve, z)
-            if curve.length(found.solution.z - z) < _GAP * (1 + curve.length(z)):
-                return closest(found.tangents, curve.dual(along)), 0
-        except Undefined:
-            pass  # no branch point: a fold, or badly scaled equations
-    return tangent_at(curve, z, along)
-
-
 def _angle(curve: Curve, one: Array, other: Array) -> float:
     """Angle between unit vectors, from their difference: exact for small angles too."""
     gap = one - other
     return 2 * math.asin(min(1.0, 0.5 * math.sqrt(gap.dot(curve.dual(gap)))))
-
-
-def _pair(name: str, window: tuple[float, float]) -> tuple[float, float]:
-    if np.shape(window) != (2,):
-        raise BadInput(f"the window of {name!r} must be a pair (low, high), got {window}")
-    return float(window[0]), float(window[1])
-
-
-def _bounds(curve: Curve, within: Within | None) -> list[tuple[int, float, float]]:
-    """The window and the domain of the problem, as (slot, low, high) of what can change."""
-    problem = curve.problem
-    if within is not None and not isinstance(within, Mapping):
-        raise BadInput(
-            f"within={within!r}: windows by name were wanted, "
-            f"for instance {{{(*curve.free, *curve.slots)[0]!r}: (0.0, 1.0)}}"
-        )
-    problem.check_names(within or ())
-    bounds = []
-    for name in {**problem.domain, **(within or {})}:
-        low, high = _pair(name, (within or {}).get(name, (-math.inf, math.inf)))
-        domain = problem.domain.get(name, (-math.inf, math.inf))
-        low, high = max(low, domain[0]), min(high, domain[1])
-        value = problem.start.get(name, problem.params.get(name))
-        if not low < high:
-            raise BadInput(f"the window of {name!r} is empty: ({low:g}, {high:g})")
-        if np.ndim(value) != 0:
-            raise BadInput(f"{name!r} is an array: a window needs a single number")
-        if not low <= float(value) <= high:
-            raise BadInput(f"the start has {name}={float(value):g}, outside ({low:g}, {high:g})")
-        slot = curve.slots.get(name)
-        if isinstance(slot, int):
-            bounds.append((slot, low, high))
-    return bounds

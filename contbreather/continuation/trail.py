@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..errors import BadInput
 from .branch import Point
 from .events import Event
 from .newton import OUT_OF_DOMAIN, Undefined
@@ -26,7 +27,15 @@ def measure(event: Event, point: Point) -> Value:
         value = event.test(point)
     except OUT_OF_DOMAIN:
         return math.nan
-    return int(value) if isinstance(value, int | np.integer | np.bool_) else float(value)
+    if isinstance(value, int | np.integer | np.bool_):
+        return int(value)
+    try:
+        return float(value)
+    except (TypeError, ValueError) as error:
+        raise BadInput(
+            f"the test of {event.kind} gave {value!r}; one real number was wanted, or NaN where "
+            "it has no value"
+        ) from error
 
 
 @dataclass

@@ -1,0 +1,165 @@
+"""Where a walk sets out: a start moved onto its curve, the tangent there, and the window."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import BadInput, NotConverged
+from .branch import Point
+from .crossing import crossing
+from .events import Event
+from .newton import Undefined, newton
+from .problem import Curve, Problem
+from .segment import closest, tangent_at
+
+Array = NDArray[np.float64]
+Within = Mapping[str, tuple[float, float]]
+
+_GAP = 1e-6  # what is closer than this, relative to 1 + |z|, is at the start
+_AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
+_SKEW = 1e-3  # how far a direction that was given may be off the tangent
+_ROUNDING = 1e-14  # relative residual of a start that is a solution already
+
+
+def settled(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:
+    """The curve with its start on it, and the residual there.
+
+    A start that is a solution to rounding is taken as it is: at a fold or a branch point, where
+    Newton's iteration at a fixed parameter is singular, it could only get worse.
+    """
+    curve = Curve(problem, (free,))
+    curve.check()
+    value = curve.equations(curve.start)
+    if (abs(value) <= _ROUNDING * curve.rows * (1 + abs(curve.start / curve.scales).max())).all():
+        return curve, float(abs(value).max())
+    try:
+        problem, found = problem.solve(tolerance=tolerance)
+    except NotConverged:
+        nearest = _nearest(curve, tolerance)
+        if nearest is None:
+            raise
+        return nearest
+    return Curve(problem, (free,)), found.residual
+
+
+def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
+    """Events that were given, one or several, as a tuple."""
+    if events is None:
+        return None
+    try:
+        several = (events,) if isinstance(events, Event) else tuple(events)
+    except TypeError as error:
+        raise BadInput(f"events must be a list of them, got {events!r}") from error
+    for event in several:
+        if not isinstance(event, Event):
+            raise BadInput(f"an Event was wanted, got {event!r}")
+    return several
+
+
+def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
+    """The curve started at a solution a hair away, with another value of the parameter: just
+    beyond a fold there is none at the same."""
+    z = curve.start
+    try:
+        tangent, _ = tangent_at(curve, z, np.eye(1, z.size, z.size - 1)[0])
+        row, metric = curve.dual(tangent), curve.metric
+        found = newton(
+            curve.equations, curve.jacobian, z, row=row, metric=metric, tolerance=tolerance
+        )
+    except Undefined:
+        return None
+    if not found.converged or curve.length(found.z - z) > _GAP * (1 + curve.length(z)):
+        return None
+    moved = Point(curve, found.z, tangent, 0.0, found.residual)
+    return Curve(moved.problem, curve.free), found.residual
+
+
+def given(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, Array]:
+    """The curve, the residual at its start, and the tangent there, both as they were given."""
+    curve = Curve(problem, (free,))
+    curve.check()
+    try:
+        tangent = np.asarray(along, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"a direction of numbers was wanted, got {along!r}") from error
+    if tangent.shape != curve.start.shape or not 0 < curve.length(tangent) < math.inf:
+        raise BadInput(f"a direction of shape {curve.start.shape} was wanted, got {along!r}")
+    tangent, z = curve.normalised(tangent), curve.start
+    # where curves cross the derivatives may vanish: how to take them, and their size, is seen a
+    # little further on
+    ahead = z + _AHEAD * (1 + curve.length(z)) * tangent
+    with contextlib.suppress(Undefined):
+        curve.reconsider(ahead)
+        curve.rows = np.maximum(curve.row_sizes(ahead), curve.rows)
+    try:
+        value, change = curve.equations(z) / curve.rows, curve.jacobian(z) @ tangent / curve.rows
+    except Undefined as error:
+        raise BadInput(f"the equations have no derivatives at the start: {error}") from error
+    off, skew = abs(value).max(), abs(change).max()
+    if off > _GAP * (1 + curve.length(z)) or skew > _SKEW:
+        raise BadInput(
+            f"no curve leaves the start in this direction: the residual there is {off:.2g}, "
+            f"and {skew:.2g} is its change along the direction"
+        )
+    return curve, float(abs(value * curve.rows).max()), tangent
+
+
+def first_tangent(curve: Curve) -> tuple[Array, int]:
+    """The tangent at the start, upwards in the free parameter, and the sign of the determinant.
+
+    At a branch point it is that of the curve closest to the direction of the parameter.
+    """
+    z = curve.start
+    along = np.eye(1, z.size, z.size - 1)[0]
+    sizes = np.linalg.svd(np.vstack([curve.jacobian(z), along]) * curve.scales, compute_uv=False)
+    if sizes[-1] < 1e-7 * sizes[0]:
+        try:
+            found = crossing(curve, z)
+            if curve.length(found.solution.z - z) < _GAP * (1 + curve.length(z)):
+                return closest(found.tangents, curve.dual(along)), 0
+        except Undefined:
+            pass  # no branch point: a fold, or badly scaled equations
+    return tangent_at(curve, z, along)
+
+
+def _pair(name: str, window: tuple[float, float]) -> tuple[float, float]:
+    try:
+        low, high = map(float, window)
+    except (TypeError, ValueError) as error:
+        raise BadInput(
+            f"the window of {name!r} must be a pair (low, high) of numbers, got {window!r}; "
+            "math.inf leaves a side open"
+        ) from error
+    return low, high
+
+
+def bounds_of(curve: Curve, within: Within | None) -> list[tuple[int, float, float]]:
+    """The window and the domain of the problem, as (slot, low, high) of what can change."""
+    problem = curve.problem
+    if within is not None and not isinstance(within, Mapping):
+        raise BadInput(
+            f"within={within!r}: windows by name were wanted, "
+            f"for instance {{{(*curve.free, *curve.slots)[0]!r}: (0.0, 1.0)}}"
+        )
+    problem.check_names(within or ())
+    bounds = []
+    for name in {**problem.domain, **(within or {})}:
+        low, high = _pair(name, (within or {}).get(name, (-math.inf, math.inf)))
+        domain = problem.domain.get(name, (-math.inf, math.inf))
+        low, high = max(low, domain[0]), min(high, domain[1])
+        value = problem.start.get(name, problem.params.get(name))
+        if not low < high:
+            raise BadInput(f"the window of {name!r} is empty: ({low:g}, {high:g})")
+        if np.ndim(value) != 0:
+            raise BadInput(f"{name!r} is an array: a window needs a single number")
+        if not low <= float(value) <= high:
+            raise BadInput(f"the start has {name}={float(value):g}, outside ({low:g}, {high:g})")
+        slot = curve.slots.get(name)
+        if isinstance(slot, int):
+            bounds.append((slot, low, high))
+    return bounds
