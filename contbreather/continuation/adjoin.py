@@ -88,6 +88,7 @@ class Adjoined:
             lambda y: self.locus.conditions(self.base, y[:size], y[size:]),
             np.append(z, extra),
             scales=np.append(self.base.scales, np.ones(extra.size)),
+            one_sided=True,
         )
 
 

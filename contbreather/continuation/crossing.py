@@ -14,7 +14,9 @@ from .problem import Curve
 
 Array = NDArray[np.float64]
 
-_GAP = 1e-6  # curves that come closer than this, relative to 1 + |z|, do cross
+# Curves that come closer than this, relative to 1 + |z|, are taken to cross. The residual between
+# them is its square, 1e-12: as much as differences and long sums leave where curves do cross.
+_GAP = 1e-6
 _ANGLE = 1e-8  # square of half the angle below which curves touch rather than cross
 
 

@@ -29,15 +29,18 @@ def differences(
     *,
     scales: Array | None = None,
     finer: Array | float = 1.0,
+    one_sided: bool = False,
 ) -> Array:
     """Five-point central differences, one column for each entry of `z`; about 1e-12 relative.
 
     Steps are relative to ``max(|z|, scales)`` and divided by `finer`; next to a rim, where a
-    step would leave the domain, shorter ones are taken.
+    step would leave the domain, shorter ones are taken, and with `one_sided` at the rim itself
+    steps to one side.
     """
     steps = _RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer
     chosen = range(z.size) if columns is None else columns
-    return np.stack([_column(function, z, i, steps[i]) for i in chosen], axis=-1)
+    column = _column_inside if one_sided else _column
+    return np.stack([column(function, z, i, steps[i]) for i in chosen], axis=-1)
 
 
 def _column(function: Function, z: Array, i: int, step: float) -> Array:
@@ -51,6 +54,24 @@ def _column(function: Function, z: Array, i: int, step: float) -> Array:
         if np.isfinite(column).all():
             break
     return column
+
+
+def _column_inside(function: Function, z: Array, i: int, step: float) -> Array:
+    try:
+        return _column(function, z, i, step)
+    except OUT_OF_DOMAIN:
+        short = np.eye(1, z.size, i)[0] * step / 64
+        try:
+            return 64 * _forward(function, z, short) / step
+        except OUT_OF_DOMAIN:
+            return -64 * _forward(function, z, -short) / step
+
+
+def _forward(function: Function, z: Array, step: Array) -> Array:
+    """As `directional`, over ``z + {0..4} step``."""
+    weights = (-25 / 12, 4.0, -3.0, 4 / 3, -0.25)
+    terms = [w * np.array(function(z + j * step)) for j, w in enumerate(weights)]
+    return np.asarray(sum(terms))
 
 
 def directional(function: Function, z: Array, step: Array) -> Array:

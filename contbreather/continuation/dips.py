@@ -107,8 +107,8 @@ def bottom(segment: Segment, trail: Trail) -> Iterator[Place]:
     if not 0 < at < len(places) - 1 or size[places[at]] > _LOW * highest or trail.changes():
         return
     left, right = _downhill(segment, trail, places[at - 1], places[at + 1])
-    if not trail.changes():
-        u = 0.5 * (left + right)
+    u = 0.5 * (left + right)
+    if _ONE < u < 1 - _ONE and not trail.changes():  # at an end it only approaches zero
         point = segment.provisional(u)
         if abs(trail.deflated(u, measure(trail.event, point))) < _TOUCH * highest:
             reason = f"the test of {trail.event.kind} touches zero: none, or two at once"

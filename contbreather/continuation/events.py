@@ -159,7 +159,9 @@ def branch_point() -> Event:
     """BP: another curve of solutions crosses this one.
 
     Verified: the derivative in unknowns and parameter together loses one rank, and the equations
-    do vanish where it does. ``point.detail["tangents"]`` are those of both curves.
+    do vanish where it does. ``point.detail["tangents"]`` are those of both curves. Curves that pass
+    each other at a distance below 1e-6 (relative to the solution) are taken to cross: the point
+    then has a residual of up to 1e-12, and two folds are missed.
 
     Examples
     --------

@@ -340,3 +340,26 @@ def test_scalar_problem_without_any_fold_has_no_cusp_either() -> None:
         events=ALL,
     )
     assert events_of(line) == []
+
+
+def test_a_locus_without_derivative_is_followed_to_the_rim_of_its_parameters() -> None:
+    """Differences have no room at the rim, and one side of it is enough."""
+
+    def height(point):
+        if point["g"] < 0:
+            raise BadInput("only g >= 0")
+        return point["x"] + point["g"] ** 2 + math.sin(3 * point["g"])
+
+    base = scalar(
+        lambda x, p: x - p["m"],
+        0.2,
+        {"m": 0.2, "g": 0.5},
+        record={"height": height},
+        domain={"g": (0.0, 1.0)},
+    )
+    point = trace(base, "m", within={"m": (-2, 2)}, events=[user("height", 1.0)]).first("UZ")
+    line = boundary(point, ("g", "m"), towards="down", events=())
+    assert line.stop is Stop.BOUND
+    assert line.reason == "the domain of g ends at 0"
+    assert line[-1]["g"] == 0.0
+    assert line[-1]["m"] == pytest.approx(1.0, abs=1e-13)
