@@ -127,3 +127,12 @@ def test_a_test_that_only_comes_close_to_zero_is_no_event(lift: float) -> None:
     assert events_of(branch) == []
     reasons = [point.detail["reason"] for point in branch.doubtful]
     assert reasons == (["the test of VV touches zero: none, or two at once"] if not lift else [])
+
+
+def test_a_test_that_approaches_zero_at_the_rim_is_not_said_to_touch_it_before() -> None:
+    line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0}, domain={"m": (0.0, 1.0)})
+    event = Event("VV", lambda point: point["m"] or 1.0)  # of no meaning at the rim itself
+    branch = trace(line.at(x=0.73, m=0.73), "m", events=[event])
+    assert branch[0]["m"] == 0.0
+    assert events_of(branch) == []
+    assert branch.doubtful == ()
