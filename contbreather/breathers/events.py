@@ -36,6 +36,7 @@ Slope = Callable[[Breather, str], float]
 # As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, and at
 # k = 1 there are none: within rounding of the edge the curve cannot be followed.
 _ELASTIC = 1.0 - 1e-5
+_ALIKE = 1e-9  # a coupling below which margins tell nothing apart
 _ZERO = 1e-8  # a located event's own scalar, relative to the terms in it
 
 
@@ -370,11 +371,13 @@ def _other_grazing(site: int | None) -> Event:
     own = frozenset({"far" if site is None else "neighbours" if site else "centre"})
 
     def test(point: Point) -> float:
-        breather: Breather = point.solution
-        margins = admissibility(breather)
-        alike = breather.gamma == 0.0 and site != 0  # without coupling all follow the forcing
-        mine = own | {"far", "neighbours"} if alike else own
-        return min(getattr(margins, name) for name in margins.places.keys() - mine)
+        margins, gamma = admissibility(point.solution), float(point["gamma"])
+        found = {name: float(getattr(margins, name)) for name in margins.places if name not in own}
+        # without coupling all but site 0 follow the forcing alike: what sets them apart grows
+        # with gamma, and a zero at gamma = 0 would mean nothing
+        for name in found.keys() - {"centre"} if site != 0 else ():
+            found[name] = found[name] / gamma if gamma > _ALIKE else 1.0
+        return min(found.values())
 
     met = Event("GR", test, locus=lambda point: _grazing_locus(point, own))
     return Event("GR-GR", test, terminal=True, positive=True, met=met)
