@@ -53,29 +53,29 @@ def _doubtful(trail: Trail, left: float, right: float, point: Point, reason: str
     return left, right, replace(point, detail={"reason": reason})
 
 
-def probe(segment: Segment, trail: Trail) -> None:
-    """Look where a test that keeps its sign may dip through zero and back within the step."""
-    if trail.jumps or trail.changes():
-        return
+def probe(segment: Segment, trail: Trail) -> bool:
+    """Whether a test that keeps its sign dips through zero and back within the step, as smooth
+    tests do."""
     places = [0.0, 0.5, 1.0]
     for _ in range(4):
         values = [trail.deflated(u) for u in places]
         if not all(math.isfinite(value) and value != 0 for value in values):
-            return
+            return False
         vertex, depth = _parabola(places, values)
         nearest = min(values, key=abs)
         if not places[0] < vertex < places[2] or depth / nearest > 0.3:
-            return
+            return False
         if min(abs(vertex - u) for u in places) < 1e-6:
-            return
+            return False
         if any(abs(vertex - zero) < _APART for zero in trail.zeros):
-            return
+            return False
         trail.values[vertex] = measure(trail.event, segment.provisional(vertex))
         if trail.changes():
-            return
+            return True
         around = sorted([*places, vertex])
         lowest = min(range(1, 3), key=lambda i: abs(trail.deflated(around[i])))
         places = around[lowest - 1 : lowest + 2]
+    return False
 
 
 def _parabola(u: list[float], f: list[float]) -> tuple[float, float]:
@@ -91,8 +91,6 @@ def _parabola(u: list[float], f: list[float]) -> tuple[float, float]:
 def bottom(segment: Segment, trail: Trail) -> Iterator[Place]:
     """Look where the size of a test may have a kink at zero, as the least of several does: on the
     line through the middle of the step and one end of it, and from there downhill."""
-    if trail.jumps or trail.changes():
-        return
     size = {u: abs(trail.deflated(u)) for u in (0.0, 0.5, 1.0)}
     if not all(0 < value < math.inf for value in size.values()):
         return

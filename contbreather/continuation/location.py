@@ -104,7 +104,8 @@ def _events_on(segment: Segment, trails: Sequence[Trail], ends: Ends) -> Iterato
 
 
 def _dipped(segment: Segment, trail: Trail) -> Iterator[Point]:
-    probe(segment, trail)
+    if trail.jumps or trail.changes() or probe(segment, trail):
+        return
     for low, high, point in bottom(segment, trail):
         yield _special(point, trail.event, (low, high), segment)
 
@@ -132,7 +133,7 @@ def _between(
 
 def _at_ends(segment: Segment, trail: Trail, ends: Ends) -> Iterator[Point]:
     """Events at the very start or end of the walk, within rounding."""
-    if trail.jumps:
+    if trail.jumps or not (ends.first or ends.last or ends.closed):
         return
     start, end = trail.values[0.0], trail.values[1.0]
     # the distance at which the test would vanish, the same whatever the length of the step

@@ -158,8 +158,8 @@ class Problem:
 
     def evaluate(self, x: Array, params: Params) -> Array:
         """The residual, or `Undefined` where it has none."""
-        try:
-            value = _row(self.residual(x, params))
+        try:  # np.array copies: the same array may come back each time, written anew
+            value = np.array(self.residual(x, params), ndmin=1)
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
         try:  # the sum is finite unless an entry is not (or all but overflows, which is as bad)
@@ -224,12 +224,6 @@ def _real(name: str, value: Any) -> Array:
         raise BadInput(
             f"{name!r} must be a number or a one-dimensional array of numbers, got {value!r}"
         ) from error
-
-
-def _row(value: Any) -> Array:
-    """A residual as an array of its own; one equation may be a number."""
-    row = np.array(value)
-    return row if row.ndim else row[None]
 
 
 class Curve:
@@ -361,7 +355,7 @@ class Curve:
         """The residual without checks, at a possibly complex z."""
         values: dict[str, Any] = dict(self.fixed)
         values.update(zip(self.free, z[self.size :], strict=True))
-        value = _row(self.problem.residual(self.unknowns(z), values))
+        value = np.array(self.problem.residual(self.unknowns(z), values), ndmin=1)
         if value.dtype.kind == "c" and z.dtype.kind != "c":
             raise Undefined("the equations are not real")
         return value
