@@ -252,6 +252,9 @@ def _pairs(breather: Breather) -> int:
 
 def _arc_locus(point: Point) -> Locus:
     breather: Breather = point.solution
+    if breather.k == 1.0:
+        # two neutral multipliers meet on the circle, beyond the band, and leave it together
+        raise Undefined("elastic impacts: no angle in the band, bisection has to do")
     nu = closest_approach(breather.gamma, breather.k, breather.b).nu
     return Locus({"nu": nu}, _arc_conditions, _arc_derivative, domain={"k": (0.0, _ELASTIC)})
 
@@ -274,8 +277,7 @@ def _along(curve: Curve, breather: Breather, F: OnArc | Gradient) -> Array:
 
 
 def _verify_angle(point: Point) -> str:
-    nu = point.detail.get("nu")
-    if nu is None:
+    if "nu" not in point.detail and point["k"] < 1.0:
         return "a pair was seen to leave or to turn real, but no angle solves the locus"
     return ""
 

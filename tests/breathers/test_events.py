@@ -312,3 +312,14 @@ def test_the_line_of_the_papers_rule_ends_where_another_wave_comes_first() -> No
         first, second, third = pairs(end)[:3]
         assert first == pytest.approx(second, abs=1e-9)
         assert third < threshold - 1e-5
+
+
+@pytest.mark.parametrize("gamma", [0.01, 0.03, 0.1])
+def test_elastic_impacts_lose_stability_where_the_count_jumps(gamma: float) -> None:
+    branch = cb.trace(cb.symmetric(0.3, gamma, 1.0), "a", within={"a": (0.05, 1.0)})
+    point = branch.first("NS")
+    beside = [
+        cb.symmetric(point["a"] + shift, gamma, 1.0).stability().unstable for shift in (-1e-8, 1e-8)
+    ]
+    assert beside == [0, 2]
+    assert not branch.doubtful
