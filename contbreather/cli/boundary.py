@@ -31,7 +31,7 @@ KINDS = ("LP", "PF", "NS", "GR")
 
 def boundary(
     kind: Annotated[str | None, Parameter(help="LP, PF, NS or GR.")] = None,
-    where: Where = Where(),  # noqa: B008  # frozen
+    where: Where = Where(),
     *,
     pair: Annotated[tuple[str, str], Parameter(help="The two parameters to vary.", negative="")] = (
         "gamma",

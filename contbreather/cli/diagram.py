@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def diagram(
-    where: Where = Where(),  # noqa: B008  # frozen
+    where: Where = Where(),
     *,
     free: Annotated[
         str | None, Parameter(help="Parameter to vary: a, gamma, k, or a letter.")

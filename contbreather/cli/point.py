@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def point(
-    where: Where = Where(),  # noqa: B008  # frozen
+    where: Where = Where(),
     *,
     root: Root = 1,
     sites: Sites = None,

@@ -29,7 +29,7 @@ IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "accele
 
 
 def simulate(
-    where: Where = Where(),  # noqa: B008  # frozen
+    where: Where = Where(),
     *,
     sites: Annotated[
         int | None, Parameter(help="Length of the ring, 20 unless a state is given.")
