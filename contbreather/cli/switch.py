@@ -42,7 +42,7 @@ Shot = Annotated[
 
 
 def switch(
-    where: Where = Where(),  # noqa: B008  # frozen
+    where: Where = Where(),
     *,
     free: Annotated[
         str | None, Parameter(help="Parameter to vary: a, gamma, k, or a letter.")
