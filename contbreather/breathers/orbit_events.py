@@ -21,8 +21,9 @@ from contbreather.breathers.orbit_admissibility import (
     motion,
     moved,
 )
-from contbreather.breathers.orbits import Orbit
+from contbreather.breathers.orbits import EQUAL, Orbit
 from contbreather.continuation import Event, Locus, Point, fold
+from contbreather.continuation.boundary import met
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
@@ -81,6 +82,7 @@ def pitchfork_of_arms() -> Event:
         "PF",
         lambda point: _orbit(point).asymmetry,
         locus=lambda point: locus,
+        meets={"GR": ()},  # there it is an end, on the side of the arm: see `_meeting_of_arms`
         arms=_symmetric_arms,
     )
 
@@ -306,7 +308,7 @@ def _grazing_locus(point: Point) -> Locus:
         _, v, acceleration = moved(orbit, site, t)
         return wall * np.array([*rows, (v, acceleration)]).T
 
-    return Locus({"t": t}, conditions, derivative, events=(_other_grazing(site),))
+    return Locus({"t": t}, conditions, derivative, events=_ends_of_grazing(orbit, site))
 
 
 def _offset_share(orbit: Orbit, site: int | None, wall: float) -> Array:
@@ -369,11 +371,31 @@ def _answers(
     return float(total[0]), float(total[1]), float(total[2])
 
 
-def _other_grazing(site: int | None) -> Event:
-    """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
-    of the same one. So the grazing of one arm ends at the pitchfork, where the other's begins."""
+def _ends_of_grazing(orbit: Orbit, site: int | None) -> tuple[Event, ...]:
+    """What ends the grazing of one crest: another one, or the pitchfork of its arm."""
+    asymmetry = orbit.asymmetry if orbit.two_impacts else 0.0
+    if abs(asymmetry) <= EQUAL:
+        return (_other_grazing(site),)
+    side = math.copysign(1.0, asymmetry)
+    pitchfork = replace(
+        met("GR", pitchfork_of_arms()),
+        test=lambda point: side * _orbit(point.ground).asymmetry,
+        terminal=True,
+        positive=True,
+    )
+    return (pitchfork, _other_grazing(site, side))
 
-    def test(point: Point) -> float:
+
+def _other_grazing(site: int | None, side: float = 0.0) -> Event:
+    """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
+    of the same one.
+
+    The grazing of one arm ends at the pitchfork, where that of the other begins: the margin of the
+    mirrored crest vanishes there together with the asymmetry, and their ratio does not. So that
+    this end is known by one name, the margins are those per asymmetry on the `side` of the arm.
+    """
+
+    def margin(point: Point) -> float:
         orbit = _orbit(point)
         margins = admissibility(orbit)
         if site in orbit.equations.sites:
@@ -385,5 +407,11 @@ def _other_grazing(site: int | None) -> Event:
         _, _, next_highest = highest_neighbour(orbit, besides=(site, point["t"]))
         return min(1.0 - next_highest, margins.centre, margins.far)
 
-    met = Event("GR", lambda point: test(point), locus=_grazing_locus)
-    return Event("GR-GR", test, terminal=True, positive=True, met=met)
+    def test(point: Point) -> float:
+        if side == 0.0:
+            return margin(point)
+        asymmetry = side * _orbit(point).asymmetry
+        return margin(point) / asymmetry if asymmetry > EQUAL else math.nan
+
+    other = Event("GR", margin, locus=_grazing_locus)
+    return Event("GR-GR", test, terminal=True, positive=True, met=other)

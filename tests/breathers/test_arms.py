@@ -348,6 +348,26 @@ def test_grazing_line_meets_the_pitchfork_line_where_that_one_says():
         assert abs(orbit.admissibility().neighbours) < 1e-9
 
 
+@pytest.mark.parametrize("largest", [0.1, 0.007])
+def test_grazing_lines_of_both_arms_end_at_their_pitchfork_by_one_name(largest):
+    """Nothing but rounding is left there of the asymmetry and of the margin of the mirrored crest;
+    neither arm nor step may decide what the end is called."""
+    ends = []
+    for arm in arms(0.005, 0.95):
+        line = boundary(
+            arm.first("GR"),
+            ("gamma", "a"),
+            within={"gamma": (0.0, 0.2), "a": (0.05, 1.2)},
+            towards="up",
+            steps=Steps(largest=largest),
+        )
+        assert [point.kind for point in line.special[-2:]] == ["GR-NS", "GR-PF"]
+        ends.append(line[-1])
+        assert line[-1].residual < 1e-12
+        assert abs(line[-1].ground.solution.asymmetry) < 1e-12
+    assert ends[0]["gamma"] == pytest.approx(ends[1]["gamma"], abs=1e-11)
+
+
 def test_a_pair_leaves_the_circle_where_its_locus_says():
     point = pitchfork_point(0.06, 0.95)
     arm = pitchfork_arms(point, events=[orbit_neimark_sacker()], within={"a": (0, 0.95)})[0]
