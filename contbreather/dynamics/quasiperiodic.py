@@ -37,6 +37,7 @@ CLOSED = 1e-9  # how well it must close
 NEARBY = 1e-3  # so close to returning that Newton's method is asked
 RESOLVED = 1e-6  # how well two halves of a run agree on the rotation number of a torus
 STEADY = 1e-4  # how well they agree on its size
+NEUTRAL_MULTIPLIER = 1e-7  # how far beyond 1 rounding may take a multiplier
 NEUTRAL = 1e-6  # an exponent that is zero, as far as can be told
 RATIONAL = 1e-9  # how far a rotation number may be from p/q to be locked
 
@@ -213,10 +214,8 @@ def judge(run: Run) -> Verdict:
     lost = _lost(run, evidence)
     if lost is not None:
         return lost
-    closed = _closed(run, evidence)
-    if closed is not None:
-        return closed
-    return _open(run, evidence)
+    closed, repelling = _closed(run, evidence)
+    return closed or _open(run, evidence, repelling)
 
 
 def _where(run: Run) -> dict[str, float]:
@@ -258,8 +257,12 @@ def _lost(run: Run, evidence: dict[str, float]) -> Verdict | None:
     return None
 
 
-def _closed(run: Run, evidence: dict[str, float]) -> Verdict | None:
-    """Periodic or locked: it returns, or Newton's method finds a stable motion that does."""
+def _closed(run: Run, evidence: dict[str, float]) -> tuple[Verdict | None, PeriodicMotion | None]:
+    """Periodic or locked: it returns, or Newton's method finds a stable motion that does.
+
+    Where the motion that it finds repels, that is given back too: a run returns to it for as long
+    as rounding takes to grow, and is none the less about to leave.
+    """
     x = np.concatenate(run.strobe, axis=1)
     longest = min(LONGEST, len(x) // 3)
     gaps = np.array(
@@ -267,29 +270,50 @@ def _closed(run: Run, evidence: dict[str, float]) -> Verdict | None:
     )
     n = 1 + int(np.argmax(gaps < max(CLOSED, 2.0 * gaps.min())))
     evidence |= {"return": float(gaps[n - 1]), "periods": float(n)}
+    repelling = None
     # a spiral into a fixed point nearly closes after many numbers of periods: ask for 1 first
     for candidate in dict.fromkeys((1, n)):
         if gaps[candidate - 1] < NEARBY:
-            found = _attractor(run, candidate)
-            if found is not None:
-                return _periodic(run, evidence, found)
+            found = _next_to(run, candidate)
+            if found is not None and found.largest < 1.0 + NEUTRAL_MULTIPLIER:
+                return _periodic(run, evidence, found), None
+            repelling = repelling or found
     if gaps[n - 1] > CLOSED:
-        return None
-    reason = f"returns after {n} to {gaps[n - 1]:.1g}, its multipliers were not found"
-    return Verdict(Kind.PERIODIC if n == 1 else Kind.LOCKED, reason, evidence, run)
+        return None, repelling
+    if repelling is not None:
+        return Verdict(Kind.UNDECIDED, _repels(run, evidence, repelling), evidence, run), repelling
+    reason = (
+        f"returns after {n} to {gaps[n - 1]:.1g}; Newton's method does not find its multipliers, "
+        "so it may attract or repel"
+    )
+    return Verdict(Kind.PERIODIC if n == 1 else Kind.LOCKED, reason, evidence, run), None
 
 
-def _attractor(run: Run, periods: int) -> PeriodicMotion | None:
-    """The motion of that many periods near the end of the run, unless it repels."""
+def _next_to(run: Run, periods: int) -> PeriodicMotion | None:
+    """The motion of that many periods next to the end of the run, attracting or not."""
     c = run.conditions
     settings: dict[str, Any] = {**c.as_params(), "forcing": c.forcing, "t0": run.times[0]}
     try:
         found = periodic(run.final, periods=periods, **settings)
     except NotConverged:
         return None
+    return found if _distance(run, found) < 10.0 * NEARBY else None
+
+
+def _distance(run: Run, found: PeriodicMotion) -> float:
+    """How far the end of a run is from a motion."""
     last = np.concatenate([run.strobe.u[-1], run.strobe.v[-1]])
-    distance = float(np.abs(np.concatenate(found.state) - last).max())
-    return found if distance < 10.0 * NEARBY and found.largest < 1.0 + 1e-7 else None
+    return float(np.abs(np.concatenate(found.state) - last).max())
+
+
+def _repels(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> str:
+    """The sentence on a run next to a motion that repels."""
+    evidence["multiplier"] = found.largest
+    after = "a period" if found.periods == 1 else f"{found.periods} periods"
+    return (
+        f"{_distance(run, found):.1g} from a motion that repeats after {after}, largest multiplier "
+        f"{found.largest:.6g}: it repels"
+    )
 
 
 def _periodic(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> Verdict:
@@ -306,8 +330,12 @@ def _periodic(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> Ve
     return Verdict(Kind.LOCKED, f"{p}:{n}, {reason}", evidence, run)
 
 
-def _open(run: Run, evidence: dict[str, float]) -> Verdict:
-    """Not closed: a torus if its rotation number converges, chaos if an exponent is positive."""
+def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None) -> Verdict:
+    """Not closed: a torus if its rotation number converges, chaos if an exponent is positive.
+
+    Next to a motion that repels a positive exponent is no chaos, but that motion's own; a steady
+    torus around it is a torus all the same.
+    """
     c = run.conditions
     settings: dict[str, Any] = {**c.as_params(), "forcing": c.forcing, "t0": run.times[0]}
     turn = rotation(*run.strobe)
@@ -326,9 +354,11 @@ def _open(run: Run, evidence: dict[str, float]) -> Verdict:
         "frequencies": float(neutral),
     }
     words = f"largest exponent {exponent:.2g} ({error:.0e})"
-    if exponent > max(5.0 * error, 1e-3):
+    if repelling is None and exponent > max(5.0 * error, 1e-3):
         return Verdict(Kind.CHAOTIC, words, evidence, run)
     if turn.error > RESOLVED or turn.hole < 1e-3 or turn.drift > STEADY:
+        if repelling is not None:
+            return Verdict(Kind.UNDECIDED, _repels(run, evidence, repelling), evidence, run)
         words = (
             f"rotation number {turn.number:.6f} ({turn.error:.0e}), the section's size changes by "
             f"{turn.drift:.0e}, {words}"

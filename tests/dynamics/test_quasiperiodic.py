@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from contbreather.breathers import symmetric
-from contbreather.dynamics import Kind, rotation, simulate, verdict
+from contbreather.dynamics import Kind, State, periodic, rotation, simulate, verdict
+from contbreather.dynamics.quasiperiodic import judge
 from contbreather.dynamics.tangent import weighted_mean
 from contbreather.errors import BadInput
 
@@ -165,6 +167,44 @@ def test_what_has_not_settled_is_called_undecided():
     state = symmetric(0.1, 0.084, 0.8).state(20)
     found = verdict(state, **conditions, settle=500, periods=300)
     assert found.kind is Kind.UNDECIDED
+
+
+REPELLING = [
+    # a, gamma, k, damping, sites, settle, periods: returns at once, after 3, leaving for long
+    (0.1, 0.08, 0.8, 0.0, 20, 100, 100),
+    (0.5, 0.05, 1.0, 0.0, 20, 60, 100),
+    (0.2, 0.11, 0.8, 0.005, 20, 0, 100),
+    (0.1, 0.08, 0.8, 0.0, 20, 600, 600),
+]
+
+
+@pytest.mark.parametrize(("a", "gamma", "k", "damping", "sites", "settle", "periods"), REPELLING)
+def test_run_next_to_a_motion_that_repels_is_undecided(
+    a, gamma, k, damping, sites, settle, periods
+):
+    """Neither what returns until rounding has grown is periodic, nor its own exponent chaos."""
+    conditions = {"a": a, "gamma": gamma, "k": k, "damping": damping}
+    t0 = 0.5 * math.pi if k == 1.0 else 0.0  # with k = 1 it hits at t = 0
+    own = periodic(symmetric(a, gamma, k).state(sites, t0), symmetric=True, t0=t0, **conditions)
+    assert own.largest > 1.01
+    found = verdict(own.state, settle=settle, periods=periods, t0=t0, **conditions)
+    assert found.kind is Kind.UNDECIDED, str(found)
+    assert found.evidence["multiplier"] == pytest.approx(own.largest, rel=1e-6)
+    assert "it repels" in found.reason
+
+
+def test_small_torus_around_a_motion_that_repels_is_a_torus():
+    """Just beyond its Neimark-Sacker bifurcation a motion repels, but what is next to it stays."""
+    conditions = {"a": 0.15, "gamma": 0.0995, "k": 0.8, "damping": 0.02}
+    own = periodic(symmetric(0.15, 0.0995, 0.8).state(20), symmetric=True, **conditions)
+    assert own.largest > 1.0 + 1e-7
+    run = own.run(periods=1000)
+    angle = 2.0 * math.pi * GOLDEN * np.arange(1001)
+    waves = 1e-4 * np.stack([np.cos(angle), np.sin(angle)])
+    around = State(*(x + wave[:, None] for x, wave in zip(own.state, waves, strict=True)))
+    found = judge(replace(run, strobe=around, final=State(around.u[-1], around.v[-1])))
+    assert found.kind is Kind.QUASI_PERIODIC, str(found)
+    assert found.evidence["rotation"] == pytest.approx(1.0 - GOLDEN, abs=1e-9)
 
 
 def test_verdict_on_too_short_a_time_is_refused():
