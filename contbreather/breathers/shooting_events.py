@@ -24,10 +24,10 @@ from contbreather.breathers.clearance import (
 )
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary
-from contbreather.breathers.ring_orbit import RingOrbit
+from contbreather.breathers.ring_orbit import EPS, RingOrbit
 from contbreather.continuation import Event, Locus, Point, branch_point, fold
 from contbreather.continuation.derivatives import differences
-from contbreather.continuation.newton import Undefined
+from contbreather.continuation.newton import Undefined, newton
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
 from contbreather.errors import BadInput
@@ -37,6 +37,8 @@ Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
 
 PAPER = 1.005  # over the whole period
 REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
+ASIDE = 1e-6  # impacts closer than this happen at once
+STRIDE = 1e-3  # from a point to where the direction of an arm is looked for
 DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
 
@@ -96,7 +98,39 @@ def branching() -> Event:
         whole = np.vstack([point.curve.jacobian(point.z), point.curve.dual(point.tangent)])
         return _in_units_of_flight(section, whole, section.itinerary.sign)
 
-    return replace(branch_point(), test=test)
+    plain = branch_point()
+
+    def arms(point: Point) -> tuple[Seed, ...]:
+        assert plain.arms is not None
+        seeds = plain.arms(point)
+        if _kinked(point, np.asarray(seeds[0].tangent)):
+            return tuple(_one_sided(point, seed) for seed in seeds)
+        return seeds
+
+    return replace(plain, test=test, arms=arms)
+
+
+def _kinked(point: Point, across: FloatArray) -> bool:
+    """Whether impacts that happen at once come apart along a direction. Their order is another one
+    on either side, and the equations are differentiable only once across it."""
+    m = point.solution.itinerary.count
+    same = abs(np.subtract.outer(point.z[:m], point.z[:m])) < ASIDE
+    return bool((same & (abs(np.subtract.outer(across[:m], across[:m])) > ASIDE)).any())
+
+
+def _one_sided(point: Point, seed: Seed) -> Seed:
+    """An arm that leaves with a kink: its direction is that of solutions found beside the point."""
+    curve, start = point.curve, np.asarray(seed.z)
+    across, near = np.asarray(seed.tangent), []
+    for distance in (STRIDE, 2.0 * STRIDE):
+        row = curve.dual(across)
+        guess = start + distance * across
+        found = newton(curve.equations, curve.jacobian, guess, row=row, metric=curve.metric)
+        if not found.converged:
+            raise Undefined("impacts at once come apart along an arm, and it was not found beside")
+        near.append(found.z)
+    tangent = curve.normalised(4.0 * near[0] - near[1] - 3.0 * start)
+    return seed._replace(tangent=tangent)
 
 
 def ring_neimark_sacker(threshold: float = PAPER) -> Event:
@@ -106,8 +140,12 @@ def ring_neimark_sacker(threshold: float = PAPER) -> Event:
     if not 1.0 <= threshold < math.inf:
         raise BadInput(f"threshold = {threshold}: a finite modulus of at least 1 is wanted.")
 
-    def beyond(point: Point) -> bool:
+    def beyond(point: Point) -> float | bool:
         orbit: RingOrbit = point.solution
+        # where an impact loses its velocity one multiplier grows beyond all bounds, and with it
+        # the rounding of all others: no pair can be told from that
+        if EPS * np.linalg.norm(orbit.section.monodromy) > REAL:
+            return math.nan
         return bool((abs(_upper(orbit)) > _radius(orbit, threshold)).any())
 
     return Event("NS", beyond, locus=lambda point: _circle_locus(point, threshold))

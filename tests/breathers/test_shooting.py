@@ -921,6 +921,45 @@ def test_neighbours_in_phase_move_alike() -> None:
     assert orbit.displacement(-3, t) == pytest.approx(orbit.displacement(4, t), abs=1e-12)
 
 
+@functools.cache
+def together(top: float = 0.45) -> cb.Branch:
+    """Neighbours that hit their walls at once."""
+    start = shooting(
+        {"t1": -2.8, "t2": -2.8}, a=0.4, sites=RING, sequence=((0, 1), (1, 1)), symmetric=True, **AT
+    )
+    return cb.trace(start, "a", within={"a": (0.05, top)})
+
+
+def test_arms_on_which_impacts_at_once_come_apart_leave_with_a_kink() -> None:
+    """Their order is another one on either side, so the amplitude falls like |t1 - t2|: no tangent
+    at the branch point tells that. All that is found flies back to itself."""
+    point = together().first("BP")
+    arms = switch(point, within={"a": (0.05, 0.3)}, steps=cb.Steps(first=1e-3))
+    for arm, side in zip(arms, (1, -1), strict=True):
+        away = arm[1]["t1"] - arm[1]["t2"]
+        assert math.copysign(1.0, away) == side
+        # by Newton's iteration with the times held a thousandth apart
+        assert (arm[1]["a"] - point["a"]) / abs(away) == pytest.approx(-0.01577, rel=1e-3)
+        for one in (arm[2], arm[len(arm) // 2], arm[-1]):
+            orbit = one.solution
+            assert orbit.admissibility().ok
+            u, v = orbit.state(t=0.3)
+            run = cb.simulate((u, v), a=orbit.a, t0=0.3, periods=1, **AT)
+            assert run.final[0] == pytest.approx(u, abs=1e-11)
+            assert run.final[1] == pytest.approx(v, abs=1e-11)
+
+
+def test_no_pair_is_seen_where_an_impact_loses_its_velocity() -> None:
+    """There one multiplier grows beyond 1e20, and its rounding makes pairs of all others."""
+    branch = cb.trace(
+        shooting(cb.symmetric(0.5, 0.04, 0.8), sites=RING), "a", within={"a": (0.03, 1.2)}
+    )
+    end = branch.first("GR1")
+    assert abs(end.solution.hits[0].before) < 1e-9
+    assert end["a"] == pytest.approx(1.0, abs=1e-9)
+    assert [p.label for p in branch.special if p.kind == "NS" and p["a"] > 0.9] == []
+
+
 def test_columns_name_times_momentum_and_offset() -> None:
     branch = arm()
     wanted = {"t1", "t2", "p", "c", "asymmetry", "unstable", "condition", "a", "gamma", "k"}
