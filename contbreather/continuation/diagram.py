@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import BadInput, ContbreatherError
+from ..errors import BadInput, ContbreatherError, NotConverged
 from .branch import Branch, Point, Stop
 from .events import Event
 from .problem import Problem
@@ -363,13 +363,14 @@ class _Growth:
         within = {n: bounds for n, bounds in self.within.items() if n in seed.problem.names}
         glance = replace(self.steps, most=1)
         first = follow(place.point, seed, within=within, events=(), steps=glance, progress=False)
-        known = recognised(first[-1], self.branches)
+        reach = first.curve.length(first[-1].z - first[0].z)
+        known = recognised(first[-1], self.branches, reach)
         if known is not None and (known.simpler or not known.image):
-            self._meet(place, known)
+            self._meet(place, known, seed)
             return
         depth = self.births[place.branch].depth + 1
         image_of = None if known is None else known.branch
-        small = simplest(first[-1])
+        small = simplest(first[-1], reach)
         if small is not first[-1]:
             arm = self._walk_through(small)
         else:
@@ -394,7 +395,13 @@ class _Growth:
         same = problem.residual is point.curve.problem.residual
         return self.events if same else None
 
-    def _meet(self, place: Place, known: Likeness) -> None:
+    def _meet(self, place: Place, known: Likeness, seed: Seed) -> None:
+        larger = seed.problem.residual is not self.branches[place.branch].problem.residual
+        if larger and known.branch == place.branch:  # else a curve that crosses itself
+            raise NotConverged(
+                "an arm cannot be told from the branch it was to leave; shorter first steps, or "
+                "switch by hand"
+            )
         meeting = Meeting(place, known.branch)
         if meeting not in self.met:
             self.met.append(meeting)

@@ -3,28 +3,32 @@ problem."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import NotConverged
 from .branch import Branch, Point
 from .newton import OUT_OF_DOMAIN
-from .problem import Curve
+from .problem import Curve, Problem
 from .segment import Segment
 
 Array = NDArray[np.float64]
 
 _SAME = 1e-6  # relative distance of solutions that are the same
+_APART = 1e-3  # and of solutions near the place that both come from, relative to the way from it
 _OFF = 0.1  # how far off the chord of a step its curve may be, relative to the step
 
 
-def lies_on(point: Point, branch: Branch) -> bool:
+def lies_on(point: Point, branch: Branch, reach: float = math.inf) -> bool:
     """Whether a solution lies on a branch between its ends, at any place.
 
     False where it cannot be told: the branch has other unknowns, or other parameters than the
-    free one differ.
+    free one differ. `reach` is the distance from a place where curves meet to the point on one of
+    them: what is less close than a thousandth of it is on another one.
 
     Examples
     --------
@@ -39,8 +43,8 @@ def lies_on(point: Point, branch: Branch) -> bool:
     """
     z = placed(point, branch.curve)
     if z is None or len(branch) < 2:
-        return z is not None and _same(branch.curve, branch[0].z, z)
-    return any(_on_segment(z, *branch.points[i : i + 2]) for i in _near(z, branch))
+        return z is not None and _same(branch.curve, branch[0].z, z, reach)
+    return any(_on_segment(z, reach, *branch.points[i : i + 2]) for i in _near(z, branch))
 
 
 def placed(point: Point, curve: Curve) -> Array | None:
@@ -56,8 +60,8 @@ def placed(point: Point, curve: Curve) -> Array | None:
     return np.append(point.x, [params[name] for name in curve.free])
 
 
-def _same(curve: Curve, one: Array, other: Array) -> bool:
-    return curve.length(one - other) <= _SAME * (1 + curve.length(one))
+def _same(curve: Curve, one: Array, other: Array, reach: float = math.inf) -> bool:
+    return curve.length(one - other) <= min(_SAME * (1 + curve.length(one)), _APART * reach)
 
 
 def _near(z: Array, branch: Branch) -> list[int]:
@@ -74,10 +78,10 @@ def _near(z: Array, branch: Branch) -> list[int]:
     return [int(i) for i in np.flatnonzero(close)]
 
 
-def _on_segment(z: Array, first: Point, last: Point) -> bool:
+def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
     """Whether z is the point of the curve between two neighbours, found anew beside it."""
     curve = first.curve
-    if _same(curve, first.z, z) or _same(curve, last.z, z):
+    if _same(curve, first.z, z, reach) or _same(curve, last.z, z, reach):
         return True
     if last.arclength - first.arclength < _SAME * (1 + curve.length(z)):
         return False
@@ -87,9 +91,10 @@ def _on_segment(z: Array, first: Point, last: Point) -> bool:
     if not 0.0 < u < 1.0:
         return False
     try:
-        return _same(curve, segment.at(u).z, z)
+        return _same(curve, segment.at(u).z, z, reach)
     except OUT_OF_DOMAIN:  # beside a branch point Newton's iteration may end on the other curve
-        return bool(curve.length(segment.guess(u)[0] - z) < 1e-3 * segment.length)
+        off = curve.length(segment.guess(u)[0] - z)
+        return bool(off < 1e-3 * min(segment.length, reach))
 
 
 @dataclass(frozen=True)
@@ -101,19 +106,22 @@ class Likeness:
     simpler: bool = False
 
 
-def recognised(point: Point, branches: Iterable[Branch]) -> Likeness | None:
-    """The first of `branches` on which a solution lies, itself or one of its images."""
+def recognised(
+    point: Point, branches: Iterable[Branch], reach: float = math.inf
+) -> Likeness | None:
+    """The first of `branches` on which a solution lies, itself or one of its images; `reach` as
+    for `lies_on`."""
     known = list(branches)
     for i, branch in enumerate(known):
-        if lies_on(point, branch):
+        if lies_on(point, branch, reach):
             return Likeness(i)
-    small = simplest(point)
+    small = simplest(point, reach)
     if small is not point:
-        found = recognised(small, known)
+        found = recognised(small, known, reach)
         return found and replace(found, simpler=True)
     for image in images(point):
         for i, branch in enumerate(known):
-            if lies_on(image, branch):
+            if lies_on(image, branch, reach):
                 return Likeness(i, image=True)
     return None
 
@@ -129,14 +137,25 @@ def images(point: Point) -> Iterator[Point]:
         yield replace(point, z=z)
 
 
-def simplest(point: Point) -> Point:
-    """The solution in the smallest problem that has it."""
+def simplest(point: Point, reach: float = math.inf) -> Point:
+    """The solution in the smallest problem that has it; `reach` as for `lies_on`."""
     problem = point.curve.problem
     small = None if problem.simpler is None else problem.simpler(point)
-    if small is None:
+    if small is None or not _solves(small, reach):
         return point
     curve = Curve(small, point.curve.free)
-    return simplest(Point(curve, curve.start, np.empty(0), 0.0, point.residual))
+    return simplest(Point(curve, curve.start, np.empty(0), 0.0, point.residual), reach)
+
+
+def _solves(small: Problem, reach: float) -> bool:
+    """Whether the start of a problem is a solution, and not only close to one."""
+    if math.isinf(reach):
+        return True
+    try:
+        found, _ = small.solve()
+    except NotConverged:
+        return False
+    return _same(Curve(small, ()), small.x, found.x, reach)
 
 
 def same_place(one: Point, other: Point) -> bool:

@@ -202,6 +202,32 @@ def test_the_cascade_grows_by_itself() -> None:
     assert tree.failed == ()
 
 
+def test_the_cascade_goes_on_where_cycles_are_all_but_their_parents() -> None:
+    """A cycle of period 32 is born 1e-5 beside its parent: told apart by the way from the place."""
+    logistic = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
+    tree = diagram(logistic, "r", within={"r": (1.5, 3.5698)}, depth=6)
+    labels = [branch.problem.label for branch in tree]
+    assert labels == ["fixed point", *(f"cycle of period {2**i}" for i in range(1, 7))]
+    assert (tree.met, tree.failed, tree.left) == ((), (), ())
+
+
+def test_an_arm_that_is_its_own_parent_is_a_failure_and_no_meeting() -> None:
+    def arms(point: object) -> tuple[Seed, ...]:
+        own = point.problem
+        twice = Problem(
+            lambda x, p: np.concatenate([own.residual(x[:1], p), own.residual(x[1:], p)]),
+            {"x": point["x"], "y": point["x"]},
+            {"mu": point["mu"]},
+            simpler=lambda there: own.at(x=there["x"], mu=there["mu"]),
+        )
+        return (Seed(twice, np.append(twice.x, point["mu"]), np.array([1.0, 1.0, 1.0])),)
+
+    mine = scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5})
+    tree = diagram(mine, "mu", within=MU, events=[Event("ODD", lambda p: p["mu"], arms=arms)])
+    assert (len(tree), tree.met, len(tree.failed)) == (1, (), 1)
+    assert "cannot be told from the branch it was to leave" in str(tree.failed[0])
+
+
 def test_a_bubble_of_doubled_cycles_closes_on_both_doublings() -> None:
     """``1 - (1 - e^2) x^2``: a cycle of period 2 between e = -1/2 and 1/2 and nowhere else."""
     mine = FixedPoint(lambda x, p: 1 - (1 - p["e"] ** 2) * x * x, {"x": 0.6}, {"e": -0.9})
