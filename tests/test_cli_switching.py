@@ -71,6 +71,19 @@ def test_both_arms_are_told_with_normal_form_stability_and_end(
     assert Path("arms.png").stat().st_size > 10_000
 
 
+def test_both_arms_are_told_to_be_stable_alike(run: Callable[[str], Output]) -> None:
+    """They are mirror images. At PF1 and NS1 a multiplier is on the circle, so that no count is
+    told there; no point of the walk lies between NS1 and EP2, and yet that piece is described."""
+    out = run("switch --a 0.82 --gamma 0.04 --k 0.8 --free k")[1]
+    for arm in (1, 2):
+        assert f"Arm {arm}, PF1 to NS1: stable on the infinite chain." in out
+        rest = f"Arm {arm}, NS1 to EP2: unstable, multipliers outside: 2, on the infinite chain."
+        assert rest in out
+        for label in ("PF1", "NS1"):
+            (row,) = (line for line in out.splitlines() if f"{arm} │ {label} " in line)
+            assert row.rstrip("│ ").endswith("–")
+
+
 def test_arms_in_json_are_those_of_the_library(run: Callable[[str], Output]) -> None:
     content = strict(run(f"{SWITCH} --json")[1])
     branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.0, 2.0)})

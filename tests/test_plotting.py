@@ -7,12 +7,14 @@ import os
 import stat
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather.breathers.shooting import shooting
 from contbreather.breathers.zones import Zones, zones
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
@@ -74,6 +76,21 @@ def test_line_changes_its_style_at_the_fold_and_at_the_pitchfork(in_a: Branch) -
     assert [line.get_linestyle() for line in drawn] == ["--", "-", "--"]
     ends = [line.get_xdata()[-1] for line in drawn[:-1]]
     assert ends == pytest.approx([in_a.first("LP")["a"], in_a.first("PF")["a"]], abs=1e-12)
+
+
+def test_piece_between_two_special_points_is_drawn_by_what_lies_inside() -> None:
+    """Without any other point on the branch: the count at the ends is of multipliers on the
+    circle, on one side of it or on the other."""
+    ring = shooting(cb.symmetric(0.5, 0.04, 0.8), sites=20)
+    branch = cb.trace(ring, "a", within={"a": (0.25, 0.9)})
+    bare = replace(branch, points=branch.special)
+    assert [point.label for point in bare] == ["EP1", "NS1", "NS2", "PF1", "EP2"]
+    drawn = {line.get_xdata()[0]: line.get_linestyle() for line in curves(plot(bare))}
+    assert list(drawn.values()) == ["-", "--", "-", "--"]
+    for point, after in itertools.pairwise(bare):
+        middle = cb.symmetric(0.5 * (point["a"] + after["a"]), 0.04, 0.8)
+        verdict = middle.stability(20, threshold=1.005)
+        assert drawn[point["a"]] == ("--" if verdict.unstable else "-")
 
 
 def test_problem_without_a_count_of_unstable_directions_is_one_solid_line() -> None:

@@ -129,7 +129,10 @@ def _table(arms: Sequence[Branch]) -> Sheet:
     free, there = arms[0].free, columns_of(arms[0])
     names = [free, *(name for name in SHOWN if name in there)]
     lines = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm.special]
-    own = [Column(name, [point[name] for _, point in lines], spare=name in TIMES) for name in names]
+    own = [
+        Column(name, [arms[i - 1].shown(point, name) for i, point in lines], spare=name in TIMES)
+        for name in names
+    ]
     first = Column("arm", [i for i, _ in lines])
     labels = Column("label", [_name(point) for _, point in lines])
     return Sheet([first, labels, *own], title=f"{arms[0].problem.label} in {free}")
@@ -143,11 +146,15 @@ def _name(point: Point) -> str:
 
 def _stretches(arm: Branch) -> Iterator[str]:
     """Between which of its special points an arm is stable, and on which chain."""
+    from contbreather.continuation.refine import between
+
     sites = arm[0].lattice.sites
     on = "the infinite chain" if sites is None else f"a ring of {sites} (threshold {PAPER})"
     marks = [i for i, point in enumerate(arm) if point.kind]
     for i, j in pairwise(marks):
-        counts = {point["unstable"] for point in arm.points[i + 1 : j]}
+        # at special points the count is of a multiplier on the circle: rounding decides it
+        inside = arm.points[i + 1 : j] or (between(arm[i], arm[j]),)
+        counts = {point["unstable"] for point in inside if point is not None}
         if counts:
             found = ", ".join(str(count) for count in sorted(counts))
             word = "stable" if counts == {0} else f"unstable, multipliers outside: {found},"

@@ -288,7 +288,7 @@ class Branch:
         points = self.special
         columns = [Column("label", [p.label if p.located else f"{p.label}?" for p in points])]
         columns += [
-            Column(name, [self._shown(point, name) for point in points])
+            Column(name, [self.shown(point, name) for point in points])
             for name in names
             if np.ndim(start[name]) == 0
         ]
@@ -298,12 +298,13 @@ class Branch:
         ]
         return Sheet(columns, self.describe()).table(width)
 
-    def _shown(self, point: Point, name: str) -> complex | None:
-        """A number of a point, but no count where rounding decides it."""
+    def shown(self, point: Point, name: str) -> complex | None:
+        """A number of one of its points, but no count where rounding decides it."""
         value: complex = point[name]
         if name not in self.problem.record or not isinstance(value, int | np.integer):
             return value
-        kinds, together = set(point.kind.split("-")), self.problem.adjoined
+        left = point.detail.get("parent", point)  # an arm sets out at the point that it left
+        kinds, together = set(left.kind.split("-")), self.problem.adjoined
         if together is not None and together.event is not None:
             kinds.add(together.event.kind)
         return value if kinds <= _CLEAR else None

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation import Branch, Point
+from contbreather.continuation.refine import between
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import CYCLE, GREY, axes_or_new, marker, size, symbol
 from contbreather.plotting.labels import Labels
@@ -149,7 +150,8 @@ def _value(point: Point, name: str) -> float:
 def _unstable(branch: Branch) -> NDArray[np.bool_]:
     """For each stretch between two points: is the solution on it unstable?
 
-    At a special point the count is of a multiplier on the circle, so its neighbours decide.
+    At a special point the count is of a multiplier on the circle, so its neighbours decide, and
+    between two special points one more that lies there.
     """
     stretches = np.zeros(max(len(branch) - 1, 0), dtype=bool)
     if STABILITY not in branch.names or branch.problem.adjoined is not None:
@@ -157,8 +159,12 @@ def _unstable(branch: Branch) -> NDArray[np.bool_]:
     unstable = np.asarray(branch[STABILITY]) > 0
     special = np.array([bool(point.kind) for point in branch])
     for i in range(stretches.size):
-        ends = [j for j in (i, i + 1) if not special[j]] or [i, i + 1]
-        stretches[i] = any(unstable[j] for j in ends)
+        ends = [j for j in (i, i + 1) if not special[j]]
+        inside = None if ends else between(branch[i], branch[i + 1])
+        if inside is not None:
+            stretches[i] = inside[STABILITY] > 0
+        else:
+            stretches[i] = any(unstable[j] for j in ends or (i, i + 1))
     return stretches
 
 
