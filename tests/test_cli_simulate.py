@@ -96,6 +96,28 @@ def test_elastic_breather_is_not_started_at_its_impact(run):
     assert content["final"]["t"] == pytest.approx(20.25 * 2.0 * np.pi, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("periods", "length", "few"),
+    [
+        ("0.5", "0.5 periods", "0.5 periods are too few"),
+        ("1", "1 period", "1 period is too few"),
+        ("2", "2 periods", "2 periods are too few"),
+    ],
+)
+def test_length_is_said_as_it_was(run, periods, length, few):
+    _, out, _ = run(f"{STABLE} --sites 4 --periods {periods}")
+    assert out.startswith(f"Ring of 4, rigid walls, {length}\n")
+    assert f"No verdict: {few}, give at least 100." in out
+
+
+def test_smooth_run_too_short_for_a_verdict_has_no_empty_table(run):
+    _, out, _ = run(f"{STABLE} --sites 4 --smooth 6 --periods 1")
+    assert out.splitlines() == [
+        "Ring of 4, smooth walls, m = 6, 1 period",
+        "No verdict: 1 period is too few, give at least 100.",
+    ]
+
+
 def test_short_run_has_no_verdict_and_says_what_is_needed(run):
     assert "20 periods are too few, give at least 100" in run(f"{STABLE} --periods 20")[1]
 
@@ -209,6 +231,59 @@ def test_interrupted_run_writes_what_it_has(run, monkeypatch):
     assert len(table("s.csv")) == content["periods"] + 1
 
 
+def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monkeypatch):
+    from contbreather.dynamics import impacting, quasiperiodic
+
+    walk = impacting.walk
+
+    def stopped(*args, **kwargs):
+        for i, one in enumerate(walk(*args, **kwargs)):
+            if i == 6:
+                raise KeyboardInterrupt
+            yield one
+
+    def again(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(impacting, "walk", stopped)
+    monkeypatch.setattr(quasiperiodic, "judge", again)
+    line = f"{STABLE} --sites 4 --periods 100000 --csv s.csv --final f.json"
+    status, out, err = run(line)
+    assert status == INTERRUPTED
+    assert "interrupted: writing and judging what there is; Ctrl-C again: no verdict" in err
+    assert "No verdict: interrupted before it was found." in out
+    assert "Wrote s.csv." in out
+    assert len(table("s.csv")) > 100
+    assert state_of({"final": json.loads(Path("f.json").read_text())}).shape == (2, 4)
+
+
+def test_interruption_while_judging_a_finished_run_keeps_its_files(run, monkeypatch):
+    from contbreather.dynamics import quasiperiodic
+
+    def stopped(_):
+        assert Path("s.csv").exists()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(quasiperiodic, "judge", stopped)
+    status, out, _ = run(f"{STABLE} --sites 4 --periods 120 --csv s.csv --json")
+    content = json.loads(out)
+    assert (status, content["interrupted"], content["periods"]) == (INTERRUPTED, True, 120)
+    assert content["impacts"]["total"] == 240
+    assert len(table("s.csv")) == 121
+
+
+def test_interruption_inside_newtons_method_is_not_taken_for_its_failure(monkeypatch):
+    from contbreather.dynamics import impacting, periodic
+
+    def stopped(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    state = cb.symmetric(0.1, 0.08, 0.8).state(4)
+    monkeypatch.setattr(impacting, "walk", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        periodic(state, a=0.1, gamma=0.08, k=0.8, damping=0.02)
+
+
 # --- files, refusals ------------------------------------------------------------------------------
 
 
@@ -231,6 +306,18 @@ REFUSED = {
         "simulate --a 0.95 --gamma 0.1 --k 0.8",
         r"site 1 reaches .* give a state with --start",
     ),
+    "through a wall, one stop": (
+        "simulate --a 0.99 --gamma 0.2 --k 0.8",
+        r"[^.]; give a state with --start instead\n",
+    ),
+    "half a site": (f"{LOST} --sites 2.5", r"--sites 2\.5: a whole number was wanted"),
+    "half a seed": (f"{LOST} --seed 1.9", r"--seed 1\.9: a whole number was wanted"),
+    "heavy damping": (f"{STABLE[:-5]} 1e12", r"damping = 1000000000000\.0: .* at most 1e4"),
+    "too long": (f"{LOST} --periods 1e13", r"periods = 10000000000000\.0: a length .* to 1e12"),
+    "too soft": (f"{LOST} --smooth 0.3", r"m = 0\.3: a hardness .* 0\.5 to 1e4 .* any real one"),
+    "too hard": (f"{LOST} --smooth 1e5", r"m = 100000\.0: a hardness .* 0\.5 to 1e4"),
+    "one place for two": (f"{LOST} --csv a.csv --impacts ./a.csv", r"give different names"),
+    "one figure for two": (f"{LOST} --final a.png -o ./a.png", r"give different names"),
     "no sites": (f"{LOST} --sites 0", r"a ring needs a whole number of sites"),
     "negative damping": (f"{STABLE[:-5]} -0.01", r"damping = -0\.01: a damping .* at least 0"),
     "negative length": (f"{LOST} --periods -3", r"periods = -3\.0: a length"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -40,8 +41,19 @@ def check_places(table: str | None, figure: str | None) -> None:
         writable(table)
     if figure is not None:
         figure_path(figure)
-    if table is not None and figure is not None and Path(table) == Path(figure):
-        raise BadInput(f"--csv and --output both name {table}; give them different names")
+    check_distinct({"--csv": table, "--output": figure})
+
+
+def check_distinct(places: Mapping[str, str | None]) -> None:
+    """Refuse one file under two options, however its name is written."""
+    taken: dict[str, str] = {}
+    for option, path in places.items():
+        if path is None:
+            continue
+        real = os.path.realpath(path)
+        if real in taken:
+            raise BadInput(f"{taken[real]} and {option} both name {path}; give different names")
+        taken[real] = option
 
 
 def say(*lines: object, quiet: bool = False) -> None:

@@ -1,9 +1,12 @@
-"""What a run shows a person: its impacts, how long its breather lived, and a verdict."""
+"""What a run shows a person: its impacts, how long its breather lived, and a verdict.
+
+A run and its verdict are two steps: what took long to simulate is on disk before it is judged.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -18,43 +21,53 @@ class Seen:
     """A run (of a stream its last periods), what it is in the end, and how it ended."""
 
     run: Run | SmoothRun
-    kind: str
-    reason: str
-    evidence: dict[str, float]
     periods: int
-    by_site: dict[int, int] | None
-    lost: int | None
     interrupted: bool
     stop: str
     stream: Recording | None = None
+    by_site: dict[int, int] | None = None
+    lost: int | None = None
+    kind: str = "UNDECIDED"
+    reason: str = "no verdict: interrupted before it was found"
+    evidence: dict[str, float] = field(default_factory=dict)
 
 
 def seen_of(run: Run | SmoothRun) -> Seen:
-    """What a whole run shows."""
-    from contbreather.dynamics import Run, RunStop
-    from contbreather.paper.fates import life
+    """A whole run and how it ended, not judged yet."""
+    from contbreather.dynamics import RunStop
 
-    by_site, lost = None, None
-    if isinstance(run, Run):
-        by_site = _counted([run.impacts])
-        lost = life(run) if run.periods else None
-    interrupted = run.stop is RunStop.INTERRUPTED
     stop = getattr(run, "reason", "") or run.stop.value
-    return Seen(run, *_judged(run), run.periods, by_site, lost, interrupted, stop)
+    return Seen(run, run.periods, run.stop is RunStop.INTERRUPTED, stop)
 
 
 def seen_in(kept: Recording, wanted: int) -> Seen:
-    """What a run on disk shows: it is read piece by piece, only its end is held."""
+    """A run on disk, not judged yet: it is read piece by piece, only its end is held."""
     from contbreather.dynamics import RunStop
 
     run = _end_of(kept, 2 * JUDGED)
     interrupted = kept.stop is RunStop.DONE and kept.periods < wanted
-    by_site = _counted(one.impacts for one in kept.stretches())
     stop = run.reason or run.stop.value
     if interrupted:
         stop = f"interrupted after {kept.periods} of {wanted} periods; the same command goes on"
-    lost = _lost_in(kept)
-    return Seen(run, *_judged(run), kept.periods, by_site, lost, interrupted, stop, kept)
+    return Seen(run, kept.periods, interrupted, stop, kept)
+
+
+def judged(seen: Seen) -> Seen:
+    """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
+    from contbreather.dynamics import Run
+    from contbreather.paper.fates import life
+
+    try:
+        if seen.stream is not None:
+            by_site = _counted(one.impacts for one in seen.stream.stretches())
+            seen = replace(seen, by_site=by_site, lost=_lost_in(seen.stream))
+        elif isinstance(seen.run, Run):
+            lost = life(seen.run) if seen.periods else None
+            seen = replace(seen, by_site=_counted([seen.run.impacts]), lost=lost)
+        kind, reason, evidence = _judged(seen.run)
+    except KeyboardInterrupt:
+        return replace(seen, interrupted=True)
+    return replace(seen, kind=kind, reason=reason, evidence=evidence)
 
 
 def _counted(tables: Iterable[Any]) -> dict[int, int]:
@@ -114,6 +127,18 @@ def _end_of(kept: Recording, count: int) -> Run:
     return Run(hits, held, times, states, *end)
 
 
+def length_of(run: Run | SmoothRun) -> float:
+    """How many periods it went, the fraction at its end included."""
+    from contbreather.dynamics.conditions import PERIOD
+
+    return run.periods + round((run.end - float(run.times[-1])) / PERIOD, 6)
+
+
+def periods_in_words(count: float) -> str:
+    """So many periods, in numbers."""
+    return "1 period" if count == 1 else f"{count:.12g} periods"
+
+
 def _judged(run: Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
     """Kind, sentence and evidence from the later half of a run."""
     from contbreather.dynamics import Run, RunStop
@@ -125,7 +150,9 @@ def _judged(run: Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
     if run.stop is RunStop.CHATTER:
         return Kind.UNDECIDED.name, "it ends at a chatter", {}
     if half < ENOUGH:
-        reason = f"no verdict: {run.periods} periods are too few, give at least {2 * ENOUGH}"
+        length = length_of(run)
+        words = f"{periods_in_words(length)} {'is' if length == 1 else 'are'} too few"
+        reason = f"no verdict: {words}, give at least {2 * ENOUGH}"
         return Kind.UNDECIDED.name, reason, {}
     later = _later(run, run.periods - half)
     found: Any
@@ -138,8 +165,6 @@ def _judged(run: Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
 
 def _later(run: Any, skip: int) -> Any:
     """A run without its first periods."""
-    from dataclasses import replace
-
     from contbreather.dynamics import Run, State
 
     rest: dict[str, Any] = {

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from contbreather.cli.options import Csv, Json, Output, Where
-from contbreather.cli.output import say, to_csv, to_figure, to_json
-from contbreather.cli.seen import Seen, seen_in, seen_of
-from contbreather.cli.starts import read_state, write_state
+from contbreather.cli.output import check_distinct, note, say, to_csv, to_figure, to_json
+from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
+from contbreather.cli.starts import read_state, whole_number, write_state
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ def simulate(
     where: Where = Where(),
     *,
     sites: Annotated[
-        int | None, Parameter(help="Length of the ring, 20 unless a state is given.")
+        int | None,
+        Parameter(help="Length of the ring, 20 unless a state is given.", converter=whole_number),
     ] = None,
     periods: Annotated[float, Parameter(help="Length of the run, in periods 2 pi.")] = 200.0,
     damping: Annotated[
@@ -50,7 +51,9 @@ def simulate(
         float,
         Parameter(help="Standard deviation of a random push on it.", allow_leading_hyphen=True),
     ] = 0.0,
-    seed: Annotated[int, Parameter(help="Of that push.", allow_leading_hyphen=True)] = 0,
+    seed: Annotated[
+        int, Parameter(help="Of that push.", allow_leading_hyphen=True, converter=whole_number)
+    ] = 0,
     stream: Annotated[
         str | None,
         Parameter(help="Folder to keep the run in; the same command again goes on with it."),
@@ -67,7 +70,7 @@ def simulate(
 
     It starts on the exact breather at t = 0, or from a file: JSON with u, v and t, as --final
     writes it, or two columns u and v. --csv takes the states once in a period. After Ctrl-C all
-    that was simulated until then is written.
+    that was simulated until then is written, then judged; a second one leaves the verdict out.
     """
     asked = Asked(
         where, sites, periods, damping, smooth, start, perturb, seed, stream, csv, impacts, final,
@@ -75,13 +78,20 @@ def simulate(
     )  # fmt: skip
     asked.check()
     seen = asked.simulate()
+    if seen.interrupted:
+        note("interrupted: writing and judging what there is; Ctrl-C again: no verdict")
     made = [str(path) for path in _files(seen, asked)]
+    seen = judged(seen)
     if json:
         to_json({**_content(seen, asked), "written": made})
     else:
         walls = "rigid walls" if smooth is None else f"smooth walls, m = {smooth:g}"
-        say(f"Ring of {seen.run.sites}, {walls}, {seen.periods} periods")
-        say(_table(seen, asked), *_sentences(seen), *(f"Wrote {path}." for path in made))
+        length = seen.periods if seen.stream else length_of(seen.run)
+        say(f"Ring of {seen.run.sites}, {walls}, {periods_in_words(length)}")
+        table = _table(seen, asked)
+        if table.row_count:
+            say(table)
+        say(*_sentences(seen), *(f"Wrote {path}." for path in made))
     return INTERRUPTED if seen.interrupted else None
 
 
@@ -114,11 +124,7 @@ class Asked:
         if self.output is not None:
             figure_path(self.output)
             named["--output"] = self.output
-        taken: dict[str, str] = {}
-        for name, path in named.items():
-            if path in taken:
-                raise BadInput(f"{taken[path]} and {name} both name {path}; give different names")
-            taken[path] = name
+        check_distinct(named)
         if self.smooth is not None and (self.impacts or self.stream):
             which = "--impacts" if self.impacts else "--stream"
             raise BadInput(f"{which} goes with rigid walls only: leave out --smooth")
@@ -130,7 +136,7 @@ class Asked:
             raise BadInput(f"--seed {self.seed}: a whole number, at least 0, was wanted")
 
     def simulate(self) -> Seen:
-        """Run it, and judge the later half."""
+        """Run it."""
         from contbreather.dynamics import record, simulate, simulate_smooth
 
         values = self.where.need("a", "gamma", "k")
@@ -169,7 +175,7 @@ class Asked:
         found = symmetric(values["a"], values["gamma"], values["k"], forcing=self.where.drive())
         margins = found.admissibility()
         if not margins.ok:
-            raise BadInput(f"{margins.reason}; give a state with --start instead")
+            raise BadInput(f"{margins.reason.rstrip('.')}; give a state with --start instead")
         # a period should not begin at an impact: it might be counted there or not
         t0 = 0.0 if abs(math.remainder(found.phi, math.pi)) > CLOSE else 0.5 * math.pi
         return found.state(SITES if self.sites is None else self.sites, t0), t0
@@ -301,7 +307,7 @@ def _table(seen: Seen, asked: Asked) -> Table:
         table.add_row("impacts", str(sum(seen.by_site.values())))
         table.add_row("of them at site 0", str(own))
         if asked.start is None:
-            lost = "to the end" if seen.lost is None else f"{seen.lost} periods"
+            lost = "to the end" if seen.lost is None else periods_in_words(seen.lost)
             table.add_row("breather kept for", lost)
     if "return" in seen.evidence:
         count = int(seen.evidence["periods"])

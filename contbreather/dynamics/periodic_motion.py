@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation import Point, Problem, fold
-from contbreather.dynamics.conditions import Conditions, State, check_state, number, whole
+from contbreather.dynamics.conditions import HEAVIEST, Conditions, State, check_state, number, whole
 from contbreather.dynamics.impacting import Run, RunStop, Sample, simulate
 from contbreather.dynamics.multiplier_events import (
     neimark_sacker,
@@ -159,6 +159,8 @@ def _newton(
 
     def flow(state: Array) -> tuple[Array, Array]:
         run = simulate(np.split(state, 2), periods=length, **settings)
+        if run.stop is RunStop.INTERRUPTED:
+            raise KeyboardInterrupt
         if run.stop is not RunStop.DONE:
             raise NotConverged(run.reason)
         return np.concatenate(run.final), variation(run)
@@ -203,7 +205,7 @@ DOMAIN = {
     "gamma": (0.0, 0.25),
     "k": (0.0, 1.0),
     "a": (0.0, math.inf),
-    "damping": (0.0, math.inf),
+    "damping": (0.0, HEAVIEST),
 }
 
 
@@ -233,6 +235,8 @@ def damped_orbit(start: PeriodicMotion) -> Problem:
         settings: dict[str, Any] = {name: float(params[name]) for name in NAMES}
         state = np.split(np.asarray(x), 2)
         found = simulate(state, periods=length, t0=start.t0, forcing=forcing, **settings)
+        if found.stop is RunStop.INTERRUPTED:
+            raise KeyboardInterrupt
         if found.stop is not RunStop.DONE:
             raise ArithmeticError(found.reason)
         return found
