@@ -16,6 +16,7 @@ Array = NDArray[Any]
 PERIOD = 2.0 * math.pi
 OUTSIDE = 1e-9  # beyond a wall by more than this is no rounding
 FASTEST = 1e6
+HEAVIEST = 1e4  # damping; steps are 3/mu at most, and a period takes 2 pi mu/3 of them
 
 
 class State(NamedTuple):
@@ -38,7 +39,7 @@ class Conditions:
     k : float
         Restitution coefficient in [0, 1].
     damping : float
-        mu of the linear damping ``mu u'`` on every site, not negative.
+        mu of the linear damping ``mu u'`` on every site, from 0 to 1e4.
     forcing : Forcing
     """
 
@@ -52,7 +53,8 @@ class Conditions:
         check_gamma(self.gamma)
         number("a", self.a, 0.0, math.inf, "an amplitude, at least 0")
         number("k", self.k, 0.0, 1.0, "a restitution coefficient between 0 and 1")
-        number("damping", self.damping, 0.0, math.inf, "a damping coefficient, at least 0")
+        wanted = "a damping coefficient, at least 0 and at most 1e4"
+        number("damping", self.damping, 0.0, HEAVIEST, wanted)
 
     @property
     def motion(self) -> tuple[Array, Array, Array]:

@@ -26,7 +26,7 @@ from contbreather.dynamics.conditions import (
     reduced,
     whole,
 )
-from contbreather.errors import NotConverged
+from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic
 
 if TYPE_CHECKING:
@@ -56,6 +56,7 @@ REST = np.dtype(
         ("begins", "?"),
     ]
 )
+LONGEST = 1e12  # periods; beyond, not even their number is exact enough to keep time
 MOMENT = 0.2  # seconds a stretch should take: how long an interruption waits
 ROOM = 2**21  # numbers a stretch may hold: 16 MB
 
@@ -70,7 +71,9 @@ class RunStop(enum.Enum):
 
 @dataclass(frozen=True)
 class Sample:
-    """Sites to record densely, and at how many equal times in each period.
+    """Sites to record densely, and at how many equal times in each whole period.
+
+    Of a run of 1.5 periods the first one is recorded.
 
     Examples
     --------
@@ -83,6 +86,9 @@ class Sample:
 
     def __post_init__(self) -> None:
         whole("per_period", self.per_period, 1)
+        for n in self.sites:
+            if not isinstance(n, int | np.integer):
+                raise BadInput(f"sites = {self.sites!r}: whole numbers were wanted, {n!r} is none.")
         object.__setattr__(self, "sites", tuple(int(n) for n in self.sites))
 
 
@@ -125,7 +131,8 @@ class Run:
         t0), ``phase`` (time modulo 2 pi, to 1e-15 however long the run), ``site``, ``wall``
         (+1 or -1), velocities ``before`` and ``after``, ``acceleration`` just before.
     rests : structured ndarray
-        Where a site came to rest on a wall after a chatter (``begins`` True) or left it (False).
+        Where a site came to rest on a wall after a chatter (``begins`` True) or left it (False). A
+        site that rests from the start has no row until it leaves.
     strobe : State
         ``u``, ``v`` of shape (periods + 1, N) at ``times`` = t0 + 2 pi j.
     final : State
@@ -199,13 +206,14 @@ def simulate(
     periods : float
         Length of the run in periods 2 pi of the forcing; a fraction is allowed at the end.
     damping : float
-        mu of a linear damping ``mu u'`` of every site.
+        mu of a linear damping ``mu u'`` of every site, up to 1e4: steps are 3/mu at most.
     t0 : float
         Time of the state; the forcing depends on it.
     forcing : Forcing, optional
         `Harmonic`, F = -a cos t, unless given.
     sample : Sample, optional
-        Sites to record densely. Impacts and the states once in a period are always recorded.
+        Sites to record densely, in whole periods. Impacts and the states once in a period are
+        always recorded.
     progress : bool, optional
         Show progress on standard error; by default on long runs at a terminal.
 
@@ -233,7 +241,7 @@ def simulate(
     """
     start = check_state(state)
     conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
-    length = number("periods", periods, 0.0, 1e12, "a length in periods, at least 0")
+    length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     count, rest = int(length), length - int(length)
     stretches: list[Stretch] = []
     stop, reason = RunStop.DONE, ""

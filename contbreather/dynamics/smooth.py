@@ -24,13 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.dynamics.conditions import (
+    HEAVIEST,
     PERIOD,
     State,
     check_state,
     number,
     reduced,
 )
-from contbreather.dynamics.impacting import Record, RunStop, Sample
+from contbreather.dynamics.impacting import LONGEST, Record, RunStop, Sample
 from contbreather.dynamics.progress import Bar
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic, check_gamma
@@ -49,7 +50,7 @@ def damping_of(k: float) -> float:
     >>> round(damping_of(0.8), 12)
     0.141700600391
     """
-    k = number("k", k, 0.0, 1.0, "a restitution coefficient, 0 < k <= 1,")
+    k = number("k", k, 0.0, 1.0, "a restitution coefficient between 0 and 1")
     if k == 0.0:
         return 2.0
     loss = -math.log(k)
@@ -85,8 +86,10 @@ class SmoothConditions:
         check_gamma(self.gamma)
         number("a", self.a, 0.0, math.inf, "an amplitude, at least 0")
         number("lam", self.lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
-        number("m", self.m, 0.5, 1e4, "a hardness of the wall, a natural number in (21)")
-        number("damping", self.damping, 0.0, math.inf, "a damping coefficient, at least 0")
+        hardness = "a hardness of the wall from 0.5 to 1e4 (natural in (21), here any real one)"
+        number("m", self.m, 0.5, 1e4, hardness)
+        wanted = "a damping coefficient, at least 0 and at most 1e4"
+        number("damping", self.damping, 0.0, HEAVIEST, wanted)
 
     @property
     def k(self) -> float:
@@ -281,7 +284,8 @@ def simulate_smooth(
     a, gamma, damping, t0, forcing, periods, sample, progress
         As in `simulate`.
     m : float
-        Hardness of the walls; (21) has natural numbers, a real one is taken with |u|.
+        Hardness of the walls, from 0.5 to 1e4; (21) has natural numbers, a real one is taken with
+        |u|.
     k, lam : float
         Restitution of the impacting limit, or lambda of (21): one of the two.
     solver : Solver, optional
@@ -304,7 +308,7 @@ def simulate_smooth(
     """
     conditions = SmoothConditions(a, gamma, wall_damping(k, lam), m, damping, forcing or Harmonic())
     start = check_state(state, walls=False)
-    length = number("periods", periods, 0.0, 1e12, "a length in periods, at least 0")
+    length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     flight = SmoothFlight(conditions, solver or Explicit(), reduced(t0), sample)
     flight.check(np.concatenate(start), 0)
     y, rows, dense, stop = np.concatenate(start), [np.concatenate(start)], [], RunStop.DONE

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation import Event, Point, Problem, fold
-from contbreather.dynamics.conditions import PERIOD, State, check_state, reduced
+from contbreather.dynamics.conditions import HEAVIEST, PERIOD, State, check_state, reduced
 from contbreather.dynamics.multiplier_events import (
     neimark_sacker,
     period_doubling,
@@ -36,7 +36,7 @@ DOMAIN = {
     "lam": (0.0, 2.0),
     "m": (1.0, 2000.0),
     "a": (0.0, math.inf),
-    "damping": (0.0, math.inf),
+    "damping": (0.0, HEAVIEST),
 }
 KEPT = 4  # linearised flows in memory: residual, Jacobian and events ask for the same ones
 OUTSIDE = 1e-7  # a modulus is above 1 by more than the integration's error

@@ -498,6 +498,8 @@ REST = (np.zeros(4), np.zeros(4))
         (([0.0], [1e9]), {}, "blow up the energy"),
         (3.0, {}, "a state is a pair"),
         (REST, {"damping": -0.1}, "damping = -0.1: a damping coefficient, at least 0"),
+        (REST, {"damping": 2e4}, r"damping = 20000\.0: .* at most 1e4"),
+        (REST, {"periods": 1e13}, r"periods = 10000000000000\.0: a length in periods from 0 to 1e12"),
         (REST, {"k": 1.1}, "k = 1.1: a restitution coefficient between 0 and 1"),
         (REST, {"gamma": 0.25}, "gamma = 0.25"),
         (REST, {"a": math.inf}, "a = inf: an amplitude"),
@@ -508,3 +510,9 @@ REST = (np.zeros(4), np.zeros(4))
 def test_bad_input_is_refused_with_a_sentence(state, changed, sentence):
     with pytest.raises(BadInput, match=sentence):
         simulate(state, **{**GOOD, **changed})
+
+
+def test_sites_of_a_sample_are_whole_numbers():
+    with pytest.raises(BadInput, match=r"sites = \(1\.7,\): whole numbers were wanted, 1\.7"):
+        Sample((1.7,))
+    assert Sample(np.array([0, -1])).sites == (0, -1)

@@ -282,12 +282,14 @@ REST = (np.zeros(3), np.zeros(3))
 @pytest.mark.parametrize(
     ("state", "changed", "sentence"),
     [
-        (REST, {"m": 0}, "m = 0: a hardness of the wall, a natural number"),
+        (REST, {"m": 0}, "m = 0: a hardness of the wall from 0.5 to 1e4"),
         (REST, {"m": math.nan}, "m = nan"),
         (REST, {"lam": 0.1}, "give one of them"),
         (REST, {"k": None}, "give one of them"),
         (REST, {"k": None, "lam": 2.5}, "lam = 2.5: a damping of the wall between 0 and 2"),
-        (REST, {"k": -0.1}, "k = -0.1"),
+        (REST, {"k": -0.1}, r"k = -0\.1: a restitution coefficient between 0 and 1, a finite"),
+        (REST, {"damping": 1e5}, r"damping = 100000\.0: .* at most 1e4"),
+        (REST, {"periods": 1e13}, r"periods = 10000000000000\.0: a length in periods from 0 to 1e12"),
         (REST, {"gamma": 0.3}, "gamma = 0.3"),
         (REST, {"damping": -1}, "damping = -1"),
         (([1.9], [0.0]), {}, "lies far behind the walls"),
