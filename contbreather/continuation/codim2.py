@@ -227,9 +227,7 @@ def _second_pair(point: Point) -> float:
     values = np.delete(values, first)
     values = np.delete(values, int(abs(values + 1j * math.sqrt(square)).argmin()))
     one, other = np.triu_indices(values.size, 1)
-    sums = values[one] + values[other]
-    sign = float(np.prod(sums / np.maximum(abs(sums), 1e-300)).real)
-    return float(np.copysign(abs(sums).min(), sign))
+    return events.least_with_sign(values[one] + values[other], 1e-300)
 
 
 def _second_pair_verify(point: Point) -> str:

@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 # located point it is about 1e-12.
 _RANK = 1e-7
 _ZERO = 1e-6  # relative size of eigenvalues that are both zero: a double zero splits by a root
+# Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
+# where they are zero all along a branch, as in conservative systems.
+_ROUNDING = 2e-13
 
 
 @dataclass(frozen=True)
@@ -187,7 +190,7 @@ def hopf() -> Event:
     return Event(
         "HB",
         _hopf_test,
-        count=lambda point: _unstable(point) // 2,
+        count=_unstable_pairs,
         locus=_hopf_locus,
         verify=_hopf_verify,
     )
@@ -285,15 +288,32 @@ def _branch_point_arms(point: Point) -> tuple[Seed, ...]:
 
 
 def _hopf_test(point: Point) -> float:
-    """The smallest sum of two eigenvalues, with the sign of the product of all such sums: it
-    vanishes where that product does, smoothly, and cannot overflow."""
+    """The smallest sum of two eigenvalues, with the sign of the product of all such sums."""
     values = point.curve.spectrum(point.z)
     if values.size < 2:
         return float("nan")
     first, second = np.triu_indices(values.size, 1)
-    sums = values[first] + values[second]
-    sign = float(np.prod(sums / np.maximum(abs(sums), 1e-300)).real)
-    return float(np.copysign(abs(sums).min(), sign))
+    return least_with_sign(values[first] + values[second], _rounding(point))
+
+
+def least_with_sign(factors: NDArray[np.complex128], rounding: Array | float) -> float:
+    """The size of the smallest factor with the sign of the product of all: it vanishes where the
+    product does, smoothly, and cannot overflow. Zero where a factor is rounding, all along the
+    branches of conservative systems for instance."""
+    sizes = abs(factors)
+    if (sizes <= rounding).any():
+        return 0.0
+    return float(np.copysign(sizes.min(), np.prod(factors / sizes).real))
+
+
+def _rounding(point: Point) -> float:
+    return _ROUNDING * float(np.linalg.norm(_flow(point)))
+
+
+def _unstable_pairs(point: Point) -> int:
+    """Half the number of eigenvalues to the right of the imaginary axis, by more than rounding."""
+    beyond = point.curve.spectrum(point.z).real > _rounding(point)
+    return int(np.count_nonzero(beyond)) // 2
 
 
 def _hopf_locus(point: Point) -> Locus:

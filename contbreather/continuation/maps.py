@@ -21,7 +21,7 @@ from . import normal_forms
 from .boundary import met
 from .branch import Point
 from .codim2 import cusp, oriented_overlap
-from .events import Event, Locus, branch_point, signed_smallest
+from .events import Event, Locus, branch_point, least_with_sign, signed_smallest
 from .newton import OUT_OF_DOMAIN, Undefined
 from .normal_forms import along
 from .problem import Curve, Params, Problem
@@ -32,6 +32,7 @@ Map = Callable[[Array, Params], Array]
 
 _RANK = 1e-7  # a multiplier this close to +1 or -1 is there
 _ZERO = 1e-5  # double multipliers split by a root
+_ROUNDING = 2e-13  # relative error of a multiplier: area preserving maps have products of 1
 _SAME = 1e-7  # relative distance at which a cycle has closed
 
 
@@ -285,12 +286,13 @@ def _pairs(values: NDArray[np.complex128]) -> tuple[Any, Any, NDArray[np.complex
 
 def _rotation_test(point: Point) -> float:
     """The smallest ``mu_i mu_j - 1`` with the sign of the product of all of them."""
-    values = np.linalg.eigvals(_multiplier_matrix(point)).astype(complex)
+    matrix = _units(point)
+    values = np.linalg.eigvals(matrix).astype(complex)
     if values.size < 2:
         return math.nan
-    gaps = _pairs(values)[2]
-    sign = float(np.prod(gaps / np.maximum(abs(gaps), 1e-300)).real)
-    return float(np.copysign(abs(gaps).min(), sign))
+    first, second, gaps = _pairs(values)
+    rounding = _ROUNDING * float(np.linalg.norm(matrix))
+    return least_with_sign(gaps, rounding * (abs(values[first]) + abs(values[second])))
 
 
 def _circle_pair(point: Point) -> tuple[float, Array, Array]:

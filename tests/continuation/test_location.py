@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ from .zoo import (
     LINE,
     NEUTRAL_SADDLE,
     STATIC,
+    Array,
     events_of,
     scalar,
     trace_case,
@@ -280,6 +282,30 @@ def test_events_at_start_and_end_are_not_lost() -> None:
 def test_events_next_to_start_and_end_are_found_once(off: float) -> None:
     for value in (off, -off, 1 - off, -1 + off):
         assert places(on_line(user("mu", value))) == pytest.approx([value], abs=1e-12)
+
+
+def test_eigenvalues_of_a_conservative_flow_add_up_to_nothing_which_is_no_event() -> None:
+    def flow(u: Array, p: Mapping[str, float]) -> Array:
+        x, v, y, w = u
+        return np.array([v, p["h"] - x - x**3 + 0.3 * y, w, -2 * y - y**2 + 0.3 * x])
+
+    start = {"x": 0.1, "v": 0.0, "y": 0.0, "w": 0.0}
+    branch = trace(Problem(flow, start, {"h": 0.1}), "h", within={"h": (-3, 3)}, events=[hopf()])
+    assert [point.kind for point in branch.special] == ["EP", "EP"]
+    assert branch.doubtful == ()
+
+
+@pytest.mark.parametrize("stiff", [1.0, 1e5])
+@pytest.mark.parametrize("start", [-0.31, 0.0])
+def test_a_hopf_point_beside_fast_variables_is_found(stiff: float, start: float) -> None:
+    def flow(u: Array, p: Mapping[str, float]) -> Array:
+        x, y, z = u
+        return np.array([p["mu"] * x - y + z * x, x + p["mu"] * y, stiff * (x * x - z)])
+
+    mine = Problem(flow, {"x": 0.0, "y": 0.0, "z": 0.0}, {"mu": start})
+    branch = trace(mine, "mu", within={"mu": (-1, 1)}, events=[hopf()])
+    assert branch.first("HB")["mu"] == pytest.approx(0, abs=1e-12)
+    assert branch.doubtful == ()
 
 
 def test_hopf_and_fold_at_the_start_are_found_once_in_every_direction() -> None:

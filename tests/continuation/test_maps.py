@@ -113,6 +113,37 @@ def test_conservative_neimark_sacker_curve_has_no_chenciner_points() -> None:
     assert not [p for p in henon_curve("NS").doubtful if p.event and p.event.kind == "CH"]
 
 
+def plain(u: Array) -> Array:
+    """Without an imaginary part, so that derivatives are differences."""
+    return np.array([float(value.real) for value in u])
+
+
+AREA_PRESERVING = {
+    "henon": (lambda u, p: np.array([u[1], p["m"] - u[0] - u[1] ** 2]), 0.2, 0.2, (-0.9, 2.9)),
+    "differences": (
+        lambda u, p: np.array([plain(u)[1], p["m"] - plain(u)[0] - plain(u)[1] ** 2]),
+        0.2,
+        0.2,
+        (-0.9, 2.9),
+    ),
+    "standard": (
+        lambda u, p: np.array([u[0] + u[1] + p["m"] * np.sin(u[0]), u[1] + p["m"] * np.sin(u[0])]),
+        math.pi,
+        0.0,
+        (0.1, 3.9),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", AREA_PRESERVING)
+def test_all_multipliers_of_area_preserving_maps_have_product_one_which_is_no_event(
+    name: str,
+) -> None:
+    map_, x, y, window = AREA_PRESERVING[name]
+    branch = trace(FixedPoint(map_, {"x": x, "y": y}, {"m": 0.4}), "m", within={"m": window})
+    assert (kinds(branch), branch.doubtful) == ([], ())
+
+
 # --- the logistic cascade ---------------------------------------------------------------------
 
 
