@@ -250,7 +250,7 @@ def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monke
     line = f"{STABLE} --sites 4 --periods 100000 --csv s.csv --final f.json"
     status, out, err = run(line)
     assert status == INTERRUPTED
-    assert "interrupted: writing and judging what there is; Ctrl-C again: no verdict" in err
+    assert "interrupted: writing, then judging what there is; Ctrl-C while judging: no" in err
     assert "No verdict: interrupted before it was found." in out
     assert "Wrote s.csv." in out
     assert len(table("s.csv")) > 100

@@ -54,10 +54,10 @@ def seen_in(kept: Recording, wanted: int) -> Seen:
 
 def judged(seen: Seen) -> Seen:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
-    from contbreather.dynamics import Run
-    from contbreather.paper.fates import life
-
     try:
+        from contbreather.dynamics import Run
+        from contbreather.paper.fates import life
+
         if seen.stream is not None:
             by_site = _counted(one.impacts for one in seen.stream.stretches())
             seen = replace(seen, by_site=by_site, lost=_lost_in(seen.stream))

@@ -79,7 +79,7 @@ def simulate(
     asked.check()
     seen = asked.simulate()
     if seen.interrupted:
-        note("interrupted: writing and judging what there is; Ctrl-C again: no verdict")
+        note("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     made = [str(path) for path in _files(seen, asked)]
     seen = judged(seen)
     if json:
@@ -185,13 +185,14 @@ class Asked:
 
 
 def _files(seen: Seen, asked: Asked) -> Iterator[Any]:
+    """What goes on from here first: large tables take long enough to be interrupted."""
+    if asked.final is not None:
+        yield write_state(asked.final, seen.run.final, seen.run.end)
     if asked.csv is not None:
         names = [f"{name}_{n}" for name in "uv" for n in range(seen.run.sites)]
         yield to_csv(asked.csv, _strobes(seen), ["period", "time", *names])
     if asked.impacts is not None:
         yield to_csv(asked.impacts, _impacts(seen), IMPACTS)
-    if asked.final is not None:
-        yield write_state(asked.final, seen.run.final, seen.run.end)
     if asked.output is not None:
         yield to_figure(asked.output, lambda: draw(seen.run))
 
