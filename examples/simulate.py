@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import contbreather as cb
+from contbreather.continuation import refined
 from contbreather.dynamics import (
     Axis,
     Basin,
@@ -42,7 +43,7 @@ def around_the_fold() -> tuple[Sweep, cb.Branch]:
     branch = cb.trace(damped_orbit(orbit), "a", towards="down", within=within, progress=False)
     print(f"the branch ends in a fold at a = {branch.first('LP')['a']:.6f}")
     print(f"the sweep loses the breather at a = {loop.lost():.3f} and never finds it again")
-    return loop, branch
+    return loop, refined(branch, 60)
 
 
 def momenta(branch: cb.Branch) -> list[float]:
@@ -69,10 +70,10 @@ def main(folder: Path = Path(), points: int = 15) -> list[Path]:
     """Draw both into a folder."""
     figure, (above, below) = new_figure(2)
     loop, branch = around_the_fold()
-    stable = np.asarray(branch["largest"]) <= 1.0
-    p = np.array(momenta(branch))
-    for which, style in ((stable, "-"), (~stable, "--")):
-        above.plot(branch["a"][which], p[which], style, color="black", linewidth=0.9)
+    p, fold = momenta(branch), [point.kind for point in branch].index("LP")
+    # stable up to the fold, which belongs to both lines: there they join
+    for side, style in ((slice(fold + 1), "-"), (slice(fold, None), "--")):
+        above.plot(branch["a"][side], p[side], style, color="black", linewidth=0.9)
     plot_sweep(loop, ax=above)
     plot_basin(basin_of_attraction(points), ax=below)
     return [save_figure(figure, folder / "simulation.png")]
