@@ -16,8 +16,21 @@ class NoSolution(BadInput):
 
 
 class NotConverged(ContbreatherError, RuntimeError):
-    """The numerics failed; the command line ends with status 1. `residual` is how far they got."""
+    """The numerics failed; the command line ends with status 1.
 
-    def __init__(self, message: str, *, residual: float = float("nan")) -> None:
+    `residual` is how far they got, `iterations` how many that took and `last` what they ended at,
+    None where that is not known.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        residual: float = float("nan"),
+        iterations: int | None = None,
+        last: object = None,
+    ) -> None:
         super().__init__(message)
         self.residual = residual
+        self.iterations = iterations
+        self.last = last

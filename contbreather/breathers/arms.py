@@ -18,6 +18,7 @@ from contbreather.breathers.asymmetric import problem_from
 from contbreather.breathers.events import pitchfork
 from contbreather.breathers.orbit_admissibility import LIMIT
 from contbreather.breathers.orbits import Orbit, orbit_at
+from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.symmetric import Breather, symmetric
 from contbreather.continuation import Branch, Event, Point, Problem, Steps, trace
 from contbreather.continuation.newton import newton
@@ -229,8 +230,8 @@ def asymmetric(
     Raises
     ------
     NoSolution
-        If the arms do not reach that amplitude; the sentence says where they are, or which site
-        meets a wall before.
+        If the arms do not reach that amplitude; the sentence says where they are. `Inadmissible`,
+        which carries the `orbit`, if a `site` meets a wall before, and at what `time`.
 
     Examples
     --------
@@ -274,8 +275,11 @@ def _solved(problem: Problem, inadmissible: bool) -> Orbit:
     orbit = orbit_at(solved)
     verdict = orbit.admissibility()
     if not inadmissible and verdict.margin < -LIMIT:
-        raise NoSolution(
+        raise Inadmissible(
             f"no asymmetric breather at a = {orbit.a!r} (gamma = {orbit.gamma}, k = {orbit.k}): "
-            f"{verdict.reason} With inadmissible=True it is returned nevertheless."
+            f"{verdict.reason} With inadmissible=True it is returned nevertheless.",
+            orbit=orbit,
+            site=verdict.site,
+            time=verdict.time,
         )
     return orbit

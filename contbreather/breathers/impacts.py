@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.closure import restitution_ratio
+from contbreather.breathers.refusals import ImpossibleSequence
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.periodic import wave, wave_slope
@@ -57,27 +58,31 @@ def check_sequence(sequence: tuple[tuple[int, int], ...], lattice: Lattice) -> N
 
     Raises
     ------
-    BadInput
+    ImpossibleSequence
         No impacts; a site that is no whole number or, on a ring, one that is not there; a wall
         other than +1 and -1; a wall that is never hit (all impulses would push the same way, and
         nothing holds the lattice back).
     """
+
+    def refuse(why: str) -> ImpossibleSequence:
+        return ImpossibleSequence(why, sequence=sequence)
+
     if not sequence:
-        raise BadInput("the sequence of impacts is empty: give (site, wall) of each, in order.")
+        raise refuse("the sequence of impacts is empty: give (site, wall) of each, in order.")
     for i, impact in enumerate(sequence):
         site, wall = impact
         if isinstance(site, bool) or not isinstance(site, int | np.integer):
-            raise BadInput(f"impact {i + 1}: site {site!r} is no whole number.")
+            raise refuse(f"impact {i + 1}: site {site!r} is no whole number.")
         if lattice.sites is not None and not 0 <= site < lattice.sites:
-            raise BadInput(
+            raise refuse(
                 f"impact {i + 1}: site {site} is not on a ring of {lattice.sites} sites, "
                 f"0 to {lattice.sites - 1}."
             )
         if wall not in (1, -1):
-            raise BadInput(f"impact {i + 1}: wall {wall!r}; the walls are +1 and -1.")
+            raise refuse(f"impact {i + 1}: wall {wall!r}; the walls are +1 and -1.")
     missing = {1, -1} - {wall for _, wall in sequence}
     if missing:
-        raise BadInput(
+        raise refuse(
             f"no impact hits the wall {missing.pop():+d}: over a period the impulses of a chain "
             "without springs to the ground add up to nothing, so both walls must be hit."
         )

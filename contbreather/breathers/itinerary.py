@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbreather.breathers.refusals import ImpossibleSequence
 from contbreather.errors import BadInput
 from contbreather.lattice import Ring
 
@@ -124,9 +125,10 @@ class Itinerary:
             )
         walls = {wall for _, wall in self.impacts}
         if not self.symmetric and len(walls) == 1:
-            raise BadInput(
+            raise ImpossibleSequence(
                 f"the sequence {self.impacts} hits the wall at {walls.pop():+d} only: every impact "
-                "pushes the undamped ring the same way and it never comes back; let it hit both."
+                "pushes the undamped ring the same way and it never comes back; let it hit both.",
+                sequence=self.impacts,
             )
 
     @property
@@ -192,23 +194,28 @@ def checked_impacts(sites: int, impacts: Sequence[Any]) -> Sequenced:
     try:
         pairs = [(site, wall) for site, wall in impacts]
     except (TypeError, ValueError) as error:
-        raise BadInput(
+        raise ImpossibleSequence(
             f"sequence = {impacts!r}: impacts are pairs (site, wall), for instance "
-            f"((0, 1), (0, -1)); {error}."
+            f"((0, 1), (0, -1)); {error}.",
+            sequence=impacts,
         ) from error
     if not pairs:
-        raise BadInput(
+        raise ImpossibleSequence(
             "the sequence of impacts is empty: without impacts the ring only follows its forcing; "
-            "give pairs (site, wall), for instance ((0, 1), (0, -1))."
+            "give pairs (site, wall), for instance ((0, 1), (0, -1)).",
+            sequence=impacts,
         )
     for site, wall in pairs:
         if not _whole(site) or not -sites < site < sites:
-            raise BadInput(
+            raise ImpossibleSequence(
                 f"impact ({site!r}, {wall!r}): no such site on a ring of {sites}; sites are whole "
-                f"numbers from 0 to {sites - 1}."
+                f"numbers from 0 to {sites - 1}.",
+                sequence=impacts,
             )
         if isinstance(wall, bool) or wall not in (1, -1):
-            raise BadInput(f"impact ({site!r}, {wall!r}): walls are +1 and -1.")
+            raise ImpossibleSequence(
+                f"impact ({site!r}, {wall!r}): walls are +1 and -1.", sequence=impacts
+            )
     return tuple((int(site) % sites, int(wall)) for site, wall in pairs)
 
 

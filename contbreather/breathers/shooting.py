@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import LIMIT
+from contbreather.breathers.closure import check_amplitude, restitution_ratio
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary
+from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.breathers.shooting_events import PAPER, events_of
 from contbreather.breathers.shooting_images import images_of, simpler_than
@@ -33,7 +35,7 @@ from contbreather.breathers.shooting_seeds import (
 )
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.problem import Curve
-from contbreather.errors import BadInput, NoSolution, NotConverged
+from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic, Ring, check_gamma
 
 FloatArray = NDArray[np.float64]
@@ -220,11 +222,14 @@ def shooting(
     Raises
     ------
     BadInput
-        An impossible sequence, times out of order, a seed that hits other walls.
+        Times out of order, parameters out of range; `ImpossibleSequence`, with the `sequence`,
+        for impacts that cannot be, or that the seed does not have.
     NotConverged
-        If Newton's iteration does not end at an orbit of this sequence; carries the residual.
-    NoSolution
-        If what solves the equations is no orbit of the ring: which site is where, and when.
+        If Newton's iteration does not end at an orbit of this sequence; carries `residual`,
+        `iterations` and, as `last`, what it ended at.
+    Inadmissible
+        If what solves the equations is no orbit of the ring; a `NoSolution`, it carries the
+        `orbit`, and the `site` and the `time` of the contact.
 
     Examples
     --------
@@ -242,18 +247,23 @@ def shooting(
     check_coupling(section.itinerary, section.gamma)
     problem = problem_of(RingOrbit(section), threshold=threshold)
     try:
-        solved, _ = problem.solve()
+        solved, found = problem.solve()
     except NotConverged as error:
         raise NotConverged(
             f"no orbit of {section.itinerary.describe()} near the seed: {error}",
             residual=error.residual,
+            iterations=error.iterations,
+            last=shot_orbit(error.last) if isinstance(error.last, Problem) else None,
         ) from error
     orbit = shot_orbit(solved)
-    checked(orbit.section)
+    checked(orbit.section, found.iterations)
     verdict = orbit.admissibility()
     if not inadmissible and verdict.margin < -LIMIT:
-        raise NoSolution(
-            f"{verdict.reason} What solves the equations is returned with inadmissible=True."
+        raise Inadmissible(
+            f"{verdict.reason} What solves the equations is returned with inadmissible=True.",
+            orbit=orbit,
+            site=verdict.site,
+            time=verdict.time,
         )
     return solved
 
@@ -310,8 +320,13 @@ def _conditions(given: Mapping[str, Any], seed: Any) -> Conditions:
     missing = [name for name in ("a", "gamma", "k") if values[name] is None]
     if missing:
         raise BadInput(f"this seed does not know {', '.join(missing)}: give them by name.")
-    numbers = {name: float(values[name]) for name in ("a", "gamma", "k")}
-    return Conditions(**numbers, forcing=values["forcing"] or Harmonic())
+    restitution_ratio(values["k"])  # refuses what is none
+    return Conditions(
+        check_amplitude(values["a"]),
+        check_gamma(values["gamma"]),
+        float(values["k"]),
+        values["forcing"] or Harmonic(),
+    )
 
 
 def _from_orbit(

@@ -18,6 +18,8 @@ from scipy.optimize import brentq
 
 from contbreather.breathers.flight_map import Section, turn
 from contbreather.breathers.itinerary import Basis, Itinerary, basis_of
+from contbreather.breathers.refusals import ImpossibleSequence
+from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing
 
@@ -54,17 +56,14 @@ class FreeRing:
     def __init__(
         self, on: Conditions, state: tuple[Any, Any], time: float, *, walls: bool = True
     ) -> None:
-        u, v = (np.array(row, dtype=float) for row in state)
-        if u.ndim != 1 or u.shape != v.shape or not np.isfinite([u, v]).all():
-            raise BadInput(
-                f"a state is a pair (u, v) of finite rows of equal length; shapes {u.shape} and "
-                f"{v.shape} were given."
-            )
+        u, v = _rows(state)
         high = int(abs(u).argmax())
         if walls and abs(u[high]) > 1.0 + OUTSIDE:
             raise BadInput(
                 f"u[{high}] = {u[high]:.9g} of the seed is outside the walls at -1 and 1."
             )
+        if not math.isfinite(time):
+            raise BadInput(f"t = {time!r}: the time of a state must be a finite number.")
         self.on, self.time, self.sites = on, float(time), u.size
         self.basis: Basis = basis_of(u.size, tuple(range(min(u.size, 2))))
         f = on.forcing
@@ -115,6 +114,24 @@ class FreeRing:
     def free(self) -> tuple[FloatArray, FloatArray]:
         """Displacements and velocities of all sites without the forced motion."""
         return self.basis.to_sites(self.q), self.basis.to_sites(self.r)
+
+
+def _rows(state: tuple[Any, Any]) -> tuple[FloatArray, FloatArray]:
+    """Displacements and velocities of a state, or what is wrong with them."""
+    try:
+        u, v = (np.array(row, dtype=float) for row in state)
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"a state is a pair (u, v) of rows of numbers: {error}.") from error
+    if u.ndim != 1 or u.shape != v.shape or not u.size:
+        raise BadInput(
+            f"a state is a pair (u, v) of rows of equal length; shapes {u.shape} and {v.shape} "
+            "were given."
+        )
+    for name, row in (("u", u), ("v", v)):
+        bad = np.flatnonzero(~np.isfinite(row))
+        if bad.size:
+            raise BadInput(f"{name}[{bad[0]}] = {row[bad[0]]} of the state is not finite.")
+    return u, v
 
 
 def flown(
@@ -185,9 +202,11 @@ def _start(
     for i in starts:
         if tuple((one.site, one.wall) for one in course[i : i + m]) == wanted:
             return i
-    raise BadInput(
+    raise ImpossibleSequence(
         f"the seed does not hit its walls in the order {wanted}: followed over one section it "
-        f"meets {told}; give that sequence, another seed, or the impact times by hand."
+        f"meets {told}; give that sequence, another seed, or the impact times by hand.",
+        sequence=wanted,
+        met=tuple((one.site, one.wall) for one in course[:m]),
     )
 
 
@@ -218,9 +237,12 @@ def by_hand(on: Conditions, itinerary: Itinerary, times: Mapping[str, float]) ->
             f"a seed by hand has one time for each impact, {names}: "
             f"missing {missing}, not known {unknown}."
         )
-    t = np.array([float(times[name]) for name in names])
+    try:
+        t = np.array([float(times[name]) for name in names])
+    except (TypeError, ValueError):
+        t = np.array([math.nan])
     if not np.isfinite(t).all():
-        raise BadInput(f"impact times {t.tolist()}: finite numbers were wanted.")
+        raise BadInput(f"impact times {dict(times)}: finite numbers were wanted.")
     check_order(itinerary, t)
     K = itinerary.basis.order.size
     rest = Section(itinerary, t, np.zeros(K), np.zeros(K), on.a, on.gamma, on.k, on.forcing)
@@ -270,7 +292,7 @@ def resized(section: Section, sites: int) -> Section:
     return Section(new, section.t, q, r, section.a, section.gamma, section.k, section.forcing)
 
 
-def checked(section: Section) -> None:
+def checked(section: Section, iterations: int | None = None) -> None:
     """That a section that solves its equations is an orbit of its itinerary.
 
     Raises
@@ -279,19 +301,23 @@ def checked(section: Section) -> None:
         If impacts come out of order, or a site moves away from the wall it should hit.
     """
     itinerary = section.itinerary
-    where = f"Newton's iteration ends at impact times {section.t.round(9).tolist()}"
+
+    def refuse(why: str) -> NotConverged:
+        return NotConverged(
+            f"Newton's iteration ends at impact times {section.t.round(9).tolist()}, which is no "
+            f"orbit of {itinerary.describe()}: {why} Start closer to it.",
+            residual=float(abs(section.residual()).max()),
+            iterations=iterations,
+            last=RingOrbit(section),
+        )
+
     try:
         check_order(itinerary, section.t)
     except BadInput as error:
-        raise NotConverged(
-            f"{where}, which is no orbit of {itinerary.describe()}: {error} Start closer to it.",
-            residual=float(abs(section.residual()).max()),
-        ) from error
+        raise refuse(str(error)) from error
     for one in section.impacts:
         if one.velocity * one.wall <= 0.0:
-            raise NotConverged(
-                f"{where}, which is no orbit of {itinerary.describe()}: at t = {one.time:.9g} site "
-                f"{one.site} comes to its wall from outside, with the velocity "
-                f"{one.velocity * one.wall:.6g}. Start closer to it.",
-                residual=float(abs(section.residual()).max()),
+            raise refuse(
+                f"at t = {one.time:.9g} site {one.site} comes to its wall from outside, with the "
+                f"velocity {one.velocity * one.wall:.6g}."
             )

@@ -179,7 +179,8 @@ class Problem:
         Raises
         ------
         NotConverged
-            If Newton's iteration from the start finds no solution; says both residuals.
+            If Newton's iteration from the start finds no solution; says both residuals, and
+            carries that of the start, the number of iterations and the problem where they ended.
         """
         curve = Curve(self, ())
         before = float(abs(curve.equations(self.x)).max())
@@ -198,12 +199,18 @@ class Problem:
                 f"{found.residual:.3g} after {found.iterations} Newton iterations; "
                 "start closer to a solution or at other parameters",
                 residual=before,
+                iterations=found.iterations,
+                last=self._started(found.z) if np.isfinite(found.z).all() else None,
             )
+        return self._started(found.z), found
+
+    def _started(self, x: Array) -> Problem:
+        """The same problem with its start at x."""
         start = {
-            name: (float(found.z[at]) if isinstance(at, int) else found.z[at])
+            name: (float(x[at]) if isinstance(at, int) else x[at])
             for name, at in self.slots.items()
         }
-        return replace(self, start=start), found
+        return replace(self, start=start)
 
     def __repr__(self) -> str:
         events = f"; events {[event.kind for event in self.events]}" if self.events else ""

@@ -16,6 +16,7 @@ from contbreather.breathers.impacts import OrbitEquations
 from contbreather.breathers.orbit_events import orbit_neimark_sacker, period_doubling
 from contbreather.breathers.orbit_images import mirrored
 from contbreather.breathers.orbits import orbit_at
+from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.shooting import shooting
 from contbreather.continuation import Steps, boundary, load, save, trace
 from contbreather.continuation.diagram import diagram
@@ -366,6 +367,15 @@ def test_grazing_lines_of_both_arms_end_at_their_pitchfork_by_one_name(largest):
         assert line[-1].residual < 1e-12
         assert abs(line[-1].ground.solution.asymmetry) < 1e-12
     assert ends[0]["gamma"] == pytest.approx(ends[1]["gamma"], abs=1e-11)
+
+
+def test_arm_beyond_its_grazing_is_refused_with_the_solution_and_the_contact():
+    with pytest.raises(Inadmissible, match="no orbit of the chain") as refused:
+        asymmetric(0.95, 0.04, 0.8)
+    error = refused.value
+    assert error.site == 1
+    assert error.orbit == asymmetric(0.95, 0.04, 0.8, inadmissible=True)
+    assert abs(error.orbit.displacement(1, error.time)) > 1.09
 
 
 def test_a_pair_leaves_the_circle_where_its_locus_says():

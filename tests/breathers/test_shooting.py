@@ -18,6 +18,7 @@ import contbreather as cb
 from contbreather.breathers.clearance import _ends, clearance, flights_of
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary
+from contbreather.breathers.refusals import ImpossibleSequence, Inadmissible
 from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.breathers.shooting import Shooting, problem_of, shooting, shot_orbit
 from contbreather.breathers.shooting_events import contact, events_of, ring_neimark_sacker
@@ -1012,6 +1013,12 @@ def test_impossible_sequences_are_refused(sequence, says: str) -> None:
         ({"t1": -3.2}, {}, r"missing \['t2'\]"),
         ({"t1": -3.2, "t2": 0.4, "t3": 1.0}, {}, r"not known \['t3'\]"),
         ({"t1": -3.2, "t2": math.nan}, {}, "finite numbers"),
+        ({"t1": "a", "t2": 0.4}, {}, "impact times .*'a'.* finite numbers"),
+        ({"t1": 1j, "t2": 0.4}, {}, "impact times .*1j.* finite numbers"),
+        ({"t1": -3.2, "t2": 0.4}, {"a": math.nan}, "a = nan: the amplitude"),
+        ({"t1": -3.2, "t2": 0.4}, {"a": -0.8}, "a = -0.8: the amplitude"),
+        (([0.0] * 19 + [math.nan], [0.0] * 20), {}, r"u\[19\] = nan of the state is not finite"),
+        (([0.0] * 20, [0.0] * 20), {"t": math.nan}, "t = nan: the time of a state"),
         ({"t1": -3.2, "t2": 0.4}, {"sites": None}, "needs sites"),
         ({"t1": -3.2, "t2": 0.4}, {"a": None}, "does not know a"),
         ({"t1": -3.2, "t2": 0.4}, {"period": 5.0}, r"period = 5\.0"),
@@ -1039,10 +1046,39 @@ def test_state_that_hits_other_walls_is_refused_with_what_it_hits() -> None:
 
 
 def test_seed_that_does_not_converge_is_refused_with_its_residual() -> None:
-    seed = {"t1": 0.0, "t2": 1.0}
+    seed = {"t1": -3.0, "t2": -1.0}
     with pytest.raises(cb.NotConverged, match="near the seed") as refused:
-        shooting(seed, sequence=((0, 1), (0, -1)), **{**BY_HAND, "a": 0.02})
+        shooting(seed, sequence=((0, 1), (0, -1)), **{**BY_HAND, "a": 0.03})
     assert refused.value.residual > 0
+    assert refused.value.iterations > 1
+    assert refused.value.last.itinerary.impacts == ((0, 1), (0, -1))
+
+
+def test_orbit_of_other_impacts_than_asked_for_is_carried_by_its_refusal() -> None:
+    seed = {"t1": 0.0, "t2": 1.0}
+    with pytest.raises(cb.NotConverged, match="out of order") as refused:
+        shooting(seed, sequence=((0, 1), (0, -1)), **{**BY_HAND, "a": 0.82})
+    last = refused.value.last
+    assert last.t[0] > last.t[1]
+    assert last.residual == refused.value.residual < 1e-12
+    assert refused.value.iterations > 1
+
+
+def test_inadmissible_solution_is_carried_with_site_and_time() -> None:
+    with pytest.raises(cb.NoSolution, match="no orbit of these impacts") as refused:
+        shooting(cb.symmetric(0.97, 0.04, 0.8), sites=RING)
+    error = refused.value
+    assert isinstance(error, Inadmissible)
+    assert abs(error.orbit.displacement(error.site, error.time)) > 1.04
+    assert error.orbit.residual < 1e-12
+
+
+@pytest.mark.parametrize("sequence", [(), ((0, 1),), ((99, 1), (0, -1)), ((0, 2), (0, -1))])
+def test_impossible_sequence_is_carried_by_its_refusal(sequence) -> None:
+    with pytest.raises(cb.BadInput) as refused:
+        Itinerary(RING, sequence)
+    assert isinstance(refused.value, ImpossibleSequence)
+    assert refused.value.sequence == sequence
 
 
 def test_solution_with_impacts_from_outside_is_no_orbit() -> None:
