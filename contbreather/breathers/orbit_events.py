@@ -37,6 +37,10 @@ Array = NDArray[np.float64]
 
 PAPER = 1.005  # threshold on rings, over one period
 
+# As k -> 1 the line of Neimark-Sacker points of arms runs into their pitchfork, angle and asymmetry
+# shrinking like sqrt(1 - k): within rounding of that it cannot be followed.
+_ELASTIC = 1.0 - 1e-5
+
 
 def orbit_fold() -> Event:
     """LP of an orbit with two impacts and unequal flights.
@@ -214,7 +218,8 @@ def _arc_locus(point: Point) -> Locus:
     map = _orbit(point).map
     if map.gamma == 0.0 and map.lattice.sites is None:
         raise Undefined("at gamma = 0 there is no band for a pair to come out of")
-    return Locus({"kappa": map.nearest()}, _arc_conditions, _slopes(_arc_conditions))
+    ends = {"k": (0.0, _ELASTIC)}
+    return Locus({"kappa": map.nearest()}, _arc_conditions, _slopes(_arc_conditions), domain=ends)
 
 
 def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:

@@ -18,7 +18,7 @@ from contbreather.breathers.orbit_images import mirrored
 from contbreather.breathers.orbits import orbit_at
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.shooting import shooting
-from contbreather.continuation import Steps, boundary, load, save, trace
+from contbreather.continuation import Steps, Stop, boundary, load, save, trace
 from contbreather.continuation.diagram import diagram
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, NoSolution, NotConverged
@@ -367,6 +367,22 @@ def test_grazing_lines_of_both_arms_end_at_their_pitchfork_by_one_name(largest):
         assert line[-1].residual < 1e-12
         assert abs(line[-1].ground.solution.asymmetry) < 1e-12
     assert ends[0]["gamma"] == pytest.approx(ends[1]["gamma"], abs=1e-11)
+
+
+def test_neimark_sacker_line_of_an_arm_ends_beside_elastic_impacts_at_the_pitchfork():
+    """Angle and asymmetry shrink like the root of 1 - k: the line ends at a bound, not in rounding,
+    and there it is as close to the pitchfork of elastic impacts as it has to be."""
+    within = {"k": (0.97, 1.0)}
+    branch = trace(symmetric(0.82, 0.04, 0.57), "k", within={"k": (0.5, 0.99)})
+    arm = switch(branch.first("PF"), within={"k": (0.5, 0.99)})[0]
+    line = boundary(arm.first("NS"), ("k", "a"), within=within, events=())
+    assert line.stop is Stop.BOUND
+    assert line[-1]["k"] == 1.0 - 1e-5
+    assert "domain of k" in line.reason
+    elastic = trace(symmetric(0.7, 0.04, 1.0), "a", within={"a": (0.7, 0.8)}).first("PF")
+    assert line[-1]["a"] == pytest.approx(elastic["a"], abs=5e-5)
+    roots = [abs(p["asymmetry"]) / math.sqrt(1 - p["k"]) for p in line.points[-3:]]
+    assert roots == pytest.approx([roots[-1]] * 3, rel=0.01)
 
 
 def test_arm_beyond_its_grazing_is_refused_with_the_solution_and_the_contact():
