@@ -19,6 +19,7 @@ from contbreather.breathers.shooting import shooting
 from contbreather.continuation import refined
 from contbreather.continuation.switching import switch
 from contbreather.plotting import new_figure, save_figure
+from contbreather.plotting.canvas import style
 
 
 def arms_on_a_ring() -> list[cb.Branch]:
@@ -53,7 +54,9 @@ def cascade(generations: int = 3) -> list[cb.Branch]:
 def main(folder: Path = Path()) -> list[Path]:
     """Draw the arms and the cascade into a folder."""
     figure, (above, below) = new_figure(2)
-    cb.plot(*arms_on_a_ring(), x="a", y="asymmetry", ax=above)
+    with style():
+        cb.plot_diagram(arms_on_a_ring(), x="a", y="asymmetry", ax=above)
+    above.set(ylabel="$t_2 - t_1 - \\pi$", xticks=np.arange(0.7, 0.91, 0.05))
     for branch in (refined(branch, 60) for branch in cascade()):
         # half the momentum of every impact on the wall at +1
         p = [
@@ -61,7 +64,7 @@ def main(folder: Path = Path()) -> list[Path]:
             for o in (point.solution for point in branch)
         ]
         below.plot(branch["a"], p, "-", color=f"C{branch[0].solution.itinerary.turns % 10}", lw=1)
-    below.set(xlabel="a", ylabel="p of impacts on +1", xlim=(0.9, 1.0), ylim=(1.28, 1.48))
+    below.set(xlabel="$a$", ylabel="$p$ of impacts on +1", xlim=(0.9, 1.0), ylim=(1.28, 1.48))
     return [save_figure(figure, folder / "shooting.png")]
 
 

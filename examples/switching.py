@@ -65,10 +65,9 @@ def doubling(folder: Path) -> Path:
         axes.plot(line["gamma"], line["a"], "k.", ms=4, label=label)
     small = {"fontsize": "small"}
     axes.text(0.004, 0.62, "symmetric breather", **small)
-    axes.text(0.012, 0.83, "asymmetric breathers", **small)
+    axes.text(0.012, 0.83, "asymmetric breathers, $2\\pi$", **small)
+    axes.text(0.0015, 0.932, "$4\\pi$", **small)
     axes.text(0.047, 0.95, "neighbour hits wall", **small)
-    arrow = {"arrowstyle": "-", "linewidth": 0.5}
-    axes.annotate("of twice the period", (0.003, 0.945), (0.008, 0.99), arrowprops=arrow, **small)
     axes.set(xlabel="$\\gamma$", ylabel="$a$", xlim=(0, 0.08), ylim=(0.55, 1.02))
     axes.legend(frameon=False, loc="lower right", **small)
     return save_figure(figure, folder / "doubling.png")
