@@ -27,6 +27,7 @@ _ZERO = 1e-6  # relative size of eigenvalues that are both zero: a double zero s
 # Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
 # where they are zero all along a branch, as in conservative systems.
 _ROUNDING = 2e-13
+_NONE = 1e-100  # the size of what has a sign only
 
 
 @dataclass(frozen=True)
@@ -298,12 +299,15 @@ def _hopf_test(point: Point) -> float:
 
 def least_with_sign(factors: NDArray[np.complex128], rounding: Array | float) -> float:
     """The size of the smallest factor with the sign of the product of all: it vanishes where the
-    product does, smoothly, and cannot overflow. Zero where a factor is rounding, all along the
-    branches of conservative systems for instance."""
+    product does, smoothly, and cannot overflow.
+
+    A factor that is rounding, as it is all along the branches of conservative systems, is zero.
+    Several of them have no size, and the sign that the others have: a zero of even order.
+    """
     sizes = abs(factors)
-    if (sizes <= rounding).any():
-        return 0.0
-    return float(np.copysign(sizes.min(), np.prod(factors / sizes).real))
+    clear = sizes > rounding
+    least = sizes.min() if clear.all() else 0.0 if np.count_nonzero(~clear) == 1 else _NONE
+    return float(np.copysign(least, np.prod(factors[clear] / sizes[clear]).real))
 
 
 def _rounding(point: Point) -> float:

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from . import normal_forms
 from .boundary import met
 from .branch import Point
 from .codim2 import cusp, oriented_overlap
+from .cycles import Iterate, Map, cycle, generic, multiplier_matrix, shorter, units, with_period
 from .events import Event, Locus, branch_point, least_with_sign, signed_smallest
 from .newton import OUT_OF_DOMAIN, Undefined
 from .normal_forms import along
@@ -28,12 +28,10 @@ from .problem import Curve, Params, Problem
 from .seed import Seed
 
 Array = NDArray[np.float64]
-Map = Callable[[Array, Params], Array]
 
 _RANK = 1e-7  # a multiplier this close to +1 or -1 is there
 _ZERO = 1e-5  # double multipliers split by a root
 _ROUNDING = 2e-13  # relative error of a multiplier: area preserving maps have products of 1
-_SAME = 1e-7  # relative distance at which a cycle has closed
 
 
 def FixedPoint(
@@ -103,123 +101,32 @@ def FixedPoint(
         record={**(record or {}), "unstable": lambda point: point.solution.unstable},
         domain=domain or {},
         scales=scales or {},
-        interpret=_cycle,
+        interpret=cycle,
         images=iterate.phases,
-        simpler=_shorter,
-        label=label or _generic(iterate.period),
+        simpler=shorter,
+        label=label or generic(iterate.period),
     )
-
-
-def _generic(period: int) -> str:
-    return "fixed point" if period == 1 else f"cycle of period {period}"
-
-
-@dataclass(frozen=True, eq=False)
-class Iterate:
-    """``G(x) - x`` with G the iterate of a map."""
-
-    map: Map
-    period: int
-    derivative: Callable[[Array, Params], Array] | None = None
-
-    def __call__(self, x: Array, params: Params) -> Array:
-        return self.after(x, params, self.period) - x
-
-    def after(self, x: Array, params: Params, times: int) -> Array:
-        for _ in range(times):
-            x = np.array(self.map(x, params))  # a map may return one array each time
-        return x
-
-    def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
-        """The other points of the cycle, each a start of the same one."""
-        points = []
-        for _ in range(self.period - 1):
-            x = np.array(self.map(x, params))
-            points.append(x)
-        return tuple(points)
-
-    def jacobian(self, x: Array, params: Params) -> Array:
-        """By the chain rule from the derivative of the map."""
-        assert self.derivative is not None
-        product = np.eye(x.size)
-        for _ in range(self.period):
-            product = np.asarray(self.derivative(x, params)) @ product
-            x = np.array(self.map(x, params))
-        return product - np.eye(x.size)
-
-
-@dataclass(frozen=True)
-class Cycle:
-    """A fixed point or cycle: its points, and its multipliers over one period."""
-
-    points: Array  # (period, n)
-    matrix: Array  # derivative of the iterate
-    params: Mapping[str, float]
-
-    @cached_property
-    def multipliers(self) -> NDArray[np.complex128]:
-        """Eigenvalues of the iterate, the largest first."""
-        values = np.linalg.eigvals(self.matrix).astype(complex)
-        return values[np.argsort(-abs(values), kind="stable")]
-
-    @property
-    def period(self) -> int:
-        return len(self.points)
-
-    @property
-    def unstable(self) -> int:
-        """Multipliers outside the unit circle."""
-        return int((abs(self.multipliers) > 1).sum())
-
-
-def _cycle(point: Point) -> Cycle:
-    iterate: Iterate = point.curve.problem.residual  # type: ignore[assignment]
-    points = np.array([point.x, *iterate.phases(point.x, point.params)])
-    return Cycle(points, _multiplier_matrix(point), point.params)
-
-
-def _multiplier_matrix(point: Point) -> Array:
-    n = point.curve.size
-    return np.asarray(point.jacobian()[:, :n] + np.eye(n))
-
-
-def _with_period(problem: Problem, period: int) -> Problem:
-    """The same orbit as one of another period."""
-    iterate: Iterate = problem.residual  # type: ignore[assignment]
-    other = replace(iterate, period=period)
-    generic = problem.label == _generic(iterate.period)
-    return replace(
-        problem,
-        residual=other,
-        jacobian=None if problem.jacobian is None else other.jacobian,
-        images=other.phases,
-        label=_generic(period) if generic else problem.label,
-    )
-
-
-def _shorter(point: Point) -> Problem | None:
-    """The cycle as one of the smallest period it has, if that is not the one it is written in."""
-    iterate: Iterate = point.curve.problem.residual  # type: ignore[assignment]
-    size = 1 + float(np.linalg.norm(point.x))
-    x = point.x
-    for period in range(1, iterate.period):
-        x = iterate.after(x, point.params, 1)
-        if iterate.period % period == 0 and np.linalg.norm(x - point.x) <= _SAME * size:
-            return _with_period(point.problem, period)
-    return None
 
 
 # --- the events on a branch -------------------------------------------------------------------
 
 
-def _units(point: Point) -> Array:
-    """Derivative of the iterate between unknowns in their scales, which keeps the multipliers."""
-    scales = point.curve.scales[: point.curve.size]
-    return _multiplier_matrix(point) * scales / scales[:, None]
+def _with_multiplier_one(event: Event) -> Event:
+    """An event at which a multiplier is 1, verified for that too: along cycles with multipliers far
+    apart in size the derivative may look singular where it is not."""
+
+    def verify(point: Point) -> str:
+        assert event.verify is not None
+        sizes = np.linalg.svd(units(point) - np.eye(point.curve.size), compute_uv=False)
+        if sizes[-1] > _RANK * max(1.0, sizes[0]):
+            return f"no multiplier is 1: the nearest is {sizes[-1]:.2g} off"
+        return event.verify(point)
+
+    return replace(event, verify=verify)
 
 
 def _flip_test(point: Point) -> float:
-    return signed_smallest(_units(point) + np.eye(point.curve.size))
+    return signed_smallest(units(point) + np.eye(point.curve.size))
 
 
 def _null(matrix: Array, scales: Array) -> Array:
@@ -230,7 +137,7 @@ def _null(matrix: Array, scales: Array) -> Array:
 
 def _flip_locus(point: Point) -> Locus:
     n = point.curve.size
-    null = _null(_units(point) + np.eye(n), point.curve.scales[:n])
+    null = _null(units(point) + np.eye(n), point.curve.scales[:n])
     ends = (_GENERALISED_FLIP, _R2_ON_FLIP)
     return Locus({"null": null}, _flip_conditions, _flip_derivative, events=ends)
 
@@ -249,7 +156,7 @@ def _flip_derivative(curve: Curve, z: Array, null: Array) -> Array:
 
 
 def _flip_verify(point: Point) -> str:
-    sizes = np.linalg.svd(_units(point) + np.eye(point.curve.size), compute_uv=False)
+    sizes = np.linalg.svd(units(point) + np.eye(point.curve.size), compute_uv=False)
     if sizes[-1] > _RANK * max(1.0, sizes[0]):
         return f"no multiplier is -1: the nearest is {sizes[-1]:.2g} off"
     if sizes.size > 1 and sizes[-2] < _RANK * max(1.0, sizes[0]):
@@ -273,9 +180,9 @@ def _doubled(point: Point) -> tuple[Seed, ...]:
     iterate: Iterate = problem.residual  # type: ignore[assignment]
     curve = point.curve
     n = curve.size
-    null = _null(_units(point) + np.eye(n), curve.scales[:n])
+    null = _null(units(point) + np.eye(n), curve.scales[:n])
     parent = point.tangent if point.tangent.size == n + 1 else None
-    return (Seed(_with_period(problem, 2 * iterate.period), point.z, np.append(null, 0.0), parent),)
+    return (Seed(with_period(problem, 2 * iterate.period), point.z, np.append(null, 0.0), parent),)
 
 
 def _pairs(values: NDArray[np.complex128]) -> tuple[Any, Any, NDArray[np.complex128]]:
@@ -286,7 +193,7 @@ def _pairs(values: NDArray[np.complex128]) -> tuple[Any, Any, NDArray[np.complex
 
 def _rotation_test(point: Point) -> float:
     """The smallest ``mu_i mu_j - 1`` with the sign of the product of all of them."""
-    matrix = _units(point)
+    matrix = units(point)
     values = np.linalg.eigvals(matrix).astype(complex)
     if values.size < 2:
         return math.nan
@@ -297,7 +204,7 @@ def _rotation_test(point: Point) -> float:
 
 def _circle_pair(point: Point) -> tuple[float, Array, Array]:
     """cos(angle) of the pair nearest the unit circle, and two vectors of its plane."""
-    matrix = _multiplier_matrix(point)
+    matrix = multiplier_matrix(point)
     values, vectors = np.linalg.eig(matrix)
     for sign in (1.0, -1.0):
         if (abs(values - sign) < _ZERO * max(1.0, float(np.linalg.norm(matrix, 2)))).sum() == 2:
@@ -344,7 +251,7 @@ def _rotation_locus(point: Point) -> Locus:
 
 def _rotation_verify(point: Point) -> str:
     """Of the two multipliers with product 1: are they a complex pair?"""
-    values = np.linalg.eigvals(_multiplier_matrix(point)).astype(complex)
+    values = np.linalg.eigvals(multiplier_matrix(point)).astype(complex)
     first, second, gaps = _pairs(values)
     nearest = int(abs(gaps).argmin())
     pair = values[[first[nearest], second[nearest]]]
@@ -382,7 +289,7 @@ def _overlap(sign: int) -> Callable[[Point], float]:
         null = np.atleast_1d(point["null"])
         if null.size < 2:
             return math.nan
-        matrix = _multiplier_matrix(point.ground) - sign * np.eye(null.size)
+        matrix = multiplier_matrix(point.ground) - sign * np.eye(null.size)
         return oriented_overlap(matrix, null)
 
     return test
@@ -392,7 +299,7 @@ def _double_verify(sign: int) -> Callable[[Point], str]:
     """Two multipliers there, with one eigenvector."""
 
     def verify(point: Point) -> str:
-        matrix = _units(point.ground)
+        matrix = units(point.ground)
         size = max(1.0, float(np.linalg.norm(matrix, 2)))
         near = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
         if near.sum() != 2:
@@ -410,7 +317,7 @@ def _on_circle(wanted: str) -> Callable[[Point], str]:
     ``pair`` each at most once."""
 
     def verify(point: Point) -> str:
-        values = np.linalg.eigvals(_units(point.ground)).astype(complex)
+        values = np.linalg.eigvals(units(point.ground)).astype(complex)
         on = values[abs(abs(values) - 1) < 1e-4]
         found = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
         found += ["pair"] * ((len(on) - len(found)) // 2)
@@ -427,7 +334,7 @@ def _flip_coefficient(point: Point) -> float:
     ground = point.ground
     poles = _overlap(-1)(point) if ground.curve.size > 1 else 1.0
     c = normal_forms.value_or_nan(lambda: normal_forms.flip(ground.curve, ground.z))
-    return c * poles * signed_smallest(_units(ground) - np.eye(ground.curve.size))
+    return c * poles * signed_smallest(units(ground) - np.eye(ground.curve.size))
 
 
 def _generalised_flip_verify(point: Point) -> str:
@@ -452,7 +359,7 @@ def _rotation_coefficient(point: Point) -> float:
     d = normal_forms.value_or_nan(
         lambda: normal_forms.rotation(ground.curve, ground.z, math.acos(cosine))
     )
-    return d * signed_smallest(_units(ground) - np.eye(ground.curve.size))
+    return d * signed_smallest(units(ground) - np.eye(ground.curve.size))
 
 
 def _chenciner_verify(point: Point) -> str:
@@ -469,7 +376,7 @@ def _resonance(k: int) -> Event:
     return Event(f"R{k}", lambda point: point["cosine"] - cosine, verify=_on_circle("pair"))
 
 
-_PLAIN_FOLD = replace(static.fold(), locus=_fold_locus)
+_PLAIN_FOLD = replace(_with_multiplier_one(static.fold()), locus=_fold_locus)
 _PLAIN_FLIP = Event(
     "PD", _flip_test, locus=_flip_locus, verify=_flip_verify, analysis=_flip_analysis, arms=_doubled
 )
@@ -535,7 +442,7 @@ _ROTATION = replace(
         **_meeting("PDNS", "PD", _PLAIN_ROTATION, "-1 pair"),
     },
 )
-EVENTS = (_FOLD_OF_MAP, branch_point(), _FLIP, _ROTATION)
+EVENTS = (_FOLD_OF_MAP, _with_multiplier_one(branch_point()), _FLIP, _ROTATION)
 
 
 def fixed_point_fold() -> Event:

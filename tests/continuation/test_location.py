@@ -295,6 +295,21 @@ def test_eigenvalues_of_a_conservative_flow_add_up_to_nothing_which_is_no_event(
     assert branch.doubtful == ()
 
 
+def test_where_frequencies_of_a_conservative_flow_meet_is_no_hopf_point() -> None:
+    """A saddle in a rotating frame is stable while it turns fast: 4 g^2 = (sqrt(b) + sqrt(c))^2."""
+
+    def flow(u: Array, p: Mapping[str, float]) -> Array:
+        x, v, y, w = u
+        return np.array([v, 2 * p["g"] * w + x, w, -2 * p["g"] * v + 1.2 * y])
+
+    mine = Problem(flow, dict.fromkeys("xvyw", 0.0), {"g": 3.0})
+    branch = trace(mine, "g", within={"g": (0.2, 3.0)}, events=[hopf()])
+    assert [point.kind for point in branch.special] == ["EP", "EP"]
+    (point,) = branch.doubtful
+    assert point["g"] == pytest.approx((1 + math.sqrt(1.2)) / 2, abs=1e-4)
+    assert not point.located
+
+
 @pytest.mark.parametrize("stiff", [1.0, 1e5])
 @pytest.mark.parametrize("start", [-0.31, 0.0])
 def test_a_hopf_point_beside_fast_variables_is_found(stiff: float, start: float) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
+from dataclasses import replace
 from functools import cache
 
 import mpmath
@@ -370,6 +372,18 @@ def test_multipliers_with_product_one_that_are_real_are_no_neimark_sacker_point(
     branch = trace(mine, "m", within={"m": (0.2, 0.8)})
     assert kinds(branch) == []
     assert "neutral saddle" in branch.doubtful[0].detail["reason"]
+
+
+@pytest.mark.parametrize("kind", ["LP", "BP"])
+def test_without_a_multiplier_one_no_fold_or_branch_point_of_a_map_is_verified(kind: str) -> None:
+    """Beside derivatives of 1e9, those of long unstable cycles, any number looks like zero."""
+    start = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
+    point = trace(start, "r", within={"r": (2.4, 2.6)})[3]
+    (event,) = (event for event in start.events if event.kind == kind)
+    curve = copy(point.curve)
+    curve.rows = np.array([1e9])
+    there = replace(point, curve=curve, detail={"null": 1.0, "tangents": ()})
+    assert "no multiplier is 1: the nearest is 1.5 off" in event.verify(there)
 
 
 def test_strong_resonances_are_named_where_the_coefficient_would_be() -> None:
