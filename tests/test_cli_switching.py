@@ -188,6 +188,17 @@ def test_depth_bounds_the_diagram_and_what_is_left_is_told(run: Callable[[str], 
     assert "Not switched at: branch 0: PF1; raise --depth." in out
 
 
+def test_most_bounds_the_diagram_and_what_is_left_is_told(run: Callable[[str], Output]) -> None:
+    point = "diagram --a 0.6 --gamma 0 --k 0.8 --free a --window 0.6 0.99"
+    out = run(f"{point} --most 2")[1]
+    assert "Not all arms followed of: branch 0: PF1; raise --most." in out
+    assert "Not switched at: branch 1: PD1; raise --most." in out
+    assert "--depth" not in out
+    out = run(f"{point} --most 1")[1]
+    assert "Not switched at: branch 0: PF1; raise --most." in out
+    assert "Not all arms" not in out
+
+
 def test_an_interrupted_diagram_is_shown_and_has_its_own_status(
     run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
 ) -> None:

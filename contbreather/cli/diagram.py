@@ -23,7 +23,7 @@ from contbreather.cli.switch import Shot
 from contbreather.errors import NotConverged
 
 if TYPE_CHECKING:
-    from contbreather.continuation.diagram import Diagram
+    from contbreather.continuation.diagram import Diagram, Place
 
 
 def diagram(
@@ -65,7 +65,8 @@ def diagram(
         about = {"free": free, "forcing": forcing, "sites": sites}
         to_json({**about, **_content(tree), "written": [str(path) for path in made]})
     else:
-        say(tree, *(f"{line}." for line in _loose_ends(tree)), *(f"Wrote {path}." for path in made))
+        ends = _loose_ends(tree, depth)
+        say(tree, *(f"{line}." for line in ends), *(f"Wrote {path}." for path in made))
     if tree.interrupted:
         raise KeyboardInterrupt
     ended = [(i, stop) for i, one in enumerate(tree) for stop in (one.began, one.stop)]
@@ -75,11 +76,25 @@ def diagram(
         raise NotConverged(f"the diagram is not complete: {'; '.join(lost)}")
 
 
-def _loose_ends(tree: Diagram) -> Iterator[str]:
+def _loose_ends(tree: Diagram, depth: int) -> Iterator[str]:
     """What the tree does not show: arms that lead to a known branch, points left alone."""
     yield from map(str, tree.met)
-    if tree.left:
-        yield f"Not switched at: {', '.join(place.name for place in tree.left)}; raise --depth"
+    begun = {birth.place.name for birth in tree.births if birth.place is not None}
+    begun |= {meeting.place.name for meeting in tree.met}
+    half = [place for place in tree.left if place.name in begun]
+    deep = [place for place in tree.left if tree.births[place.branch].depth >= depth]
+    rest = [place for place in tree.left if place not in half and place not in deep]
+    more = "" if tree.interrupted else "; raise --most"
+    if half:
+        yield f"Not all arms followed of: {_named(half)}{more}"
+    if rest:
+        yield f"Not switched at: {_named(rest)}{more}"
+    if deep:
+        yield f"Not switched at: {_named(deep)}; raise --depth"
+
+
+def _named(places: list[Place]) -> str:
+    return ", ".join(place.name for place in places)
 
 
 def _content(tree: Diagram) -> dict[str, Any]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence, Sized
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, replace
+from numbers import Integral
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from .problem import Problem
 from .progress import Progress
 from .recognition import Likeness, recognised, same_place, simplest
 from .seed import Seed
-from .starts import Within
+from .starts import Within, all_of
 from .steps import Steps
 from .switching import follow, seeds_at
 from .trace import Startable, trace
@@ -92,7 +93,7 @@ class Diagram:
         Arms that could not be followed.
     left : tuple of Place
         Points that were not switched at: beyond the depth, after as many branches as allowed, or
-        after an interruption.
+        after an interruption. Of the last of these some arms may have been followed.
     interrupted : bool
         Whether it was interrupted; what there was by then is kept.
     """
@@ -210,7 +211,7 @@ def diagram(
     *,
     within: Within,
     depth: int = 2,
-    events: Iterable[Event] | None = None,
+    events: Event | Iterable[Event] | None = None,
     steps: Steps | None = None,
     most: int = 100,
     progress: bool | None = None,
@@ -259,8 +260,14 @@ def diagram(
     >>> sorted(tree.graph.successors("branch 0: BP1"))
     [1, 2]
     """
-    if depth < 0 or most < 1:
-        raise BadInput(f"depth >= 0 and most >= 1 were wanted, got {depth} and {most}")
+    kinds: set[type] = {type(depth), type(most)}
+    whole = bool not in kinds and all(issubclass(kind, Integral) for kind in kinds)
+    if not whole or depth < 0 or most < 1:
+        raise BadInput(
+            f"whole numbers depth >= 0 and most >= 1 were wanted, got {depth!r} and {most!r}"
+        )
+    if not isinstance(within, Mapping):
+        raise BadInput(f"within={within!r}: windows by name were wanted")
     shown = _Status(progress, free)
     growth = _Growth(free, dict(within), depth, events, steps or Steps(), most, shown)
     try:
@@ -293,13 +300,13 @@ class _Growth:
         free: str,
         within: Within,
         depth: int,
-        events: Iterable[Event] | None,
+        events: Event | Iterable[Event] | None,
         steps: Steps,
         most: int,
         shown: _Status,
     ) -> None:
         self.free, self.within, self.depth, self.most = free, within, depth, most
-        self.events = None if events is None else tuple(events)
+        self.events = all_of(events)
         self.steps, self.shown = steps, shown
         self.branches: list[Branch] = []
         self.births: list[Birth] = []

@@ -279,6 +279,8 @@ def _branch_point_polish(point: Point) -> tuple[Solution, Mapping[str, Any]]:
 
 def _branch_point_arms(point: Point) -> tuple[Seed, ...]:
     """Both directions of the curve that crosses the one the point was found on."""
+    if "tangents" not in point.detail:
+        raise Undefined("no directions are known here: other curves set out where curves cross")
     row = point.curve.dual(point.tangent)
     across = min(point.detail["tangents"], key=lambda tangent: abs(float(tangent.dot(row))))
     problem = point.problem

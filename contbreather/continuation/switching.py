@@ -22,7 +22,7 @@ from .problem import Curve, Problem
 from .progress import Progress
 from .recognition import images, lies_on
 from .seed import Seed
-from .starts import Within
+from .starts import Within, all_of
 from .steps import Steps
 from .trace import trace
 
@@ -55,7 +55,7 @@ def switch(
     point: Point,
     *,
     within: Within | None = None,
-    events: Iterable[Event] | None = None,
+    events: Event | Iterable[Event] | None = None,
     steps: Steps | None = None,
     progress: bool | Progress | None = None,
 ) -> tuple[Branch, ...]:
@@ -105,7 +105,7 @@ def switch(
             f"switch takes a special point of a branch, branch.first('PF') for instance; got a "
             f"{type(point).__name__}"
         )
-    given = None if events is None else tuple(events)
+    given = all_of(events)
     arms: list[Branch] = []
     for seed in seeds_at(point):
         if any(comes_back(arm, seed) for arm in arms):
@@ -141,9 +141,30 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
         seeds = point.event.arms(point)
     except OUT_OF_DOMAIN as error:
         raise NothingToSwitch(f"{point!r}: {error}", point) from error
-    if not seeds:
+    found = () if seeds is None else _checked(seeds, point)
+    if not found:
         raise NothingToSwitch(f"{point!r}: no other branch leaves it", point)
-    return tuple(Seed(*seed) for seed in seeds)
+    return found
+
+
+def _checked(seeds: Any, point: Point) -> tuple[Seed, ...]:
+    """What the arms of an event gave, as seeds."""
+    try:
+        found = tuple(Seed(*seed) for seed in seeds)
+        if not all(isinstance(seed.problem, Problem) for seed in found):
+            raise TypeError
+        parents = [
+            np.asarray(seed.parent, dtype=float) for seed in found if seed.parent is not None
+        ]
+        tangents = [np.shape(seed.tangent) for seed in found if seed.parent is not None]
+        if [parent.shape for parent in parents] != tangents:
+            raise ValueError
+    except (TypeError, ValueError) as error:
+        raise BadInput(
+            f"the arms of {point.kind} at {point!r} gave {seeds!r}; a tuple of Seeds was wanted, "
+            "each with a problem, a point z, a direction and perhaps that of the branch it leaves"
+        ) from error
+    return found
 
 
 def follow(

@@ -325,9 +325,25 @@ def test_a_start_that_is_no_solution_is_refused_like_anywhere() -> None:
         grown(scalar(lambda x, p: 1 + x**2 + p["mu"] ** 2, 0.0, {"mu": 0.0}))
 
 
-@pytest.mark.parametrize("given", [{"depth": -1}, {"most": 0}])
-def test_impossible_bounds_are_refused(given: dict[str, int]) -> None:
+@pytest.mark.parametrize(
+    "given",
+    [{"depth": -1}, {"most": 0}, {"depth": "2"}, {"depth": 1.5}, {"most": None}, {"depth": True}],
+)
+def test_impossible_bounds_are_refused(given: dict[str, object]) -> None:
     with pytest.raises(BadInput, match="depth >= 0 and most >= 1"):
+        grown(PITCHFORK.problem, **given)
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted"),
+    [
+        ({"within": 3}, "windows by name"),
+        ({"events": 3}, "events must be a list"),
+        ({"steps": 3}, "steps must be given as Steps"),
+    ],
+)
+def test_what_is_no_window_event_or_step_is_refused(given: dict[str, int], wanted: str) -> None:
+    with pytest.raises(BadInput, match=wanted):
         grown(PITCHFORK.problem, **given)
 
 

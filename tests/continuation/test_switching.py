@@ -246,6 +246,34 @@ def with_seed(z: Array, tangent: Array, parent: Array | None = None) -> tuple[ob
     return point, Seed(point.problem, z, tangent, parent)
 
 
+def first_switched(arms: object) -> object:
+    event = Event("BP", lambda point: point["mu"] - 0.3, arms=arms)
+    return switch(trace(PITCHFORK.problem, "mu", within=MU, events=[event]).first("BP"))
+
+
+def test_the_arms_of_a_branch_point_are_refused_where_none_is() -> None:
+    with pytest.raises(NothingToSwitch, match="no directions are known here"):
+        first_switched(branch_point().arms)
+
+
+@pytest.mark.parametrize(
+    "arms",
+    [
+        lambda point: 3,
+        lambda point: [3],
+        lambda point: "ab",
+        lambda point: [(1, 2, 3, 4, 5, 6)],
+        lambda point: [("a", point.z, point.tangent)],
+        lambda point: Seed(point.problem, point.z, point.tangent),
+        lambda point: [Seed(point.problem, point.z, point.tangent, "junk")],
+        lambda point: [Seed(point.problem, point.z, point.tangent, np.zeros(3))],
+    ],
+)
+def test_arms_that_are_no_seeds_are_refused(arms: object) -> None:
+    with pytest.raises(BadInput, match=r"the arms of BP at .* a tuple of Seeds was wanted"):
+        first_switched(arms)
+
+
 def test_an_arm_that_follows_its_parent_is_refused_with_the_arm() -> None:
     along = np.array([0.0, 1.0])
     point, seed = with_seed(np.zeros(2), np.array([1e-3, 1.0]), along)
