@@ -38,7 +38,8 @@ Array = NDArray[np.float64]
 PAPER = 1.005  # threshold on rings, over one period
 
 # As k -> 1 the line of Neimark-Sacker points of arms runs into their pitchfork, angle and asymmetry
-# shrinking like sqrt(1 - k): within rounding of that it cannot be followed.
+# shrinking like sqrt(1 - k), or the angle into the edge of the band, like (1 - k)^2: within
+# rounding of that it cannot be followed.
 _ELASTIC = 1.0 - 1e-5
 
 
@@ -219,12 +220,21 @@ def _arc_locus(point: Point) -> Locus:
     if map.gamma == 0.0 and map.lattice.sites is None:
         raise Undefined("at gamma = 0 there is no band for a pair to come out of")
     ends = {"k": (0.0, _ELASTIC)}
-    return Locus({"kappa": map.nearest()}, _arc_conditions, _slopes(_arc_conditions), domain=ends)
+    return Locus(
+        {"kappa": map.nearest()}, _arc_conditions, _slopes(_arc_conditions, _room), domain=ends
+    )
 
 
 def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
     value = complex(_at(curve, z).map.F(np.array([extra[0]]))[0])
     return np.array([value.real, value.imag])
+
+
+def _room(curve: Curve, z: Array, extra: Array) -> float:
+    """A step for gamma and the angle that keeps off the edge of the band, where F has a root."""
+    map = _at(curve, z).map
+    steepness = 2.0 * map.periods**2 / map.edge  # of the edge in gamma
+    return max(0.02 * abs(map.edge - float(extra[0])) / (1.0 + steepness), 1e-8)
 
 
 def _verify_angle(point: Point) -> str:
@@ -254,7 +264,7 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
 
 # --- derivatives of conditions that have none in closed form ------------------------------------
 
-_STEP = 1e-4  # the band may end a hundred times as far away: there F has a square root
+_STEP = 1e-4
 _Stencil = tuple[tuple[int, float], ...]
 _CENTRAL: _Stencil = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
 _FORWARD: _Stencil = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4))
@@ -262,28 +272,30 @@ _FORWARD: _Stencil = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4
 
 def _slopes(
     conditions: Callable[[Curve, Array, Array], Array],
+    room: Callable[[Curve, Array, Array], float] | None = None,
 ) -> Callable[[Curve, Array, Array], Array]:
     """Differences of fourth order, one-sided where a parameter is next to the end of its domain:
-    boundaries start at gamma = 0 as well."""
+    boundaries start at gamma = 0 as well. Their step is at most `room`."""
 
     def derivative(curve: Curve, z: Array, extra: Array) -> Array:
         both = np.concatenate([z, extra])
         ends = {curve.slots[name]: ends for name, ends in curve.problem.domain.items()
                 if name in curve.slots}  # fmt: skip
         columns = []
+        step = _STEP if room is None else min(_STEP, room(curve, z, extra))
         for i in range(both.size):
             low, high = ends.get(i, (-math.inf, math.inf))
             side, stencil = 1.0, _CENTRAL
-            if both[i] - 2.0 * _STEP < low:
+            if both[i] - 2.0 * step < low:
                 stencil = _FORWARD
-            elif both[i] + 2.0 * _STEP >= high:
+            elif both[i] + 2.0 * step >= high:
                 side, stencil = -1.0, _FORWARD
             column = np.zeros(1)
             for place, weight in stencil:
                 near = both.copy()
-                near[i] += side * place * _STEP
+                near[i] += side * place * step
                 column = column + weight * conditions(curve, near[: z.size], near[z.size :])
-            columns.append(side * column / _STEP)
+            columns.append(side * column / step)
         return np.stack(columns, axis=-1)
 
     return derivative

@@ -385,6 +385,23 @@ def test_neimark_sacker_line_of_an_arm_ends_beside_elastic_impacts_at_the_pitchf
     assert roots == pytest.approx([roots[-1]] * 3, rel=0.01)
 
 
+def test_neimark_sacker_line_in_k_and_gamma_follows_the_edge_of_the_band_to_elastic_impacts():
+    """One of its ends is the pitchfork; at the other the angle comes as close to the edge of the
+    band as (1 - k)^2, nearer than any fixed step of a difference could stay off it."""
+    branch = trace(symmetric(0.82, 0.04, 0.57), "k", within={"k": (0.5, 0.99)})
+    arm = switch(branch.first("PF"), within={"k": (0.5, 0.99)})[0]
+    line = boundary(arm.first("NS"), ("k", "gamma"), within={"k": (0.9, 1.0)}, events=())
+    assert (line.began, line.stop) == (Stop.BOUND, Stop.BOUND)
+    assert line[0]["k"] == line[-1]["k"] == 1.0 - 1e-5
+    near = [
+        (2.0 * math.sqrt(point["gamma"]) - point["kappa"]) / (1.0 - point["k"]) ** 2
+        for point in line.points[: len(line) // 2]
+        if 3e-5 < 1.0 - point["k"] < 2e-3
+    ]
+    assert len(near) > 2
+    assert near == pytest.approx([near[0]] * len(near), rel=0.01)
+
+
 def test_arm_beyond_its_grazing_is_refused_with_the_solution_and_the_contact():
     with pytest.raises(Inadmissible, match="no orbit of the chain") as refused:
         asymmetric(0.95, 0.04, 0.8)
