@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import pytest
 
 from contbreather.errors import BadInput
 from contbreather.paper import time_series
+from contbreather.paper.fates import growth
 
 
 @pytest.fixture(scope="module")
 def figures():
+    # the growth simulated beside a multiplier is the matter of test_fates; here a few periods do
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(time_series, "growth", partial(growth, periods=30))
+        yield _once()
+
+
+def _once():
     made = {}
 
     def of(number):
@@ -52,6 +61,11 @@ def test_figure_7_is_asymmetric_and_needs_hard_walls(figures):
     assert numbers["phase_2"] == pytest.approx(3.01105, abs=1e-5)
     assert numbers["rigid_multiplier"] < 1.0 < numbers["symmetric_multiplier"]
     assert numbers["delocalised"] == 0.0
+    assert numbers["delocalised_6"] == 1.0
+    # m is not all: a gentler ramp finds an attractor where that of the figure loses it
+    assert numbers["multiplier_15"] == pytest.approx(0.97984, abs=5e-6)
+    assert "with m = 6 this ramp ends delocalised" in figures(7).caption
+    assert "largest multiplier 0.9798, an attractor" in figures(7).caption
     soft = time_series.figure7(m=6)
     assert soft.numbers["delocalised"] == 1.0
     assert "delocalised" in soft.caption
