@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 STABILITY = "unstable"  # the column that counts unstable directions, if a problem records one
 FINE = 6  # pieces of the line between two points
-SAME = 2.0  # typographic points: two markers of one name that close are one
+SAME = 10.0  # typographic points, half a word: markers of one name that close need it once
 ROUNDING = 1e-9  # relative; what varies by less is constant
 
 
