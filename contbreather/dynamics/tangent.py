@@ -205,7 +205,10 @@ def lyapunov(
     rates = np.concatenate(grown)[settle:] / PERIOD
     mean = weighted_mean(rates)
     half = len(rates) // 2
-    error = np.abs(weighted_mean(rates[:half]) - weighted_mean(rates[half:]))
+    early, late = weighted_mean(rates[:half]), weighted_mean(rates[half:])
+    differs = early != late  # not so where k = 0 annihilates a direction: both are -inf
+    error = np.zeros(wanted)
+    error[differs] = np.abs(early[differs] - late[differs])
     order = np.argsort(-mean)
     return Lyapunov(mean[order], error[order], periods)
 

@@ -178,3 +178,9 @@ def test_where_newton_ends_nowhere_it_says_so(monkeypatch):
         periodic(([0.3, -0.7], [2.0, 1.0]), a=3.0, gamma=0.2, k=0.99)
     with pytest.raises(BadInput, match="a symmetric motion has the period 2 pi"):
         periodic(([0.0], [0.0]), a=0.5, gamma=0.1, k=0.8, symmetric=True, periods=2)
+
+
+def test_direction_that_walls_without_restitution_annihilate_has_an_exact_exponent():
+    found = lyapunov(([0.1], [0.3]), a=2.0, gamma=0.0, k=0.0, periods=50, settle=10, count=2)
+    assert found.exponents[1] == -np.inf
+    assert found.error[1] == 0.0
