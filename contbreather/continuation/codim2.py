@@ -115,6 +115,26 @@ def oriented_overlap(matrix: Array, null: Array) -> float:
     return float(sign * left[:, -1] @ null / np.linalg.norm(null))
 
 
+def without(values: NDArray[np.complex128], *known: complex) -> NDArray[np.complex128]:
+    """Eigenvalues but for those that the curve has everywhere: where a second one joins them the
+    meeting has another name, BT for a flow."""
+    for one in known:
+        values = np.delete(values, int(abs(values - one).argmin()))
+    return values
+
+
+def _hopf_beside_zero(point: Point) -> float:
+    """The test of a Hopf point for all eigenvalues but the one that is zero."""
+    return _least_sum(without(_eigenvalues(point)[0], 0.0))
+
+
+def _least_sum(values: NDArray[np.complex128]) -> float:
+    if values.size < 2:
+        return math.nan
+    one, other = np.triu_indices(values.size, 1)
+    return events.least_with_sign(values[one] + values[other], 0.0)
+
+
 def _overlap_on_fold(point: Point) -> float:
     null = np.atleast_1d(point["null"])
     if null.size < 2:
@@ -217,17 +237,23 @@ def _generalised_verify(point: Point) -> str:
     return ""
 
 
+def _beside_pair(point: Point) -> NDArray[np.complex128]:
+    """All eigenvalues but the pair on the axis; none beyond BT."""
+    square = point["omega2"]
+    if not square > 0:
+        return np.empty(0, dtype=complex)
+    axis = 1j * math.sqrt(square)
+    return without(_eigenvalues(point)[0], axis, -axis)
+
+
 def _second_pair(point: Point) -> float:
     """The test of a Hopf point for all eigenvalues but the pair on the axis."""
-    square = point["omega2"]
-    values, _ = _eigenvalues(point)
-    if not square > 0 or values.size < 4:
-        return math.nan
-    first = int(abs(values - 1j * math.sqrt(square)).argmin())
-    values = np.delete(values, first)
-    values = np.delete(values, int(abs(values + 1j * math.sqrt(square)).argmin()))
-    one, other = np.triu_indices(values.size, 1)
-    return events.least_with_sign(values[one] + values[other], 1e-300)
+    return _least_sum(_beside_pair(point))
+
+
+def _zero_beside_pair(point: Point) -> float:
+    values = _beside_pair(point)
+    return events.least_with_sign(values, 0.0) if values.size else math.nan
 
 
 def _second_pair_verify(point: Point) -> str:
@@ -245,10 +271,18 @@ _HOPF = replace(events.hopf(), locus=_hopf_locus)
 _GENERALISED = Event("GH", _lyapunov_on_hopf, verify=_generalised_verify)
 _DOUBLE_HOPF = Event("HH", _second_pair, verify=_second_pair_verify)
 _ON_HOPF_ZERO = replace(
-    met("HB", _FOLD), kind="ZH", verify=_zero_hopf_verify, analysis=_pair_analysis
+    met("HB", _FOLD),
+    kind="ZH",
+    test=_zero_beside_pair,
+    verify=_zero_hopf_verify,
+    analysis=_pair_analysis,
 )
 _ON_FOLD_HOPF = replace(
-    met("LP", _HOPF), kind="ZH", verify=_zero_hopf_verify, analysis=_pair_analysis
+    met("LP", _HOPF),
+    kind="ZH",
+    test=_hopf_beside_zero,
+    verify=_zero_hopf_verify,
+    analysis=_pair_analysis,
 )
 _BT_ON_FOLD = Event(
     "BT", _overlap_on_fold, verify=_takens_verify, analysis=_takens_analysis, met=_HOPF

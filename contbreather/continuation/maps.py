@@ -19,7 +19,7 @@ from . import events as static
 from . import normal_forms
 from .boundary import met
 from .branch import Point
-from .codim2 import cusp, oriented_overlap
+from .codim2 import cusp, oriented_overlap, without
 from .cycles import Iterate, Map, cycle, generic, multiplier_matrix, shorter, units, with_period
 from .events import Event, Locus, branch_point, least_with_sign, signed_smallest
 from .newton import OUT_OF_DOMAIN, Undefined
@@ -194,7 +194,10 @@ def _pairs(values: NDArray[np.complex128]) -> tuple[Any, Any, NDArray[np.complex
 def _rotation_test(point: Point) -> float:
     """The smallest ``mu_i mu_j - 1`` with the sign of the product of all of them."""
     matrix = units(point)
-    values = np.linalg.eigvals(matrix).astype(complex)
+    return _least_gap(matrix, np.linalg.eigvals(matrix).astype(complex))
+
+
+def _least_gap(matrix: Array, values: NDArray[np.complex128]) -> float:
     if values.size < 2:
         return math.nan
     first, second, gaps = _pairs(values)
@@ -389,10 +392,42 @@ _PLAIN_ROTATION = Event(
 )
 
 
-def _meeting(kind: str, on: str, event: Event, wanted: str) -> dict[str, tuple[Event, ...]]:
+def _meeting(
+    kind: str,
+    on: str,
+    event: Event,
+    wanted: str,
+    test: Callable[[Point], float] | None = None,
+) -> dict[str, tuple[Event, ...]]:
     """On the boundary `on`, what meeting `event` there is called."""
     named = replace(met(on, event), kind=kind, verify=_on_circle(wanted), analysis=None, arms=None)
-    return {on: (named,)}
+    return {on: (named if test is None else replace(named, test=test),)}
+
+
+def _pair_beside(multiplier: int) -> Callable[[Point], float]:
+    """The test of NS on a curve of folds (1) or doublings (-1), for all other multipliers."""
+
+    def test(point: Point) -> float:
+        matrix = units(point.ground)
+        values = np.linalg.eigvals(matrix).astype(complex)
+        return _least_gap(matrix, without(values, multiplier))
+
+    return test
+
+
+def _beside_pair(multiplier: int) -> Callable[[Point], float]:
+    """Zero where one of the multipliers beside the pair on a curve of NS is 1 or -1."""
+
+    def test(point: Point) -> float:
+        cosine = point["cosine"]
+        if not -1 < cosine < 1:
+            return math.nan
+        pair = cosine + 1j * math.sqrt(1 - cosine**2)
+        values = np.linalg.eigvals(units(point.ground)).astype(complex)
+        others = without(values, pair, pair.conjugate())
+        return least_with_sign(others - multiplier, 0.0) if others.size else math.nan
+
+    return test
 
 
 _R1_ON_FOLD = Event("R1", _overlap(1), verify=_double_verify(1), met=_PLAIN_ROTATION)
@@ -425,21 +460,21 @@ _FOLD_OF_MAP = replace(
     _PLAIN_FOLD,
     meets={
         **_meeting("LPPD", "PD", _PLAIN_FOLD, "+1 -1"),
-        **_meeting("LPNS", "NS", _PLAIN_FOLD, "+1 pair"),
+        **_meeting("LPNS", "NS", _PLAIN_FOLD, "+1 pair", _beside_pair(1)),
     },
 )
 _FLIP = replace(
     _PLAIN_FLIP,
     meets={
         **_meeting("LPPD", "LP", _PLAIN_FLIP, "+1 -1"),
-        **_meeting("PDNS", "NS", _PLAIN_FLIP, "-1 pair"),
+        **_meeting("PDNS", "NS", _PLAIN_FLIP, "-1 pair", _beside_pair(-1)),
     },
 )
 _ROTATION = replace(
     _PLAIN_ROTATION,
     meets={
-        **_meeting("LPNS", "LP", _PLAIN_ROTATION, "+1 pair"),
-        **_meeting("PDNS", "PD", _PLAIN_ROTATION, "-1 pair"),
+        **_meeting("LPNS", "LP", _PLAIN_ROTATION, "+1 pair", _pair_beside(1)),
+        **_meeting("PDNS", "PD", _PLAIN_ROTATION, "-1 pair", _pair_beside(-1)),
     },
 )
 EVENTS = (_FOLD_OF_MAP, _with_multiplier_one(branch_point()), _FLIP, _ROTATION)

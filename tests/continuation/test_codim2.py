@@ -55,6 +55,7 @@ def both_curves(problem: Problem | None = None) -> dict[str, Branch]:
 def test_takens_bogdanov_is_met_from_both_sides_under_its_own_name(kind: str) -> None:
     curve = both_curves()[kind]
     assert kinds(curve) == ["BT"]
+    assert curve.doubtful == ()  # nor a ZH without a pair
     point = curve.first("BT")
     at(point, x=0, y=0, b1=0, b2=0)
     assert (point.detail["a"], point.detail["b"]) == pytest.approx((1, 1), rel=1e-9)

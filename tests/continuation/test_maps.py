@@ -75,6 +75,11 @@ def test_resonances_of_henon_on_its_neimark_sacker_curve(kind: str, alpha: float
     at(henon_curve("NS").first(kind), alpha=alpha, beta=1.0)
 
 
+@pytest.mark.parametrize("kind", ["LP", "PD", "NS"])
+def test_a_double_multiplier_is_no_meeting_with_a_pair_beside_it(kind: str) -> None:
+    assert henon_curve(kind).doubtful == ()
+
+
 def test_neimark_sacker_curve_of_henon_ends_at_both_double_multipliers() -> None:
     curve = henon_curve("NS")
     assert kinds(curve) == ["R1", "R4", "R3", "R2"]
