@@ -39,7 +39,8 @@ def boundary(
         As for `trace`.
     events : iterable of Event, optional
         Events of the original problem to look for on the curve; all its own by default, apart
-        from the kind that is traced. They are labelled with both kinds, ``"PF-GR"``.
+        from the kind that is traced. Those that were given to `trace` alone are not known here:
+        give them again. They are labelled with both kinds, ``"PF-GR"``.
 
     Returns
     -------
