@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from contbreather.cli.options import Csv, Json, Output, Where, Window, start_in
+from contbreather.cli.options import Csv, Json, Output, Where, Window, start_in, whole_number
 from contbreather.cli.output import (
     branch_entry,
     branch_rows,
@@ -34,10 +34,18 @@ def diagram(
     ] = None,
     window: Window = None,
     depth: Annotated[
-        int, Parameter(help="How often to switch on the way from the first branch to another.")
+        int,
+        Parameter(
+            help="How often to switch on the way from the first branch to another.",
+            converter=whole_number,
+        ),
     ] = 2,
     most: Annotated[
-        int, Parameter(help="Number of branches after which no others are followed.")
+        int,
+        Parameter(
+            help="Number of branches after which no others are followed.",
+            converter=whole_number,
+        ),
     ] = 100,
     sites: Shot = None,
     csv: Csv = None,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -12,9 +13,21 @@ from contbreather.errors import BadInput
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from cyclopts import Token
+
     from contbreather.breathers import Breather
     from contbreather.continuation import Event, Problem
     from contbreather.lattice import Forcing
+
+
+def whole_number(_: Any, tokens: Sequence[Token]) -> int:
+    """A whole number as it was typed; the parser itself would round 2.5."""
+    typed = tokens[0].value
+    try:
+        return int(typed)
+    except ValueError:
+        raise ValueError(f"{typed} is no whole number") from None
+
 
 Json = Annotated[
     bool,
@@ -33,7 +46,10 @@ Output = Annotated[
 ]
 Sites = Annotated[
     int | None,
-    Parameter(help="Also judge stability on a ring of so many sites, as the paper does."),
+    Parameter(
+        help="Also judge stability on a ring of so many sites, as the paper does.",
+        converter=whole_number,
+    ),
 ]
 Threshold = Annotated[
     float | None,
@@ -49,7 +65,11 @@ Window = Annotated[
 ]
 
 Root = Annotated[
-    int, Parameter(help="Which solution of (11), by falling p, where there are several.")
+    int,
+    Parameter(
+        help="Which solution of (11), by falling p, where there are several.",
+        converter=whole_number,
+    ),
 ]
 
 HARMONIC = "-cos(t)"

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from contbreather.cli.options import Csv, Json, Output, Where
+from contbreather.cli.options import Csv, Json, Output, Where, whole_number
 from contbreather.cli.output import check_distinct, note, say, to_csv, to_figure, to_json
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
-from contbreather.cli.starts import read_state, whole_number, write_state
+from contbreather.cli.starts import read_state, write_state
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:

@@ -3,27 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
-    from cyclopts import Token
-
     from contbreather.dynamics import State
 
 WANTED = "JSON with u, v and t, or two columns u and v were wanted"
-
-
-def whole_number(_: Any, tokens: Sequence[Token]) -> int:
-    """A whole number as it was typed; the parser itself would round 2.5."""
-    typed = tokens[0].value
-    try:
-        return int(typed)
-    except ValueError:
-        raise BadInput(f"{tokens[0].keyword} {typed}: a whole number was wanted") from None
 
 
 def read_state(path: str) -> tuple[tuple[Any, Any], float]:

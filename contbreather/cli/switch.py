@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from contbreather.cli.options import Csv, Json, Output, Where, Window, start_in
+from contbreather.cli.options import Csv, Json, Output, Where, Window, start_in, whole_number
 from contbreather.cli.output import (
     branch_entry,
     branch_rows,
@@ -37,7 +37,11 @@ SHOWN = ("p", *TIMES, "c", "asymmetry", "unstable")  # columns of the table
 
 Shot = Annotated[
     int | None,
-    Parameter(name="--sites", help="Shoot the orbits on a ring of so many sites instead."),
+    Parameter(
+        name="--sites",
+        help="Shoot the orbits on a ring of so many sites instead.",
+        converter=whole_number,
+    ),
 ]
 
 
