@@ -167,7 +167,7 @@ REFUSED = {
     ),
     "sites no number": (
         "point --a 0.5 --gamma 0.12 --k 0.4 --sites many",
-        r"--sites: unable to convert",
+        r"many is no whole number",
     ),
     "threshold alone": (
         "point --a 0.5 --gamma 0.12 --k 0.4 --threshold 1.005",
