@@ -142,7 +142,7 @@ def test_growth_of_a_simulated_perturbation_is_that_of_the_multiplier(a):
     amplitude = np.abs(np.hstack([run.strobe.u - u, run.strobe.v - v]) @ mode)
     clean = np.flatnonzero(amplitude < 1e-5)
     rate = np.polyfit(clean, np.log(amplitude[clean]), 1)[0]
-    assert rate == pytest.approx(math.log(orbit.largest), rel=1e-3)
+    assert rate == pytest.approx(math.log(orbit.largest), rel=5e-4)
 
 
 def test_damped_breather_becomes_a_torus_where_a_pair_leaves_the_circle():

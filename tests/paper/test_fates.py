@@ -25,12 +25,13 @@ def breather(a):
 def test_simulated_growth_is_the_largest_multiplier_to_three_digits(a):
     own = periodic(breather(a).state(20), a=a, damping=0.005, symmetric=True, **SET)
     rate = math.log(own.largest)
-    assert math.log(fates.growth(own)) == pytest.approx(rate, rel=2e-3)
+    assert math.log(fates.growth(own)) == pytest.approx(rate, rel=5e-4)
 
 
-def test_simulated_growth_of_the_smooth_ring_is_its_largest_multiplier():
-    own = fates.smooth_breather(breather(0.2), 6, 0.005, 20)
-    assert math.log(fates.growth(own)) == pytest.approx(math.log(own.largest), rel=2e-3)
+@pytest.mark.parametrize("a", [0.1, 0.2])
+def test_simulated_growth_of_the_smooth_ring_is_its_largest_multiplier_to_three_digits(a):
+    own = fates.smooth_breather(breather(a), 6, 0.005, 20)
+    assert math.log(fates.growth(own)) == pytest.approx(math.log(own.largest), rel=5e-4)
 
 
 def test_growth_below_one_is_the_decay_of_an_attractor():
