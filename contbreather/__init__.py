@@ -64,6 +64,7 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.dynamics import verdict as verdict
     from contbreather.errors import BadInput as BadInput
     from contbreather.errors import ContbreatherError as ContbreatherError
+    from contbreather.errors import Interrupted as Interrupted
     from contbreather.errors import NoSolution as NoSolution
     from contbreather.errors import NotConverged as NotConverged
     from contbreather.lattice import Fourier as Fourier
@@ -153,6 +154,7 @@ _HOME = {
     "verdict": "contbreather.dynamics",
     "BadInput": "contbreather.errors",
     "ContbreatherError": "contbreather.errors",
+    "Interrupted": "contbreather.errors",
     "NoSolution": "contbreather.errors",
     "NotConverged": "contbreather.errors",
 }

@@ -34,3 +34,20 @@ class NotConverged(ContbreatherError, RuntimeError):
         self.residual = residual
         self.iterations = iterations
         self.last = last
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, with what was done by then; the command line ends with status 130.
+
+    It is a `KeyboardInterrupt`, so that it ends a loop around the call as well. `partial` is what
+    the outermost call of this package would have returned, as far as it got and marked as cut
+    short; None if there is nothing yet. (`asyncio.IncompleteReadError.partial` is the model.)
+
+    A function that calls others which may be interrupted catches `KeyboardInterrupt`, of which
+    this is one, takes what it can use from the `partial` of the inner call, and raises one of its
+    own: what a caller gets is never the piece of a piece.
+    """
+
+    def __init__(self, message: str = "interrupted", *, partial: object = None) -> None:
+        super().__init__(message)
+        self.partial = partial
