@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
 
 class ContbreatherError(Exception):
     """Root of every error raised on purpose by contbreather."""
@@ -42,12 +46,45 @@ class Interrupted(KeyboardInterrupt):
     It is a `KeyboardInterrupt`, so that it ends a loop around the call as well. `partial` is what
     the outermost call of this package would have returned, as far as it got and marked as cut
     short; None if there is nothing yet. (`asyncio.IncompleteReadError.partial` is the model.)
-
-    A function that calls others which may be interrupted catches `KeyboardInterrupt`, of which
-    this is one, takes what it can use from the `partial` of the inner call, and raises one of its
-    own: what a caller gets is never the piece of a piece.
     """
 
-    def __init__(self, message: str = "interrupted", *, partial: object = None) -> None:
-        super().__init__(message)
+    def __init__(self, message: str = "", *, partial: object = None) -> None:
+        done = (
+            "nothing is done yet" if partial is None else f".partial is what was done: {partial!r}"
+        )
+        super().__init__(message or f"interrupted; {done}")
         self.partial = partial
+
+
+@contextmanager
+def keeping(partial: Callable[[], object] = lambda: None) -> Iterator[None]:
+    """Make of any interruption of a block one that carries what the call around it has by then.
+
+    Interruptions of inner calls are `KeyboardInterrupt`, too: what a caller gets is never the piece
+    of a piece.
+
+    Examples
+    --------
+    >>> done = [1, 2]
+    >>> try:
+    ...     with keeping(lambda: tuple(done)):
+    ...         raise KeyboardInterrupt
+    ... except Interrupted as stop:
+    ...     stop.partial
+    (1, 2)
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise Interrupted(partial=partial()) from None
+
+
+@contextmanager
+def taking(add: Callable[[Any], object]) -> Iterator[None]:
+    """Add what an interrupted inner call has by then to what the call around it has."""
+    try:
+        yield
+    except Interrupted as stop:
+        if stop.partial is not None:
+            add(stop.partial)
+        raise

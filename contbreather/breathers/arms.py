@@ -25,7 +25,7 @@ from contbreather.continuation.newton import newton
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
 from contbreather.continuation.switching import follow
-from contbreather.errors import BadInput, NoSolution, NotConverged
+from contbreather.errors import BadInput, NoSolution, NotConverged, keeping, taking
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, check_gamma
 from contbreather.stability.normal_form import PitchforkForm, pitchfork_form
 
@@ -185,23 +185,21 @@ def pitchfork_arms(
     ('GR', 0.877387)
     """
     lifted = lift(point)
-    one, other = (
-        follow(
-            point,
-            lifted.seed(sign),
-            within=within,
-            events=None if events is None else tuple(events),
-            steps=steps,
-            progress=progress,
-        )
-        for sign in (1.0, -1.0)
-    )
-    return one, other
+    given = None if events is None else tuple(events)
+    arms: list[Branch] = []
+    with keeping(lambda: tuple(arms) or None), taking(arms.append):
+        for sign in (1.0, -1.0):
+            seed = lifted.seed(sign)
+            arms.append(
+                follow(point, seed, within=within, events=given, steps=steps, progress=progress)
+            )
+    return arms[0], arms[1]
 
 
 # --- straight to one breather ---------------------------------------------------------------------
 
 
+@keeping()
 def asymmetric(
     a: float,
     gamma: float,

@@ -7,8 +7,9 @@ on no curve known so far is traced as a boundary, to the ends of the region wher
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from contbreather.breathers.problem import events_on, problem_of
 from contbreather.breathers.symmetric import Breather, symmetric_roots
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.progress import Progress
-from contbreather.errors import BadInput, NoSolution
+from contbreather.errors import BadInput, NoSolution, keeping, taking
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 
 Array = NDArray[np.float64]
@@ -55,11 +56,14 @@ class Zones:
         The two parameters of the plane, abscissa first.
     curves : dict
         ``{"LP": (branch, ...), "GR": ..., "PF": ..., "NS": ...}``; each branch is a boundary.
+    interrupted : bool
+        Whether it was cut short: curves may be missing, and the last one may end early.
     """
 
     fixed: tuple[str, float]
     pair: tuple[str, str]
     curves: Mapping[str, tuple[Branch, ...]]
+    interrupted: bool = False
 
     def __iter__(self) -> Iterator[tuple[str, Branch]]:
         for kind in KINDS:
@@ -88,26 +92,54 @@ class Zones:
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{kind}: {len(self.curves[kind])}" for kind in KINDS)
-        return f"<Zones in {self.pair} at {self.fixed[0]} = {self.fixed[1]:g}; {counts}>"
+        cut = "; interrupted, curves may be missing" if self.interrupted else ""
+        return f"<Zones in {self.pair} at {self.fixed[0]} = {self.fixed[1]:g}; {counts}{cut}>"
 
 
+@overload
 def zones(
     *,
     k: float | None = None,
     gamma: float | None = None,
     a: float | None = None,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | None = None,
-) -> Zones:
+) -> Zones: ...
+
+
+@overload
+def zones(
+    *,
+    k: Sequence[float] | None = None,
+    gamma: Sequence[float] | None = None,
+    a: Sequence[float] | None = None,
+    forcing: Forcing | str | None = None,
+    lattice: Lattice | None = None,
+    within: Mapping[str, tuple[float, float]] | None = None,
+    progress: bool | None = None,
+) -> tuple[Zones, ...]: ...
+
+
+def zones(
+    *,
+    k: float | Sequence[float] | None = None,
+    gamma: float | Sequence[float] | None = None,
+    a: float | Sequence[float] | None = None,
+    forcing: Forcing | str | None = None,
+    lattice: Lattice | None = None,
+    within: Mapping[str, tuple[float, float]] | None = None,
+    progress: bool | None = None,
+) -> Zones | tuple[Zones, ...]:
     """All curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
 
     Parameters
     ----------
-    k, gamma, a : float
+    k, gamma, a : float or sequence of float
         Exactly one: the plane is that of the other two, ``(gamma, a)`` for the paper's Fig. 2.
-    forcing : Forcing, optional
+        Several values give as many diagrams.
+    forcing : Forcing or str, optional
         `Harmonic` unless given; then a fold ends the zone, for the breather behind it is unstable
         throughout. Any other forcing may have several breathers at one point: the diagram has
         the curves of all of them. Where the impacts vanish, p -> 0 on the line a max|f| = 1, there
@@ -123,12 +155,16 @@ def zones(
     -------
     Zones
         LP (lower limit of existence), GR (upper limit, or site 0 grazing for small k), PF and NS
-        (limits of stability), each to the end of the region where breathers exist.
+        (limits of stability), each to the end of the region where breathers exist. For several
+        values, ``k=[0.8, 0.4]``, a tuple of them in the same order.
 
     Raises
     ------
     BadInput
         If not exactly one parameter is fixed, or the window contains no breather.
+    Interrupted
+        On Ctrl-C; its ``partial`` is the diagram as far as it got, with ``interrupted`` set; for
+        several values a tuple of those there are.
 
     Examples
     --------
@@ -143,6 +179,8 @@ def zones(
             "zones(k=0.8) draws the plane (gamma, a)"
         )
     ((name, value),) = given.items()
+    if np.ndim(value):
+        return _several(name, value, forcing, lattice, within, progress)
     if name == "k" and value in (0.0, 1.0):
         raise BadInput(
             f"k = {value:g}: zones need 0 < k < 1. At k = 1 the folds are at a = 0 and every "
@@ -150,8 +188,20 @@ def zones(
             "Take k close to it, and symmetric() for single breathers at the rim"
         )
     search = _Search(name, float(value), forcing, lattice or InfiniteChain(), within or {})
-    with Progress(progress, search.pair[0]) as shown:
-        return search.run(shown)
+    with Progress(progress, search.pair[0]) as shown, keeping(search.so_far):
+        search.run(shown)
+    return search.zones()
+
+
+def _several(name: str, values: Any, *others: Any) -> tuple[Zones, ...]:
+    """A diagram for each of several values."""
+    names = ("forcing", "lattice", "within", "progress")
+    shared = dict(zip(names, others, strict=True))
+    done: list[Zones] = []
+    with keeping(lambda: tuple(done) or None), taking(done.append):
+        for value in values:
+            done.append(zones(**{name: value}, **shared))
+    return tuple(done)
 
 
 class _Search:
@@ -177,7 +227,15 @@ class _Search:
             self.events = tuple(_ending(event) for event in self.events)
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
 
-    def run(self, shown: Progress) -> Zones:
+    def zones(self, *, interrupted: bool = False) -> Zones:
+        """The curves there are."""
+        curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
+        return Zones((self.name, self.value), self.pair, curves, interrupted)
+
+    def so_far(self) -> Zones | None:
+        return self.zones(interrupted=True) if any(self.curves.values()) else None
+
+    def run(self, shown: Progress) -> None:
         found = [self._scan(x, shown) for x in _comb(self.pair[0], self.within)]
         if not any(found):
             raise BadInput(
@@ -190,8 +248,6 @@ class _Search:
             for x in (met[self.pair[0]] - BESIDE, met[self.pair[0]] + BESIDE):
                 if low <= x <= high:
                     self._scan(x, shown)
-        curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
-        return Zones((self.name, self.value), self.pair, curves)
 
     def _searched(self) -> str:
         """The windows as words."""
@@ -258,11 +314,14 @@ class _Search:
         """Trace an event as a boundary, unless it lies on one already: on another than `since`."""
         if point["p"] < VANISHED or self._known(point, but=since):
             return
-        branch = boundary(
-            point, self.pair, within=self.within, events=self.events, steps=STEPS, progress=False
-        )
-        branch = refined(branch, FEWEST)
-        self.curves[_followed(point)].append(branch)
+        curves = self.curves[_followed(point)]
+        with taking(curves.append):
+            branch = boundary(
+                point, self.pair, within=self.within, events=self.events, steps=STEPS,
+                progress=False,
+            )  # fmt: skip
+        curves.append(branch)  # before it is refined: an interruption keeps it
+        curves[-1] = branch = refined(branch, FEWEST)
         for end in branch.special:
             if end.kind == "GR-GR":  # another site takes over: the limit of existence goes on
                 self._follow(end, branch)

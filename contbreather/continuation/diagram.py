@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import BadInput, ContbreatherError, NotConverged
+from ..errors import BadInput, ContbreatherError, NotConverged, keeping, taking
 from .branch import Branch, Point, Stop
 from .events import Event
 from .problem import Problem
@@ -242,12 +242,14 @@ def diagram(
     Diagram
         No branch is in it twice: arms that lead to a known branch are recognised before they are
         followed. The image of a known branch under a symmetry is followed, but not switched on.
-        An interruption (Ctrl-C) ends the work and keeps what there is.
 
     Raises
     ------
     BadInput, NotConverged
         As `trace`, for the start. What fails later on is kept in ``failed``.
+    Interrupted
+        On Ctrl-C; its ``partial`` is the diagram as far as it got, with ``interrupted`` set, or
+        None.
 
     Examples
     --------
@@ -271,7 +273,8 @@ def diagram(
     shown = _Status(progress, free)
     growth = _Growth(free, dict(within), depth, events, steps or Steps(), most, shown)
     try:
-        growth.run(start)
+        with keeping(growth.so_far):
+            growth.run(start)
     finally:
         shown.close()
     return growth.diagram()
@@ -315,11 +318,10 @@ class _Growth:
         self.failed: list[Failure] = []
         self.left: list[Place] = []
         self.queue: deque[Place] = deque()
-        self.interrupted = False
 
     def run(self, start: Problem | Startable) -> None:
         """Grow until nothing is left to switch at, or it is enough."""
-        try:
+        with taking(lambda piece: self._add(piece, Birth(0))):
             first = trace(
                 start,
                 self.free,
@@ -328,24 +330,25 @@ class _Growth:
                 steps=self.steps,
                 progress=self.shown,
             )
-            self._add(first, Birth(0))
-            while self.queue and len(self.branches) < self.most and not self.interrupted:
-                self._switch_at(self.queue[0])
-                self.queue.popleft()
-        except KeyboardInterrupt:
-            if not self.branches:
-                raise
-            self.interrupted = True
+        self._add(first, Birth(0))
+        while self.queue and len(self.branches) < self.most:
+            self._switch_at(self.queue[0])
+            self.queue.popleft()
 
-    def diagram(self) -> Diagram:
+    def so_far(self) -> Diagram | None:
+        """What an interruption leaves; places come last, so their number tells what is whole."""
+        count = len(self.places)
+        return self.diagram(count, interrupted=True) if count else None
+
+    def diagram(self, count: int | None = None, *, interrupted: bool = False) -> Diagram:
         return Diagram(
-            tuple(self.branches),
-            tuple(self.births),
+            tuple(self.branches[:count]),
+            tuple(self.births[:count]),
             tuple(self.places),
             tuple(self.met),
             tuple(self.failed),
             (*self.left, *self.queue),
-            self.interrupted,
+            interrupted,
         )
 
     def _switch_at(self, place: Place) -> None:
@@ -356,7 +359,7 @@ class _Growth:
             self.failed.append(Failure(place, str(error)))
             return
         for seed in seeds:
-            if self.interrupted or len(self.branches) >= self.most:
+            if len(self.branches) >= self.most:
                 self.left.append(place)
                 return
             try:
@@ -377,19 +380,21 @@ class _Growth:
             return
         depth = self.births[place.branch].depth + 1
         image_of = None if known is None else known.branch
+        birth = Birth(depth, place, image_of)
         small = simplest(first[-1], reach)
-        if small is not first[-1]:
-            arm = self._walk_through(small)
-        else:
-            arm = follow(
-                place.point,
-                seed,
-                within=within,
-                events=own,
-                steps=self.steps,
-                progress=self.shown,
-            )
-        self._add(arm, Birth(depth, place, image_of))
+        with taking(lambda piece: self._add(piece, birth)):
+            if small is not first[-1]:
+                arm = self._walk_through(small)
+            else:
+                arm = follow(
+                    place.point,
+                    seed,
+                    within=within,
+                    events=own,
+                    steps=self.steps,
+                    progress=self.shown,
+                )
+        self._add(arm, birth)
 
     def _walk_through(self, small: Point) -> Branch:
         """The branch of a smaller problem, which the place lies on."""
@@ -426,7 +431,6 @@ class _Growth:
             if known is None and point.event is not None and point.event.arms is not None:
                 self._later(places[-1], birth)
         self.places.append(tuple(places))
-        self.interrupted |= branch.stop is Stop.INTERRUPTED
 
     def _known_place(self, point: Point, places: Sequence[Place]) -> Place | None:
         """The place where the branch of a point crosses another one, or itself."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import BadInput, NotConverged
+from ..errors import BadInput, NotConverged, keeping, taking
 from .branch import Branch, Point, Stop, labelled
 from .events import Event
 from .newton import OUT_OF_DOMAIN
@@ -87,6 +87,8 @@ def switch(
         If an arm turns out to be the branch it was to leave, or another arm; a `NotConverged`.
     NotConverged
         If no first step can be made along an arm.
+    Interrupted
+        On Ctrl-C; its ``partial`` is a tuple of the arms there are, the last perhaps cut short.
 
     Examples
     --------
@@ -107,14 +109,16 @@ def switch(
         )
     given = all_of(events)
     arms: list[Branch] = []
-    for seed in seeds_at(point):
-        if any(comes_back(arm, seed) for arm in arms):
-            continue
-        arm = follow(point, seed, within=within, events=given, steps=steps, progress=progress)
-        _keep_apart(arm, arms)
-        arms.append(_with_image(arm, arms))
-        if arm.stop is Stop.INTERRUPTED:
-            break
+    with keeping(lambda: tuple(arms) or None):
+        for seed in seeds_at(point):
+            if any(comes_back(arm, seed) for arm in arms):
+                continue
+            with taking(arms.append):
+                arm = follow(
+                    point, seed, within=within, events=given, steps=steps, progress=progress
+                )
+            _keep_apart(arm, arms)
+            arms.append(_with_image(arm, arms))
     return tuple(arms)
 
 
@@ -179,15 +183,20 @@ def follow(
     """One arm from a point, which is its first."""
     free = point.curve.free[0]
     start = _start(seed, free)
-    arm = trace(
-        start,
-        free,
-        within=within,
-        events=events,
-        steps=steps,
-        progress=progress,
-        along=seed.tangent,
-    )
+    pieces: list[Branch] = []
+    with (
+        keeping(lambda: _with_parent(pieces[0], point) if pieces else None),
+        taking(pieces.append),
+    ):
+        arm = trace(
+            start,
+            free,
+            within=within,
+            events=events,
+            steps=steps,
+            progress=progress,
+            along=seed.tangent,
+        )
     if len(arm) == 1 and arm.stop.failed:
         raise NotConverged(
             f"no step can be made along an arm of {point!r}: {arm.stop.value}; {arm.reason}",

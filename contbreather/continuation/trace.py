@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import BadInput
+from ..errors import BadInput, keeping
 from .branch import Branch, Point, Stop, labelled
 from .crossing import crossing
 from .events import Event
@@ -100,6 +100,8 @@ def trace(
         For unknown names, empty windows, a start outside its window.
     NotConverged
         If the start is no solution and none is near.
+    Interrupted
+        On Ctrl-C; its ``partial`` is the branch up to there, or None.
 
     Examples
     --------
@@ -112,39 +114,60 @@ def trace(
     if towards not in ("both", "up", "down"):
         raise BadInput(f"towards must be 'both', 'up' or 'down', got {towards!r}")
     events = all_of(events)  # both walks need them
-    with progress if isinstance(progress, Progress) else Progress(progress, free) as shown:
-        sides = ("down", "up") if towards == "both" and along is None else (towards,)
-        branches = []
+    sides = ("down", "up") if towards == "both" and along is None else (towards,)
+    legs: list[Leg] = []
+    with (
+        progress if isinstance(progress, Progress) else Progress(progress, free) as shown,
+        keeping(lambda: _so_far(legs)),
+    ):
         for side in sides:
             walker = walk(
                 start, free, within=within, towards=side, events=events, steps=steps, along=along
             )
-            branches.append(_gathered(walker, shown))
-            if branches[0].stop is Stop.CLOSED:
-                return branches[0]
-            if branches[-1].stop is Stop.INTERRUPTED:
+            legs.append(Leg())
+            legs[-1].go(walker, shown)
+            if legs[0].end.stop is Stop.CLOSED:
                 break
-    if len(branches) == 1:
-        return _with_ends(branches[0])
-    return _with_ends(branches[0].reversed().join(branches[1]))
+    return _whole(legs)
 
 
-def _gathered(walker: Generator[Point, None, End], shown: Progress) -> Branch:
-    """Run a walk to its end; an interruption keeps what there is."""
-    points: list[Point] = []
-    end = End(Stop.INTERRUPTED)
-    try:
+@dataclass
+class Leg:
+    """One side of a branch, as far as it has been walked."""
+
+    points: list[Point] = field(default_factory=list)
+    end: End = End(Stop.INTERRUPTED)
+
+    def go(self, walker: Generator[Point, None, End], shown: Progress) -> None:
+        """Run a walk to its end."""
         while True:
             try:
-                points.append(next(walker))
+                self.points.append(next(walker))
             except StopIteration as stopped:
-                end = stopped.value
-                break
-            shown.advance(points[-1])
-    except KeyboardInterrupt:
-        if not points:
-            raise
-    return Branch(labelled(tuple(points)), end.stop, reason=end.reason, doubtful=end.doubtful)
+                self.end = stopped.value
+                return
+            shown.advance(self.points[-1])
+
+    def branch(self) -> Branch:
+        points, end = labelled(tuple(self.points)), self.end
+        return Branch(points, end.stop, reason=end.reason, doubtful=end.doubtful)
+
+
+def _whole(legs: Sequence[Leg]) -> Branch:
+    """Both sides as one branch, with its ends labelled."""
+    first, *second = (leg.branch() for leg in legs)
+    if first.stop is Stop.CLOSED:
+        return first
+    return _with_ends(first.reversed().join(second[0]) if second else first)
+
+
+def _so_far(legs: Sequence[Leg]) -> Branch | None:
+    """What an interrupted walk leaves: nothing, one side, or more."""
+    walked = [leg for leg in legs if leg.points]
+    if len(walked) == 1 and walked[0].end.stop is not Stop.INTERRUPTED:
+        finished = walked[0].branch().reversed()  # the other side was to set out from its start
+        return _with_ends(replace(finished, stop=Stop.INTERRUPTED))
+    return _whole(walked) if walked else None
 
 
 def _with_ends(branch: Branch) -> Branch:

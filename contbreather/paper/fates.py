@@ -22,7 +22,7 @@ from contbreather.dynamics import (
     simulate_smooth,
     smooth_orbit,
 )
-from contbreather.errors import NotConverged
+from contbreather.errors import NotConverged, keeping
 
 Array = NDArray[Any]
 
@@ -137,6 +137,7 @@ def solution(problem: Any) -> Any:
     return next(walk(problem, "a", events=())).solution
 
 
+@keeping()
 def softest(breather: Breather, damping: float, sites: int) -> float:
     """The m at which the smooth ring's breather ends in a fold, coming from hard walls; NaN if it
     reaches m = 5."""

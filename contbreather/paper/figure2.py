@@ -11,6 +11,7 @@ from contbreather.breathers.events import neimark_sacker as exact_event
 from contbreather.breathers.problem import problem_of
 from contbreather.breathers.zones import Zones, zones
 from contbreather.continuation import trace
+from contbreather.errors import keeping
 from contbreather.paper import threshold as rule
 from contbreather.paper.threshold import ThresholdLine
 from contbreather.plotting.canvas import new_figure, style
@@ -93,6 +94,7 @@ def _arrow(ax: Axes, name: str, start: float, end: float, a: float) -> tuple[flo
     return max(start, end), a, name
 
 
+@keeping()
 def figure2(
     restitutions: Sequence[float] = RESTITUTIONS,
     *,
@@ -135,6 +137,7 @@ def figure2(
     return Figure2(exact, tuple(lines))
 
 
+@keeping()
 def chain_lengths(
     a: float = 0.2,
     k: float = 0.8,

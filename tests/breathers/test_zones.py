@@ -302,3 +302,45 @@ def test_work_is_bounded() -> None:
     finally:
         closure.residual = plain
     assert calls < 12000
+
+
+# --- interruption ---------------------------------------------------------------------------------
+
+
+class Impatient(cb.InfiniteChain):
+    """The chain, and Ctrl-C at one of the questions it is asked."""
+
+    def __init__(self, after: int) -> None:
+        self.left = after
+
+    def chi(self, gamma: float) -> float:
+        self.left -= 1
+        if self.left == 0:
+            raise KeyboardInterrupt
+        return super().chi(gamma)
+
+
+@pytest.mark.parametrize("after", [1, 1000, 3000])
+def test_an_interrupted_zone_diagram_is_marked_and_has_no_curve_twice(after: int) -> None:
+    with pytest.raises(cb.Interrupted) as stop:
+        cb.zones(k=0.8, lattice=Impatient(after), within={"gamma": (0.02, 0.1)})
+    kept = stop.value.partial
+    assert (kept is None) == (after == 1)
+    if kept is not None:
+        assert kept.interrupted
+        assert "interrupted" in repr(kept)
+        assert any(kept.curves.values())
+        assert all(len(branches) <= 1 for branches in kept.curves.values())
+
+
+def test_several_values_give_several_diagrams_of_which_an_interruption_keeps_the_finished() -> None:
+    plane = {"gamma": (0.02, 0.06), "a": (0.3, 0.9)}
+    chain = Impatient(10**9)
+    one, other = cb.zones(k=[0.8, 0.4], within=plane, lattice=chain)
+    assert (one.fixed, other.fixed) == (("k", 0.8), ("k", 0.4))
+    assert [one.interrupted, other.interrupted] == [False, False]
+    with pytest.raises(cb.Interrupted) as stop:
+        cb.zones(k=[0.8, 0.4], within=plane, lattice=Impatient(10**9 - chain.left - 100))
+    kept = stop.value.partial
+    assert [each.interrupted for each in kept] == [False, True]
+    assert [len(branch) for _, branch in kept[0]] == [len(branch) for _, branch in one]

@@ -12,7 +12,7 @@ from rich.console import Console
 from contbreather.continuation import Branch, Event, Problem, Seed, Steps, Stop, branch_point
 from contbreather.continuation.diagram import Diagram, diagram
 from contbreather.continuation.maps import FixedPoint
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import BadInput, Interrupted, NotConverged
 
 from .zoo import LORENZ, PITCHFORK, STATIC, TRANSCRITICAL, Array, imperfect, scalar
 
@@ -287,7 +287,7 @@ def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on() -> None:
     assert "1 arm not followed" in tree.describe()
 
 
-class Interrupted:
+class Impatient:
     """Raises what Ctrl-C raises, at the n-th evaluation."""
 
     def __init__(self, at: int) -> None:
@@ -300,12 +300,14 @@ class Interrupted:
         return two_levels(x, p)
 
 
-def test_an_interruption_at_any_moment_keeps_what_there_is() -> None:
-    whole = Interrupted(0)
+def test_an_interruption_at_any_moment_hands_over_what_there_is() -> None:
+    whole = Impatient(0)
     grown(Problem(whole, {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
     kept = []
     for at in np.linspace(200, whole.calls - 1, 23).astype(int):
-        tree = grown(Problem(Interrupted(at), {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
+        with pytest.raises(Interrupted) as stop:
+            grown(Problem(Impatient(at), {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
+        tree = stop.value.partial
         assert tree.interrupted
         assert tree.graph.number_of_nodes() > 0
         assert "interrupted" in tree.describe()
@@ -315,9 +317,10 @@ def test_an_interruption_at_any_moment_keeps_what_there_is() -> None:
     assert kept[-1] == 7
 
 
-def test_an_interruption_before_the_first_point_is_passed_on() -> None:
-    with pytest.raises(KeyboardInterrupt):
-        grown(Problem(Interrupted(1), {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
+def test_an_interruption_before_the_first_point_has_nothing_to_hand_over() -> None:
+    with pytest.raises(Interrupted) as stop:
+        grown(Problem(Impatient(1), {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
+    assert stop.value.partial is None
 
 
 def test_a_start_that_is_no_solution_is_refused_like_anywhere() -> None:

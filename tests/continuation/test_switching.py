@@ -27,7 +27,7 @@ from contbreather.continuation import (
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.recognition import lies_on, recognised, same_place
 from contbreather.continuation.switching import ArmsCoincide, NothingToSwitch, follow, switch
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import BadInput, Interrupted, NotConverged
 
 from .zoo import (
     CIRCLE,
@@ -200,9 +200,12 @@ def test_an_interruption_keeps_the_arms_there_are() -> None:
     mine = Problem(residual, {"x": 0.0}, {"mu": -0.7})
     point = trace(mine, "mu", events=[branch_point()], within=MU).first("BP")
     limit = calls + 120
-    arms = switch(point, within=MU)
+    with pytest.raises(Interrupted) as stop:
+        switch(point, within=MU)
+    arms = stop.value.partial
     assert [arm.stop for arm in arms] == [Stop.INTERRUPTED]
     assert len(arms[0]) > 1
+    assert arms[0][0].detail["parent"] is point
 
 
 # --- what is refused --------------------------------------------------------------------------

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contbreather.continuation import Event, Problem, Steps, Stop, fold, trace, user, walk
-from contbreather.errors import BadInput, NotConverged
+from contbreather.continuation import Branch, Event, Problem, Steps, Stop, fold, trace, user, walk
+from contbreather.errors import BadInput, Interrupted, NotConverged
 
 from .zoo import (
     ALL,
@@ -316,19 +316,28 @@ def test_equations_that_write_to_their_argument_are_stopped() -> None:
 # --- interruption -----------------------------------------------------------------------------
 
 
+class Impatient:
+    """A sine, and Ctrl-C at one of its evaluations."""
+
+    def __init__(self, after: float) -> None:
+        self.calls, self.after = 0, after
+
+    def __call__(self, x, p):
+        self.calls += 1
+        if self.calls == self.after:
+            raise KeyboardInterrupt
+        return np.array([x[0] - np.sin(p["mu"])])
+
+    def traced(self) -> Branch:
+        problem = Problem(self, {"x": 0.0}, {"mu": 0.0})
+        return trace(problem, "mu", within={"mu": (-5, 5)}, events=[user("mu", 0.02), fold()])
+
+
 @pytest.mark.parametrize("after", [60, 150, 700])
-def test_an_interruption_keeps_the_points(after: int) -> None:
-    class Impatient:
-        calls = 0
-
-        def __call__(self, x, p):
-            self.calls += 1
-            if self.calls == after:
-                raise KeyboardInterrupt
-            return np.array([x[0] - np.sin(p["mu"])])
-
-    problem = Problem(Impatient(), {"x": 0.0}, {"mu": 0.0})
-    branch = trace(problem, "mu", within={"mu": (-5, 5)}, events=[user("mu", 0.02), fold()])
+def test_an_interruption_hands_over_the_points(after: int) -> None:
+    with pytest.raises(Interrupted, match="interrupted; the points up to here are kept") as stop:
+        Impatient(after).traced()
+    branch = stop.value.partial
     assert branch.stop is Stop.INTERRUPTED
     assert len(branch) > 1
     assert abs(branch["x"] - np.sin(branch["mu"])).max() < 1e-14
@@ -336,12 +345,49 @@ def test_an_interruption_keeps_the_points(after: int) -> None:
     assert (np.diff(branch["arclength"]) > 0).all()
 
 
-def test_an_interruption_before_the_first_point_is_not_swallowed() -> None:
+def test_whenever_it_comes_the_interrupted_branch_is_a_piece_of_the_whole_one() -> None:
+    whole = Impatient(math.inf)
+    branch = whole.traced()
+    places = set(branch["mu"].round(9))
+    for after in range(20, whole.calls, 41):
+        with pytest.raises(Interrupted) as stop:
+            Impatient(after).traced()
+        kept = stop.value.partial
+        if kept is not None:
+            assert kept.stop is Stop.INTERRUPTED
+            assert set(kept["mu"].round(9)) <= places
+
+
+def test_an_interruption_ends_a_loop_of_walks_and_the_finished_ones_are_kept() -> None:
+    done = []
+
+    def study() -> None:
+        for after in (math.inf, 100, math.inf):
+            done.append(Impatient(after).traced().stop)
+
+    with pytest.raises(KeyboardInterrupt):
+        study()
+    assert done == [Stop.BOUND]
+
+
+def test_an_interruption_before_the_first_point_has_nothing_to_hand_over() -> None:
     def residual(x, p):
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(Interrupted, match="nothing is done yet") as stop:
         trace(Problem(residual, {"x": 0.0}, {"mu": 0.0}), "mu")
+    assert stop.value.partial is None
+
+
+def test_an_interrupted_walk_inside_of_another_is_not_taken_for_it() -> None:
+    inner = Impatient(150)
+
+    def residual(x, p):
+        return np.array([x[0] - inner.traced()["x"][-1] * p["mu"]])
+
+    with pytest.raises(Interrupted) as stop:
+        trace(Problem(residual, {"x": 0.0}, {"mu": 0.0}), "mu")
+    assert stop.value.partial is None
 
 
 # --- closed curves ----------------------------------------------------------------------------
