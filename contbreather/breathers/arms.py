@@ -26,7 +26,13 @@ from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
 from contbreather.continuation.switching import follow
 from contbreather.errors import BadInput, NoSolution, NotConverged, keeping, taking
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, check_gamma
+from contbreather.lattice import (
+    Forcing,
+    Lattice,
+    check_gamma,
+    forcing_of,
+    lattice_of,
+)
 from contbreather.stability.normal_form import PitchforkForm, pitchfork_form
 
 FloatArray = NDArray[np.float64]
@@ -206,7 +212,7 @@ def asymmetric(
     k: float,
     *,
     arm: int = 1,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
     inadmissible: bool = False,
 ) -> Orbit:
@@ -218,7 +224,7 @@ def asymmetric(
         Amplitude of the forcing, coupling, restitution coefficient.
     arm : {1, -1}
         Which of the two mirror images: t2 - t1 > pi for 1.
-    forcing : Forcing, optional
+    forcing : Forcing or str, optional
         `Harmonic` unless given.
     lattice : Lattice, optional
         `InfiniteChain` unless given.
@@ -239,10 +245,9 @@ def asymmetric(
     """
     if arm not in (1, -1):
         raise BadInput(f"arm = {arm!r}: the arms are 1 and -1.")
-    forcing = Harmonic() if forcing is None else forcing
-    lattice = InfiniteChain() if lattice is None else lattice
+    drive, lattice = forcing_of(forcing), lattice_of(lattice)
     gamma, k = check_gamma(gamma), float(k)
-    start = symmetric(a, gamma, k, forcing=forcing, lattice=lattice)
+    start = symmetric(a, gamma, k, forcing=drive, lattice=lattice)
     reach = {"a": (0.05 * a, 20.0 * a)}
     branch = trace(start, "a", events=[pitchfork()], within=reach, progress=False)
     tried = []
@@ -263,7 +268,7 @@ def asymmetric(
             return _solved(last.problem.at(a=a), inadmissible)
     where = f"pitchforks at a = {', '.join(tried)}" if tried else "no pitchfork was found"
     raise NoSolution(
-        f"no asymmetric breather at a = {a!r} (gamma = {gamma}, k = {k}, {forcing.describe()}) "
+        f"no asymmetric breather at a = {a!r} (gamma = {gamma}, k = {k}, {drive.describe()}) "
         f"on the arms that leave the symmetric branch: {where}."
     )
 

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from contbreather.checks import real
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, forcing_of, lattice_of
 from contbreather.lattice.forcing import Series
 
 FloatArray = NDArray[np.float64]
@@ -34,10 +35,7 @@ def restitution_ratio(k: float) -> float:
     BadInput
         If k is not a number in [0, 1].
     """
-    try:
-        number = float(k)
-    except (TypeError, ValueError):
-        number = math.nan
+    number = real(k)
     if 0.0 <= number <= 1.0:
         return (1.0 - number) / (1.0 + number)
     raise BadInput(
@@ -48,10 +46,7 @@ def restitution_ratio(k: float) -> float:
 
 def check_amplitude(a: float) -> float:
     """Return ``a`` as a float; `BadInput` unless it is finite and positive."""
-    try:
-        number = float(a)
-    except (TypeError, ValueError):
-        number = math.nan
+    number = real(a)
     if 0.0 < number < math.inf:
         return number
     raise BadInput(
@@ -181,8 +176,8 @@ def smallest_amplitude(
     >>> round(smallest_amplitude(0.1, 0.8), 12)
     0.057029037182
     """
-    forcing = Harmonic() if forcing is None else forcing
-    chi = (InfiniteChain() if lattice is None else lattice).chi(gamma)
+    forcing = forcing_of(forcing)
+    chi = lattice_of(lattice).chi(gamma)
     q = restitution_ratio(k)
     if isinstance(forcing, Harmonic):
         return q / math.hypot(chi, q)

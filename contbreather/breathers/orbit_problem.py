@@ -19,7 +19,7 @@ from contbreather.breathers.orbit_images import images_of, simpler_than
 from contbreather.breathers.orbits import EQUAL, Orbit
 from contbreather.continuation import Point, Problem, branch_point, fold
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
 
 LEAST = 1e-12  # an impulse smaller than this is none
 
@@ -104,7 +104,7 @@ def orbit_problem(
     k: float,
     offsets: Sequence[float] = (),
     periods: int = 1,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
 ) -> Problem:
     """The problem of an orbit of your own: a sequence of impacts, and a guess at it.
@@ -121,7 +121,7 @@ def orbit_problem(
         Guess at the static displacement of each impacting site, 0 unless given.
     periods : int
         n of the period 2 pi n.
-    forcing : Forcing, optional
+    forcing : Forcing or str, optional
         `Harmonic` unless given.
     lattice : Lattice, optional
         `InfiniteChain` unless given.
@@ -145,8 +145,7 @@ def orbit_problem(
     >>> round(-solved.start["J1"] / 2, 10)  # p of the symmetric breather there
     0.680056002
     """
-    forcing = Harmonic() if forcing is None else forcing
-    lattice = InfiniteChain() if lattice is None else lattice
+    drive, lattice = forcing_of(forcing), lattice_of(lattice)
     pairs = tuple((site, wall) for site, wall in sequence)
     check_sequence(pairs, lattice)
     if not len(pairs) == len(times) == len(impulses):
@@ -159,5 +158,5 @@ def orbit_problem(
         Impact(int(site), int(wall), float(t), float(J))
         for (site, wall), t, J in zip(pairs, times, impulses, strict=True)
     ]
-    orbit = Orbit(a, gamma, k, tuple(impacts), tuple(offsets), periods, forcing, lattice)
+    orbit = Orbit(a, gamma, k, tuple(impacts), tuple(offsets), periods, drive, lattice)
     return impact_problem(orbit)

@@ -36,7 +36,7 @@ from contbreather.breathers.shooting_seeds import (
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, Harmonic, Ring, check_gamma
+from contbreather.lattice import Forcing, Ring, check_gamma, forcing_of
 
 FloatArray = NDArray[np.float64]
 
@@ -181,7 +181,7 @@ def shooting(
     a: float | None = None,
     gamma: float | None = None,
     k: float | None = None,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     t: float = 0.0,
     threshold: float = PAPER,
     inadmissible: bool = False,
@@ -325,7 +325,7 @@ def _conditions(given: Mapping[str, Any], seed: Any) -> Conditions:
         check_amplitude(values["a"]),
         check_gamma(values["gamma"]),
         float(values["k"]),
-        values["forcing"] or Harmonic(),
+        forcing_of(values["forcing"]),
     )
 
 

@@ -24,7 +24,16 @@ from contbreather.breathers.closure import (
     smallest_amplitude,
 )
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, Ring, check_gamma
+from contbreather.lattice import (
+    Forcing,
+    Harmonic,
+    InfiniteChain,
+    Lattice,
+    Ring,
+    check_gamma,
+    forcing_of,
+    lattice_of,
+)
 from contbreather.lattice.green import Flight, flight, flight_slope
 
 if TYPE_CHECKING:
@@ -319,7 +328,7 @@ def symmetric(
     gamma: float,
     k: float,
     *,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
 ) -> Breather:
     """The symmetric on-site breather, eqs. (11) to (13).
@@ -335,7 +344,7 @@ def symmetric(
         Coupling in [0, 1/4).
     k : float
         Restitution coefficient in [0, 1].
-    forcing : Forcing, optional
+    forcing : Forcing or str, optional
         `Harmonic` unless given.
     lattice : Lattice, optional
         `InfiniteChain` unless given.
@@ -367,7 +376,7 @@ def symmetric_roots(
     gamma: float,
     k: float,
     *,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
 ) -> tuple[Breather, ...]:
     """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
@@ -379,15 +388,14 @@ def symmetric_roots(
     >>> len(symmetric_roots(0.3, 0.12, 0.7, forcing=two))
     4
     """
-    forcing = Harmonic() if forcing is None else forcing
-    lattice = InfiniteChain() if lattice is None else lattice
+    drive, lattice = forcing_of(forcing), lattice_of(lattice)
     gamma, a = check_gamma(gamma), check_amplitude(a)
     restitution_ratio(k)
-    found = roots(a, gamma, float(k), forcing, lattice)
+    found = roots(a, gamma, float(k), drive, lattice)
     if not all(math.isfinite(p) for p, _ in found):
-        reach = 1.0 / forcing.peak()
+        reach = 1.0 / drive.peak()
         raise BadInput(
             f"a = {a!r}: too large, p is beyond what a number can hold; on the infinite chain no "
             f"breather is admissible beyond a = {reach:.6g}, where the far field reaches the walls."
         )
-    return tuple(Breather(a, gamma, float(k), p, phi, forcing, lattice) for p, phi in found)
+    return tuple(Breather(a, gamma, float(k), p, phi, drive, lattice) for p, phi in found)

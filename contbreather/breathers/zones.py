@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.admissibility import admissibility
+from contbreather.breathers.closure import check_amplitude, restitution_ratio
 from contbreather.breathers.problem import events_on, problem_of
 from contbreather.breathers.symmetric import Breather, symmetric_roots
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.progress import Progress
+from contbreather.continuation.starts import windows
 from contbreather.errors import BadInput, NoSolution, keeping, taking
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice import Forcing, Harmonic, Lattice, check_gamma, forcing_of, lattice_of
 
 Array = NDArray[np.float64]
 Place = Point | Mapping[str, float]
@@ -36,6 +38,7 @@ COMBS = {
     "a": (0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
 }
 PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
+CHECKS = {"a": check_amplitude, "gamma": check_gamma, "k": restitution_ratio}
 FEWEST = 80  # points on a curve
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
@@ -181,13 +184,15 @@ def zones(
     ((name, value),) = given.items()
     if np.ndim(value):
         return _several(name, value, forcing, lattice, within, progress)
+    CHECKS[name](value)  # type: ignore[arg-type]
+    value = float(value)  # type: ignore[arg-type]
     if name == "k" and value in (0.0, 1.0):
         raise BadInput(
             f"k = {value:g}: zones need 0 < k < 1. At k = 1 the folds are at a = 0 and every "
             "multiplier on the arc is neutral; at k = 0 site 0 leaves its wall without velocity. "
             "Take k close to it, and symmetric() for single breathers at the rim"
         )
-    search = _Search(name, float(value), forcing, lattice or InfiniteChain(), within or {})
+    search = _Search(name, value, forcing_of(forcing), lattice_of(lattice), within or {})
     with Progress(progress, search.pair[0]) as shown, keeping(search.so_far):
         search.run(shown)
     return search.zones()
@@ -211,18 +216,19 @@ class _Search:
         self,
         name: str,
         value: float,
-        forcing: Forcing | None,
+        forcing: Forcing,
         lattice: Lattice,
         within: Mapping[str, tuple[float, float]],
     ) -> None:
         self.name, self.value, self.pair = name, value, PAIRS[name]
         self.forcing, self.lattice = forcing, lattice
-        for other in within:
+        given = windows(within)
+        for other in given:
             if other not in self.pair:
                 raise BadInput(f"no window for {other!r}: the plane is that of {self.pair}")
-        self.within = {n: _narrowed(n, within.get(n)) for n in self.pair}
+        self.within = {n: _narrowed(n, given.get(n)) for n in self.pair}
         self.events = events_on(lattice)
-        self.single = forcing is None or isinstance(forcing, Harmonic)
+        self.single = isinstance(forcing, Harmonic)
         if self.single:
             self.events = tuple(_ending(event) for event in self.events)
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
@@ -346,7 +352,7 @@ def _narrowed(name: str, window: tuple[float, float] | None) -> tuple[float, flo
     low, high = WINDOWS[name]
     if window is None:
         return low, high
-    low, high = max(low, float(window[0])), min(high, float(window[1]))
+    low, high = max(low, window[0]), min(high, window[1])
     if not low < high:
         raise BadInput(f"the window {window} of {name!r} leaves nothing of {WINDOWS[name]}")
     return low, high

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
+from collections.abc import Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass, replace
 from numbers import Integral
 from types import TracebackType
@@ -18,7 +18,7 @@ from .problem import Problem
 from .progress import Progress
 from .recognition import Likeness, recognised, same_place, simplest
 from .seed import Seed
-from .starts import Within, all_of
+from .starts import Within, all_of, windows
 from .steps import Steps
 from .switching import follow, seeds_at
 from .trace import Startable, trace
@@ -268,10 +268,8 @@ def diagram(
         raise BadInput(
             f"whole numbers depth >= 0 and most >= 1 were wanted, got {depth!r} and {most!r}"
         )
-    if not isinstance(within, Mapping):
-        raise BadInput(f"within={within!r}: windows by name were wanted")
     shown = _Status(progress, free)
-    growth = _Growth(free, dict(within), depth, events, steps or Steps(), most, shown)
+    growth = _Growth(free, windows(within), depth, events, steps or Steps(), most, shown)
     try:
         with keeping(growth.so_far):
             growth.run(start)

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..checks import real
 from ..errors import BadInput, NotConverged
 from .branch import Point
 from .crossing import crossing
@@ -127,29 +128,38 @@ def first_tangent(curve: Curve) -> tuple[Array, int]:
     return tangent_at(curve, z, along)
 
 
+def windows(within: Within | None) -> dict[str, tuple[float, float]]:
+    """The windows by name, each a pair of numbers."""
+    if within is None:
+        return {}
+    if not isinstance(within, Mapping):
+        raise BadInput(
+            f"within={within!r}: windows by name were wanted, for instance {{'a': (0.0, 1.0)}}"
+        )
+    return {name: _pair(name, window) for name, window in within.items()}
+
+
 def _pair(name: str, window: tuple[float, float]) -> tuple[float, float]:
     try:
-        low, high = map(float, window)
-    except (TypeError, ValueError) as error:
+        low, high = map(real, window)
+    except (TypeError, ValueError):
+        low = high = math.nan
+    if math.isnan(low) or math.isnan(high):
         raise BadInput(
             f"the window of {name!r} must be a pair (low, high) of numbers, got {window!r}; "
             "math.inf leaves a side open"
-        ) from error
+        )
     return low, high
 
 
 def bounds_of(curve: Curve, within: Within | None) -> list[tuple[int, float, float]]:
     """The window and the domain of the problem, as (slot, low, high) of what can change."""
     problem = curve.problem
-    if within is not None and not isinstance(within, Mapping):
-        raise BadInput(
-            f"within={within!r}: windows by name were wanted, "
-            f"for instance {{{(*curve.free, *curve.slots)[0]!r}: (0.0, 1.0)}}"
-        )
-    problem.check_names(within or ())
+    given = windows(within)
+    problem.check_names(given)
     bounds = []
-    for name in {**problem.domain, **(within or {})}:
-        low, high = _pair(name, (within or {}).get(name, (-math.inf, math.inf)))
+    for name in {**problem.domain, **given}:
+        low, high = given.get(name, (-math.inf, math.inf))
         domain = problem.domain.get(name, (-math.inf, math.inf))
         low, high = max(low, domain[0]), min(high, domain[1])
         value = problem.start.get(name, problem.params.get(name))

@@ -25,12 +25,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.dynamics.conditions import Conditions, State, check_state, whole
+from contbreather.checks import whole
+from contbreather.dynamics.conditions import Conditions, State, check_state
 from contbreather.dynamics.energy import localisation
 from contbreather.dynamics.impacting import RunStop, simulate
 from contbreather.dynamics.progress import Bar
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, Harmonic
+from contbreather.lattice import Forcing, forcing_of
 
 Array = NDArray[Any]
 
@@ -137,7 +138,7 @@ def attraction(
     periods: int = 500,
     site: int = 0,
     t0: float = 0.0,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     tolerance: float = 1e-3,
     executor: Executor | None = None,
     progress: bool | None = None,
@@ -184,7 +185,7 @@ def attraction(
     (3, 2)
     """
     state = check_state(reference)
-    conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
+    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
     task = _Task(state, conditions, x, y, whole("periods", periods, 2), site, t0, tolerance)
     shape = len(y.values), len(x.values)
     fate = np.full(shape, Fate.PENDING, np.int8)

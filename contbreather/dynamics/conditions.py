@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbreather.checks import number
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, check_gamma
 
@@ -79,24 +80,6 @@ class Conditions:
     def as_params(self) -> dict[str, float]:
         """The numbers by name, as a problem's parameters would be called."""
         return {"a": self.a, "gamma": self.gamma, "k": self.k, "damping": self.damping}
-
-
-def number(name: str, value: object, low: float, high: float, wanted: str) -> float:
-    """The value as a float within its range, or a sentence."""
-    try:
-        found = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        found = math.nan
-    if low <= found <= high and math.isfinite(found):
-        return found
-    raise BadInput(f"{name} = {value!r}: {wanted}, a finite number, was wanted.")
-
-
-def whole(name: str, value: object, least: int) -> int:
-    """The value as a whole number, or a sentence."""
-    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least:
-        return int(value)
-    raise BadInput(f"{name} = {value!r}: a whole number, at least {least}, was wanted.")
 
 
 def check_state(state: Any, *, walls: bool = True) -> State:

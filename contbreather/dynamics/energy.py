@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.dynamics.conditions import Conditions
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic
+from contbreather.lattice import Forcing, forcing_of
 
 Array = NDArray[Any]
 
@@ -74,7 +74,7 @@ def localisation(
     a: float,
     gamma: float,
     damping: float = 0.0,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
 ) -> Localisation:
     """Energies and participation ratio of one state, or of many at once.
 
@@ -100,7 +100,7 @@ def localisation(
         raise BadInput(
             f"u and v must have one shape (..., sites); {x.shape} and {y.shape} were given."
         )
-    shared = forced_velocity(Conditions(a, gamma, 1.0, damping, forcing or Harmonic()), t)
+    shared = forced_velocity(Conditions(a, gamma, 1.0, damping, forcing_of(forcing)), t)
     bond = (x - np.roll(x, 1, axis=-1)) ** 2 if x.shape[-1] > 1 else np.zeros_like(x)
     energy = 0.5 * (y - shared[..., None]) ** 2
     energy += 0.25 * gamma * (bond + np.roll(bond, -1, axis=-1))

@@ -17,17 +17,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.dynamics.conditions import (
-    PERIOD,
-    Conditions,
-    State,
-    check_state,
-    number,
-    reduced,
-    whole,
-)
+from contbreather.checks import number, whole
+from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, Harmonic
+from contbreather.lattice import Forcing, forcing_of
 
 if TYPE_CHECKING:
     from contbreather.dynamics.cruise import Law, Log, Watch, Work
@@ -191,7 +184,7 @@ def simulate(
     periods: float,
     damping: float = 0.0,
     t0: float = 0.0,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     sample: Sample | None = None,
     progress: bool | None = None,
 ) -> Run:
@@ -209,7 +202,7 @@ def simulate(
         mu of a linear damping ``mu u'`` of every site, up to 1e4: steps are 3/mu at most.
     t0 : float
         Time of the state; the forcing depends on it.
-    forcing : Forcing, optional
+    forcing : Forcing or str, optional
         `Harmonic`, F = -a cos t, unless given.
     sample : Sample, optional
         Sites to record densely, in whole periods. Impacts and the states once in a period are
@@ -240,7 +233,7 @@ def simulate(
     2
     """
     start = check_state(state)
-    conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
+    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     count, rest = int(length), length - int(length)
     stretches: list[Stretch] = []

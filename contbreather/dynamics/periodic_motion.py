@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.checks import number, whole
 from contbreather.continuation import Point, Problem, fold
-from contbreather.dynamics.conditions import HEAVIEST, Conditions, State, check_state, number, whole
+from contbreather.dynamics.conditions import HEAVIEST, Conditions, State, check_state
 from contbreather.dynamics.impacting import Run, RunStop, Sample, simulate
 from contbreather.dynamics.multiplier_events import (
     neimark_sacker,
@@ -27,7 +28,7 @@ from contbreather.dynamics.multiplier_events import (
 )
 from contbreather.dynamics.tangent import variation
 from contbreather.errors import BadInput, ContbreatherError, NotConverged
-from contbreather.lattice import Forcing, Harmonic
+from contbreather.lattice import Forcing, forcing_of
 
 Array = NDArray[Any]
 
@@ -100,7 +101,7 @@ def periodic(
     periods: int = 1,
     symmetric: bool = False,
     t0: float = 0.0,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
 ) -> PeriodicMotion:
     """The periodic motion of the impacting ring nearest to a state.
 
@@ -127,7 +128,7 @@ def periodic(
     >>> round(found.largest, 4)
     0.9979
     """
-    conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
+    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
     start = check_state(state)
     count = whole("periods", periods, 1)
     if symmetric and count != 1:

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.dynamics.conditions import Conditions, whole
+from contbreather.checks import whole
+from contbreather.dynamics.conditions import Conditions
 from contbreather.dynamics.energy import (
     forced_displacement,
     forced_velocity,
@@ -26,7 +27,7 @@ from contbreather.dynamics.impacting import Run, RunStop, simulate
 from contbreather.dynamics.periodic_motion import PeriodicMotion, periodic
 from contbreather.dynamics.tangent import lyapunov, weighted_mean
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, Harmonic
+from contbreather.lattice import Forcing, forcing_of
 
 Array = NDArray[Any]
 TURN = 2.0 * math.pi
@@ -176,7 +177,7 @@ def verdict(
     settle: int = 4000,
     periods: int = 4096,
     t0: float = 0.0,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
 ) -> Verdict:
     """Let a ring settle, watch it, and say what its motion is.
 
@@ -196,7 +197,7 @@ def verdict(
     >>> found.kind.name, round(found.evidence["multiplier"], 3)
     ('PERIODIC', 0.876)
     """
-    conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
+    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
     settings: dict[str, Any] = {**conditions.as_params(), "forcing": conditions.forcing, "t0": t0}
     length = whole("periods", periods, LEAST)
     start = simulate(state, periods=whole("settle", settle, 0), **settings)

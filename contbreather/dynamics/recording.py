@@ -18,18 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.dynamics.conditions import (
-    PERIOD,
-    Conditions,
-    State,
-    check_state,
-    reduced,
-    whole,
-)
+from contbreather.checks import whole
+from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced
 from contbreather.dynamics.impacting import IMPACT, RunStop, Sample, Stretch, walk
 from contbreather.dynamics.progress import Bar
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Fourier, Harmonic
+from contbreather.lattice import Forcing, Fourier, Harmonic, forcing_of
 
 EVERY = 5.0  # seconds between two files: what a crash may cost
 LARGEST = 4_000_000  # numbers in one file
@@ -118,7 +112,7 @@ def record(
     periods: int,
     damping: float = 0.0,
     t0: float = 0.0,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     sample: Sample | None = None,
     progress: bool | None = None,
 ) -> Recording:
@@ -152,7 +146,7 @@ def record(
     ...     run.periods, len(run.impacts)
     (30, 60)
     """
-    conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
+    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
     wanted = Recording(Path(path), conditions, float(t0), sample, check_state(state))
     count = whole("periods", periods, 0)
     if (wanted.path / START).exists():

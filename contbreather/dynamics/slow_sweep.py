@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.dynamics.conditions import State, check_state, whole
+from contbreather.checks import whole
+from contbreather.dynamics.conditions import State, check_state
 from contbreather.dynamics.energy import localisation
 from contbreather.dynamics.impacting import RunStop, simulate
 from contbreather.dynamics.progress import Bar
 from contbreather.dynamics.smooth import Solver, simulate_smooth
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic
+from contbreather.lattice import Forcing, forcing_of
 
 Array = NDArray[Any]
 
@@ -136,7 +137,7 @@ def sweep(
     damping: float = 0.0,
     m: float | None = None,
     t0: float = 0.0,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     solver: Solver | None = None,
     progress: bool | None = None,
 ) -> Sweep:
@@ -172,16 +173,16 @@ def sweep(
     0.05
     """
     row = np.atleast_1d(np.asarray(values, dtype=float))
-    start, forcing = check_state(state, walls=m is None), forcing or Harmonic()
+    start, drive = check_state(state, walls=m is None), forcing_of(forcing)
     settings: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
     if m is not None:
         settings |= {"m": m, "solver": solver}
-    known = (*(HARD if m is None else SMOOTH), *forcing.params)
+    known = (*(HARD if m is None else SMOOTH), *drive.params)
     if name not in known:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(known)}")
     if row.ndim != 1 or row.size == 0 or not np.all(np.isfinite(row)):
         raise BadInput("the values of a sweep are a row of finite numbers, at least one.")
-    stage = _Stage(name, settings, forcing, whole("periods", periods, 2), float(t0))
+    stage = _Stage(name, settings, drive, whole("periods", periods, 2), float(t0))
     rows: list[tuple[Any, ...]] = []
     stop = RunStop.DONE
     with Bar(progress, len(row), "values") as bar:

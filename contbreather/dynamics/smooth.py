@@ -23,18 +23,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.dynamics.conditions import (
-    HEAVIEST,
-    PERIOD,
-    State,
-    check_state,
-    number,
-    reduced,
-)
+from contbreather.checks import number
+from contbreather.dynamics.conditions import HEAVIEST, PERIOD, State, check_state, reduced
 from contbreather.dynamics.impacting import LONGEST, Record, RunStop, Sample
 from contbreather.dynamics.progress import Bar
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, Harmonic, check_gamma
+from contbreather.lattice import Forcing, Harmonic, check_gamma, forcing_of
 
 Array = NDArray[Any]
 
@@ -271,7 +265,7 @@ def simulate_smooth(
     periods: float,
     damping: float = 0.0,
     t0: float = 0.0,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     sample: Sample | None = None,
     solver: Solver | None = None,
     progress: bool | None = None,
@@ -306,7 +300,7 @@ def simulate_smooth(
     >>> bool(abs(run.final.u - run.strobe.u[0]).max() < 0.05)
     True
     """
-    conditions = SmoothConditions(a, gamma, wall_damping(k, lam), m, damping, forcing or Harmonic())
+    conditions = SmoothConditions(a, gamma, wall_damping(k, lam), m, damping, forcing_of(forcing))
     start = check_state(state, walls=False)
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     flight = SmoothFlight(conditions, solver or Explicit(), reduced(t0), sample)

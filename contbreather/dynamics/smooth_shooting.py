@@ -26,7 +26,7 @@ from contbreather.dynamics.multiplier_events import (
 )
 from contbreather.dynamics.smooth import Explicit, SmoothConditions, wall_damping
 from contbreather.errors import NotConverged
-from contbreather.lattice import Forcing, Harmonic
+from contbreather.lattice import Forcing, forcing_of
 
 Array = NDArray[Any]
 
@@ -135,7 +135,7 @@ def smooth_orbit(
     damping: float = 0.0,
     symmetric: bool = True,
     t0: float = 0.0,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     tolerance: float = 1e-12,
 ) -> Problem:
     """The periodic motion of the smooth chain near a state, as a start for `trace`.
@@ -173,7 +173,7 @@ def smooth_orbit(
     wall = wall_damping(k, lam)
     SmoothConditions(a, gamma, wall, m, damping)  # refuses what is out of range
     span, sign = (0.5 * PERIOD, -1.0) if symmetric else (PERIOD, 1.0)
-    shooting = Shooting(forcing or Harmonic(), reduced(t0), span, sign, tolerance)
+    shooting = Shooting(forcing_of(forcing), reduced(t0), span, sign, tolerance)
     squared = 2 if symmetric else 1
 
     def largest(point: Point) -> float:

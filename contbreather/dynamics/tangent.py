@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced, whole
+from contbreather.checks import whole
+from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced
 from contbreather.dynamics.impacting import Run, law_of, walk
 from contbreather.dynamics.smooth import Explicit, SmoothRun
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, Harmonic
+from contbreather.lattice import Forcing, forcing_of
 
 Array = NDArray[Any]
 FINE = 1e-12  # tolerance of the variational equations of a smooth run
@@ -151,7 +152,7 @@ def lyapunov(
     count: int = 2,
     settle: int = 0,
     t0: float = 0.0,
-    forcing: Forcing | None = None,
+    forcing: Forcing | str | None = None,
     seed: int = 0,
 ) -> Lyapunov:
     """The largest Lyapunov exponents of the impacting ring, saltations included.
@@ -185,7 +186,7 @@ def lyapunov(
     from contbreather.dynamics.tangent_flow import carry
 
     start = check_state(state)
-    conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
+    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
     sites, wanted = start.u.size, whole("count", count, 1)
     if wanted > 2 * sites:
         raise BadInput(f"count = {count}: a ring of {sites} sites has {2 * sites} exponents.")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from contbreather.lattice.expression import Symbolic
+from contbreather.lattice.expression import Symbolic, forcing_of
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, Samples
 from contbreather.lattice.green import propagate
-from contbreather.lattice.modes import InfiniteChain, Lattice, Ring, check_gamma
+from contbreather.lattice.modes import InfiniteChain, Lattice, Ring, check_gamma, lattice_of
 
 __all__ = [
     "Forcing",
@@ -17,5 +17,7 @@ __all__ = [
     "Samples",
     "Symbolic",
     "check_gamma",
+    "forcing_of",
+    "lattice_of",
     "propagate",
 ]

@@ -17,6 +17,8 @@ import numpy as np
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import (
     FloatArray,
+    Forcing,
+    Harmonic,
     Harmonics,
     Periodic,
     Series,
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     import sympy
 
 LARGEST_POWER = 99
+HARMONIC = "-cos(t)"
 RESERVED = ("a", "gamma", "k", "p", "phi", "t")  # names that already mean something
 
 
@@ -121,6 +124,26 @@ class Symbolic(Periodic):
     def __repr__(self) -> str:
         values = "".join(f", {n}={v!r}" for n, v in self.values)
         return f"Symbolic({self.expression!r}{values})"
+
+
+def forcing_of(given: Forcing | str | sympy.Expr | None) -> Forcing:
+    """A forcing from what was given: itself, a formula in t, or nothing for the harmonic one.
+
+    Examples
+    --------
+    >>> forcing_of("-cos(t) - 2.7*cos(3*t)").highest
+    3
+    """
+    if given is None or (isinstance(given, str) and given.replace(" ", "") == HARMONIC):
+        return Harmonic()
+    if isinstance(given, str) or hasattr(given, "free_symbols"):
+        return Symbolic(given)
+    if isinstance(given, type) or not hasattr(given, "harmonics"):
+        raise BadInput(
+            f"forcing = {given!r}: F/a was wanted, a formula in t such as '-cos(t)', or a "
+            "Harmonic, Fourier, Symbolic or Samples."
+        )
+    return given
 
 
 _FUNCTIONS = {"sin", "cos", "tan", "sec", "csc", "cot", "sinh", "cosh", "tanh", "besselj"}

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbreather.checks import real
 from contbreather.errors import BadInput
 
 FloatArray = NDArray[np.float64]
@@ -330,10 +331,7 @@ def _coefficients(kind: str, given: Mapping[int, float]) -> tuple[tuple[int, flo
 
 
 def is_finite(value: object) -> bool:
-    try:
-        return math.isfinite(float(value))  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        return False
+    return math.isfinite(real(value))
 
 
 # ---------------------------------------------------------------------------- samples

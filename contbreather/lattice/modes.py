@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import zeta
 
+from contbreather.checks import real
 from contbreather.errors import BadInput
 from contbreather.lattice.green import TERMS, flight
 
@@ -35,10 +36,7 @@ def check_gamma(gamma: float) -> float:
     BadInput
         If gamma is not a number in [0, 1/4): at 1/4 the band reaches the forcing frequency 1.
     """
-    try:
-        number = float(gamma)
-    except (TypeError, ValueError):
-        number = math.nan
+    number = real(gamma)
     if 0.0 <= number < 0.25:
         return number
     raise BadInput(
@@ -486,6 +484,18 @@ class Ring(_TranslationInvariant):
             weight,
             2.0 * math.sqrt(gamma) * np.sin(np.pi * j / self.sites),
         )
+
+
+def lattice_of(given: Lattice | None) -> Lattice:
+    """The lattice that was given, the infinite chain if none was; anything else is refused."""
+    if given is None:
+        return InfiniteChain()
+    if isinstance(given, type) or not hasattr(given, "first_harmonic"):
+        raise BadInput(
+            f"lattice = {given!r}: a lattice was wanted, InfiniteChain() or, for a ring of 20 "
+            "sites, Ring(20)."
+        )
+    return given
 
 
 @lru_cache(maxsize=32)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from contbreather.breathers import Breather, symmetric
 from contbreather.breathers.asymmetric import problem_from
 from contbreather.breathers.orbits import Orbit, orbit_at
+from contbreather.checks import whole
 from contbreather.dynamics import (
     PeriodicMotion,
     Run,
@@ -33,7 +34,7 @@ from contbreather.dynamics import (
     sweep,
     verdict,
 )
-from contbreather.dynamics.conditions import PERIOD, whole
+from contbreather.dynamics.conditions import PERIOD
 from contbreather.paper.fates import (
     delocalised,
     enough_damping,

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.checks import real
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.modes import InfiniteChain, check_gamma
 from contbreather.stability.aliases import regular
@@ -62,16 +63,13 @@ class Count:
 
 def check_kb(k: float, b: float) -> tuple[float, float]:
     """k and b as floats, or say what they must be."""
-    try:
-        numbers = float(k), float(b)
-    except (TypeError, ValueError):
-        raise BadInput(f"k = {k!r}, b = {b!r}: both must be real numbers.") from None
+    numbers = real(k), real(b)
     if not 0.0 <= numbers[0] <= 1.0:
         raise BadInput(
-            f"k = {k}: a restitution coefficient lies between 0 and 1; choose one there."
+            f"k = {k!r}: a restitution coefficient lies between 0 and 1; choose one there."
         )
     if not math.isfinite(numbers[1]):
-        raise BadInput(f"b = {b}: the entry of the saltation matrix must be a finite number.")
+        raise BadInput(f"b = {b!r}: the entry of the saltation matrix must be a finite number.")
     return numbers
 
 

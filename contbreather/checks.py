@@ -1,0 +1,47 @@
+"""Numbers as they were given: checked once, where they come in."""
+
+from __future__ import annotations
+
+import math
+from numbers import Complex, Real
+
+import numpy as np
+
+from .errors import BadInput
+
+
+def real(value: object) -> float:
+    """The value as a float; NaN for what is no real number.
+
+    Text, truth values, None, complex numbers and arrays are none, though `float` would take some.
+
+    Examples
+    --------
+    >>> [real(given) for given in (2, "2", True, None, [2.0], 2j)]
+    [2.0, nan, nan, nan, nan, nan]
+    """
+    if type(value) is float:  # by far the most frequent
+        return value
+    if isinstance(value, str | bytes | bytearray | bool | np.bool_):
+        return math.nan
+    if isinstance(value, Complex) and not isinstance(value, Real):
+        return math.nan
+    try:
+        return math.nan if np.ndim(value) else float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def number(name: str, value: object, low: float, high: float, wanted: str) -> float:
+    """The value as a finite float within its range, or a sentence."""
+    found = real(value)
+    if low <= found <= high and math.isfinite(found):
+        return found
+    raise BadInput(f"{name} = {value!r}: {wanted}, a finite number, was wanted.")
+
+
+def whole(name: str, value: object, least: int) -> int:
+    """The value as a whole number, or a sentence."""
+    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least:
+        return int(value)
+    raise BadInput(f"{name} = {value!r}: a whole number, at least {least}, was wanted.")
