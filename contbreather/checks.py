@@ -45,3 +45,14 @@ def whole(name: str, value: object, least: int) -> int:
     if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least:
         return int(value)
     raise BadInput(f"{name} = {value!r}: a whole number, at least {least}, was wanted.")
+
+
+def check_kind(given: object, kinds: type | tuple[type, ...], wanted: str) -> None:
+    """Refuse what is of another type than was wanted."""
+    if not isinstance(given, kinds):
+        raise BadInput(f"{wanted} was wanted, got {_named(given)}")
+
+
+def _named(given: object) -> str:
+    kind = type(given).__name__
+    return "None" if given is None else f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"

@@ -202,6 +202,8 @@ def _several(name: str, values: Any, *others: Any) -> tuple[Zones, ...]:
     """A diagram for each of several values."""
     names = ("forcing", "lattice", "within", "progress")
     shared = dict(zip(names, others, strict=True))
+    if not len(values):
+        raise BadInput(f"zones need a value of {name}, or several; got none")
     done: list[Zones] = []
     with keeping(lambda: tuple(done) or None), taking(done.append):
         for value in values:

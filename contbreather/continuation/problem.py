@@ -233,6 +233,17 @@ def _real(name: str, value: Any) -> Array:
         ) from error
 
 
+def problem_in(given: object) -> Problem:
+    """A problem, or that of what has one."""
+    problem = given if isinstance(given, Problem) else getattr(given, "problem", None)
+    if not isinstance(problem, Problem):
+        raise BadInput(
+            "a Problem was wanted, or what has one: a breather, an orbit, a point; got a "
+            f"{type(given).__name__}"
+        )
+    return problem
+
+
 class Curve:
     """A problem with named parameters set free: H(z) with ``z = (x, free parameters)``.
 

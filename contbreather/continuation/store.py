@@ -18,11 +18,13 @@ from .branch import Branch, Point, Stop, labelled
 from .codim2 import fold, hopf
 from .events import Event, branch_point
 from .newton import Undefined
-from .problem import Curve, Problem
+from .problem import Curve, Problem, problem_in
 from .trail import measure
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
+
+    from .trace import Startable
 
 Array = NDArray[Any]
 
@@ -74,14 +76,16 @@ def save(path: str | Path, *branches: Branch, **named: Branch) -> None:
         _tree(groups).to_netcdf(temporary, engine="h5netcdf")
 
 
-def load(path: str | Path, *, problem: Problem | None = None) -> Branch | dict[str, Branch]:
+def load(
+    path: str | Path, *, problem: Problem | Startable | None = None
+) -> Branch | dict[str, Branch]:
     """Read what `save` wrote: the branch, or all of them by name if there are several.
 
     Parameters
     ----------
     path : str or Path
         The file.
-    problem : Problem, optional
+    problem : Problem, Breather or Point, optional
         The equations of the branches (of a boundary: those of the original problem). A file holds
         numbers only: without it a branch has its columns and special points, with it
         it can be continued, traced as a boundary, and asked for ``point.solution``.
@@ -94,11 +98,12 @@ def load(path: str | Path, *, problem: Problem | None = None) -> Branch | dict[s
     """
     import xarray
 
+    own = None if problem is None else problem_in(problem)
     try:
         with xarray.open_datatree(path, engine="h5netcdf", decode_cf=False) as tree:
             if tree.attrs.get("format") != _FORMAT:
                 raise BadInput(f"{path} holds no branches that `save` wrote")
-            found = {name: _branch(group, problem) for name, group in tree.children.items()}
+            found = {name: _branch(group, own) for name, group in tree.children.items()}
     except OSError as error:  # what HDF5 has to say is not for people
         if error.errno is None:
             raise BadInput(f"cannot read {path}: it is no netCDF-4 file") from error

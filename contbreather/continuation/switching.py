@@ -130,6 +130,11 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
             "point.detail['parent']",
             point,
         )
+    if point.event is None and point.kind not in ("", "EP", "MX"):
+        raise NothingToSwitch(
+            f"{point!r} was loaded without its equations; load(path, problem=...) attaches them",
+            point,
+        )
     if point.event is None:
         what = "where a branch ends" if point.kind else "no special point"
         raise NothingToSwitch(f"{point!r} is {what}; switch at a BP, PF or PD of a branch", point)

@@ -16,7 +16,7 @@ from .crossing import crossing
 from .events import Event
 from .location import Ends, Found, find
 from .newton import Solution, Undefined, newton, solve
-from .problem import Curve, Problem
+from .problem import Curve, Problem, problem_in
 from .progress import Progress
 from .segment import Segment, tangent_at
 from .starts import Within, all_of, bounds_of, first_tangent, given, settled
@@ -204,12 +204,7 @@ def walk(
     >>> [round(point["mu"], 3) for point in itertools.islice(walk(line, "mu"), 2)]
     [0.0, 0.007]
     """
-    problem = start if isinstance(start, Problem) else getattr(start, "problem", None)
-    if not isinstance(problem, Problem):
-        raise BadInput(
-            "a walk starts from a Problem, or from what has one: a breather, an orbit, a point; "
-            f"got a {type(start).__name__}"
-        )
+    problem = problem_in(start)
     walker = Walker(problem, free, within, towards, events, steps or Steps(), along)
     return walker.run()
 

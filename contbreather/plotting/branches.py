@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.checks import check_kind
 from contbreather.continuation import Branch, Point
 from contbreather.continuation.refine import between
 from contbreather.errors import BadInput
@@ -65,6 +66,8 @@ def plot(
     """
     if not branches:
         raise BadInput("plot needs at least one branch")
+    for branch in branches:
+        check_kind(branch, Branch, "a branch")
     x = branches[0].free if x is None else x
     y = _ordinate(branches[0]) if y is None else y
     with axes_or_new(ax) as axes:

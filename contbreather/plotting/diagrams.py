@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from contbreather.checks import check_kind
 from contbreather.continuation import Branch, Point, refined, with_columns
 from contbreather.continuation.diagram import Diagram
 from contbreather.errors import BadInput
@@ -57,7 +60,9 @@ def plot_diagram(
     >>> ax.get_xlabel(), ax.get_ylabel(), len(ax.get_lines()) >= 3
     ('$\\mu$', 'x', True)
     """
-    branches = list(tree)
+    branches = list(tree) if np.iterable(tree) else [tree]
+    for branch in branches:
+        check_kind(branch, Branch, "a diagram, or a sequence of branches,")
     if not branches:
         raise BadInput("there is no branch to draw")
     y = _common(branches) if y is None else y

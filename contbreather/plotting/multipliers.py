@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers import Breather
+from contbreather.checks import whole
+from contbreather.errors import BadInput
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, axes_or_new
 from contbreather.plotting.labels import Labels
 
@@ -57,6 +59,9 @@ def plot_multipliers(
     >>> sorted(word.get_text() for word in ax.texts if word.get_text())
     ['0.6158', '1.0628']
     """
+    if not hasattr(breather, "multipliers") or isinstance(breather, type):
+        raise BadInput(f"a breather was wanted, got a {type(breather).__name__}")
+    whole("digits", digits, 0)
     mu = np.asarray(breather.multipliers(sites=sites, half=half))
     edge = 2.0 * math.sqrt(breather.gamma) * (1.0 if half else 2.0)
     alone = _alone(mu, edge, sites)

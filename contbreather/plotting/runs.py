@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.checks import check_kind, whole
 from contbreather.dynamics import Basin, Fate, Record, Run, SmoothRun, Sweep, localisation
 from contbreather.dynamics.conditions import PERIOD
 from contbreather.errors import BadInput
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
+RUNS = (Run, SmoothRun)
 FATES = {
     Fate.RETURNED: ("comes back", BLUE),
     Fate.OTHER: ("another breather", SKY),
@@ -45,8 +47,15 @@ COLUMNS = {
 }
 
 
-def plot_motion(record: Record, *, ax: Axes | None = None) -> Axes:
+def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> Axes:
     """Displacements of the recorded sites over time in periods.
+
+    Parameters
+    ----------
+    record : Record, Run or SmoothRun
+        A run that was asked for ``sample=Sample(sites)``, or its ``record``.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
 
     Examples
     --------
@@ -57,6 +66,14 @@ def plot_motion(record: Record, *, ax: Axes | None = None) -> Axes:
     >>> len(plot_motion(run.record).get_lines())
     2
     """
+    if isinstance(record, RUNS):
+        if record.record is None:
+            raise BadInput(
+                "this run has its states once in a period only; simulate with "
+                "sample=Sample(sites=(0, 1)) to record some sites densely"
+            )
+        record = record.record
+    check_kind(record, Record, "a run with densely recorded sites, or its record,")
     with axes_or_new(ax) as axes:
         for i, n in enumerate(record.sites):
             t, colour = record.times / PERIOD, CYCLE[i % len(CYCLE)]
@@ -90,6 +107,10 @@ def plot_section(
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
     """
+    check_kind(run, RUNS, "a run")
+    whole("skip", skip, 0)
+    if not isinstance(site, int | np.integer):
+        raise BadInput(f"site = {site!r}: the number of a site was wanted")
     if not 0 <= skip <= run.periods:
         raise BadInput(f"skip = {skip}: the run has {run.periods} periods to leave out.")
     u, v = (row[skip:, site % run.sites] for row in run.strobe)
@@ -110,6 +131,7 @@ def _not_finer(axes: Axes, u: Array, v: Array) -> None:
 
 def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Axes:
     """The participation ratio once in a period: about 1 in a breather, N where all share."""
+    check_kind(run, RUNS, "a run")
     c, (u, v) = run.conditions, run.strobe
     shared: dict[str, Any] = {"a": c.a, "gamma": c.gamma, "damping": c.damping}
     seen = localisation(u, v, run.times, forcing=c.forcing, **shared)
@@ -143,6 +165,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Axes:
     >>> [line.get_label() for line in plot_sweep(found).get_lines()]
     ['sweep down', 'sweep up']
     """
+    check_kind(sweep, Sweep, "a sweep")
     if y not in COLUMNS:
         raise BadInput(f"a sweep has no column {y!r} to draw; there are {', '.join(COLUMNS)}.")
     x, column = sweep.value, np.asarray(getattr(sweep, y), dtype=float)
@@ -181,6 +204,7 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('$u_{0}$', '$\\\\dot u_{0}$')
     """
+    check_kind(basin, Basin, "what attraction() gives")
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patches import Patch
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from contbreather.breathers import admissibility, symmetric_roots
 from contbreather.breathers.problem import unstable
 from contbreather.breathers.zones import KINDS, WINDOWS, Zones
+from contbreather.checks import check_kind
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Harmonic
 from contbreather.plotting.canvas import (
@@ -107,7 +108,9 @@ def plot_zones(
     >>> sorted(text.get_text() for text in ax.texts if text.get_text() in ("S", "US"))
     ['S', 'US']
     """
-    several = [zones] if isinstance(zones, Zones) else list(zones)
+    several = [zones] if isinstance(zones, Zones) or not np.iterable(zones) else list(zones)
+    for one in several:
+        check_kind(one, Zones, "a zone diagram")
     if not several or not all(any(one.curves.values()) for one in several):
         raise BadInput("plot_zones needs at least one zone diagram, and a curve in each")
     if ax is None:
