@@ -209,7 +209,7 @@ def test_an_interrupted_diagram_is_shown_and_has_its_own_status(
 
     monkeypatch.setattr(module, "follow", stopped)
     status, out, err = run(f"{DIAGRAM} --json")
-    assert (status, err) == (INTERRUPTED, "contbreather: interrupted\n")
+    assert (status, err) == (INTERRUPTED, "contbreather: interrupted: the result is cut short\n")
     assert strict(out)["interrupted"] is True
     assert strict(out)["left"] == ["branch 0: PF1"]
 

@@ -1,23 +1,25 @@
 """The command `contbreather`: what a person types.
 
-Exit status: 0 done, 1 the numerics failed, 2 bad input. Whatever goes wrong is one sentence on
-standard error, never a traceback.
+Exit status: 0 done, 1 the numerics (or the system) failed, 2 bad input, 130 interrupted. Whatever
+goes wrong is one sentence on standard error, never a traceback.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from contbreather import __version__
+from contbreather.cli.interrupts import STATUS as INTERRUPTED
+from contbreather.cli.interrupts import CutShort, watched
+from contbreather.cli.streams import abandon, prepare, trouble
 from contbreather.errors import BadInput, ContbreatherError
 
 if TYPE_CHECKING:
     from cyclopts import App
 
-DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, BAD_INPUT = 0, 1, 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -28,19 +30,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     >>> main(["point", "--a", "0.5", "--gamma", "0.3", "--k", "0.4"])
     2
     """
+    if arguments is None:
+        prepare()
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        status = _run(tokens)
-        sys.stdout.flush()
+        with watched(alone=arguments is None):
+            status = _run(tokens)
+            sys.stdout.flush()
     except BadInput as error:
         return _refused(error, BAD_INPUT)
     except ContbreatherError as error:
         return _refused(error, FAILED)
+    except CutShort:
+        return _refused("interrupted: the result is cut short", INTERRUPTED)
     except KeyboardInterrupt:
         return _refused("interrupted", INTERRUPTED)
     except BrokenPipeError:  # the reader has seen enough, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        abandon(sys.stdout)
         return FAILED
+    except OSError as error:
+        abandon(sys.stdout)
+        return _refused(trouble(error), FAILED)
     return status
 
 
@@ -70,8 +80,14 @@ def _sentence(error: Exception) -> str:
 
 
 def _refused(reason: object, status: int) -> int:
-    sys.stdout.flush()
-    print(f"contbreather: {reason}", file=sys.stderr)
+    try:
+        sys.stdout.flush()
+    except OSError:
+        abandon(sys.stdout)
+    try:
+        print(f"contbreather: {reason}", file=sys.stderr, flush=True)
+    except OSError:
+        abandon(sys.stderr)
     return status
 
 

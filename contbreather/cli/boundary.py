@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from contbreather.cli.interrupts import kept
 from contbreather.cli.options import (
     PARAMETERS,
     Csv,
@@ -65,9 +66,10 @@ def boundary(
     span = interval(pair[0], window)
     seed = _seed(wanted, pair, where, forcing, span)
     within = {pair[0]: span, pair[1]: interval(pair[1], None)}
-    found = continuation.boundary(seed, pair, within=within, steps=continuation.Steps(largest=0.02))
+    steps = continuation.Steps(largest=0.02)
+    found, cut = kept(lambda: continuation.boundary(seed, pair, within=within, steps=steps))
     about = {"curve": wanted, "pair": pair, "forcing": forcing.describe()}
-    leave(found, about, csv, output, json)
+    leave(found, about, csv, output, json, cut=cut)
     check_ends(found, "curve")
 
 

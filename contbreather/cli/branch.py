@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from contbreather.cli.interrupts import kept
 from contbreather.cli.options import (
     PARAMETERS,
     Csv,
@@ -59,8 +60,9 @@ def branch(
     span = interval(free, window)
     near = around(free, where.given.get(free), span)
     start = first_in(free, near, fixed, forcing, root=root)
-    found = trace(
-        start, free, within={free: span}, towards=towards, events=events_by(sites, threshold)
+    events = events_by(sites, threshold)
+    found, cut = kept(
+        lambda: trace(start, free, within={free: span}, towards=towards, events=events)
     )
-    leave(found, {"free": free, "forcing": forcing.describe()}, csv, output, json)
+    leave(found, {"free": free, "forcing": forcing.describe()}, csv, output, json, cut=cut)
     check_ends(found, "branch")

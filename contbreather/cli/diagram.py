@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from contbreather.cli.interrupts import end, kept
 from contbreather.cli.options import Csv, Json, Output, Where, Window, start_in, whole_number
 from contbreather.cli.output import (
     branch_entry,
@@ -61,22 +62,21 @@ def diagram(
     check_places(csv, output)
     start, forcing, span = start_in(free, where, window, sites)
     assert free is not None
-    tree = diagram(start, free, within={free: span}, depth=depth, most=most)
+    tree, cut = kept(lambda: diagram(start, free, within={free: span}, depth=depth, most=most))
     made = []
     if csv is not None:
-        made.append(to_csv(csv, _rows(tree), _columns(tree)))
+        made.append(to_csv(csv, _rows(tree), _columns(tree), cut=cut))
     if output is not None:
         from contbreather.plotting import plot_diagram
 
-        made.append(to_figure(output, lambda: plot_diagram(tree)))
+        made.append(to_figure(output, lambda: plot_diagram(tree), cut=cut))
     if json:
         about = {"free": free, "forcing": forcing, "sites": sites}
         to_json({**about, **_content(tree), "written": [str(path) for path in made]})
     else:
         ends = _loose_ends(tree, depth)
         say(tree, *(f"{line}." for line in ends), *(f"Wrote {path}." for path in made))
-    if tree.interrupted:
-        raise KeyboardInterrupt
+    end(cut)
     ended = [(i, stop) for i, one in enumerate(tree) for stop in (one.began, one.stop)]
     broken = [i for i, stop in ended if stop is not None and stop.failed]
     if broken or tree.failed:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from contbreather.cli.interrupts import computing
 from contbreather.cli.options import Csv, Json, Output
 from contbreather.cli.output import check_places, say, to_csv, to_figure, to_json
 from contbreather.errors import BadInput
@@ -31,7 +32,8 @@ def figure(
     if output is None and csv is None and not json:
         output = f"figure{number}.png"
     check_places(csv, output)
-    found = FIGURES[int(number)]()
+    with computing():
+        found = FIGURES[int(number)]()
     rows = list(found.rows())
     made = []
     if csv is not None:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from contbreather.cli.interrupts import end
 from contbreather.errors import BadInput, NotConverged
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 160  # of sentences, where there is no terminal to fit into
 ENDLESS = 100_000
+CUT = "interrupted: cut short"
 BOTH = 1e-6  # of two margins that vanish together
 
 
@@ -72,8 +74,8 @@ def note(line: str) -> None:
 
 def to_json(content: Mapping[str, Any]) -> None:
     """One JSON object on standard output; what is not finite becomes null, never NaN."""
-    json.dump(_plain(content), sys.stdout, allow_nan=False, ensure_ascii=False)
-    sys.stdout.write("\n")
+    plain = not (sys.stdout.encoding or "utf-8").lower().startswith("utf")
+    sys.stdout.write(json.dumps(_plain(content), allow_nan=False, ensure_ascii=plain) + "\n")
 
 
 def _plain(value: Any) -> Any:
@@ -90,8 +92,11 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def to_csv(path: str, rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Path:
-    """Rows under their columns, floats with 17 significant digits; absent values stay empty."""
+def to_csv(
+    path: str, rows: Iterable[Mapping[str, Any]], columns: Sequence[str], *, cut: bool = False
+) -> Path:
+    """Rows under their columns, floats with 17 significant digits; absent values stay empty. What
+    was cut short by Ctrl-C says so in a last line."""
 
     from contbreather.plotting.files import written
 
@@ -101,6 +106,8 @@ def to_csv(path: str, rows: Iterable[Mapping[str, Any]], columns: Sequence[str])
             writer.writerow(columns)
             for row in rows:
                 writer.writerow([_cell(row.get(name)) for name in columns])
+            if cut:
+                stream.write(f"# {CUT}\n")
 
     return written(path, write)
 
@@ -113,11 +120,15 @@ def _cell(value: Any) -> str:
     return str(value)
 
 
-def to_figure(path: str, draw: Callable[[], Figure | Axes]) -> Path:
-    """Draw and write."""
+def to_figure(path: str, draw: Callable[[], Figure | Axes], *, cut: bool = False) -> Path:
+    """Draw and write; what was cut short by Ctrl-C says so above."""
     from contbreather.plotting.canvas import save_figure
 
-    return save_figure(draw(), path)
+    drawn = draw()
+    if cut:
+        figure: Any = getattr(drawn, "figure", None) or drawn
+        figure.suptitle(CUT, fontsize="small")
+    return save_figure(drawn, path)
 
 
 # --- branches -----------------------------------------------------------------------------------
@@ -213,17 +224,21 @@ def leave(
     table: str | None,
     figure: str | None,
     as_json: bool,
+    *,
+    cut: bool,
 ) -> None:
     """All that is wanted of one branch: files first, then JSON or a table."""
     made = []
     if table is not None:
-        made.append(to_csv(table, branch_rows(branch), [*columns_of(branch), "label"]))
+        made.append(to_csv(table, branch_rows(branch), [*columns_of(branch), "label"], cut=cut))
     if figure is not None:
         from contbreather.plotting import plot
 
-        made.append(to_figure(figure, lambda: plot(branch)))
+        made.append(to_figure(figure, lambda: plot(branch), cut=cut))
     if as_json:
-        to_json({**about, **branch_entry(branch), "written": [str(path) for path in made]})
-        return
-    say(branch, *(f"{end}." for end in ends(branch)))
-    say(*(f"Wrote {path}." for path in made))
+        paths = [str(path) for path in made]
+        to_json({**about, **branch_entry(branch), "interrupted": cut, "written": paths})
+    else:
+        say(branch, *(f"{line}." for line in ends(branch)))
+        say(*(f"Wrote {path}." for path in made))
+    end(cut)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from contbreather.cli.interrupts import computing
 from contbreather.cli.options import Csv, Json, Output, Where, whole_number
 from contbreather.cli.output import check_distinct, note, say, to_csv, to_figure, to_json
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
@@ -77,11 +78,13 @@ def simulate(
         output,
     )  # fmt: skip
     asked.check()
-    seen = asked.simulate()
+    with computing():
+        seen = asked.simulate()
     if seen.interrupted:
         note("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     made = [str(path) for path in _files(seen, asked)]
-    seen = judged(seen)
+    with computing():
+        seen = judged(seen)
     if json:
         to_json({**_content(seen, asked), "written": made})
     else:

@@ -33,7 +33,7 @@ def read_state(path: str) -> tuple[tuple[Any, Any], float]:
         if rows and rows[0] == ["u", "v"]:
             rows = rows[1:]
         u, v = np.array(rows, dtype=float).T
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadInput(f"no state in {path}: {WANTED}") from error
     return (u, v), 0.0
 

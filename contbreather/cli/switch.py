@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from contbreather.cli.interrupts import end, kept
 from contbreather.cli.options import Csv, Json, Output, Where, Window, start_in, whole_number
 from contbreather.cli.output import (
     branch_entry,
@@ -80,22 +81,30 @@ def switch(
     branch = continuation.trace(start, free, within=within)
     trail = [branch]
     arms: tuple[Branch, ...] = ()
-    for kind in at:
-        point = _first(kind, arms[:1] or (branch,))
-        arms = switch(point, within=within)
+    for kind in at[:-1]:
+        arms = switch(_first(kind, arms[:1] or (branch,)), within=within)
         trail.append(arms[0])
-    about = {"free": free, "forcing": forcing, "sites": sites, "at": point_entry(point)}
+    point = _first(at[-1], arms[:1] or (branch,))
+    arms, cut = kept(lambda: switch(point, within=within))
+    about: dict[str, Any] = {
+        "free": free,
+        "forcing": forcing,
+        "sites": sites,
+        "at": point_entry(point),
+    }
     made = []
     if csv is not None:
-        made.append(to_csv(csv, _rows(arms), _columns(arms)))
+        made.append(to_csv(csv, _rows(arms), _columns(arms), cut=cut))
     if output is not None:
-        made.append(to_figure(output, lambda: _drawn(trail[-2], arms)))
+        made.append(to_figure(output, lambda: _drawn(trail[-1], arms), cut=cut))
     if json:
         entries = [_entry(arm) for arm in arms]
         paths = [str(path) for path in made]
-        to_json({**about, "branch": branch_entry(branch), "arms": entries, "written": paths})
+        about |= {"branch": branch_entry(branch), "arms": entries, "interrupted": cut}
+        to_json({**about, "written": paths})
     else:
-        say(*_told(point, trail[-2], arms), *(f"Wrote {path}." for path in made))
+        say(*_told(point, trail[-1], arms), *(f"Wrote {path}." for path in made))
+    end(cut)
     for i, arm in enumerate(arms, start=1):
         check_ends(arm, f"arm {i}")
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from contbreather.cli.interrupts import end, kept
 from contbreather.cli.options import HARMONIC, Csv, Json, Output, Where, interval
 from contbreather.cli.output import check_places, say, to_csv, to_figure, to_json
 from contbreather.errors import BadInput
@@ -73,8 +74,8 @@ def zones(
     drive = Where(forcing=forcing, set=set).drive()
     given = {"gamma": gamma_window, "a": a_window, "k": k_window}
     windows = {n: interval(n, given[n], WINDOWS) for n in given if given[n] is not None}
-    planes: list[dict[str, Any]] = [{name: value} for value in values]
-    found = [diagram(**plane, forcing=drive, within=windows) for plane in planes]
+    fixed: dict[str, Any] = {name: values}
+    found, cut = kept(lambda: diagram(**fixed, forcing=drive, within=windows))
     if not any(branches for one in found for branches in one.curves.values()):
         raise BadInput(
             "no curve passes the window: breathers exist all over it, all stable or all unstable "
@@ -82,14 +83,16 @@ def zones(
         )
     made = []
     if csv is not None:
-        made.append(to_csv(csv, (row for one in found for row in _rows(one)), COLUMNS))
+        made.append(to_csv(csv, (row for one in found for row in _rows(one)), COLUMNS, cut=cut))
     if output is not None:
-        made.append(to_figure(output, lambda: _figure(found, windows)))
+        made.append(to_figure(output, lambda: _figure(found, windows), cut=cut))
     if json:
         entries = [_entry(one) for one in found]
-        to_json({"forcing": drive.describe(), "zones": entries, "written": [str(p) for p in made]})
-        return
-    say(*_told(found), *(f"Wrote {path}." for path in made))
+        about = {"forcing": drive.describe(), "zones": entries, "interrupted": cut}
+        to_json({**about, "written": [str(path) for path in made]})
+    else:
+        say(*_told(found), *(f"Wrote {path}." for path in made))
+    end(cut)
 
 
 def _fixed(
@@ -107,7 +110,7 @@ def _fixed(
     return next(iter(given.items()))
 
 
-def _figure(found: list[Zones], windows: dict[str, tuple[float, float]]) -> Any:
+def _figure(found: Sequence[Zones], windows: dict[str, tuple[float, float]]) -> Any:
     from contbreather.plotting import plot_zones
 
     return plot_zones(found, within=windows)[0]
@@ -156,7 +159,7 @@ def _points(diagram: Zones) -> Iterator[dict[str, Any]]:
         }
 
 
-def _told(found: list[Zones]) -> Iterator[object]:
+def _told(found: Sequence[Zones]) -> Iterator[object]:
     """Where the curves meet, and how many points they have."""
     from contbreather.continuation.tabular import Column, Sheet
 
@@ -171,4 +174,5 @@ def _told(found: list[Zones]) -> Iterator[object]:
         yield "No two curves meet there."
     for one in found:
         sizes = ", ".join(f"{kind} {sum(map(len, c))}" for kind, c in one.curves.items() if c)
-        yield f"Points on the curves at {one.fixed[0]} = {one.fixed[1]:g}: {sizes}."
+        cut = "; interrupted, curves may be missing" if one.interrupted else ""
+        yield f"Points on the curves at {one.fixed[0]} = {one.fixed[1]:g}: {sizes}{cut}."

@@ -32,6 +32,13 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     numba keeps a function as long as its own file is unchanged, even if one that it calls in
     another file is not, and would go on with the old one. It names what it keeps by the qualified
     name; with the text of all loops in that name, nothing stale is ever found.
+
+    Where there is no directory to keep it in (a read-only package and no home, as in containers),
+    it is compiled anew in each session; NUMBA_CACHE_DIR names another place.
     """
     function.__qualname__ = f"{function.__qualname__}_{TEXT}"
-    return cast("Callable[P, R]", njit(cache=True, error_model="numpy")(function))
+    try:
+        made = njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:  # "no locator available"
+        made = njit(error_model="numpy")(function)
+    return cast("Callable[P, R]", made)
