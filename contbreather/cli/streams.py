@@ -9,7 +9,7 @@ import os
 import sys
 from typing import Any
 
-NARROWEST = 20  # columns; with fewer the layout of tables and help breaks down
+COLUMNS = range(20, 10_000)  # with fewer or more the layout of tables and help breaks down
 
 
 class _Closed(io.TextIOBase):
@@ -27,7 +27,7 @@ def prepare() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
     width = os.environ.get("COLUMNS", "")
-    if width.isdecimal() and int(width) < NARROWEST:
+    if width.isdecimal() and int(width) not in COLUMNS:
         del os.environ["COLUMNS"]
     os.environ["MPLBACKEND"] = "agg"  # figures go into files only
 
@@ -40,6 +40,8 @@ def abandon(stream: Any) -> None:
 
 def trouble(error: OSError) -> str:
     """What the system has to say, as a sentence; files have names, standard output has none."""
+    if isinstance(error, FileNotFoundError) and error.filename is None:  # os.getcwd() says so
+        return "the current directory is gone; change to one that exists"
     reason = error.strerror or str(error) or type(error).__name__
     if error.filename is None:
         return f"cannot write to standard output: {reason}"
