@@ -26,7 +26,6 @@ from contbreather.continuation import (
     trace,
     user,
 )
-from contbreather.continuation.store import _whole
 from contbreather.errors import BadInput, ContbreatherError
 
 from .zoo import ARMS, BRATU, CIRCLE, CUSP, LINE, ZOO, Case, brusselator, takens, trace_case
