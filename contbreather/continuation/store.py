@@ -186,18 +186,23 @@ def _dataset(branch: Branch, points: Sequence[Point], *, recorded: bool) -> Data
         raise BadInput(f"{taken[0]!r} is a name that the file needs itself; call yours otherwise")
     together = problem.adjoined
     attributes = {
-        "label": problem.label,
+        "label": _text(problem.label),
         "unknowns": list(problem.start),
         "parameters": list(problem.params),
         "free": curve.free[0],
         "boundary": together.event.kind if together and together.event else "",
         "stop": branch.stop.name,
         "stop_meaning": branch.stop.value,
-        "reason": branch.reason,
+        "reason": _text(branch.reason),
         "began": branch.began.name if branch.began else "",
-        "began_reason": branch.began_reason,
+        "began_reason": _text(branch.began_reason),
     }
     return Dataset(variables, attrs=attributes)
+
+
+def _text(text: str) -> str:
+    """As HDF5 takes it: neither null bytes nor what is no character."""
+    return text.encode(errors="backslashreplace").decode().replace("\0", r"\0")
 
 
 Variable = tuple[tuple[str, ...], Any, dict[str, Any]]  # dimensions, values, attributes
@@ -216,9 +221,11 @@ def _column(name: str, values: Array, **attributes: str) -> Variable:
 def _of_points(points: Sequence[Point]) -> dict[str, Variable]:
     """What every point has, and the scalars in `detail` of the special ones."""
     kinds = ["", *sorted({point.kind for point in points} - {""})]
+    texts = [_text(kind) for kind in kinds]
     flags = {
         "flag_values": np.arange(len(kinds), dtype="i1"),
-        "flag_meanings": " ".join(["regular", *kinds[1:]]),
+        "flag_meanings": " ".join(["regular", *("_".join(kind.split()) for kind in texts[1:])]),
+        "kinds": texts,  # CF parts its words at blanks, which ours may hold
     }
     nowhere = (np.nan, np.nan)
     found: dict[str, Variable] = {
@@ -241,7 +248,7 @@ def _of_points(points: Sequence[Point]) -> dict[str, Variable]:
         values = [point.detail.get(name) for point in points]
         given = [value for value in values if value is not None]
         if all(isinstance(value, str) for value in given):
-            texts = np.array([value or "" for value in values], dtype=object)
+            texts = np.array([_text(value or "") for value in values], dtype=object)
             found[f"detail_{name}"] = (("point",), texts, {"role": "detail"})
         elif all(isinstance(value, complex | float | int | np.number) for value in given):
             numbers = np.array([np.nan if value is None else value for value in values])
@@ -337,7 +344,7 @@ def _points(data: Dataset, curve: Curve, events: Sequence[Event]) -> Iterator[Po
     count = data.sizes["point"]
     columns = [_values(data, name) for name in (*_listed(data, "unknowns"), *curve.free)]
     z = np.concatenate([column.reshape(count, -1) for column in columns], axis=1)
-    kinds = ["", *str(data["point_kind"].attrs["flag_meanings"]).split()[1:]]
+    kinds = [str(kind) for kind in np.atleast_1d(data["point_kind"].attrs["kinds"])]
     details = {name: _values(data, name) for name in _named(data, "recorded", "detail")}
     brackets = data["point_bracket"].values.tolist()
     numbers = [data[name].values.tolist() for name in ("arclength", "residual", "point_located")]
