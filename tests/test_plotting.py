@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
-import stat
 import subprocess
 import sys
 from dataclasses import replace

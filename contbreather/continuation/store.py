@@ -248,8 +248,8 @@ def _of_points(points: Sequence[Point]) -> dict[str, Variable]:
         values = [point.detail.get(name) for point in points]
         given = [value for value in values if value is not None]
         if all(isinstance(value, str) for value in given):
-            texts = np.array([_text(value or "") for value in values], dtype=object)
-            found[f"detail_{name}"] = (("point",), texts, {"role": "detail"})
+            words = np.array([_text(value or "") for value in values], dtype=object)
+            found[f"detail_{name}"] = (("point",), words, {"role": "detail"})
         elif all(isinstance(value, complex | float | int | np.number) for value in given):
             numbers = np.array([np.nan if value is None else value for value in values])
             found[f"detail_{name}"] = _column("", numbers, role="detail")

@@ -353,7 +353,7 @@ def test_names_that_netcdf_does_not_take_are_refused(name: str, path: Path) -> N
         lambda: save(path, line(record={name: lambda point: 1.0})),
         lambda: save(path, **{name: line()}),
     ):
-        with pytest.raises(BadInput, match="cannot be the name of a (column|branch) in a file"):
+        with pytest.raises(BadInput, match=r"cannot be the name of a (column|branch) in a file"):
             attempt()
     assert not path.exists()
 
@@ -426,7 +426,7 @@ def test_no_single_bit_can_be_wrong(path: Path) -> None:
     image = path.read_bytes()
     for at in range(0, len(image), 199):
         path.write_bytes(image[:at] + bytes([image[at] ^ 1 << at % 8]) + image[at + 1 :])
-        with pytest.raises(BadInput, match="is damaged|lost its end|no netCDF-4 file"):
+        with pytest.raises(BadInput, match=r"is damaged|lost its end|no netCDF-4 file"):
             load(path)
     for cut in range(1, 120):  # in the checksum itself, too
         path.write_bytes(image[:-cut])
@@ -434,14 +434,14 @@ def test_no_single_bit_can_be_wrong(path: Path) -> None:
             load(path)
         path.write_bytes(image[:-cut] + image[-cut:].swapcase())
         if path.read_bytes() != image:
-            with pytest.raises(BadInput, match="is damaged|has lost its end"):
+            with pytest.raises(BadInput, match=r"is damaged|has lost its end"):
                 load(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"\0" * 500])
 def test_what_is_no_file_of_branches_is_refused(content: bytes, path: Path) -> None:
     path.write_bytes(content)
-    with pytest.raises(BadInput, match="it is no netCDF-4 file|holds no branches"):
+    with pytest.raises(BadInput, match=r"it is no netCDF-4 file|holds no branches"):
         load(path)
 
 
