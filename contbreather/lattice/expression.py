@@ -22,7 +22,7 @@ from contbreather.lattice.forcing import (
     odd_spectrum,
     response_of,
 )
-from contbreather.lattice.formula import Dual, NotExact, Waves, shown
+from contbreather.lattice.formula import Dual, NotExact, Waves, cut, shown
 
 if TYPE_CHECKING:
     import sympy
@@ -62,7 +62,7 @@ class Symbolic(Periodic):
     expression: str
     values: tuple[tuple[str, float], ...]
 
-    def __init__(self, expression: str | sympy.Expr, **params: float) -> None:
+    def __init__(self, expression: str | sympy.Expr, /, **params: float) -> None:
         read = _read(str(expression))
         for name, value in params.items():
             if not is_finite(value):
@@ -70,13 +70,13 @@ class Symbolic(Periodic):
         object.__setattr__(self, "expression", read.text)
         values = tuple(sorted((name, float(value)) for name, value in params.items()))
         object.__setattr__(self, "values", values)
-        self._check_names(formula.letters(read.tree))  # before anything is said of times
+        self._check_names(read.letters)  # before anything is said of times
         f, slopes, proof = _resolved(read, dict(values))
         object.__setattr__(self, "_series", Series(f))
         object.__setattr__(self, "_slopes", {n: Series(h) for n, h in slopes.items()})
         object.__setattr__(self, "_proof", proof)
 
-    def _check_names(self, free: set[str]) -> None:
+    def _check_names(self, free: frozenset[str]) -> None:
         given = {name for name, _ in self.values}
         if taken := sorted(free & set(RESERVED)):
             raise BadInput(
@@ -85,12 +85,13 @@ class Symbolic(Periodic):
             )
         if missing := sorted(free - given):
             raise BadInput(
-                f"{shown(self.expression)} needs a value for {', '.join(missing)}; the time is t."
+                f"{shown(self.expression)} needs a value for {cut(', '.join(missing))}; the time "
+                "is t."
             )
         if unknown := sorted(given - free):
             raise BadInput(
-                f"unknown forcing parameter {', '.join(unknown)}: {shown(self.expression)} has "
-                f"{', '.join(sorted(free)) or 'none'}."
+                f"unknown forcing parameter {cut(', '.join(unknown))}: {shown(self.expression)} "
+                f"has {cut(', '.join(sorted(free))) or 'none'}."
             )
 
     @property
@@ -101,7 +102,7 @@ class Symbolic(Periodic):
     def params(self) -> dict[str, float]:
         return dict(self.values)
 
-    def at(self, **params: float) -> Symbolic:
+    def at(self, /, **params: float) -> Symbolic:
         """The same expression with other values of its parameters."""
         if unknown := [name for name in params if name not in self.params]:
             raise self._unknown(unknown)
@@ -127,6 +128,7 @@ class _Read(NamedTuple):
 
     text: str
     tree: ast.expr
+    letters: frozenset[str]
     work: int
     parity: int
 
@@ -138,10 +140,12 @@ class _Read(NamedTuple):
 @lru_cache(maxsize=64)
 def _read(text: str) -> _Read:
     tree = formula.parsed(text)
-    carried = 1 + len(formula.letters(tree))
+    letters = formula.letters(tree)
+    carried = 1 + len(letters)
     if carried * formula.size(tree) > formula.LARGEST:
         raise formula.too_large(text)
-    return _Read(ast.unparse(tree), tree, carried * formula.work(tree), formula.parity(tree))
+    work = carried * formula.work(tree)
+    return _Read(ast.unparse(tree), tree, letters, work, formula.parity(tree))
 
 
 Spectrum = Mapping[int, complex]  # C_m - i S_m by m
@@ -149,11 +153,12 @@ Resolved = tuple[Harmonics, dict[str, Harmonics], str]  # f, its slopes, how it 
 
 
 def _resolved(read: _Read, params: Mapping[str, float]) -> Resolved:
-    try:
-        spectra, proof = _exact(read, params), "symbolically"
-    except NotExact:
-        spectra = _sampled(read, params)
-        proof = "symbolically" if read.parity == -1 else "numerically"
+    with np.errstate(all="ignore"):  # what is not finite is refused by name
+        try:
+            spectra, proven = _exact(read, params)
+        except NotExact:
+            spectra, proven = _sampled(read, params), False
+    proof = "symbolically" if proven or read.parity == -1 else "numerically"
     largest = max((abs(c) for c in spectra[""].values()), default=0.0)
     if largest == 0.0:
         raise BadInput(
@@ -173,15 +178,16 @@ def _values(read: _Read, params: Mapping[str, float], t: Any) -> dict[str, Any]:
     """The formula at t under the name "", its slopes under those of the parameters."""
     known = {n: Dual(np.float64(v), {n: np.float64(1.0)}) for n, v in params.items()}
     known |= {"t": Dual(t, {}), "pi": Dual(np.float64(np.pi), {})}
-    with np.errstate(all="ignore"):  # what is not finite is refused by those who ask
-        value, slopes = formula.evaluate(read.tree, known)
+    value, slopes = formula.evaluate(read.tree, known)
     return {"": value, **slopes}
 
 
-def _exact(read: _Read, params: Mapping[str, float]) -> dict[str, Spectrum]:
+def _exact(read: _Read, params: Mapping[str, float]) -> tuple[dict[str, Spectrum], bool]:
+    """Harmonics of a trigonometric polynomial, and whether no even one is left even by rounding."""
     t = Waves(np.zeros(1, dtype=complex), 1.0)
     zero = Waves(np.zeros(1, dtype=complex))
     found: dict[str, Spectrum] = {}
+    proven = True
     for name, value in _values(read, params, t).items():
         spectrum = (zero + value).spectrum
         largest = max(map(abs, spectrum.values()))
@@ -193,7 +199,8 @@ def _exact(read: _Read, params: Mapping[str, float]) -> dict[str, Spectrum]:
                 "F(t + pi) = -F(t); keep odd harmonics only."
             )
         found[name] = {m: c for m, c in spectrum.items() if m % 2}
-    return found
+        proven = proven and not any(c for m, c in spectrum.items() if m % 2 == 0)
+    return found, proven
 
 
 def _sampled(read: _Read, params: Mapping[str, float]) -> dict[str, Spectrum]:
@@ -202,17 +209,17 @@ def _sampled(read: _Read, params: Mapping[str, float]) -> dict[str, Spectrum]:
     found: dict[str, Spectrum | None] = {"": None}
     size = 32
     while size <= 8192 and None in found.values():
-        t = np.concatenate([2.0 * np.pi * np.arange(size) / size, _PROBES])
+        t = np.concatenate([2.0 * np.pi * np.arange(size) / size, _PROBES, _PROBES - 6.0 * np.pi])
         for name, raw in _values(read, params, t).items():
             if found.get(name) is None:
                 values = np.broadcast_to(raw, t.shape)
-                found[name] = _expanded(read, name, values[:size], values[size:])
+                found[name] = _expanded(read, name, values[:size], *np.split(values[size:], 2))
         size *= 2
     for name, spectrum in found.items():
         if spectrum is None:
             raise BadInput(
-                f"{read.about(name)} is not resolved by 2048 harmonics (a jump or a kink?); give "
-                "the harmonics you mean with Fourier."
+                f"{read.about(name)} is not resolved by 2048 harmonics (a jump, a kink, too "
+                "steep a flank?); give the harmonics you mean with Fourier."
             )
     return found  # type: ignore[return-value]  # none is None
 
@@ -220,11 +227,16 @@ def _sampled(read: _Read, params: Mapping[str, float]) -> dict[str, Spectrum]:
 _PROBES = np.sqrt(np.array([0.3, 1.7, 5.3, 11.0, 17.9, 31.1]))
 
 
-def _expanded(read: _Read, name: str, values: FloatArray, between: FloatArray) -> Spectrum | None:
+def _expanded(
+    read: _Read, name: str, values: FloatArray, between: FloatArray, before: FloatArray
+) -> Spectrum | None:
     """The odd harmonics of samples over a period, if they give those in between, too."""
-    if not (np.isfinite(values).all() and np.isfinite(between).all()):
+    if not all(np.isfinite(part).all() for part in (values, between, before)):
         raise BadInput(f"{read.about(name)} is not a finite real number at every t.")
     _check_antisymmetric(read, name, values)
+    check_size(float(np.max(np.abs(values))), read.about(name))
+    if read.parity != -1 and np.max(np.abs(before - between)) > 1e-9 * np.max(np.abs(values)):
+        raise BadInput(f"{read.about(name)} is not 2 pi periodic.")
     odd = odd_spectrum(values)
     largest = max(abs(c) for c in odd.values())
     tail = max(abs(c) for m, c in odd.items() if 4 * m > values.size)
@@ -238,8 +250,12 @@ def _expanded(read: _Read, name: str, values: FloatArray, between: FloatArray) -
 def _check_antisymmetric(read: _Read, name: str, values: FloatArray) -> None:
     half = values.size // 2
     size = float(np.max(np.abs(values)))
-    if size > 1e10 * float(np.median(np.abs(values))) > 0.0:
-        raise BadInput(f"{read.about(name)} has a pole: it reaches {size:.2g} near it.")
+    middle = float(np.median(np.abs(values)))
+    if size / 1e10 > middle > 0.0:
+        raise BadInput(
+            f"{read.about(name)} has a pole, or a peak like one: it reaches {size:.2g}, and half "
+            f"of the time it is below {middle:.2g}."
+        )
     worst = float(np.max(np.abs(values[:half] + values[half:])))
     if read.parity != -1 and worst > 1e-12 * size:  # what is proven may be rounded by more
         raise BadInput(

@@ -19,9 +19,9 @@ from contbreather.errors import BadInput
 from contbreather.lattice.forcing import HIGHEST
 
 LONGEST = 20_000  # characters
-LARGEST = 50_000  # nodes, times what is carried along: the value and a slope for each parameter
+LARGEST = 200_000  # nodes, times what is carried along: the value and a slope for each parameter
 LARGEST_POWER = 99
-SAMPLED = 5_000  # the same for a formula on samples, weighted by what each operation costs
+SAMPLED = 20_000  # the same for a formula on samples, weighted by what each operation costs
 PRODUCTS = 4_000_000  # of coefficients, before a polynomial is sampled instead
 SHOWN = 70  # characters of a formula in a sentence
 
@@ -80,9 +80,14 @@ class Dual(NamedTuple):
 # --- reading --------------------------------------------------------------------------------------
 
 
+def cut(text: str) -> str:
+    """Not more of a text than a sentence bears."""
+    return text if len(text) <= SHOWN else f"{text[: SHOWN - 4]} ..."
+
+
 def shown(text: str) -> str:
     """A formula as a sentence quotes it."""
-    return repr(text if len(text) <= SHOWN else f"{text[: SHOWN - 4]} ...")
+    return repr(cut(text))
 
 
 def parsed(text: str) -> ast.expr:
@@ -152,10 +157,13 @@ def _check(node: ast.AST, text: str) -> None:
         )
 
 
-def letters(tree: ast.expr) -> set[str]:
+def letters(tree: ast.expr) -> frozenset[str]:
     """The names in a formula that need a value."""
-    names = {node.id for node in _parts(tree) if isinstance(node, ast.Name)}
-    return names - {"t", "pi"}
+    return frozenset(_names(tree) - {"t", "pi"})
+
+
+def _names(tree: ast.expr) -> set[str]:
+    return {node.id for node in _parts(tree) if isinstance(node, ast.Name)}
 
 
 def size(tree: ast.expr) -> int:
@@ -247,7 +255,7 @@ def _turns(tree: ast.expr) -> float | None:
                 number, inner = _number(factor), _turns(rest)
                 if number is not None and inner is not None:
                     return number * inner
-    return 0.0 if "t" not in {n.id for n in _parts(tree) if isinstance(n, ast.Name)} else None
+    return None if "t" in _names(tree) else 0.0
 
 
 # --- values ---------------------------------------------------------------------------------------
@@ -411,15 +419,15 @@ class Waves:
         shift = self.c[middle].real
         if np.count_nonzero(self.c) > (shift != 0.0) or not float(self.rate).is_integer():
             raise NotExact
-        m = int(self.rate)
-        if abs(m) > HIGHEST:
+        if abs(self.rate) > HIGHEST:
             raise BadInput(
-                f"the forcing has the harmonic {abs(m)}: harmonics up to {HIGHEST} are resolved in "
-                "time."
+                f"the forcing has the harmonic {abs(self.rate):.10g}: harmonics up to {HIGHEST} "
+                "are resolved in time."
             )
+        m = int(self.rate)
         # pi is rounded: where a quarter turn is meant, the other part would not quite vanish
         parts = np.array([np.cos(shift), np.sin(shift)])
-        parts[abs(parts) < 4e-16 * max(1.0, abs(shift))] = 0.0
+        parts[abs(parts) < 4e-16 * min(max(1.0, abs(shift)), 100.0)] = 0.0
         turned = 0.5 * complex(*parts)
         sine, cosine = np.zeros((2, 2 * abs(m) + 1), dtype=complex)
         for order, phase in ((m, turned), (-m, turned.conjugate())):
