@@ -72,7 +72,7 @@ def _replace(target: Path, write: Callable[[BinaryIO], object]) -> None:
 
 def writable(path: str | Path) -> Path:
     """The path, or what is wrong with it: better before a long computation than after it."""
-    target = _named(path)
+    target = _named("write", path)
     if str(target) in STREAMS:
         return target
     mode = _mode("write", target)
@@ -102,7 +102,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     BadInput
         If there is none, or it cannot be read, with the system's reason.
     """
-    source = _named(path)
+    source = _named("read", path)
     mode = _mode("read", source)
     if mode and not stat.S_ISREG(mode):
         what = "a directory" if stat.S_ISDIR(mode) else "no ordinary file"
@@ -114,11 +114,11 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         raise _refused("read", source, error) from error
 
 
-def _named(path: object) -> Path:
+def _named(verb: str, path: object) -> Path:
     if not isinstance(path, str | os.PathLike):
         raise BadInput(f"{path!r} is no name of a file; give one as text, for instance 'run.nc'")
     if not os.fspath(path).strip():
-        raise BadInput("the name of the file is empty; give one, for instance 'run.nc'")
+        raise BadInput(f"the name of the file to {verb} is empty; give one, for instance zones.csv")
     return Path(path)
 
 

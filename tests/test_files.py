@@ -128,8 +128,8 @@ def test_link_laid_in_place_of_the_temporary_file_is_not_followed(
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("", "the name of the file is empty"),
-        (" ", "the name of the file is empty"),
+        ("", "the name of the file to write is empty"),
+        (" ", "the name of the file to write is empty"),
         (7, "7 is no name of a file"),
         (None, "None is no name of a file"),
         (b"x", "b'x' is no name of a file"),

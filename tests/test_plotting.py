@@ -468,7 +468,7 @@ def test_the_same_drawing_gives_the_same_file(suffix: str, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("", "name of the file is empty"),
+        ("", "name of the file to write is empty"),
         ("folder", "it is a directory"),
         ("nowhere/x.png", "there is no directory"),
         ("x.jpeg", r"suffix must be one of \.png, \.pdf, \.svg"),
