@@ -39,7 +39,8 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
     target = writable(path)
     try:
         if str(target) in STREAMS:
-            sys.stdout.flush()  # what was printed before comes before
+            if sys.stdout is not None:  # as it is where there is none
+                sys.stdout.flush()  # what was printed before comes before
             with os.fdopen(os.dup(STREAMS[str(target)]), "wb") as stream:
                 write(stream)
         elif target.exists() and not target.is_file():
@@ -48,6 +49,8 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
         else:
             _replace(Path(os.path.realpath(target)), write)
     except OSError as error:
+        if isinstance(error, BrokenPipeError) and str(target) in STREAMS:
+            raise  # the reader has seen enough, as with anything printed
         raise _refused("write", target, error) from error
     return target
 
@@ -140,4 +143,5 @@ def _forbidden(folder: Path) -> str:
 
 def _refused(verb: str, target: Path, error: OSError | ValueError) -> BadInput:
     reason = getattr(error, "strerror", None) or str(error)
-    return BadInput(f"cannot {verb} {target}: {reason}; choose another place")
+    advice = "; choose another place" if verb == "write" else ""
+    return BadInput(f"cannot {verb} {target}: {reason}{advice}")

@@ -102,6 +102,23 @@ def test_standard_output_takes_a_file_between_what_is_printed(tmp_path: Path, in
     assert found.removeprefix("old\n") == "before\ntable\nafter\n"
 
 
+@pytest.mark.parametrize(
+    ("closing", "said"), [(">&-", "cannot write /dev/stdout: Bad file desc"), ("| true", "Pipe")]
+)
+def test_standard_output_that_is_closed_is_told(closing: str, said: str) -> None:
+    script = (
+        "import time; from contbreather.files import write_whole\n"
+        "try:\n"
+        "    time.sleep(0.2); write_whole('/dev/stdout', lambda file: file.write(bytes(10**6)))\n"
+        "except Exception as error:\n"
+        "    import sys, os; os.write(2, f'{type(error).__name__} {error}'.encode()); os._exit(0)\n"
+    )
+    line = f'"{sys.executable}" -c "{script}" {closing}'
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True)
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_temporary_name_is_nobody_s_and_short(tmp_path: Path) -> None:
     target, seen = tmp_path / ("n" * 255), set()
 

@@ -83,7 +83,7 @@ def save(path: str | Path, *branches: Branch, **named: Branch) -> None:
             groups[f"/{name}/{_DOUBTFUL}"] = failed.rename_dims(point=_DOUBTFUL)
     # in memory first: where a disk is full, HDF5 ends the interpreter
     image = _image(groups)
-    write_whole(path, lambda file: file.write(image + _SEAL % _checksum(image)))
+    write_whole(path, lambda file: file.writelines((image, _SEAL % _checksum(image))))
 
 
 def load(path: str | Path, *, problem: Problem | None = None) -> Branch | dict[str, Branch]:
@@ -135,7 +135,7 @@ def _verified(path: str | Path) -> bytes:
         image = file.read(size - _SEALED)
     if seal != _SEAL % _checksum(image):
         raise BadInput(
-            f"{path} is damaged: its checksum is not the one that `save` wrote; take a copy of it"
+            f"{path} is damaged: its checksum is not the one that `save` wrote; fetch a copy of it"
         )
     return image
 
