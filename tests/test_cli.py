@@ -22,6 +22,7 @@ import pytest
 import contbreather as cb
 from contbreather.breathers import admissibility, neighbour_peak, smallest_amplitude
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main
+from contbreather.cli.output import to_csv
 from contbreather.errors import NotConverged
 from contbreather.stability.arc import on_arc
 
@@ -614,7 +615,7 @@ def test_branch_by_the_paper_s_rule(run: Callable[..., Output]) -> None:
     assert first == pytest.approx(0.0915527427, abs=1e-9)
 
 
-def test_branch_as_a_table_has_17_digits_and_labels(run: Callable[..., Output]) -> None:
+def test_branch_as_a_table_has_all_digits_and_labels(run: Callable[..., Output]) -> None:
     status, out, _ = run(*BRANCH, "--csv", "b.csv", "-o", "b.pdf", "--json")
     content, rows = strict(out), table(Path("b.csv"))
     assert status == DONE
@@ -752,11 +753,28 @@ def test_every_row_of_the_table_solves_the_equation_of_its_curve(bare, kind: str
         assert DEFINING[kind](numbers(row)), row
 
 
-def test_numbers_of_the_table_have_17_significant_digits(bare) -> None:
+def test_numbers_of_the_table_are_the_shortest_that_read_back_exactly(bare) -> None:
     for row in table(bare[0] / "zones.csv")[::9]:
         for name in ("k", "gamma", "a", "p", "phi"):
-            assert row[name] == f"{float(row[name]):.17g}"
-            assert float(row[name]) == float(repr(float(row[name])))
+            assert row[name] == repr(float(row[name]))
+    assert {row["k"] for row in table(bare[0] / "zones.csv")} == {"0.8", "0.4"}
+
+
+def test_a_number_in_a_table_is_exact_and_no_longer_than_it_must_be(tmp_path: Path) -> None:
+    numbers = [0.1, 1 / 3, 0.1 + 0.2, 1e300, -5e-324, 2.0, np.float64(0.8), math.inf, math.nan]
+    to_csv(str(tmp_path / "x.csv"), [{"x": x, "n": 3} for x in numbers], ["x", "n"])
+    texts = [row["x"] for row in table(tmp_path / "x.csv")]
+    assert texts[:6] == [
+        "0.1",
+        "0.3333333333333333",
+        "0.30000000000000004",
+        "1e+300",
+        "-5e-324",
+        "2.0",
+    ]
+    assert texts[6:] == ["0.8", "inf", ""]
+    for value, text in zip(numbers[:-1], texts[:-1], strict=True):
+        assert float(text) == value
 
 
 def test_rows_are_in_order_along_each_curve(bare) -> None:

@@ -152,7 +152,7 @@ def circles(found: list[Import]) -> list[str]:
 
 
 def outside_the_engine(found: list[Import]) -> list[str]:
-    own = {"contbreather.continuation", "contbreather.checks", "contbreather.errors"}
+    own = {f"contbreather.{name}" for name in ("continuation", "checks", "errors", "files")}
     broken = []
     for one in found:
         if not one.source.startswith("contbreather.continuation"):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
-import stat
 import subprocess
 import sys
 from dataclasses import replace
@@ -21,7 +19,6 @@ from contbreather.errors import BadInput
 from contbreather.plotting import new_figure, plot, plot_multipliers, plot_zones, save_figure
 from contbreather.plotting import zones as zone_plots
 from contbreather.plotting.canvas import MARKERS, MEETING, PAGE, marker, size
-from contbreather.plotting.files import written
 from contbreather.plotting.labels import Labels
 
 
@@ -466,51 +463,6 @@ def test_the_same_drawing_gives_the_same_file(suffix: str, tmp_path: Path) -> No
     assert b"CreationDate" not in content  # nor does the next second make another file
     assert b"dc:date" not in content
     assert {path.name for path in tmp_path.iterdir()} == {f"1.{suffix}", f"2.{suffix}"}
-
-
-def test_failed_writing_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
-    target = tmp_path / "table.csv"
-    target.write_text("old")
-
-    def half(file: Path) -> None:
-        file.write_text("ha")
-        raise OSError(28, "No space left on device")
-
-    with pytest.raises(BadInput, match=r"table\.csv: No space left on device"):
-        written(target, half)
-    assert target.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [target]
-
-
-def test_file_is_complete_the_moment_it_has_its_name(tmp_path: Path) -> None:
-    target = tmp_path / "table.csv"
-
-    def slowly(file: Path) -> None:
-        file.write_text("one\n")
-        assert not target.exists()
-        file.write_text("one\ntwo\n")
-
-    assert written(target, slowly).read_text() == "one\ntwo\n"
-
-
-def test_file_has_the_permissions_of_any_new_file(tmp_path: Path) -> None:
-    (tmp_path / "plain").touch()
-    made = written(tmp_path / "made", lambda file: file.touch())
-    assert made.stat().st_mode == (tmp_path / "plain").stat().st_mode
-
-
-def test_symbolic_link_stays_one(tmp_path: Path) -> None:
-    (tmp_path / "real.txt").write_text("old")
-    link = tmp_path / "link.txt"
-    link.symlink_to("real.txt")
-    written(link, lambda file: file.write_text("new"))
-    assert link.is_symlink()
-    assert (tmp_path / "real.txt").read_text() == "new"
-
-
-def test_device_is_written_to_and_not_replaced() -> None:
-    written(os.devnull, lambda file: file.write_text("gone"))
-    assert stat.S_ISCHR(Path(os.devnull).stat().st_mode)
 
 
 @pytest.mark.parametrize(

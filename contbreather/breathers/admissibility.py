@@ -74,6 +74,10 @@ class Admissibility:
     def __bool__(self) -> bool:
         return self.ok
 
+    def __repr__(self) -> str:
+        verdict = "ok" if self.ok else "not ok"
+        return f"<Admissibility {verdict}, margin {self.margin:.6g}: {self.reason.rstrip('.')}>"
+
 
 class _Grid(NamedTuple):
     """Times of one flight, with the powers of y that `Flight` needs there."""

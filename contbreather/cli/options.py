@@ -39,7 +39,7 @@ Json = Annotated[
     ),
 ]
 Csv = Annotated[
-    str | None, Parameter(name="--csv", help="Write the numbers to this file, 17 digits each.")
+    str | None, Parameter(name="--csv", help="Write the numbers to this file, in full precision.")
 ]
 Output = Annotated[
     str | None, Parameter(name=["--output", "-o"], help="Draw to this file: .png, .pdf or .svg.")

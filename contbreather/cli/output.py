@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import json
 import math
@@ -9,10 +10,11 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from contbreather.cli.interrupts import end
 from contbreather.errors import BadInput, NotConverged
+from contbreather.files import writable, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,11 +39,11 @@ def console() -> Console:
 
 def check_places(table: str | None, figure: str | None) -> None:
     """Refuse files that cannot be written before anything is computed."""
-    from contbreather.plotting.files import figure_path, writable
-
     if table is not None:
         writable(table)
     if figure is not None:
+        from contbreather.plotting.canvas import figure_path
+
         figure_path(figure)
     check_distinct({"--csv": table, "--output": figure})
 
@@ -95,29 +97,25 @@ def _plain(value: Any) -> Any:
 def to_csv(
     path: str, rows: Iterable[Mapping[str, Any]], columns: Sequence[str], *, cut: bool = False
 ) -> Path:
-    """Rows under their columns, floats with 17 significant digits; absent values stay empty. What
+    """Rows under their columns, each float in the fewest digits that read back as the same. What
     was cut short by Ctrl-C says so in a last line."""
 
-    from contbreather.plotting.files import written
+    def write(file: BinaryIO) -> None:
+        writer = csv.writer(codecs.getwriter("utf-8")(file), lineterminator="\n")
+        writer.writerow(columns)
+        for row in rows:
+            writer.writerow([_cell(row.get(name)) for name in columns])
 
-    def write(file: Path) -> None:
-        with file.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(columns)
-            for row in rows:
-                writer.writerow([_cell(row.get(name)) for name in columns])
-            if cut:
-                stream.write(f"# {CUT}\n")
+        if cut:
+            file.write(f"# {CUT}\n".encode())
 
-    return written(path, write)
+    return write_whole(path, write)
 
 
 def _cell(value: Any) -> str:
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return ""
     if isinstance(value, float):  # numpy's double is one
-        return f"{value:.17g}"
-    return str(value)
+        return "" if math.isnan(value) else repr(float(value))
+    return "" if value is None else str(value)
 
 
 def to_figure(path: str, draw: Callable[[], Figure | Axes], *, cut: bool = False) -> Path:

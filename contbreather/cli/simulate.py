@@ -15,6 +15,7 @@ from contbreather.cli.output import check_distinct, note, say, to_csv, to_figure
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
 from contbreather.cli.starts import read_state, write_state
 from contbreather.errors import BadInput
+from contbreather.files import writable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -118,7 +119,7 @@ class Asked:
 
     def check(self) -> None:
         """Refuse what cannot be, before anything is computed."""
-        from contbreather.plotting.files import figure_path, writable
+        from contbreather.plotting.canvas import figure_path
 
         given = {"--csv": self.csv, "--impacts": self.impacts, "--final": self.final}
         named = {name: path for name, path in given.items() if path is not None}

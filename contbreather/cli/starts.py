@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contbreather.errors import BadInput
+from contbreather.files import write_whole
 
 if TYPE_CHECKING:
     from contbreather.dynamics import State
@@ -40,12 +41,6 @@ def read_state(path: str) -> tuple[tuple[Any, Any], float]:
 
 def write_state(path: str, state: State, t: float) -> Path:
     """JSON with u, v and t, all digits."""
-    from contbreather.plotting.files import written
-
     content = {"t": float(t), "u": state.u.tolist(), "v": state.v.tolist()}
     text = json.dumps(content, allow_nan=False) + "\n"
-
-    def write(file: Path) -> None:
-        file.write_text(text, encoding="utf-8")
-
-    return written(path, write)
+    return write_whole(path, lambda file: file.write(text.encode()))

@@ -1,10 +1,15 @@
-"""Branches in a file: one netCDF-4 file with a group for each, written whole or not at all."""
+"""Branches in a file: one netCDF-4 file with a group for each, written whole or not at all.
+
+It ends with the checksum of all bytes before, which HDF5 does not look at. Nothing is read from a
+file that has another one: of what is damaged HDF5 makes other numbers, or goes on for ever.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import io
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
+from ..files import opened, write_whole
 from .boundary import boundary_problem
 from .branch import Branch, Point, Stop, labelled
 from .codim2 import fold, hopf
@@ -28,7 +34,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-_FORMAT = "branches of contbreather 1"
+_FORMAT = "branches of contbreather 2"
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_SEAL = b"\nsha256 of all bytes before: %s\n"
+_SEALED = len(_SEAL % bytes(64))
+_LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
 _DOUBTFUL = "doubtful"
 _FITS = 1e-6  # relative residual at which points of a file solve the equations they are given
 
@@ -40,12 +50,12 @@ def save(path: str | Path, *branches: Branch, **named: Branch) -> None:
     the free parameter and recorded numbers are variables along the dimension ``point``, fixed
     parameters are scalars. ``point_kind`` says what a point is, as CF flags. Complex numbers have
     a trailing axis (re, im). The file is written beside `path` and then moved there, so that
-    an interruption leaves what was there before.
+    an interruption leaves what was there before; its last line is the checksum of the rest.
 
     Raises
     ------
     BadInput
-        If there is nothing to write, or `path` cannot be written.
+        If there is nothing to write, a name is none for netCDF, or `path` cannot be written.
 
     Examples
     --------
@@ -67,13 +77,15 @@ def save(path: str | Path, *branches: Branch, **named: Branch) -> None:
     if not every or len(every) < len(branches) + len(named):
         raise BadInput(f"branches with different names are wanted, got {list(every) or 'none'}")
     groups: dict[str, Dataset] = {}
+    _check_names("branch", every)
     for name, branch in every.items():
         groups[f"/{name}"] = _dataset(branch, branch.points, recorded=True)
         if branch.doubtful:
             failed = _dataset(branch, branch.doubtful, recorded=False)
             groups[f"/{name}/{_DOUBTFUL}"] = failed.rename_dims(point=_DOUBTFUL)
-    with _whole(Path(path)) as temporary:
-        _tree(groups).to_netcdf(temporary, engine="h5netcdf")
+    # in memory first: where a disk is full, HDF5 ends the interpreter
+    image = _image(groups)
+    write_whole(path, lambda file: file.writelines((image, _SEAL % _checksum(image))))
 
 
 def load(
@@ -93,52 +105,69 @@ def load(
     Raises
     ------
     BadInput
-        If the file cannot be read or is no file of branches, or if `problem` has other names
-        or is not solved by the points.
+        If the file cannot be read, is no file of branches or is damaged, or if `problem` has
+        other names or is not solved by the points.
     """
     import xarray
 
     own = None if problem is None else problem_in(problem)
-    try:
-        with xarray.open_datatree(path, engine="h5netcdf", decode_cf=False) as tree:
-            if tree.attrs.get("format") != _FORMAT:
-                raise BadInput(f"{path} holds no branches that `save` wrote")
-            found = {name: _branch(group, own) for name, group in tree.children.items()}
-    except OSError as error:  # what HDF5 has to say is not for people
-        if error.errno is None:
-            raise BadInput(f"cannot read {path}: it is no netCDF-4 file") from error
-        raise BadInput(f"cannot read {path}: {os.strerror(error.errno)}") from error
+    image = io.BytesIO(_verified(path))
+    with xarray.open_datatree(image, engine="h5netcdf", decode_cf=False) as tree:
+        if tree.attrs.get("format") != _FORMAT:
+            raise BadInput(f"{path} holds no branches that `save` wrote")
+        found = {name: _branch(group, own) for name, group in tree.children.items()}
     return next(iter(found.values())) if len(found) == 1 else found
 
 
-@contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """A file to write beside `path`; it takes that name when all is on the disk."""
-    if path.is_dir():
-        raise BadInput(f"cannot write {path}: it is a directory; name a file in it")
-    if not path.parent.is_dir():
-        raise BadInput(f"cannot write {path}: there is no directory {path.parent}; make it first")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        yield temporary
-        with temporary.open("rb") as written:
-            os.fsync(written.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else str(error)
-        raise BadInput(f"cannot write {path}: {reason}; choose another place") from error
-    finally:
-        temporary.unlink(missing_ok=True)
+def _checksum(image: bytes) -> bytes:
+    return hashlib.sha256(image).hexdigest().encode()
+
+
+def _verified(path: str | Path) -> bytes:
+    """The netCDF part of a file that `save` wrote, if it is as it was."""
+    with opened(path) as file:
+        if file.read(len(_SIGNATURE)) != _SIGNATURE:
+            raise BadInput(f"cannot read {path}: it is no netCDF-4 file")
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - _SEALED))
+        seal = file.read()
+        if not (seal.startswith(_SEAL[:-3]) and seal.endswith(_SEAL[-1:])):
+            raise BadInput(
+                f"{path} holds no branches that `save` wrote, or it has lost its end: the checksum "
+                "that should be there is not"
+            )
+        file.seek(0)
+        image = file.read(size - _SEALED)
+    if seal != _SEAL % _checksum(image):
+        raise BadInput(
+            f"{path} is damaged: its checksum is not the one that `save` wrote; fetch a copy of it"
+        )
+    return image
 
 
 # --- writing ----------------------------------------------------------------------------------
 
 
-def _tree(groups: Mapping[str, Dataset]) -> DataTree:
+def _image(groups: Mapping[str, Dataset]) -> bytes:
+    """The bytes of a netCDF-4 file."""
     from xarray import Dataset, DataTree
 
     root = Dataset(attrs={"format": _FORMAT, "Conventions": "CF-1.11"})
-    return DataTree.from_dict({"/": root, **groups})
+    tree = DataTree.from_dict({"/": root, **groups})
+    return bytes(tree.to_netcdf(engine="h5netcdf"))
+
+
+def _check_names(what: str, names: Iterable[str]) -> None:
+    """Refuse what netCDF takes for a path, or for its own, or not at all."""
+    for name in names:
+        good = isinstance(name, str) and name.isprintable() and name == name.strip()
+        good = good and "/" not in name and name not in ("", ".", "..")
+        good = good and len(name.encode()) <= _LONGEST and not name.startswith("_nc4_")
+        if not good:
+            raise BadInput(
+                f"{name!r} cannot be the name of a {what} in a file: at most {_LONGEST} printable "
+                "bytes without / were wanted, and not . or ..; call it otherwise"
+            )
 
 
 def _dataset(branch: Branch, points: Sequence[Point], *, recorded: bool) -> Dataset:
@@ -156,20 +185,29 @@ def _dataset(branch: Branch, points: Sequence[Point], *, recorded: bool) -> Data
         if name in variables:
             raise BadInput(f"{name!r} is a name that the file needs itself; call yours otherwise")
         variables[name] = column
+    _check_names("column", variables)
+    own = {"point", _DOUBTFUL, *(d for one in variables.values() for d in one[0])}
+    if taken := sorted(own & set(variables)):
+        raise BadInput(f"{taken[0]!r} is a name that the file needs itself; call yours otherwise")
     together = problem.adjoined
     attributes = {
-        "label": problem.label,
+        "label": _text(problem.label),
         "unknowns": list(problem.start),
         "parameters": list(problem.params),
         "free": curve.free[0],
         "boundary": together.event.kind if together and together.event else "",
         "stop": branch.stop.name,
         "stop_meaning": branch.stop.value,
-        "reason": branch.reason,
+        "reason": _text(branch.reason),
         "began": branch.began.name if branch.began else "",
-        "began_reason": branch.began_reason,
+        "began_reason": _text(branch.began_reason),
     }
     return Dataset(variables, attrs=attributes)
+
+
+def _text(text: str) -> str:
+    """As HDF5 takes it: neither null bytes nor what is no character."""
+    return text.encode(errors="backslashreplace").decode().replace("\0", r"\0")
 
 
 Variable = tuple[tuple[str, ...], Any, dict[str, Any]]  # dimensions, values, attributes
@@ -188,9 +226,11 @@ def _column(name: str, values: Array, **attributes: str) -> Variable:
 def _of_points(points: Sequence[Point]) -> dict[str, Variable]:
     """What every point has, and the scalars in `detail` of the special ones."""
     kinds = ["", *sorted({point.kind for point in points} - {""})]
+    texts = [_text(kind) for kind in kinds]
     flags = {
         "flag_values": np.arange(len(kinds), dtype="i1"),
-        "flag_meanings": " ".join(["regular", *kinds[1:]]),
+        "flag_meanings": " ".join(["regular", *("_".join(kind.split()) for kind in texts[1:])]),
+        "kinds": texts,  # CF parts its words at blanks, which ours may hold
     }
     nowhere = (np.nan, np.nan)
     found: dict[str, Variable] = {
@@ -213,8 +253,8 @@ def _of_points(points: Sequence[Point]) -> dict[str, Variable]:
         values = [point.detail.get(name) for point in points]
         given = [value for value in values if value is not None]
         if all(isinstance(value, str) for value in given):
-            texts = np.array([value or "" for value in values], dtype=object)
-            found[f"detail_{name}"] = (("point",), texts, {"role": "detail"})
+            words = np.array([_text(value or "") for value in values], dtype=object)
+            found[f"detail_{name}"] = (("point",), words, {"role": "detail"})
         elif all(isinstance(value, complex | float | int | np.number) for value in given):
             numbers = np.array([np.nan if value is None else value for value in values])
             found[f"detail_{name}"] = _column("", numbers, role="detail")
@@ -309,7 +349,7 @@ def _points(data: Dataset, curve: Curve, events: Sequence[Event]) -> Iterator[Po
     count = data.sizes["point"]
     columns = [_values(data, name) for name in (*_listed(data, "unknowns"), *curve.free)]
     z = np.concatenate([column.reshape(count, -1) for column in columns], axis=1)
-    kinds = ["", *str(data["point_kind"].attrs["flag_meanings"]).split()[1:]]
+    kinds = [str(kind) for kind in np.atleast_1d(data["point_kind"].attrs["kinds"])]
     details = {name: _values(data, name) for name in _named(data, "recorded", "detail")}
     brackets = data["point_bracket"].values.tolist()
     numbers = [data[name].values.tolist() for name in ("arclength", "residual", "point_located")]

@@ -8,7 +8,6 @@ that was killed at any moment goes on from its last file, and ends with the same
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_st
 from contbreather.dynamics.impacting import IMPACT, RunStop, Sample, Stretch, walk
 from contbreather.dynamics.progress import Bar
 from contbreather.errors import BadInput
+from contbreather.files import write_whole
 from contbreather.lattice import Forcing, Fourier, Harmonic, forcing_of
 
 EVERY = 5.0  # seconds between two files: what a crash may cost
@@ -289,13 +289,8 @@ def read(path: Path) -> Stretch:
 
 
 def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """An npz file that is there whole or not at all, even after a loss of power."""
-    partial = path.with_suffix(".part")
-    with open(partial, "wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(partial, path)
+    """An npz file that is there whole or not at all."""
+    write_whole(path, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
 
 
 __all__ = ["Recording", "open_recording", "record"]

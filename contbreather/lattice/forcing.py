@@ -22,6 +22,7 @@ from contbreather.errors import BadInput
 
 FloatArray = NDArray[np.float64]
 HIGHEST = 1001  # harmonic; sixteen points to its period are looked at
+LARGEST = 1e100  # coefficient; sums of their squares stay finite
 LONG = 12  # from so many harmonics on numpy beats a loop, even for one time
 
 Harmonics = tuple[tuple[int, float, float], ...]  # (m, A, B): A cos(m t) + B sin(m t)
@@ -257,6 +258,7 @@ class Fourier(Periodic):
                 "the forcing is zero: give at least one coefficient of an odd harmonic, "
                 "for example cos={1: -1.0} for F = -a cos t."
             )
+        check_size(max(abs(c) for _, c in self.cos + self.sin), "the forcing")
         c, s = dict(self.cos), dict(self.sin)
         orders = sorted({*c, *s})
         f = tuple((m, -c.get(m, 0.0) / m**2, -s.get(m, 0.0) / m**2) for m in orders)
@@ -330,6 +332,15 @@ def _coefficients(kind: str, given: Mapping[int, float]) -> tuple[tuple[int, flo
     return tuple(sorted((int(m), float(v)) for m, v in given.items()))
 
 
+def check_size(largest: float, what: str) -> None:
+    """Refuse coefficients whose squares or sums would overflow."""
+    if largest > LARGEST:
+        raise BadInput(
+            f"{what} reaches {largest:.2g}, too large to be computed with; the amplitude a "
+            f"multiplies any forcing, so scale it down to at most {LARGEST:g}."
+        )
+
+
 def is_finite(value: object) -> bool:
     return math.isfinite(real(value))
 
@@ -389,6 +400,7 @@ class Samples(Periodic):
     def _resolve(values: FloatArray, size: float) -> Harmonics:
         if size == 0.0:
             raise BadInput("the forcing is zero: its samples are all 0.")
+        check_size(size, "the forcing")
         spectrum = odd_spectrum(values)
         largest = max(abs(c) for c in spectrum.values())
         tail = max(abs(c) for m, c in spectrum.items() if 4 * m > values.size)

@@ -60,6 +60,14 @@ class ThresholdLine:
     a: Array
     angle: Array
 
+    def __repr__(self) -> str:
+        chain = "infinite chain" if self.sites is None else f"ring of {self.sites}"
+        reach = f"gamma {min(self.gamma):.6g} to {max(self.gamma):.6g}" if len(self.gamma) else ""
+        return (
+            f"<ThresholdLine {self.kind}, {chain}, k = {self.k:g}, threshold {self.threshold:g}: "
+            f"{len(self.gamma)} points{', ' * bool(reach)}{reach}>"
+        )
+
 
 class Crossing(NamedTuple):
     """The first coupling at which a pair reaches the threshold, and the angle/pi of that pair."""

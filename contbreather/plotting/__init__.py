@@ -8,7 +8,6 @@ from __future__ import annotations
 from contbreather.plotting.branches import plot
 from contbreather.plotting.canvas import new_figure, save_figure
 from contbreather.plotting.diagrams import plot_diagram
-from contbreather.plotting.files import written
 from contbreather.plotting.multipliers import plot_multipliers
 from contbreather.plotting.runs import (
     plot_basin,
@@ -31,5 +30,4 @@ __all__ = [
     "plot_sweep",
     "plot_zones",
     "save_figure",
-    "written",
 ]

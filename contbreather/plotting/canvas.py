@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contbreather.errors import BadInput
-from contbreather.plotting.files import figure_path, written
+from contbreather.files import writable, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+FIGURES = (".png", ".pdf", ".svg")
 COLUMN = 8.5  # cm, one column of a journal
 PAGE = 17.5  # both columns
 CM = 1.0 / 2.54
@@ -133,9 +134,19 @@ def save_figure(figure: Figure | Axes, path: str | Path) -> Path:
     if whole is None:
         raise BadInput("these axes have no figure any more; draw them anew")
     with style():
-        return written(
+        return write_whole(
             target, lambda file: whole.savefig(file, format=kind, dpi=300, metadata=metadata)
         )
+
+
+def figure_path(path: str | Path) -> Path:
+    """The path of a figure: its suffix says the format."""
+    target = writable(path)
+    if target.suffix.lower() not in FIGURES:
+        raise BadInput(
+            f"cannot write the figure {target}: its suffix must be one of {', '.join(FIGURES)}"
+        )
+    return target
 
 
 def symbol(name: str) -> str:

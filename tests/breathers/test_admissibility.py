@@ -296,3 +296,12 @@ def test_margins_are_continuous_along_a_branch(name):
 def test_the_impacting_site_has_no_peak_to_ask_for(n):
     with pytest.raises(BadInput, match="impacting site"):
         neighbour_peak(symmetric(0.5, 0.12, 0.4, lattice=Ring(5)), n)
+
+
+def test_repr_is_one_line_with_the_verdict_and_what_is_closest() -> None:
+    good, bad = admissibility(symmetric(0.5, 0.04, 0.8)), admissibility(symmetric(0.95, 0.1, 0.8))
+    for margins, word in ((good, "ok"), (bad, "not ok")):
+        shown = repr(margins)
+        assert shown.startswith(f"<Admissibility {word}, margin {margins.margin:.6g}: ")
+        assert margins.reason.rstrip(".") in shown
+        assert "\n" not in shown

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+import stat
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import xarray
@@ -26,7 +31,6 @@ from contbreather.continuation import (
     trace,
     user,
 )
-from contbreather.continuation.store import _whole
 from contbreather.errors import BadInput, ContbreatherError
 
 from .zoo import ARMS, BRATU, CIRCLE, CUSP, LINE, ZOO, Case, brusselator, takens, trace_case
@@ -283,10 +287,6 @@ def test_writing_a_file_that_is_there_replaces_it(branch: Branch, path: Path) ->
     save(path, trace_case(CIRCLE))
     save(path, branch)
     same(branch, load(path))
-    with _whole(path) as temporary:
-        assert temporary.parent == path.parent  # a move, not a copy
-        temporary.write_text("x")
-    assert path.read_text() == "x"
 
 
 def test_files_are_refused_in_words_for_people(branch: Branch, path: Path) -> None:
@@ -325,12 +325,191 @@ def test_what_cannot_be_written_or_read_is_refused(branch: Branch, path: Path) -
         load(path)
 
 
-@pytest.mark.parametrize("name", ["point_kind", "arclength"])
+def line(*, unknown: str = "x", parameter: str = "mu", **more: Any) -> Branch:
+    """The branch x = mu under any names."""
+    problem = Problem(lambda u, p: u - p[parameter], {unknown: 0.0}, {parameter: 0.0}, **more)
+    return trace(problem, parameter, within={parameter: (-1, 1)})
+
+
+@pytest.mark.parametrize("name", ["point_kind", "arclength", "point", "bracket_end", "doubtful"])
 def test_names_that_the_file_needs_are_refused(name: str, path: Path) -> None:
-    problem = Problem(lambda u, p: u - p["mu"], {name: 0.0}, {"mu": 0.0})
     with pytest.raises(BadInput, match=rf"{name!r} is a name that the file needs itself"):
-        save(path, trace(problem, "mu", within={"mu": (-1, 1)}))
+        save(path, line(unknown=name))
     assert not path.exists()
+
+
+def test_axis_of_an_array_and_an_unknown_of_its_name_are_refused_together(path: Path) -> None:
+    start = {"x": np.zeros(3), "x_axis1": 0.0}
+    both = trace(Problem(lambda u, p: u - p["mu"], start, {"mu": 0.0}), "mu", within={"mu": (0, 1)})
+    with pytest.raises(BadInput, match="'x_axis1' is a name that the file needs itself"):
+        save(path, both)
+
+
+@pytest.mark.parametrize("name", ["a/b", "..", ".", "", " a", "a\nb", "\udc80", "\0", "n" * 201])
+def test_names_that_netcdf_does_not_take_are_refused(name: str, path: Path) -> None:
+    for attempt in (
+        lambda: save(path, line(unknown=name)),
+        lambda: save(path, line(parameter=name)),
+        lambda: save(path, line(record={name: lambda point: 1.0})),
+        lambda: save(path, **{name: line()}),
+    ):
+        with pytest.raises(BadInput, match=r"cannot be the name of a (column|branch) in a file"):
+            attempt()
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("name", ["a b", "β", "1", "_x", "a:b", "label", "n" * 200, "detail_x"])
+def test_any_other_name_comes_back(name: str, path: Path) -> None:
+    for branch in (line(unknown=name), line(parameter=name)):
+        save(path, branch)
+        same(branch, load(path))
+    save(path, **{name: line(), "other": line()})
+    assert list(load(path)) == [name, "other"]
+
+
+@pytest.mark.parametrize("text", ["\0", "\udc80", "β" * 99999])
+def test_no_label_keeps_a_branch_from_being_saved(text: str, path: Path) -> None:
+    save(path, line(label=text))
+    assert load(path).problem.label.startswith(("\\0", "\\udc80", "βββ"))
+
+
+def test_kind_of_several_words_comes_back(path: Path) -> None:
+    event = replace(user("x", 0.5), kind="half way")
+    save(path, line(events=(event,)))
+    assert [point.label for point in load(path).special] == ["EP1", "half way1", "EP2"]
+
+
+# --- damage -----------------------------------------------------------------------------------
+
+
+def altered(image: bytes, rng: np.random.Generator) -> bytes:
+    """One of the ways in which files go bad."""
+    at, length = int(rng.integers(len(image))), int(rng.integers(1, 64))
+    spoilt = bytearray(image)
+    match int(rng.integers(6)):
+        case 0:
+            spoilt[at] ^= 1 << int(rng.integers(8))
+        case 1:
+            del spoilt[at:]
+        case 2:
+            spoilt[at : at + length] = bytes(len(spoilt[at : at + length]))
+        case 3:
+            spoilt[at:at] = rng.bytes(length)
+        case 4:
+            spoilt[at : at + length] = b""
+        case _:
+            spoilt += rng.bytes(length)
+    return bytes(spoilt)
+
+
+def test_every_damaged_file_is_one_sentence_at_once(branch: Branch, path: Path) -> None:
+    """A byte of HDF5's own that is wrong may hang it, one of a number may change it in silence."""
+    save(path, branch)
+    image, rng = path.read_bytes(), np.random.default_rng(18)
+    for _ in range(200):
+        path.write_bytes(altered(image, rng))
+        if path.read_bytes() == image:  # zeros in the place of zeros
+            same(branch, load(path))
+            continue
+        began = time.perf_counter()
+        with pytest.raises(BadInput) as caught:
+            load(path)
+        assert time.perf_counter() - began < 1
+        assert "\n" not in str(caught.value)
+        assert str(path) in str(caught.value)
+    path.write_bytes(image)
+    same(branch, load(path))
+
+
+def test_no_single_bit_can_be_wrong(path: Path) -> None:
+    save(path, line())
+    image = path.read_bytes()
+    for at in range(0, len(image), 199):
+        path.write_bytes(image[:at] + bytes([image[at] ^ 1 << at % 8]) + image[at + 1 :])
+        with pytest.raises(BadInput, match=r"is damaged|lost its end|no netCDF-4 file"):
+            load(path)
+    for cut in range(1, 120):  # in the checksum itself, too
+        path.write_bytes(image[:-cut])
+        with pytest.raises(BadInput, match="has lost its end"):
+            load(path)
+        path.write_bytes(image[:-cut] + image[-cut:].swapcase())
+        if path.read_bytes() != image:
+            with pytest.raises(BadInput, match=r"is damaged|has lost its end"):
+                load(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"\0" * 500])
+def test_what_is_no_file_of_branches_is_refused(content: bytes, path: Path) -> None:
+    path.write_bytes(content)
+    with pytest.raises(BadInput, match=r"it is no netCDF-4 file|holds no branches"):
+        load(path)
+
+
+def test_hdf5_of_others_is_refused(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file["x"] = np.arange(10.0)
+    with pytest.raises(BadInput, match="holds no branches that `save` wrote"):
+        load(path)
+
+
+@pytest.mark.parametrize("place", ["/dev/zero", "/dev/null", "/"])
+def test_only_ordinary_files_are_read(place: str) -> None:
+    with pytest.raises(BadInput, match=f"cannot read {place}: it is (no ordinary file|a dir)"):
+        load(place)
+
+
+# --- places -----------------------------------------------------------------------------------
+
+
+FULL = """
+import resource, sys
+import numpy as np
+import contbreather as cb
+line = cb.Problem(lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0})
+branch = cb.trace(line, "mu", within={"mu": (-1, 1)})
+resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))
+try:
+    cb.save(sys.argv[1], branch)
+except cb.BadInput as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits of Linux")
+def test_full_disk_is_a_sentence_and_keeps_the_old_file(path: Path) -> None:
+    """HDF5 itself ends the interpreter where it cannot write."""
+    path.write_text("old")
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    for place, reason in ((path, "File too large"), ("/dev/full", "No space left on device")):
+        done = subprocess.run(
+            [sys.executable, "-c", FULL, str(place)],
+            env=environment, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout == f"cannot write {place}: {reason}; choose another place\n"
+    assert path.read_text() == "old"
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_links_and_modes_stay_and_devices_are_written_to(path: Path) -> None:
+    real = path.with_name("real.nc")
+    real.touch()
+    real.chmod(0o640)
+    path.symlink_to("real.nc")
+    save(path, line())
+    assert path.is_symlink()
+    assert stat.S_IMODE(real.stat().st_mode) == 0o640
+    same(line(), load(real))
+    save("/dev/null", line())
+    assert Path("/dev/null").is_char_device()
+
+
+def test_threads_that_save_to_one_path_do_not_meet(path: Path) -> None:
+    branch = line()
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda _: save(path, branch), range(24)))
+    same(branch, load(path))
+    assert list(path.parent.iterdir()) == [path]
 
 
 def test_importing_the_engine_does_not_import_the_file_format() -> None:

@@ -111,3 +111,11 @@ def test_pitchfork_line_hardly_depends_on_the_ring_as_the_paper_says() -> None:
 def test_threshold_must_be_above_one(threshold: float) -> None:
     with pytest.raises(BadInput, match="a modulus above 1 is wanted"):
         neimark_sacker(0.2, 0.8, threshold=threshold)
+
+
+def test_repr_of_a_line_is_one_line_and_names_its_chain() -> None:
+    line = pitchfork_line(0.8, [0.05, 0.08])
+    sites = "infinite chain" if line.sites is None else f"ring of {line.sites}"
+    assert repr(line) == (
+        f"<ThresholdLine PF, {sites}, k = 0.8, threshold 1.005: 2 points, gamma 0.05 to 0.08>"
+    )

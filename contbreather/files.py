@@ -1,0 +1,147 @@
+"""Files, whole or not at all: whatever this package writes is written here."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from contbreather.errors import BadInput
+
+STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
+
+
+def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
+    """Let `write` fill a temporary file beside `path`, then put it in its place at once.
+
+    Whoever reads `path` sees the old file or the new one, never half of it, even after a loss of
+    power. A symbolic link stays one, and a file keeps its mode. What is no ordinary file
+    (``/dev/stdout``, a named pipe) is written to directly.
+
+    Raises
+    ------
+    BadInput
+        If `path` is no name, a directory or a disk, or cannot be written, with the system's reason.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     made = write_whole(f"{folder}/note.txt", lambda file: file.write(b"all of it"))
+    ...     made.name, made.read_text()
+    ('note.txt', 'all of it')
+    """
+    target = writable(path)
+    try:
+        if str(target) in STREAMS:
+            if sys.stdout is not None:  # as it is where there is none
+                sys.stdout.flush()  # what was printed before comes before
+            with os.fdopen(os.dup(STREAMS[str(target)]), "wb") as stream:
+                write(stream)
+        elif target.exists() and not target.is_file():
+            with target.open("wb") as stream:
+                write(stream)
+        else:
+            _replace(Path(os.path.realpath(target)), write)
+    except OSError as error:
+        if isinstance(error, BrokenPipeError) and str(target) in STREAMS:
+            raise  # the reader has seen enough, as with anything printed
+        raise _refused("write", target, error) from error
+    return target
+
+
+def _replace(target: Path, write: Callable[[BinaryIO], object]) -> None:
+    # A name that nobody can foresee, also not another thread: "x" refuses one that is there, be it
+    # a link laid by somebody else. It is short, for `target` may be as long as names can be.
+    partial = target.with_name(f".{os.urandom(8).hex()}.part")
+    try:
+        with partial.open("xb") as stream:
+            if target.exists():
+                with suppress(OSError, AttributeError):  # not ours to give, or unknown to Windows
+                    os.chown(partial, target.stat().st_uid, target.stat().st_gid)
+                shutil.copymode(target, partial)
+            write(stream)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(partial, target)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def writable(path: str | Path) -> Path:
+    """The path, or what is wrong with it: better before a long computation than after it."""
+    target = _named("write", path)
+    if str(target) in STREAMS:
+        return target
+    mode = _mode("write", target)
+    if stat.S_ISDIR(mode):
+        raise BadInput(f"cannot write {target}: it is a directory; name a file in it")
+    if stat.S_ISBLK(mode):
+        raise BadInput(f"cannot write {target}: it is a disk; name a file on it")
+    folder = Path(os.path.realpath(target)).parent if target.is_symlink() else target.parent
+    if not folder.is_dir():
+        raise BadInput(f"cannot write {target}: there is no directory {folder}; make it first")
+    # a file that is there is replaced, for which its folder must let us write, too
+    places = [place for place in (target, folder) if place.exists()]
+    if mode and not stat.S_ISREG(mode):
+        places = [target]
+    if not all(os.access(place, os.W_OK) for place in places):
+        reason = _forbidden(folder)
+        raise BadInput(f"cannot write {target}: {reason}; choose another place")
+    return target
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[BinaryIO]:
+    """An ordinary file to read bytes from.
+
+    Raises
+    ------
+    BadInput
+        If there is none, or it cannot be read, with the system's reason.
+    """
+    source = _named("read", path)
+    mode = _mode("read", source)
+    if mode and not stat.S_ISREG(mode):
+        what = "a directory" if stat.S_ISDIR(mode) else "no ordinary file"
+        raise BadInput(f"cannot read {source}: it is {what}")
+    try:
+        with source.open("rb") as stream:
+            yield stream
+    except OSError as error:
+        raise _refused("read", source, error) from error
+
+
+def _named(verb: str, path: object) -> Path:
+    if not isinstance(path, str | os.PathLike):
+        raise BadInput(f"{path!r} is no name of a file; give one as text, for instance 'run.nc'")
+    if not os.fspath(path).strip():
+        raise BadInput(f"the name of the file to {verb} is empty; give one, for instance zones.csv")
+    return Path(path)
+
+
+def _mode(verb: str, target: Path) -> int:
+    """The mode of what is there, behind links; 0 if nothing is."""
+    try:
+        return target.stat().st_mode
+    except FileNotFoundError:
+        return 0
+    except (OSError, ValueError) as error:  # too long a name, a circle of links, a null byte
+        raise _refused(verb, target, error) from error
+
+
+def _forbidden(folder: Path) -> str:
+    """Why the system does not let us write there."""
+    read_only = hasattr(os, "statvfs") and os.statvfs(folder).f_flag & os.ST_RDONLY
+    return "the file system is read-only" if read_only else "no permission"
+
+
+def _refused(verb: str, target: Path, error: OSError | ValueError) -> BadInput:
+    reason = getattr(error, "strerror", None) or str(error)
+    advice = "; choose another place" if verb == "write" else ""
+    return BadInput(f"cannot {verb} {target}: {reason}{advice}")

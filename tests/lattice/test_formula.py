@@ -1,0 +1,293 @@
+"""Formulas are numbers, never programs; each is a forcing or a sentence, at once."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import special
+
+import contbreather as cb
+from contbreather.errors import BadInput
+from contbreather.lattice import formula
+
+ROOT = Path(cb.__file__).parents[1]
+TIMES = np.array([-30.1, -7.3, -0.2, 0.4, 1.9, 3.3, 12.0, 99.5])
+WORDS = {name: getattr(np, name) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp")}
+WORDS |= {"log": np.log, "sqrt": np.sqrt, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan}
+WORDS |= {"Abs": np.abs, "sign": np.sign, "besselj": special.jv, "pi": np.pi}
+WORDS |= {"sec": lambda x: 1 / np.cos(x), "csc": lambda x: 1 / np.sin(x)}
+WORDS |= {"cot": lambda x: 1 / np.tan(x)}
+
+
+def by_python(text: str, t: np.ndarray, **params: float) -> np.ndarray:
+    """What Python itself makes of the formula."""
+    return np.asarray(
+        eval(text.replace("^", "**"), {"__builtins__": {}}, WORDS | params | {"t": t})
+    )
+
+
+def proof_of(text: str, **params: float) -> str:
+    return cb.Symbolic(text, **params).describe().rsplit(" ", 1)[1]
+
+
+# --- values -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "-cos(t)",
+        "(cos(t) + 0.3*cos(3*t))^3",
+        "2*cos(t)^3 - sin(t)^5/7",
+        "-(-cos(t + pi/3))*(2 - sin(2*t))**3",
+        "cos(t)*cos(2*t)*cos(4*t)*cos(8*t)",
+        "c*sin(t - c)**3/(1 + c)",
+        "cos(3*t/3) + cos(t*(1 + 2))",
+        "cos(-5*t - 1)*cos(1)",
+        "+cos(t)**99",
+        "exp(cos(2*t))*cos(t)",
+        "tanh(c*cos(t)) + atan(sin(3*t))",
+        "sinh(cos(t))*cosh(sin(t))*sec(0.3*sin(t))",
+        "besselj(3, 2*cos(t)) - besselj(0, sin(t))*cos(t)",
+        "sqrt(2 + cos(t)**2)*cos(t) - log(3 + cos(2*t))*sin(t)",
+        "cos(t)/(1 + 0.4*cos(t)**2)**2.5",
+        "asin(0.5*cos(t))*acos(0.5*cos(2*t))",
+        "csc(2 + cos(t)**2)*cot(2 + sin(t)**2)*tan(cos(t))",
+        "Abs(c)*sign(-c)*cos(t)",
+        "2**cos(2*t)*cos(t)",
+    ],
+)
+def test_a_formula_is_what_python_makes_of_it(text: str) -> None:
+    params = {"c": 0.7} if "c" in formula.letters(formula.parsed(text)) else {}
+    forcing, exact = cb.Symbolic(text, **params), by_python(text, TIMES, **params)
+    np.testing.assert_allclose(forcing.d2f(TIMES), exact, rtol=0, atol=3e-13 * np.ptp(exact))
+
+
+def test_a_power_written_as_physicists_do_binds_as_they_mean() -> None:
+    """To Python ^ binds less than +, and parentheses that do without were once dropped."""
+    for text in ("(cos(t) + 0.3*cos(3*t))^3", "2*cos(t)^3", "cos(t)^3^1"):
+        one, other = cb.Symbolic(text), cb.Symbolic(text.replace("^", "**"))
+        assert one == other
+
+
+@pytest.mark.parametrize("name", sorted(formula.FUNCTIONS))
+def test_slope_and_parity_of_each_function_are_those_of_its_values(name: str) -> None:
+    """Differences at h = 1e-6 are good to about 1e-9."""
+    function, x, h = formula.FUNCTIONS[name], np.array([0.2, 0.55, 0.9]), 1e-6
+    slope = (function.value(x + h) - function.value(x - h)) / (2 * h)
+    np.testing.assert_allclose(function.slope(x, function.value(x)), slope, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(function.value(x), WORDS[name](x), rtol=1e-15)
+    with np.errstate(invalid="ignore"):
+        mirrored = function.value(-x)
+    same = {1: 1, -1: -1, 0: None}[function.parity]
+    if same is None:
+        assert not np.allclose(abs(mirrored), abs(function.value(x)))
+    else:
+        np.testing.assert_allclose(mirrored, same * function.value(x))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "c*cos(t)",
+        "cos(t + c)**5",
+        "cos(t)/c",
+        "c**2.5*cos(t)",
+        "2**c*cos(t)",
+        "c**c*sin(t - c)",
+        "cos(t)/(2 + c*cos(2*t))",
+        "(2 + cos(2*t))**c*cos(t)",
+        "besselj(1, c*cos(t))",
+        "tanh(c*cos(t))*exp(c*sin(t)**2)/(1 + c)",
+        "cos(t) - -c*sin(t)*sqrt(c)",
+    ],
+)
+def test_slope_in_a_parameter_is_its_difference_quotient(text: str) -> None:
+    h, forcing = 1e-6, cb.Symbolic(text, c=0.7)
+    for order, pick in enumerate(("f", "df", "d2f")):
+        up, down = (getattr(forcing.at(c=0.7 + s * h), pick)(0.7) for s in (1, -1))
+        assert forcing.f_param("c", 0.7, order) == pytest.approx((up - down) / (2 * h), abs=2e-8)
+
+
+# --- antisymmetry -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "tanh(50*cos(t))",
+        "tanh(cos(t))*cos(2*t) + sin(3*t)**3",
+        "besselj(3, sin(t)) + besselj(2, sin(t))*cos(t)",
+        "atan(cos(3*t + 1))/(2 + tan(cos(t))**2)",
+        "cos(t)*tanh(tan(2 + cos(2*t)/9))*Abs(1 + sin(t)**2)",
+        "sec(cos(t))*sin(-t)",
+        "-cos(t - 7*t)*cos(t)",
+    ],
+)
+def test_antisymmetry_that_the_formula_shows_is_proven(text: str) -> None:
+    assert proof_of(text) == "symbolically"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "-cos(t)/(2 + cos(t) + cos(t + 3.141592653589793))",
+        "exp(log(2 + cos(2*t)))*cos(t)*Abs(t - 300)/(300 - t)",
+        "cos(t)*(1 + 1e-13*cos(t))",
+    ],
+)
+def test_antisymmetry_to_rounding_only_is_said_to_be_numerical(text: str) -> None:
+    assert proof_of(text) == "numerically"
+
+
+def some(depth: int, pick: random.Random) -> str:
+    if not depth:
+        return pick.choice(["cos(t)", "sin(3*t)", "cos(2*t)", "cos(t + 1)", "2", "c", "tan(t)"])
+    one, other = some(depth - 1, pick), some(depth - 1, pick)
+    name = pick.choice([*sorted(formula.FUNCTIONS), "besselj(2, ", "besselj(3, "]).rstrip("(")
+    call = f"{name}{one})" if "," in name else f"{name}({one})"
+    return pick.choice(
+        [call, f"({one}{pick.choice('+-*/')}{other})", f"({one})**{pick.choice('234')}"]
+    )
+
+
+def test_whatever_half_a_period_is_said_to_do_it_does() -> None:
+    """600 random formulas: where a parity is claimed, the values have it."""
+    pick, claimed = random.Random(20), {-1: 0, 0: 0, 1: 0}
+    t = np.array([0.3, 1.1, 2.3, 4.4])
+    for _ in range(600):
+        text = some(pick.randrange(1, 4), pick)
+        parity = formula.parity(formula.parsed(text))
+        claimed[parity] += 1
+        with np.errstate(all="ignore"):
+            here, there = by_python(text, t, c=0.7), by_python(text, t + np.pi, c=0.7)
+        if parity and np.isfinite(here).all() and np.max(np.abs(here)) < 1e3:
+            np.testing.assert_allclose(there, parity * here, rtol=1e-6, atol=1e-9)
+    assert min(claimed.values()) > 50
+
+
+# --- hostile formulas -------------------------------------------------------------------------
+
+REFUSED = {
+    "9^9^9^9*cos(t)": "powers up to 99",
+    "cos(t)**(99*99)": "powers up to 99",
+    "cos(t)**1e308": "powers up to 99",
+    "10**400*cos(t)": "powers up to 99",
+    "((cos(t)**99)**99)**99": "not resolved by 2048 harmonics",
+    "cos(9999999*t)": "harmonic 9999999: harmonics up to 1001 are resolved",
+    "cos(1e300*t)": "harmonics up to 1001 are resolved",
+    "exp(1000*cos(t))*cos(t)": "not a finite real number at every t",
+    "sinh(700*cos(t))": "a pole, or a peak like one: it reaches 5.1e[+]303",
+    "not cos(t)": "holds 'not cos[(]t[)]'",
+    "~cos(t)": "holds '~cos[(]t[)]'",
+    "cos(t) % 2": "holds 'cos[(]t[)] % 2'",
+    "cos(t)//2": "no forcing may",
+    "cos(t)<<9**9": "no forcing may",
+    "True*cos(t)": "holds 'True'",
+    "1j*cos(t)": "holds '1j'",
+    "sin*cos(t)": "holds 'sin', which no forcing may: .* each of something in parentheses",
+    "cos(t=1)": "cos takes 1 argument, not 0",
+    "cos(*t)": r"holds '\*t'",
+    "besselj(t)": "besselj takes 2 arguments, not 1",
+    "besselj(cos(t), t)": "the order of besselj must be a number",
+    "besselj(c, cos(t))": "the order of besselj must be a number",
+    "1e308*cos(t)": "reaches 1e[+]308, too large to be computed with",
+    "1e999*cos(t)": "not finite",
+    "1" * 400 + "*cos(t)": "not finite",
+    "1" * 5000 + "*cos(t)": "no formula",
+    "cos(t)/(cos(t) - cos(t))": "not a finite real number",
+    "1/cos(t)": "has a pole, or a peak like one",
+    "tanh(1e5*cos(t))": "not resolved by 2048 harmonics",
+    "exp(-t/1e4)*cos(t)": "not antisymmetric",
+    "cos(t)*sign(t + 9)": "not 2 pi periodic",
+    "cos(t)\0": "no formula",
+    "\ud800": "no formula",
+    "": "no formula",
+    "lambda: t": "no forcing may",
+    "(x := cos(t))": "no forcing may",
+    "().__class__.__bases__[0].__subclasses__()": "no forcing may",
+    "__import__('os').system('true')": "no forcing may",
+    "cos.__globals__": "no forcing may",
+    "[t for t in t]": "no forcing may",
+    "f'{t}'": "no forcing may",
+    "(" * 5000 + "cos(t)" + ")" * 5000: "no formula|too large",
+    "-" * 19000 + "cos(t)": "too large",
+    "+".join(["cos(t)"] * 2000): "too large",
+    "cos(t)+" * 10**6: "too large",
+    "+".join(f"besselj({m}, cos(t))" for m in range(1, 401, 2)): "too large",
+}
+
+
+@pytest.mark.parametrize("text", REFUSED, ids=lambda text: repr(text[:24]))
+def test_hostile_formula_is_one_true_sentence(text: str) -> None:
+    params = {"c": 1.0} if "c," in text else {}
+    with pytest.raises(BadInput, match=REFUSED[text]) as caught:
+        cb.Symbolic(text, **params)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize("name", ["abs", "math", "numpy", "x_1", "E", "self", "text", "expression"])
+def test_a_parameter_may_have_any_name_that_is_free(name: str) -> None:
+    for text in (f"{name}*cos(t)", f"Abs({name})*cos(t)", f"tanh({name}*cos(t))"):
+        forcing = cb.Symbolic(text, **{name: 2.0})
+        assert forcing.at(**{name: 3.0}).params == {name: 3.0}
+        with pytest.raises(BadInput, match=f"needs a value for {name}"):
+            cb.Symbolic(text)
+
+
+@pytest.mark.parametrize("size", [1e101, 1e308])
+def test_forcings_too_large_to_be_computed_with_are_refused(size: float) -> None:
+    t = 2 * np.pi * np.arange(16) / 16
+    for make in (
+        lambda: cb.Fourier(cos={1: -size}),
+        lambda: cb.Samples(-size * np.cos(t)),
+        lambda: cb.Symbolic("c*cos(t)", c=size),
+        lambda: cb.Symbolic("tanh(cos(t))*c", c=size),
+    ):
+        with pytest.raises(BadInput, match="too large to be computed with"):
+            make()
+    assert cb.Fourier(cos={1: -1e99}).peak() == 1e99
+
+
+WATCHED = """
+import json, resource, sys, time
+import contbreather as cb
+cb.Symbolic("besselj(1, cos(t))")
+seen, watching = set(), True
+sys.addaudithook(lambda event, _: watching and seen.add(event))
+slowest = 0.0
+for text in json.loads(sys.stdin.read()):
+    began = time.process_time()
+    try:
+        cb.Symbolic(text, **({"c": 0.3} if "c" in text.replace("cos", "") else {})).peak()
+    except cb.BadInput:
+        pass
+    slowest = max(slowest, time.process_time() - began)
+watching = False
+memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+print(json.dumps([sorted(seen), slowest, memory]))
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts memory as Linux does")
+def test_no_formula_executes_anything_or_takes_long() -> None:
+    """Python tells a hook of all it compiles, executes, imports or opens."""
+    pick = random.Random(159)
+    texts = [text for text in REFUSED if text.isprintable()]
+    texts += [some(pick.randrange(3, 6), pick) for _ in range(60)]
+    done = subprocess.run(
+        [sys.executable, "-c", WATCHED], input=json.dumps(texts),
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    events, slowest, memory = json.loads(done.stdout)
+    assert set(events) <= {"compile"}  # to a tree, which is only looked at
+    assert slowest < 1
+    assert memory < 500

@@ -1,0 +1,233 @@
+"""Every file is written whole or not at all, in its place, or refused in a sentence."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import BinaryIO
+
+import pytest
+
+from contbreather import files
+from contbreather.errors import BadInput
+from contbreather.files import opened, writable, write_whole
+
+
+def saying(text: bytes):
+    return lambda file: file.write(text)
+
+
+def test_failed_writing_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    target = tmp_path / "table.csv"
+    target.write_text("old")
+
+    def half(file: BinaryIO) -> None:
+        file.write(b"ha")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(BadInput, match=r"table\.csv: No space left on device"):
+        write_whole(target, half)
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_file_is_complete_the_moment_it_has_its_name(tmp_path: Path) -> None:
+    target = tmp_path / "table.csv"
+
+    def slowly(file: BinaryIO) -> None:
+        file.write(b"one\n")
+        assert not target.exists()
+        file.write(b"two\n")
+
+    assert write_whole(target, slowly).read_text() == "one\ntwo\n"
+
+
+def test_file_has_the_permissions_of_any_new_file(tmp_path: Path) -> None:
+    (tmp_path / "plain").touch()
+    made = write_whole(tmp_path / "made", saying(b""))
+    assert made.stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o644, 0o664, 0o755])
+def test_file_that_is_there_keeps_its_mode(tmp_path: Path, mode: int) -> None:
+    target = tmp_path / "mine"
+    target.touch()
+    target.chmod(mode)
+    assert stat.S_IMODE(write_whole(target, saying(b"new")).stat().st_mode) == mode
+
+
+def test_symbolic_links_stay_also_those_that_lead_nowhere_yet(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    link = tmp_path / "link.txt"
+    link.symlink_to("folder/real.txt")
+    for text in (b"first", b"second"):
+        write_whole(link, saying(text))
+        assert link.is_symlink()
+        assert (tmp_path / "folder" / "real.txt").read_bytes() == text
+    assert {path.name for path in tmp_path.rglob("*")} == {"folder", "link.txt", "real.txt"}
+
+
+def test_devices_and_pipes_are_written_to_and_not_replaced(tmp_path: Path) -> None:
+    write_whole(os.devnull, saying(b"gone"))
+    assert Path(os.devnull).is_char_device()
+    pipe, heard = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: heard.append(pipe.read_bytes()))
+    reader.start()
+    write_whole(pipe, saying(b"through"))
+    reader.join()
+    assert heard == [b"through"]
+    assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("into", ["a pipe", "a file", "the end of a file"])
+def test_standard_output_takes_a_file_between_what_is_printed(tmp_path: Path, into: str) -> None:
+    script = (
+        "from contbreather.files import write_whole\n"
+        "print('before')\n"
+        "write_whole('/dev/stdout', lambda file: file.write(b'table\\n'))\n"
+        "print('after')\n"
+    )
+    kept = tmp_path / "kept"
+    kept.write_text("old\n" if into == "the end of a file" else "")
+    with kept.open("a") as stream:
+        given = subprocess.PIPE if into == "a pipe" else stream
+        done = subprocess.run([sys.executable, "-c", script], stdout=given, check=True)
+    found = done.stdout.decode() if into == "a pipe" else kept.read_text()
+    assert found.removeprefix("old\n") == "before\ntable\nafter\n"
+
+
+@pytest.mark.parametrize(
+    ("closing", "said"), [(">&-", "cannot write /dev/stdout: Bad file desc"), ("| true", "Pipe")]
+)
+def test_standard_output_that_is_closed_is_told(closing: str, said: str) -> None:
+    script = (
+        "import time; from contbreather.files import write_whole\n"
+        "try:\n"
+        "    time.sleep(0.2); write_whole('/dev/stdout', lambda file: file.write(bytes(10**6)))\n"
+        "except Exception as error:\n"
+        "    import sys, os; os.write(2, f'{type(error).__name__} {error}'.encode()); os._exit(0)\n"
+    )
+    line = f'"{sys.executable}" -c "{script}" {closing}'
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True)
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_temporary_name_is_nobody_s_and_short(tmp_path: Path) -> None:
+    target, seen = tmp_path / ("n" * 255), set()
+
+    def look(file: BinaryIO) -> None:
+        seen.update(path.name for path in tmp_path.iterdir() if path != target)
+
+    for _ in range(5):
+        write_whole(target, look)
+    assert len(seen) == 5
+    assert str(os.getpid()) not in seen
+
+
+def test_link_laid_in_place_of_the_temporary_file_is_not_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "urandom", bytes)
+    (tmp_path / "victim").write_text("precious")
+    (tmp_path / f".{bytes(8).hex()}.part").symlink_to("victim")
+    with pytest.raises(BadInput, match="File exists"):
+        write_whole(tmp_path / "mine", saying(b"new"))
+    assert (tmp_path / "victim").read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("", "the name of the file to write is empty"),
+        (" ", "the name of the file to write is empty"),
+        (7, "7 is no name of a file"),
+        (None, "None is no name of a file"),
+        (b"x", "b'x' is no name of a file"),
+        ("folder", "it is a directory"),
+        (".", "it is a directory"),
+        ("nowhere/x", "there is no directory nowhere"),
+        ("lost", "there is no directory"),
+        ("file/x", "Not a directory"),
+        ("circle", "Too many levels of symbolic links"),
+        ("n" * 256, "File name too long"),
+        ("n/" * 3000, "File name too long"),
+        ("a\0b", "null"),
+        ("\ud800", "surrogates"),
+    ],
+)
+def test_place_that_cannot_be_is_refused(
+    name: str, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    Path("file").touch()
+    Path("circle").symlink_to("circle")
+    Path("lost").symlink_to("nowhere/x")
+    for attempt in (writable, lambda path: write_whole(path, saying(b"x"))):
+        with pytest.raises(BadInput, match=sentence):
+            attempt(name)
+    assert {path.name for path in Path().iterdir()} == {"folder", "file", "circle", "lost"}
+
+
+def test_disk_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(files, "_mode", lambda *_: stat.S_IFBLK | 0o660)
+    with pytest.raises(BadInput, match="it is a disk"):
+        write_whole(tmp_path / "sda", saying(b"x"))
+
+
+def test_missing_permission_and_read_only_file_systems_have_their_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "access", lambda place, _: place != tmp_path)  # root may do anything
+    with pytest.raises(BadInput, match=r"x: no permission; choose another place"):
+        writable(tmp_path / "x")
+    there = os.statvfs(tmp_path)
+    flags = [*there[:8], there.f_flag | os.ST_RDONLY, *there[9:]]
+    monkeypatch.setattr(os, "statvfs", lambda _: os.statvfs_result(flags))
+    with pytest.raises(BadInput, match=r"x: the file system is read-only"):
+        writable(tmp_path / "x")
+
+
+def test_write_protected_file_is_not_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "x"
+    target.write_text("old")
+    monkeypatch.setattr(os, "access", lambda place, _: place != target)
+    with pytest.raises(BadInput, match="no permission"):
+        write_whole(target, saying(b"new"))
+    assert target.read_text() == "old"
+
+
+def test_folder_that_goes_away_meanwhile_is_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    with pytest.raises(BadInput, match="cannot write x: No such file"):
+        write_whole("x", saying(b"x"))
+
+
+def test_reading_is_of_ordinary_files(tmp_path: Path) -> None:
+    (tmp_path / "x").write_bytes(b"all")
+    with opened(tmp_path / "x") as file:
+        assert file.read() == b"all"
+    os.mkfifo(tmp_path / "pipe")
+    for place, sentence in (
+        (tmp_path, "it is a directory"),
+        (tmp_path / "pipe", "it is no ordinary file"),
+        (tmp_path / "y", "No such file"),
+        (None, "None is no name"),
+        ("n" * 256, "File name too long"),
+    ):
+        with pytest.raises(BadInput, match=sentence), opened(place):
+            pass
