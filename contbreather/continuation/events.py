@@ -13,16 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .branch import Point
-from .crossing import along, crossing
+from .crossing import GAP, along, crossing
 from .newton import Solution, Undefined
 from .problem import Curve
 from .seed import Seed
 
 Array = NDArray[np.float64]
 
-# A balanced matrix is taken as rank deficient when its smallest singular value is below this; at a
-# located point it is about 1e-12.
-_RANK = 1e-7
+_EXACT = 1e-14  # relative rounding of singular values
 _ZERO = 1e-6  # relative size of eigenvalues that are both zero: a double zero splits by a root
 # Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
 # where they are zero all along a branch, as in conservative systems.
@@ -233,12 +231,16 @@ def _fold_derivative(curve: Curve, z: Array, null: Array) -> Array:
 def _fold_verify(point: Point) -> str:
     if point.tangent.size and "null" not in point.detail:
         return "a degenerate fold or a branch point: no null vector could be solved for"
+    curve, z, n = point.curve, point.z, point.curve.size
     whole = _balanced(point)
-    if np.linalg.svd(whole, compute_uv=False)[-1] < _RANK:
+    left, sizes, right = np.linalg.svd(whole[:, :n])
+    change = left[:, -1] @ curve.balanced(along(curve, z, right[-1] * curve.scales[:n]))
+    # what vanishes within a short way along any direction vanishes here, whatever its units
+    near = GAP * (1 + curve.length(z)) * np.linalg.norm(change) + _EXACT * sizes[0]
+    if abs(left[:, -1] @ whole[:, n:]).max(initial=0.0) <= near:
         return "a branch point, not a fold: the whole derivative loses rank"
-    least = np.linalg.svd(whole[:, : point.curve.size], compute_uv=False)[-1]
-    if least > _RANK:
-        return f"the derivative in the unknowns is regular: least singular value {least:.2g}"
+    if sizes[-1] > near:
+        return f"the derivative in the unknowns is regular: least singular value {sizes[-1]:.2g}"
     return ""
 
 
@@ -262,18 +264,14 @@ def _branch_point_test(point: Point) -> float:
 
 
 def _branch_point_verify(point: Point) -> str:
-    if "tangents" not in point.detail:
-        return "no two curves were found to cross here"
-    values = np.linalg.svd(_balanced(point), compute_uv=False)
-    if values[-1] > _RANK:
-        return f"the derivative keeps its rank: smallest singular value {values[-1]:.2g}"
-    if values.size > 1 and values[-2] < _RANK:
-        return "the derivative loses more than one rank: not a simple branch point"
-    return ""
+    return "" if "tangents" in point.detail else "no two curves were found to cross here"
 
 
 def _branch_point_polish(point: Point) -> tuple[Solution, Mapping[str, Any]]:
     found = crossing(point.curve, point.z)
+    if found.double:
+        reason = "the derivative loses more than one rank: not a simple branch point"
+        return found.solution, {"tangents": found.tangents, "reason": reason}
     return found.solution, {"tangents": found.tangents}
 
 

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 # ValueError. Anything else is a bug and must surface.
 OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 
+# Sums of terms that round once each, by eps/2: what is left of them was never seen to be more.
+_ROUNDED = 4 * np.finfo(float).eps
 _ROUNDING = 1e-12  # residual, relative to the terms of its row, of a solution where Newton is blind
 
 
@@ -69,7 +71,8 @@ def newton(
     `jacobian` returns an ``(m, n)`` array, with ``m = n`` without `row` and ``m = n - 1`` with it;
     `metric` holds the weights of a squared length, 1 if None.
     Raises `Undefined` where the equations have no value. A correction that grows ends the
-    iteration unconverged: a shorter predictor step is then the cure. Where the matrix is singular
+    iteration unconverged, unless all that is left of the equations is rounding: of stiff ones,
+    or beside a branch point, that may be more than `tolerance`. Where the matrix is singular
     a correction may be short far from any solution: there the residual has to be rounding.
     """
     size = z.size
@@ -91,8 +94,10 @@ def newton(
         correction = length(step, metric)
         if not correction < math.inf:
             raise Undefined("the Newton correction is not finite")
-        if correction > 2 * previous and correction > bound:
-            return Solution(z, False, iteration, _largest(value), correction)
+        if 2 * correction > previous and correction > bound:
+            solved = bool((abs(value) <= rounding(matrix[: value.size], z)).all())
+            if solved or correction > 2 * previous:
+                return Solution(z, solved, iteration, _largest(value), correction)
         z = z - step
         if correction <= bound:
             value = equations(z)
@@ -100,6 +105,11 @@ def newton(
             return Solution(z, solved, iteration, _largest(value), correction)
         previous = correction
     return Solution(z, False, most, _largest(equations(z)), previous)
+
+
+def rounding(matrix: Array, z: Array) -> Array:
+    """What is left of equations at a solution, for their derivative there."""
+    return np.asarray(_ROUNDED * (abs(matrix) @ abs(z)))
 
 
 def length(z: Array, metric: Array | None) -> float:

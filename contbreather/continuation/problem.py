@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput, NotConverged
 from . import derivatives
-from .newton import OUT_OF_DOMAIN, Solution, Undefined, length, newton
+from .newton import OUT_OF_DOMAIN, Solution, Undefined, length, newton, rounding
 
 if TYPE_CHECKING:
     from .adjoin import Adjoined
@@ -299,6 +299,10 @@ class Curve:
     def balanced(self, matrix: Array) -> Array:
         """A derivative (its first columns, in the order of z) in units of `scales` and `rows`."""
         return matrix * self.scales[: matrix.shape[1]] / self.rows[:, None]
+
+    def rounding(self, z: Array) -> Array:
+        """What rounding leaves of each equation at z."""
+        return rounding(self.jacobian(z), z)
 
     def params(self, z: Array) -> dict[str, float]:
         """All parameters at z, the free ones taken from it."""
