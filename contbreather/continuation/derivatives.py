@@ -93,6 +93,7 @@ def directional(function: Function, z: Array, step: Array) -> Array:
     return np.asarray((8 * near - far) / 12)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def along(function: Function, z: Array, vector: Array, scales: Array) -> Array:
     """``vector . grad`` of a matrix-valued function, by the step that suits function and vector.
 

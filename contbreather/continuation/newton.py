@@ -20,6 +20,7 @@ OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 
 # Sums of terms that round once each, by eps/2: what is left of them was never seen to be more.
 _ROUNDED = 4 * np.finfo(float).eps
+_LARGE = 10.0  # size of z beyond which its entries are looked at one by one
 _ROUNDING = 1e-12  # residual, relative to the terms of its row, of a solution where Newton is blind
 
 
@@ -99,7 +100,11 @@ def newton(
             if solved or correction > 2 * previous:
                 return Solution(z, solved, iteration, _largest(value), correction)
         z = z - step
-        if correction <= bound:
+        if correction <= bound and (
+            bound < _LARGE * tolerance
+            or 2 * correction > previous
+            or _each(step, z, metric, tolerance)
+        ):
             value = equations(z)
             solved = not singular or _is_rounding(value, matrix[: value.size], z, metric)
             return Solution(z, solved, iteration, _largest(value), correction)
@@ -114,6 +119,12 @@ def rounding(matrix: Array, z: Array) -> Array:
 
 def length(z: Array, metric: Array | None) -> float:
     return math.sqrt(z.dot(z) if metric is None else z.dot(z * metric))
+
+
+def _each(step: Array, z: Array, metric: Array | None, tolerance: float) -> bool:
+    """Whether a step is short for each entry: beside an entry of size 1e6 those of size 1 count."""
+    sizes = abs(z) + (1.0 if metric is None else metric**-0.5)
+    return bool((abs(step) <= tolerance * sizes).all())
 
 
 def _shortest(matrix: Array, right: Array) -> Array:

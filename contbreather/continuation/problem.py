@@ -407,7 +407,15 @@ class Curve:
     def misfit(self, z: Array) -> str:
         """What is wrong with derivatives that were given, seen at z: empty if nothing is."""
         problem = self.problem
-        if problem.jacobian is None and problem.sensitivity is None and problem.adjoined is None:
+        what = "the Jacobian that was given does not fit the residual"
+        if problem.adjoined is not None:
+            wrong = problem.adjoined.base.misfit(
+                problem.adjoined.split(z[: self.size], self.params(z))[0]
+            )
+            if wrong or problem.adjoined.locus.derivative is None:
+                return wrong
+            what = "the derivative of the locus does not fit its conditions"
+        elif problem.jacobian is None and problem.sensitivity is None:
             return ""
         given = self.jacobian(z)
         # one direction through all entries tells whether any is wrong
@@ -422,8 +430,7 @@ class Curve:
         if entry is None:
             return ""
         return (
-            f"the Jacobian that was given does not fit the residual: its entry {entry} "
-            f"is {given[entry]:.8g}, differences give {wanted[entry]:.8g}"
+            f"{what}: its entry {entry} is {given[entry]:.8g}, differences give {wanted[entry]:.8g}"
         )
 
     def reconsider(self, *places: Array) -> str:
