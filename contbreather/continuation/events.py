@@ -435,7 +435,7 @@ def singular_between(first: Array, last: Array) -> Array:
         return np.empty(0)  # of a smaller change no eigenvalue reaches 1
     values = np.linalg.eigvals(change)  # the inverse of each place
     places = values.real / np.maximum(abs(values) ** 2, 1e-300)
-    near = (abs(values.imag) < _NEARLY * abs(values)) & (0 < places) & (places < 1)
+    near = (abs(values.imag) < _NEARLY * abs(values)) & (places > 0) & (places < 1)
     return np.sort(places[near])
 
 
