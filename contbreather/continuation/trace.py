@@ -314,7 +314,7 @@ class Walker:
 
     def _halving(self, point: Point, bend: Array, size: float) -> Step:
         failed = Failed(Stop.NO_CONVERGENCE)
-        size = min(size, self.steps.largest)
+        size = min(size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:
             try:
                 return self._attempt(point, bend, size)
