@@ -20,6 +20,8 @@ OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 
 # Sums of terms that round once each, by eps/2: what is left of them was never seen to be more.
 _ROUNDED = 4 * np.finfo(float).eps
+_SHORTEST = 1e-6  # damping at which an approach gives up
+_NEAR = 1e-3  # length of a step, relative to 1 + |z|, at which it has arrived
 _LARGE = 10.0  # size of z beyond which its entries are looked at one by one
 _ROUNDING = 1e-12  # residual, relative to the terms of its row, of a solution where Newton is blind
 
@@ -110,6 +112,51 @@ def newton(
             return Solution(z, solved, iteration, _largest(value), correction)
         previous = correction
     return Solution(z, False, most, _largest(equations(z)), previous)
+
+
+def approach(
+    equations: Callable[[Array], Array],
+    jacobian: Callable[[Array], Array],
+    z: Array,
+    metric: Array | None = None,
+    most: int = 50,
+) -> Array | None:
+    """From anywhere to where full steps of Newton's iteration are short, or None.
+
+    A step is cut until the next one from there, for the same derivative, would be shorter
+    (P. Deuflhard, Newton Methods for Nonlinear Problems, section 3.3): that sees through any
+    mixing of the equations. With more unknowns than equations the shortest of all steps is taken.
+    """
+    weights = np.ones(z.size) if metric is None else metric**-0.5
+    damping = 1.0
+    value = equations(z)
+    for _ in range(most):
+        matrix = jacobian(z) * weights
+        step = _least(matrix, value)
+        size = length(step, None)
+        while damping > _SHORTEST:
+            try:
+                there = z - damping * step * weights
+                value = equations(there)
+                ahead = length(_least(matrix, value), None)
+            except Undefined:
+                ahead = math.inf
+            if ahead <= (1 - damping / 4) * size:
+                break
+            damping /= 2
+        else:
+            return None
+        z = there
+        if damping == 1 and ahead <= _NEAR * (1 + length(z, metric)):
+            return z
+        damping = min(1.0, 2 * damping)
+    return None
+
+
+def _least(matrix: Array, right: Array) -> Array:
+    """The step of least length to a solution of the linear equations."""
+    step = solve(matrix, right) if matrix.shape[0] == matrix.shape[1] else None
+    return _shortest(matrix, right) if step is None else step
 
 
 def rounding(matrix: Array, z: Array) -> Array:

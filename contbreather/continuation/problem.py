@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput, NotConverged
 from . import derivatives
-from .newton import OUT_OF_DOMAIN, Solution, Undefined, length, newton, rounding
+from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, length, newton, rounding
 
 if TYPE_CHECKING:
     from .adjoin import Adjoined
@@ -185,7 +185,9 @@ class Problem:
         curve = Curve(self, ())
         before = float(abs(curve.equations(self.x)).max())
         try:
-            found = newton(curve.equations, curve.jacobian, self.x, tolerance=tolerance, most=30)
+            near = approach(curve.equations, curve.jacobian, self.x, curve.metric)
+            z = self.x if near is None else near
+            found = newton(curve.equations, curve.jacobian, z, tolerance=tolerance, most=30)
         except Undefined as error:
             raise NotConverged(
                 f"the start {self.shown()} is no solution (residual {before:.3g}) and Newton's "
