@@ -106,7 +106,8 @@ def along(function: Function, z: Array, vector: Array, scales: Array) -> Array:
     size = math.sqrt(float(np.sum((vector / np.maximum(scales, abs(z))) ** 2)))
     h = _LONGEST / max(size, 1e-300)
     floor = _SMALL * size * _row_sizes(function(z), scales) + 1e-300
-    best, doubt, before = None, math.inf, []
+    best, doubt = None, math.inf
+    before: list[Array] = []
     for _ in range(_HALVINGS):
         try:
             row = [(function(z + h * vector) - function(z - h * vector)) / (2 * h)]

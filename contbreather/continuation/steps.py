@@ -49,7 +49,7 @@ class Steps:
 
     def __post_init__(self) -> None:
         sizes = (self.smallest, self.first, self.longest(0.0), self.tolerance, self.growth)
-        given = (*sizes, self.most)
+        given: tuple[object, ...] = (*sizes, self.most)
         if not all(isinstance(size, Real) and not isinstance(size, bool) for size in given):
             raise BadInput(f"every entry of {self} must be a number")
         if not all(math.isfinite(size) and size > 0 for size in sizes):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -48,12 +46,6 @@ def runtime(x, p):
     return x**3 + x - 2 * p["mu"]
 
 
-def warning(x, p):
-    if np.iscomplexobj(x) or isinstance(p["mu"], complex):
-        warnings.warn("complex numbers are unusual here", UserWarning, stacklevel=1)
-    return x**3 + x - 2 * p["mu"]
-
-
 def late(x, p):
     """Takes complex numbers at the start, and not where mu is above 1.2."""
     if np.real(p["mu"]) > 1.2:
@@ -61,7 +53,7 @@ def late(x, p):
     return x**3 + x - 2 * p["mu"]
 
 
-@pytest.mark.parametrize("residual", [inner_root, asserting, choosy, runtime, warning, late])
+@pytest.mark.parametrize("residual", [inner_root, asserting, choosy, runtime, late])
 def test_functions_that_refuse_complex_numbers_in_their_own_way_are_traced(residual) -> None:
     branch = traced(residual)
     assert branch.stop is cb.Stop.BOUND
@@ -105,26 +97,19 @@ def test_maps_may_write_to_what_they_are_given() -> None:
     branch = cb.trace(cycle, "a", within={"a": (0.1, 1.2)})
     np.testing.assert_allclose(branch["a"] * branch["x"] ** 2, 1 - 0.7 * branch["x"], atol=1e-12)
     assert branch.first("PD")["a"] == pytest.approx(0.3675, abs=1e-12)  # 3 (1 - b)^2 / 4
-    arm = cb.switch(branch.first("PD"), within={"a": (0.1, 0.9)})[0]
+    arm = cb.switch(branch.first("PD"), within={"a": (0.1, 1.0)})[0]
     assert arm.first("PD")["a"] == pytest.approx(0.9125, abs=1e-12)  # (5 - 6 b + 5 b^2) / 4
 
 
 @pytest.mark.parametrize("kind", [csr_array, lambda matrix: csr_array(matrix).tocoo()])
 def test_a_sparse_jacobian_is_refused_with_what_to_do(kind) -> None:
-    problem = cb.Problem(
-        lambda x, p: x - p["mu"],
-        {"x": np.ones(3)},
-        {"mu": 1.0},
-        jacobian=lambda x, p: kind(np.eye(3)),
-    )
+    def problem(jacobian):
+        start, params = {"x": np.ones(3)}, {"mu": 1.0}
+        return cb.Problem(lambda x, p: x - p["mu"], start, params, jacobian=jacobian)
+
     with pytest.raises(BadInput, match=r"Jacobian is sparse, a c.._array; .*return its toarray"):
-        cb.trace(problem, "mu")
-    dense = cb.Problem(
-        problem.residual,
-        problem.start,
-        problem.params,
-        jacobian=lambda x, p: eye_array(3).toarray(),
-    )
+        cb.trace(problem(lambda x, p: kind(np.eye(3))), "mu")
+    dense = problem(lambda x, p: eye_array(3).toarray())
     assert cb.trace(dense, "mu", within=WITHIN).stop is cb.Stop.BOUND
 
 
@@ -133,7 +118,7 @@ def test_a_jacobian_that_is_no_matrix_of_the_right_shape_is_refused(given) -> No
     problem = cb.Problem(
         lambda x, p: x - p["mu"], {"x": np.ones(3)}, {"mu": 1.0}, jacobian=lambda x, p: given
     )
-    with pytest.raises(BadInput, match="the Jacobian (is|has)"):
+    with pytest.raises(BadInput, match=r"the Jacobian (is|has)"):
         cb.trace(problem, "mu")
 
 
