@@ -20,7 +20,7 @@ from .events import Event
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
 from .problem import Curve
 from .segment import Segment
-from .trail import ASIDE, Trail, Value, look_at, measure
+from .trail import ASIDE, Trail, Value, foresee, look_at, measure
 
 Array = NDArray[np.float64]
 
@@ -90,6 +90,7 @@ def find(
 def _events_on(segment: Segment, trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
     for trail in trails:
         yield from _at_ends(segment, trail, ends)
+        foresee(segment, trail)
         for low, high, point in told_apart(segment, trail):
             yield _special(point, trail.event, (low, high), segment)
         yield from _dipped(segment, trail)

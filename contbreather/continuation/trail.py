@@ -116,3 +116,13 @@ def place_of(segment: Segment, event: Event) -> Callable[[float], Point]:
     """Where an event is looked for. Next to a branch point the corrector may end on the other
     curve, so that one with its own polish is looked for on the cubic."""
     return segment.at if event.polish is None else segment.provisional
+
+
+def foresee(segment: Segment, trail: Trail) -> None:
+    """Look between the places where a test should have its zeros, so that each leaves its change
+    of sign."""
+    if trail.event.places is None or not segment.last.tangent.size:
+        return
+    places = trail.event.places(segment.first, segment.last)
+    for u in (places[:-1] + places[1:]) / 2:
+        trail.values[float(u)] = measure(trail.event, segment.provisional(float(u)))
