@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, dataclass
-from numbers import Integral, Real
+from numbers import Integral
 
+from ..checks import real
 from ..errors import BadInput
 
 _ROUNDING = 1e-13  # corrections shorter than this, relative to 1 + |z|, may be rounding
@@ -46,7 +47,7 @@ class Steps:
     growth: float = 1.5
 
     def __post_init__(self) -> None:
-        if not all(isinstance(size, Real) and not isinstance(size, bool) for size in astuple(self)):
+        if any(math.isnan(real(size)) and not isinstance(size, float) for size in astuple(self)):
             raise BadInput(f"every entry of {self} must be a number")
         sizes = (self.smallest, self.first, self.largest, self.tolerance, self.growth)
         if not all(math.isfinite(size) and size > 0 for size in sizes):
