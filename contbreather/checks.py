@@ -6,8 +6,11 @@ import math
 from numbers import Complex, Real
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import BadInput
+
+MOST = 2**53  # what a double still counts one by one
 
 
 def real(value: object) -> float:
@@ -42,9 +45,31 @@ def number(name: str, value: object, low: float, high: float, wanted: str) -> fl
 
 def whole(name: str, value: object, least: int) -> int:
     """The value as a whole number, or a sentence."""
-    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least:
-        return int(value)
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        if least <= value <= MOST:
+            return int(value)
+        if value > MOST:
+            raise BadInput(f"{name} is above {MOST}: no computer counts that far.")
     raise BadInput(f"{name} = {value!r}: a whole number, at least {least}, was wanted.")
+
+
+def numbers(name: str, value: object) -> NDArray[np.float64]:
+    """Real numbers as an array of any shape, or a sentence.
+
+    Examples
+    --------
+    >>> numbers("u", [1, 2.5])
+    array([1. , 2.5])
+    """
+    try:
+        found = np.asarray(value)
+        # objects may be Fractions, or numbers of mpmath
+        found = found.astype(float) if found.dtype.kind in "iufO" else np.array(math.nan)
+    except (TypeError, ValueError, OverflowError):  # rows of different lengths, for instance
+        found = np.array(math.nan)
+    if not np.isfinite(found).all():
+        raise BadInput(f"{name} = {value!r}: finite real numbers were wanted.")
+    return found
 
 
 def check_kind(given: object, kinds: type | tuple[type, ...], wanted: str) -> None:

@@ -23,6 +23,7 @@ from contbreather.breathers.closure import (
     roots,
     smallest_amplitude,
 )
+from contbreather.checks import numbers, real
 from contbreather.errors import BadInput
 from contbreather.lattice import (
     Forcing,
@@ -86,7 +87,7 @@ class Breather:
         check_gamma(self.gamma)
         restitution_ratio(self.k)
         check_amplitude(self.a)
-        if not (math.isfinite(self.p) and math.isfinite(self.phi) and self.p > 0.0):
+        if not (math.isfinite(real(self.phi)) and 0.0 < real(self.p) < math.inf):
             raise BadInput(
                 f"p = {self.p!r}, phi = {self.phi!r}: a breather needs a finite phase and an "
                 "impact with p > 0; use symmetric(a, gamma, k) to find them."
@@ -205,9 +206,7 @@ class Breather:
         return flight_of(self.lattice, self.gamma, self.lattice.distance(n))
 
     def _profile(self, n: ArrayLike, t: ArrayLike, *, velocity: bool) -> Any:
-        times = np.asarray(t, dtype=float)
-        if not np.all(np.isfinite(times)):
-            raise BadInput("a time is not finite; give real times.")
+        times = numbers("t", t)
         sites, times = np.broadcast_arrays(_whole(n), times)
         y, sign = self._phase(times)
         own = np.empty(times.shape)

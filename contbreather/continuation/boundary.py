@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+from ..checks import check_kind
 from ..errors import BadInput
 from .adjoin import adjoined, lifted
 from .branch import Branch, Point
 from .events import Event, Locus
 from .newton import Undefined
 from .problem import Problem
-from .starts import Within
+from .starts import Within, all_of
 from .steps import Steps
 from .trace import trace
 
@@ -65,6 +66,7 @@ def boundary(
     >>> bool(np.allclose(4 * line["mu"] ** 3, 27 * line["h"] ** 2))
     True
     """
+    check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
     event = _traceable(point)
     longer = boundary_problem(point.ground, event, pair, events)
     return trace(longer, pair[0], within=within, towards=towards, steps=steps, progress=progress)
@@ -75,8 +77,8 @@ def boundary_problem(
 ) -> Problem:
     """The problem whose curve in ``pair[0]`` is the boundary through a point, `pair[1]` being one
     of its unknowns."""
-    if len(pair) != 2 or pair[0] == pair[1]:
-        raise BadInput(f"a boundary needs two different parameters, got {pair}")
+    if not isinstance(pair, tuple | list) or len(pair) != 2 or pair[0] == pair[1]:
+        raise BadInput(f"a boundary needs two different parameters, got {pair!r}")
     base = ground.problem
     for name in pair:
         if name not in base.params:
@@ -88,7 +90,8 @@ def boundary_problem(
     except Undefined as error:
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
     longer = adjoined(base, locus, released=pair[1], free=pair[0], event=event)
-    given = base.events if events is None else tuple(events)
+    wanted = all_of(events)
+    given = base.events if wanted is None else wanted
     others = [
         one
         for other in given

@@ -225,7 +225,12 @@ class Branch:
     def __getitem__(self, key: str | int) -> Any:
         if isinstance(key, str):
             return self._column(key)
-        return self.points[key]
+        try:
+            return self.points[key]
+        except TypeError:
+            raise BadInput(
+                f"branch[{key!r}]: the name of a column or the number of a point was wanted"
+            ) from None
 
     def _column(self, name: str) -> Array:
         if name in ("arclength", "residual"):

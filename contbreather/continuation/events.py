@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import number
+from ..errors import BadInput
 from .branch import Point
 from .crossing import GAP, along, crossing
 from .newton import Solution, Undefined, solve
@@ -135,6 +137,10 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
     >>> user("mu", 0.3)
     <Event UZ>
     """
+
+    if not isinstance(name, str):
+        raise BadInput(f"user({name!r}, ...): the name of an unknown or a parameter was wanted")
+    value = number("value", value, -1e300, 1e300, "the level to stop at")
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([Point(curve, z.copy(), np.empty(0), 0.0, 0.0)[name] - value])

@@ -26,6 +26,7 @@ from .events import Event, Locus, branch_point, least_with_sign, signed_smallest
 from .newton import OUT_OF_DOMAIN, Undefined
 from .problem import Curve, Params, Problem
 from .seed import Seed
+from .starts import all_of
 
 Array = NDArray[np.float64]
 
@@ -91,13 +92,17 @@ def FixedPoint(
     """
     if isinstance(period, bool) or not isinstance(period, int | np.integer) or period < 1:
         raise BadInput(f"a period is a positive integer, got {period!r}")
+    if not callable(map_) or not (jacobian is None or callable(jacobian)):
+        raise BadInput(f"a map, and its jacobian, are functions; got {map_!r} and {jacobian!r}")
+    if not (record is None or isinstance(record, Mapping)):
+        raise BadInput(f"record must be a dict of names and functions, got {record!r}")
     iterate = Iterate(map_, int(period), jacobian)
     return Problem(
         iterate,
         start,
         params,
         jacobian=None if jacobian is None else iterate.jacobian,
-        events=EVENTS if events is None else tuple(events),
+        events=EVENTS if events is None else all_of(events) or (),
         record={**(record or {}), "unstable": lambda point: point.solution.unstable},
         domain=domain or {},
         scales=scales or {},

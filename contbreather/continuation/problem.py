@@ -97,9 +97,14 @@ class Problem:
     adjoined: Adjoined | None = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
-        for what, given in (("start", self.start), ("params", self.params)):
+        for what in ("start", "params", "scales", "domain", "record"):
+            given = getattr(self, what)
             if not isinstance(given, Mapping):
                 raise BadInput(f"{what} must be a dict of names and values, got {given!r}")
+        for what in ("residual", "jacobian", "sensitivity"):
+            function = getattr(self, what)
+            if not (callable(function) or (function is None and what != "residual")):
+                raise BadInput(f"{what} must be a function, got {function!r}")
         if not self.start:
             raise BadInput("a problem needs at least one unknown: start is empty")
         clash = set(self.start) & set(self.params)
@@ -233,11 +238,14 @@ class Problem:
 
 def _real(name: str, value: Any) -> Array:
     try:
-        return np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise BadInput(
-            f"{name!r} must be a number or a one-dimensional array of numbers, got {value!r}"
-        ) from error
+        found = np.asarray(value)
+        if found.dtype.kind in "iufO":  # objects may be Fractions, or numbers of mpmath
+            return found.astype(float)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise BadInput(
+        f"{name!r} must be a number or a one-dimensional array of numbers, got {value!r}"
+    )
 
 
 def problem_in(given: object) -> Problem:

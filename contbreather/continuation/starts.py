@@ -93,7 +93,7 @@ def given(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, 
     curve.check()
     try:
         tangent = np.asarray(along, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(f"a direction of numbers was wanted, got {along!r}") from error
     if tangent.shape != curve.start.shape or not 0 < curve.length(tangent) < math.inf:
         raise BadInput(f"a direction of shape {curve.start.shape} was wanted, got {along!r}")

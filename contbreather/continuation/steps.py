@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from numbers import Integral, Real
+from numbers import Integral
 
+from ..checks import real
 from ..errors import BadInput
 
 _LARGEST, _RELATIVE = 0.1, 0.01  # of `longest`
@@ -50,7 +51,7 @@ class Steps:
     def __post_init__(self) -> None:
         sizes = (self.smallest, self.first, self.longest(0.0), self.tolerance, self.growth)
         given: tuple[object, ...] = (*sizes, self.most)
-        if not all(isinstance(size, Real) and not isinstance(size, bool) for size in given):
+        if any(math.isnan(real(size)) and not isinstance(size, float) for size in given):
             raise BadInput(f"every entry of {self} must be a number")
         if not all(math.isfinite(size) and size > 0 for size in sizes):
             raise BadInput(f"every size in {self} must be finite and positive")

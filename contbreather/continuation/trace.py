@@ -250,8 +250,7 @@ class Walker:
         self.directed = along is not None
         if not isinstance(steps, Steps):
             raise BadInput(f"steps must be given as Steps(largest=...), got {steps!r}")
-        wanted = all_of(events)
-        self.events: Sequence[Event] = problem.events if wanted is None else wanted
+        self.events = all_of(problem.events if events is None else events) or ()
         with _quiet():
             if along is None:
                 self.curve, residual = settled(problem, free, steps.tolerance)

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import whole
+from contbreather.checks import MOST, check_kind, number, numbers, whole
 from contbreather.dynamics.conditions import Conditions, State, check_state
 from contbreather.dynamics.energy import localisation
 from contbreather.dynamics.impacting import RunStop, simulate
@@ -64,8 +64,8 @@ class Axis:
     values: tuple[float, ...]
 
     def __init__(self, name: str, site: int, values: ArrayLike) -> None:
-        row = np.atleast_1d(np.asarray(values, dtype=float))
-        if name not in ("u", "v") or row.ndim != 1 or not np.all(np.isfinite(row)):
+        row = np.atleast_1d(numbers("values", values))
+        if name not in ("u", "v") or row.ndim != 1:
             raise BadInput(
                 f"an axis is the displacement 'u' or velocity 'v' of a site with a row of finite "
                 f"values; {name!r} was given."
@@ -185,6 +185,13 @@ def attraction(
     (3, 2)
     """
     state = check_state(reference)
+    for axis in (x, y):
+        check_kind(axis, Axis, "an Axis")
+    site, tolerance = (
+        whole("site", site, -MOST),
+        number("tolerance", tolerance, 0.0, 1e300, "a distance"),
+    )
+    t0 = number("t0", t0, -1e300, 1e300, "a time")
     conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
     task = _Task(state, conditions, x, y, whole("periods", periods, 2), site, t0, tolerance)
     shape = len(y.values), len(x.values)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbreather.checks import numbers
 from contbreather.dynamics.conditions import Conditions
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, forcing_of
@@ -95,12 +96,14 @@ def localisation(
     >>> round(float(found.participation), 1), int(found.centre)
     (1.1, 0)
     """
-    x, y = np.asarray(u, dtype=float), np.asarray(v, dtype=float)
+    x, y = numbers("u", u), numbers("v", v)
     if x.shape != y.shape or x.ndim == 0:
         raise BadInput(
             f"u and v must have one shape (..., sites); {x.shape} and {y.shape} were given."
         )
-    shared = forced_velocity(Conditions(a, gamma, 1.0, damping, forcing_of(forcing)), t)
+    shared = forced_velocity(
+        Conditions(a, gamma, 1.0, damping, forcing_of(forcing)), numbers("t", t)
+    )
     bond = (x - np.roll(x, 1, axis=-1)) ** 2 if x.shape[-1] > 1 else np.zeros_like(x)
     energy = 0.5 * (y - shared[..., None]) ** 2
     energy += 0.25 * gamma * (bond + np.roll(bond, -1, axis=-1))

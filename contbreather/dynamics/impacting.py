@@ -79,8 +79,12 @@ class Sample:
 
     def __post_init__(self) -> None:
         whole("per_period", self.per_period, 1)
+        if not np.iterable(self.sites) or not len(self.sites):
+            raise BadInput(
+                f"sites = {self.sites!r}: one site or several were wanted, as in (0, 1)."
+            )
         for n in self.sites:
-            if not isinstance(n, int | np.integer):
+            if not isinstance(n, int | np.integer) or isinstance(n, bool):
                 raise BadInput(f"sites = {self.sites!r}: whole numbers were wanted, {n!r} is none.")
         object.__setattr__(self, "sites", tuple(int(n) for n in self.sites))
 

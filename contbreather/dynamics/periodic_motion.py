@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import number, whole
+from contbreather.checks import check_kind, number, whole
 from contbreather.continuation import Point, Problem, fold
 from contbreather.dynamics.conditions import HEAVIEST, Conditions, State, check_state
 from contbreather.dynamics.impacting import Run, RunStop, Sample, simulate
@@ -228,6 +228,7 @@ def damped_orbit(start: PeriodicMotion) -> Problem:
     >>> round(branch.first("LP")["a"], 4)  # without damping 0.0644
     0.0863
     """
+    check_kind(start, PeriodicMotion, "what periodic() gives")
     forcing = start.conditions.forcing
     length = 0.5 if start.symmetric else float(start.periods)
     sign = -1.0 if start.symmetric else 1.0

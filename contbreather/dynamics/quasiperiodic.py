@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import whole
+from contbreather.checks import numbers, whole
 from contbreather.dynamics.conditions import Conditions
 from contbreather.dynamics.energy import (
     forced_displacement,
@@ -86,7 +86,12 @@ def rotation(u: ArrayLike, v: ArrayLike) -> Rotation:
     >>> round(found.number, 12)
     0.381966
     """
-    x, y = (np.asarray(row, dtype=float) for row in (u, v))
+    x, y = numbers("u", u), numbers("v", v)
+    if x.ndim not in (1, 2) or x.shape != y.shape:
+        raise BadInput(
+            f"u and v are rows of states, or tables with a column for each site; shapes {x.shape} "
+            f"and {y.shape} were given."
+        )
     x, y = x.reshape(len(x), -1), y.reshape(len(y), -1)
     if len(x) < 20:
         raise BadInput(f"{len(x)} states are too few for a rotation number; give at least 20.")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import whole
+from contbreather.checks import number, numbers, whole
 from contbreather.dynamics.conditions import State, check_state
 from contbreather.dynamics.energy import localisation
 from contbreather.dynamics.impacting import RunStop, simulate
@@ -121,7 +121,9 @@ def there_and_back(values: ArrayLike) -> Array:
     >>> there_and_back([1.0, 2.0, 3.0])
     array([1., 2., 3., 2., 1.])
     """
-    row = np.asarray(values, dtype=float)
+    row = numbers("values", values)
+    if row.ndim != 1 or not row.size:
+        raise BadInput(f"values = {values!r}: a row of numbers was wanted, at least one.")
     return np.concatenate([row, row[-2::-1]])
 
 
@@ -172,7 +174,7 @@ def sweep(
     >>> float(down.lost())  # the fold is at 0.075
     0.05
     """
-    row = np.atleast_1d(np.asarray(values, dtype=float))
+    row = np.atleast_1d(numbers("values", values))
     start, drive = check_state(state, walls=m is None), forcing_of(forcing)
     settings: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
     if m is not None:
@@ -180,9 +182,10 @@ def sweep(
     known = (*(HARD if m is None else SMOOTH), *drive.params)
     if name not in known:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(known)}")
-    if row.ndim != 1 or row.size == 0 or not np.all(np.isfinite(row)):
+    if row.ndim != 1 or row.size == 0:
         raise BadInput("the values of a sweep are a row of finite numbers, at least one.")
-    stage = _Stage(name, settings, drive, whole("periods", periods, 2), float(t0))
+    t0 = number("t0", t0, -1e300, 1e300, "a time")
+    stage = _Stage(name, settings, drive, whole("periods", periods, 2), t0)
     rows: list[tuple[Any, ...]] = []
     stop = RunStop.DONE
     with Bar(progress, len(row), "values") as bar:

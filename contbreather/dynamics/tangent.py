@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import whole
+from contbreather.checks import check_kind, numbers, whole
 from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced
 from contbreather.dynamics.impacting import Run, law_of, walk
 from contbreather.dynamics.smooth import Explicit, SmoothRun
@@ -76,8 +76,9 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
     """
     from contbreather.dynamics.tangent_flow import carry
 
+    check_kind(run, (Run, SmoothRun), "a run")
     sites = run.sites
-    columns = np.eye(2 * sites) if vectors is None else np.array(vectors, dtype=float)
+    columns = np.eye(2 * sites) if vectors is None else numbers("vectors", vectors)
     if columns.ndim != 2 or len(columns) != 2 * sites:
         raise BadInput(
             f"perturbations of {sites} sites are columns of length {2 * sites}; "
@@ -190,7 +191,7 @@ def lyapunov(
     sites, wanted = start.u.size, whole("count", count, 1)
     if wanted > 2 * sites:
         raise BadInput(f"count = {count}: a ring of {sites} sites has {2 * sites} exponents.")
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(whole("seed", seed, 0))
     du, dv = rng.normal(size=(2, wanted, sites))
     held, law, first = resting(start, conditions, t0), law_of(conditions), reduced(t0)
     total = whole("settle", settle, 0) + whole("periods", periods, 10)

@@ -68,6 +68,8 @@ def plot(
         raise BadInput("plot needs at least one branch")
     for branch in branches:
         check_kind(branch, Branch, "a branch")
+    for name in (x, y):
+        check_kind(name, (str, type(None)), "the name of a column")
     x = branches[0].free if x is None else x
     y = _ordinate(branches[0]) if y is None else y
     with axes_or_new(ax) as axes:

@@ -15,6 +15,7 @@ from contbreather.breathers import admissibility, symmetric_roots
 from contbreather.breathers.problem import unstable
 from contbreather.breathers.zones import KINDS, WINDOWS, Zones
 from contbreather.checks import check_kind
+from contbreather.continuation.starts import windows
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Harmonic
 from contbreather.plotting.canvas import (
@@ -190,7 +191,7 @@ def box_of(zones: Zones, within: Window | None = None) -> Box:
             continue
         across = np.linspace(*spans[1 - i], PROBES + 2)[1:-1].tolist()
         ends = list(spans[i])
-        reach = {**WINDOWS, **within}[name]
+        reach = {**WINDOWS, **windows(within)}[name]
         for end in (0, 1):
             # beyond the outermost curve nothing changes any more: any breather there speaks for all
             beyond = 0.5 * (ends[end] + reach[end])

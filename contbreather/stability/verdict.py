@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.checks import real
 from contbreather.errors import BadInput
 from contbreather.lattice.modes import InfiniteChain, Ring
 from contbreather.stability.characteristic import sites_of
@@ -167,9 +168,9 @@ amplified, so long rings are weakly unstable>
     if size is None:
         count = unstable_count(gamma, k, b)
         return ChainVerdict(float(gamma), float(k), float(b), count.count, count.certain, count.nu)
-    if not 1.0 < threshold < math.inf:
+    if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
-            f"threshold = {threshold}: a ring always has multipliers on the unit circle, so a "
+            f"threshold = {threshold!r}: a ring always has multipliers on the unit circle, so a "
             "threshold must be above 1 (the paper takes 1.005)."
         )
     ring = Ring(size)
