@@ -173,6 +173,44 @@ def test_whatever_half_a_period_is_said_to_do_it_does() -> None:
     assert min(claimed.values()) > 50
 
 
+# --- how small is nothing ---------------------------------------------------------------------
+
+
+def test_quarter_turns_are_exact_and_the_smallest_others_are_kept() -> None:
+    assert cb.Symbolic("cos(t + pi/2)").harmonics == ((1, 0.0, 1.0),)
+    assert cb.Symbolic("sin(3*t - pi)").harmonics == ((3, 0.0, 1 / 9),)
+    ((_, cosine, sine),) = cb.Symbolic("cos(t + 1e-14)").harmonics
+    assert (cosine, sine) == (-1.0, pytest.approx(1e-14, rel=1e-6))
+
+
+def test_harmonics_are_kept_down_to_rounding() -> None:
+    assert cb.Symbolic("cos(t) + 1e-16*cos(3*t)").highest == 3
+    assert cb.Symbolic("cos(t) + 1e-19*cos(3*t)").highest == 1
+    *_, (m, cosine, sine) = cb.Symbolic("tanh(cos(t) + 0.3*sin(t))").harmonics
+    assert 1e-16 < m**2 * np.hypot(cosine, sine) < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("cos(t)*(1 + 1e-11*cos(t))", "has the even harmonic 0"),
+        ("cos(t) + 1e-11*cos(2*t)", "has the even harmonic 2"),
+        ("tanh(cos(t)) + 1e-11", "not antisymmetric"),
+        ("(1 + 1e-8*sign(t + 9))*tanh(cos(t))", "not 2 pi periodic"),
+        ("cos(t) + e*cos(2*t)", "d/de of .* has the even harmonic 2"),
+        ("sinh(90*cos(t))", "a pole, or a peak like one"),
+    ],
+)
+def test_what_is_small_but_no_rounding_is_refused(text: str, says: str) -> None:
+    with pytest.raises(BadInput, match=says):
+        cb.Symbolic(text, **({"e": 0.0} if "e*" in text else {}))
+
+
+def test_a_high_peak_is_no_pole() -> None:
+    peak = by_python("sinh(60*cos(t))", np.zeros(1))[0]
+    assert cb.Symbolic("sinh(60*cos(t))").d2f(0.0) == pytest.approx(peak, rel=1e-13)
+
+
 # --- hostile formulas -------------------------------------------------------------------------
 
 REFUSED = {
