@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import errno
 import os
 import stat
@@ -231,3 +232,7 @@ def test_reading_is_of_ordinary_files(tmp_path: Path) -> None:
     ):
         with pytest.raises(BadInput, match=sentence), opened(place):
             pass
+
+
+def test_example_runs() -> None:
+    assert doctest.testmod(files) == (0, 2)
