@@ -107,6 +107,7 @@ def test_slope_and_parity_of_each_function_are_those_of_its_values(name: str) ->
         "besselj(1, c*cos(t))",
         "tanh(c*cos(t))*exp(c*sin(t)**2)/(1 + c)",
         "cos(t) - -c*sin(t)*sqrt(c)",
+        "c*cos(t) - sin(3*t)/c + c**3*(c*cos(t) + 2*c*sin(t))",
     ],
 )
 def test_slope_in_a_parameter_is_its_difference_quotient(text: str) -> None:
@@ -130,6 +131,7 @@ def test_slope_in_a_parameter_is_its_difference_quotient(text: str) -> None:
         "sec(cos(t))*sin(-t)",
         "-cos(t - 7*t)*cos(t)",
         "tanh(cos(1.5*t + -0.5*t))",
+        "cos(t) + cos(2*t) - cos(2*t)",
     ],
 )
 def test_antisymmetry_that_the_formula_shows_is_proven(text: str) -> None:
@@ -187,6 +189,7 @@ def test_quarter_turns_are_exact_and_the_smallest_others_are_kept() -> None:
 def test_harmonics_are_kept_down_to_rounding() -> None:
     assert cb.Symbolic("cos(t) + 1e-16*cos(3*t)").highest == 3
     assert cb.Symbolic("cos(t) + 1e-19*cos(3*t)").highest == 1
+    assert cb.Symbolic("1e6*cos(t) + 1e-13*cos(3*t)").highest == 1
     *_, (m, cosine, sine) = cb.Symbolic("tanh(cos(t) + 0.3*sin(t))").harmonics
     assert 1e-16 < m**2 * np.hypot(cosine, sine) < 1e-14
 
@@ -284,6 +287,14 @@ def test_a_parameter_may_have_any_name_that_is_free(name: str) -> None:
         assert forcing.at(**{name: 3.0}).params == {name: 3.0}
         with pytest.raises(BadInput, match=f"needs a value for {name}"):
             cb.Symbolic(text)
+
+
+def test_sentences_quote_no_more_than_a_line_and_name_what_there_is() -> None:
+    assert len(formula.shown("+".join(["cos(t)"] * 99))) == formula.SHOWN + 2
+    with pytest.raises(BadInput, match=r"unknown forcing parameter d: 'cos\(t\)' has none"):
+        cb.Symbolic("cos(t)", d=1.0)
+    with pytest.raises(BadInput, match=r"unknown forcing parameter d: .* has b, c\."):
+        cb.Symbolic("b*cos(t) + c*cos(3*t)", b=1.0, c=1.0, d=1.0)
 
 
 @pytest.mark.parametrize("size", [1e101, 1e308])
