@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import errno
 import os
 import stat
@@ -206,6 +207,21 @@ def test_write_protected_file_is_not_replaced(
     assert target.read_text() == "old"
 
 
+def test_permission_of_the_folder_counts_for_files_and_not_for_devices(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target, pipe = tmp_path / "x", tmp_path / "pipe"
+    target.write_text("old")
+    os.mkfifo(pipe)
+    monkeypatch.setattr(os, "access", lambda place, _: place != tmp_path)
+    with pytest.raises(BadInput, match="no permission"):
+        writable(target)
+    assert writable(pipe) == pipe
+    monkeypatch.setattr(os, "access", lambda place, _: place != pipe)
+    with pytest.raises(BadInput, match="no permission"):
+        writable(pipe)
+
+
 def test_folder_that_goes_away_meanwhile_is_a_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -231,3 +247,7 @@ def test_reading_is_of_ordinary_files(tmp_path: Path) -> None:
     ):
         with pytest.raises(BadInput, match=sentence), opened(place):
             pass
+
+
+def test_example_runs() -> None:
+    assert doctest.testmod(files) == (0, 2)

@@ -97,12 +97,8 @@ def parsed(text: str) -> ast.expr:
     try:
         # for a physicist ^ is a power, for Python something else that binds less than +
         tree = ast.parse(text.strip().replace("^", "**"), mode="eval").body
-        for node in _parts(tree):
-            _check(node, text)
-        ast.unparse(tree)
+        ast.unparse(tree)  # as all will be done that goes through it from the top
     except (SyntaxError, ValueError) as error:
-        if isinstance(error, BadInput):
-            raise
         reason = error.msg if isinstance(error, SyntaxError) else str(error)
         raise BadInput(
             f"{shown(text)} is no formula: {reason}; write it as Python, for instance "
@@ -110,6 +106,8 @@ def parsed(text: str) -> ast.expr:
         ) from None
     except (RecursionError, MemoryError):
         raise too_large(text) from None
+    for node in _parts(tree):
+        _check(node, text)
     return tree
 
 
@@ -323,24 +321,27 @@ def _check_power(exponent: Any, tree: ast.expr) -> None:
 
 
 def _called(name: str, *given: Dual) -> Dual:
-    x = given[-1].value
     if name == BESSEL:
-        order = given[0].value
-        if isinstance(x, Waves) or isinstance(order, Waves):
-            raise NotExact
-        if np.ndim(order) or given[0].slopes:
-            raise BadInput(f"the order of {BESSEL} must be a number, not a parameter or a formula.")
-        slope = lambda: 0.5 * (special.jv(order - 1, x) - special.jv(order + 1, x))  # noqa: E731
-        return _chain(special.jv(order, x), (slope, given[1].slopes))
+        return _bessel(*given)
+    (x, slopes), function = given[0], FUNCTIONS[name]
     if isinstance(x, Waves):
-        sine, cosine = x.sine_and_cosine()
-        value, partial = {"sin": (sine, cosine), "cos": (cosine, -sine)}.get(name, (None, None))
-        if value is None:
+        if name not in ("sin", "cos"):
             raise NotExact
-        return _chain(value, (lambda: partial, given[0].slopes))
-    function = FUNCTIONS[name]
+        sine, cosine = x.sine_and_cosine()
+        value, partial = (sine, cosine) if name == "sin" else (cosine, -sine)
+        return _chain(value, (lambda: partial, slopes))
     y = function.value(x)
-    return _chain(y, (lambda: function.slope(x, y), given[0].slopes))
+    return _chain(y, (lambda: function.slope(x, y), slopes))
+
+
+def _bessel(order: Dual, argument: Dual) -> Dual:
+    n, x = order.value, argument.value
+    if isinstance(x, Waves) or isinstance(n, Waves):
+        raise NotExact
+    if np.ndim(n) or order.slopes:
+        raise BadInput(f"the order of {BESSEL} must be a number, not a parameter or a formula.")
+    partial = (lambda: 0.5 * (special.jv(n - 1, x) - special.jv(n + 1, x)), argument.slopes)
+    return _chain(special.jv(n, x), partial)
 
 
 class Waves:

@@ -107,6 +107,7 @@ def test_slope_and_parity_of_each_function_are_those_of_its_values(name: str) ->
         "besselj(1, c*cos(t))",
         "tanh(c*cos(t))*exp(c*sin(t)**2)/(1 + c)",
         "cos(t) - -c*sin(t)*sqrt(c)",
+        "c*cos(t) - sin(3*t)/c + c**3*(c*cos(t) + 2*c*sin(t))",
     ],
 )
 def test_slope_in_a_parameter_is_its_difference_quotient(text: str) -> None:
@@ -129,6 +130,8 @@ def test_slope_in_a_parameter_is_its_difference_quotient(text: str) -> None:
         "cos(t)*tanh(tan(2 + cos(2*t)/9))*Abs(1 + sin(t)**2)",
         "sec(cos(t))*sin(-t)",
         "-cos(t - 7*t)*cos(t)",
+        "tanh(cos(1.5*t + -0.5*t))",
+        "cos(t) + cos(2*t) - cos(2*t)",
     ],
 )
 def test_antisymmetry_that_the_formula_shows_is_proven(text: str) -> None:
@@ -173,6 +176,46 @@ def test_whatever_half_a_period_is_said_to_do_it_does() -> None:
     assert min(claimed.values()) > 50
 
 
+# --- how small is nothing ---------------------------------------------------------------------
+
+
+def test_quarter_turns_are_exact_and_the_smallest_others_are_kept() -> None:
+    assert cb.Symbolic("cos(t + pi/2)").harmonics == ((1, 0.0, 1.0),)
+    assert cb.Symbolic("sin(3*t - pi)").harmonics == ((3, 0.0, 1 / 9),)
+    ((_, cosine, sine),) = cb.Symbolic("cos(t + 1e-14)").harmonics
+    assert (cosine, sine) == (-1.0, pytest.approx(1e-14, rel=1e-6))
+
+
+def test_harmonics_are_kept_down_to_rounding() -> None:
+    assert cb.Symbolic("cos(t) + 1e-16*cos(3*t)").highest == 3
+    assert cb.Symbolic("cos(t) + 1e-19*cos(3*t)").highest == 1
+    assert cb.Symbolic("1e6*cos(t) + 1e-13*cos(3*t)").highest == 1
+    *_, (m, cosine, sine) = cb.Symbolic("tanh(cos(t) + 0.3*sin(t))").harmonics
+    assert 1e-16 < m**2 * np.hypot(cosine, sine) < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("cos(t)*(1 + 1e-11*cos(t))", "has the even harmonic 0"),
+        ("cos(t) + 1e-11*cos(2*t)", "has the even harmonic 2"),
+        ("tanh(cos(t)) + 1e-11", "not antisymmetric"),
+        ("(1 + 1e-8*sign(t + 9))*tanh(cos(t))", "not 2 pi periodic"),
+        ("cos(t)**(3 + e)", "d/de of .* is not a finite real number"),
+        ("cos(t) + e*cos(2*t)", "d/de of .* has the even harmonic 2"),
+        ("sinh(90*cos(t))", "a pole, or a peak like one"),
+    ],
+)
+def test_what_is_small_but_no_rounding_is_refused(text: str, says: str) -> None:
+    with pytest.raises(BadInput, match=says):
+        cb.Symbolic(text, **({"e": 0.0} if "+ e" in text else {}))
+
+
+def test_a_high_peak_is_no_pole() -> None:
+    peak = by_python("sinh(60*cos(t))", np.zeros(1))[0]
+    assert cb.Symbolic("sinh(60*cos(t))").d2f(0.0) == pytest.approx(peak, rel=1e-13)
+
+
 # --- hostile formulas -------------------------------------------------------------------------
 
 REFUSED = {
@@ -180,6 +223,9 @@ REFUSED = {
     "cos(t)**(99*99)": "powers up to 99",
     "cos(t)**1e308": "powers up to 99",
     "10**400*cos(t)": "powers up to 99",
+    "cos(t)**0.5": "not a finite real number",
+    "cos(t)**-1": "a pole, or a peak like one",
+    "cos(t)**-3": "a pole, or a peak like one",
     "((cos(t)**99)**99)**99": "not resolved by 2048 harmonics",
     "cos(9999999*t)": "harmonic 9999999: harmonics up to 1001 are resolved",
     "cos(1e300*t)": "harmonics up to 1001 are resolved",
@@ -241,6 +287,14 @@ def test_a_parameter_may_have_any_name_that_is_free(name: str) -> None:
         assert forcing.at(**{name: 3.0}).params == {name: 3.0}
         with pytest.raises(BadInput, match=f"needs a value for {name}"):
             cb.Symbolic(text)
+
+
+def test_sentences_quote_no_more_than_a_line_and_name_what_there_is() -> None:
+    assert len(formula.shown("+".join(["cos(t)"] * 99))) == formula.SHOWN + 2
+    with pytest.raises(BadInput, match=r"unknown forcing parameter d: 'cos\(t\)' has none"):
+        cb.Symbolic("cos(t)", d=1.0)
+    with pytest.raises(BadInput, match=r"unknown forcing parameter d: .* has b, c\."):
+        cb.Symbolic("b*cos(t) + c*cos(3*t)", b=1.0, c=1.0, d=1.0)
 
 
 @pytest.mark.parametrize("size", [1e101, 1e308])
