@@ -24,6 +24,7 @@ from .seed import Seed
 Array = NDArray[np.float64]
 
 _NEARLY = 0.1  # how far off the real axis, relative, two zeros that are not quite real may be
+_EDGE = 1e-9  # how far outside of a step its ends still belong to it
 _EXACT = 1e-14  # relative rounding of singular values
 _ZERO = 1e-6  # relative size of eigenvalues that are both zero: a double zero splits by a root
 # Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
@@ -437,11 +438,19 @@ def singular_between(first: Array, last: Array) -> Array:
     Of steep and shallow singular values side by side the smallest alone shows no two zeros.
     """
     change = solve(first, first - last)
-    if change is None or not 1.0 <= (change * change).sum() < math.inf:
-        return np.empty(0)  # of a smaller change no eigenvalue reaches 1
-    values = np.linalg.eigvals(change)  # the inverse of each place
+    if change is None:  # an event is where the first is: seen from the other end
+        change = solve(last, last - first)
+        return np.empty(0) if change is None else 1 - _inverses(change)[::-1]
+    return _inverses(change)
+
+
+def _inverses(matrix: Array) -> Array:
+    """The inverses of the eigenvalues, as far as they are real and from 0 to 1, in order."""
+    if not (1.0 - _EDGE) ** 2 <= (matrix * matrix).sum() < math.inf:
+        return np.empty(0)  # no eigenvalue of a smaller matrix reaches 1
+    values = np.linalg.eigvals(matrix)
     places = values.real / np.maximum(abs(values) ** 2, 1e-300)
-    near = (abs(values.imag) < _NEARLY * abs(values)) & (places > 0) & (places < 1)
+    near = (abs(values.imag) < _NEARLY * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
     return np.sort(places[near])
 
 

@@ -120,9 +120,12 @@ def place_of(segment: Segment, event: Event) -> Callable[[float], Point]:
 
 def foresee(segment: Segment, trail: Trail) -> None:
     """Look between the places where a test should have its zeros, so that each leaves its change
-    of sign."""
-    if trail.event.places is None or not segment.last.tangent.size:
-        return
-    places = trail.event.places(segment.first, segment.last)
-    for u in (places[:-1] + places[1:]) / 2:
-        trail.values[float(u)] = measure(trail.event, segment.provisional(float(u)))
+    of sign; and beside an event at the start, where the sign is not known."""
+    event, places = trail.event, np.empty(0)
+    if event.places is not None and segment.last.tangent.size:
+        places = event.places(segment.first, segment.last)
+    look = [float(u) for u in (places[:-1] + places[1:]) / 2]
+    if trail.values[0.0] == 0 and not trail.jumps:
+        look.append(ASIDE + 1e-12 * (1 + segment.curve.length(segment.first.z)) / segment.length)
+    for u in look:
+        trail.values[u] = measure(event, segment.provisional(u))
