@@ -46,6 +46,8 @@ class Adjoined:
     def residual(self, x: Array, params: Params) -> Array:
         z, extra = self.split(x, params)
         own = self.base.equations(z)
+        if self.locus.unfolding is not None:
+            own = own + self.locus.unfolding(extra)[0]
         conditions = np.asarray(self.locus.conditions(self.base, z, extra))
         if conditions.shape != (self.extra + 1,):
             raise BadInput(
@@ -64,6 +66,8 @@ class Adjoined:
         whole[:n, :n], whole[:n, n + m :] = own[:, :n], own[:, n:]
         whole[n:, :n], whole[n:, n + m :] = rows[:, :n], rows[:, n : z.size]
         whole[n:, n : n + m] = rows[:, z.size :]
+        if self.locus.unfolding is not None:
+            whole[:n, n : n + m] = self.locus.unfolding(extra)[1]
         return whole
 
     def moved(self, longer: Problem, free: tuple[str, ...]) -> Problem:

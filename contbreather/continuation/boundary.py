@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from ..errors import BadInput
 from .adjoin import adjoined, lifted
 from .branch import Branch, Point
-from .events import Event, Locus
+from .events import Event, Locus, branch_point, branches_cross
 from .newton import Undefined
-from .problem import Problem
+from .problem import Curve, Problem
 from .starts import Within
 from .steps import Steps
 from .trace import trace
@@ -83,11 +85,12 @@ def boundary_problem(
             raise BadInput(f"{name!r} is no parameter here; it has {list(base.params)}")
     if event.locus is None:
         raise BadInput(f"{event.kind} has no locus to trace in two parameters")
+    curve = Curve(base, (pair[1], pair[0]))
     try:
-        locus = event.locus(ground)
+        locus = event.locus(Point(curve, curve.start, np.empty(0), 0.0, ground.residual))
     except Undefined as error:
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
-    longer = adjoined(base, locus, released=pair[1], free=pair[0], event=event)
+    longer = adjoined(base, locus, released=pair[1], base=curve, event=event)
     given = base.events if events is None else tuple(events)
     others = [
         one
@@ -123,8 +126,18 @@ def _traceable(point: Point) -> Event:
 def met(kind: str, event: Event) -> Event:
     """An event of the original problem as one on the boundary of another: PF-GR.
 
-    Where both have a locus, the meeting is located by the conditions of both at once.
+    Where both have a locus, the meeting is located by the conditions of both at once. Where
+    branches cross, so do the boundaries on them: a branch point of the longer problem.
     """
+    if event.polish is not None:
+        return replace(
+            branch_point(),
+            kind=f"{kind}-{event.kind}",
+            count=None,
+            locus=None,
+            verify=_crossing_verify,
+            met=event,
+        )
     suffix = f" of {event.kind}"
 
     def locus(point: Point) -> Locus:
@@ -147,3 +160,10 @@ def met(kind: str, event: Event) -> Event:
         verify=verify if event.verify else None,
         met=event,
     )
+
+
+def _crossing_verify(point: Point) -> str:
+    """Whether branches cross for the original problem, too."""
+    if branches_cross(point.ground):
+        return ""
+    return "the boundary is singular here, but the branches it is on do not cross"

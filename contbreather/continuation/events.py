@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import NotConverged
 from .branch import Point
 from .crossing import along, crossing
 from .newton import Solution, Undefined
@@ -27,6 +28,10 @@ _ZERO = 1e-6  # relative size of eigenvalues that are both zero: a double zero s
 # Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
 # where they are zero all along a branch, as in conservative systems.
 _ROUNDING = 2e-13
+_PARTING = 1e-5  # and of a second derivative that vanishes along a curve of branch points
+# Branches that miss each other by a distance d solve the equations up to d^2 between them: what is
+# left after Newton's iteration with differences, and what `crossing` takes for one.
+_SPLIT = 1e-10
 _NONE = 1e-100  # the size of what has a sign only
 
 
@@ -48,6 +53,10 @@ class Locus:
     domain : dict, optional
         ``{name: (low, high)}``, bounds of parameters, where they are freed, within which the
         conditions can be followed, as far as they are narrower than those of the problem.
+    unfolding : callable, optional
+        ``unfolding(extra) -> (value, slope)``, shapes (n,) and (n, m): what is added to the
+        problem's own equations, and its derivative. Needed where these alone are singular along
+        the curve, as they are at branch points; where the event is met it vanishes.
     """
 
     extra: Mapping[str, Any]
@@ -55,6 +64,7 @@ class Locus:
     derivative: Callable[[Curve, Array, Array], Array] | None = None
     events: tuple[Event, ...] = ()
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    unfolding: Callable[[Array], tuple[Array, Array]] | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,12 +87,14 @@ class Event:
         unstable eigenvalues for instance. Two zeros within a step, which leave no change of sign,
         are seen by it.
     locus : callable, optional
-        ``locus(point) -> Locus`` at a point close to the event. Needed to trace the event in two
-        parameters, and to locate one whose test jumps beyond what bisection gives.
+        ``locus(point) -> Locus`` at a point close to the event, its curve with both parameters
+        free where a boundary sets out. Needed to trace the event in two parameters, and to locate
+        one whose test jumps beyond what bisection gives.
     verify : callable, optional
         ``verify(point) -> str``: empty if the located point is what the kind says, else why not.
     polish : callable, optional
-        ``polish(point) -> (Solution, detail)`` sharpens a located point that has no locus.
+        ``polish(point) -> (Solution, detail)`` sharpens a located point where curves cross: there
+        the equations are singular, and a locus needs a second parameter.
     met : Event, optional
         On a boundary of another kind: the event of the original problem that was met.
     meets : dict, optional
@@ -156,7 +168,8 @@ def fold() -> Event:
     >>> abs(branch.first("LP")["mu"]) < 1e-12
     True
     """
-    return Event("LP", _fold_test, locus=_fold_locus, verify=_fold_verify)
+    # all along a curve of branch points the derivative in the unknowns is singular
+    return Event("LP", _fold_test, locus=_fold_locus, verify=_fold_verify, meets={"BP": ()})
 
 
 def branch_point() -> Event:
@@ -179,6 +192,7 @@ def branch_point() -> Event:
         "BP",
         _branch_point_test,
         count=_unstable,
+        locus=_branch_point_locus,
         verify=_branch_point_verify,
         polish=_branch_point_polish,
         arms=_branch_point_arms,
@@ -275,6 +289,100 @@ def _branch_point_verify(point: Point) -> str:
 def _branch_point_polish(point: Point) -> tuple[Solution, Mapping[str, Any]]:
     found = crossing(point.curve, point.z)
     return found.solution, {"tangents": found.tangents}
+
+
+def branches_cross(ground: Point) -> bool:
+    """Whether the derivative in unknowns and both parameters loses rank: solutions then are no
+    smooth surface, and branches cross for other values of the parameters as well."""
+    return bool(np.linalg.svd(_balanced(ground), compute_uv=False)[-1] < _RANK)
+
+
+def _branch_point_locus(point: Point) -> Locus:
+    """``H + split w = 0, w^T H_x = 0, w^T H_p d = 0, |w| = 1`` with the left null vector w and a
+    direction d of the two parameters that leaves the curve of branch points.
+
+    H alone is singular at every branch point, so it is unfolded by `split`, the distance by which
+    branches that do not quite cross miss each other (in units of H). Curves of branch points need
+    three parameters in general. With two there are some where a symmetry or an invariant subspace
+    holds the branches together, and then `split` stays 0.
+    """
+    w, direction = _held_together(point)
+    curve = point.curve
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        w, rows = extra[:-1], curve.jacobian(z)
+        return np.concatenate([_columns(rows, direction).T @ w, [w.dot(w) - 1]])
+
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        w, n = extra[:-1], curve.size
+        rows = np.zeros((n + 2, z.size + n + 1))
+        units = np.eye(z.size)
+        # w^T H_z u along every column: second derivatives in n + 2 directions, w^T taken of each
+        bent = np.stack([w @ along(curve, z, unit) for unit in units])
+        rows[: n + 1, : z.size] = _columns(bent, direction).T
+        rows[: n + 1, z.size : -1] = _columns(curve.jacobian(z), direction).T
+        rows[n + 1, z.size : -1] = 2 * w
+        return rows
+
+    def unfolding(extra: Array) -> tuple[Array, Array]:
+        w, split = extra[:-1], extra[-1]
+        return split * w, np.hstack([split * np.eye(w.size), w[:, None]])
+
+    stays = Event("BP", lambda point: _refuse_to_part(point, curve))
+    extra = {"left": w, "split": 0.0}
+    return Locus(extra, conditions, derivative, events=(stays,), unfolding=unfolding)
+
+
+def _columns(rows: Array, direction: Array) -> Array:
+    """Columns of the unknowns, and of the parameters along a direction."""
+    n = rows.shape[1] - 2
+    return np.hstack([rows[:, :n], (rows[:, n:] @ direction)[:, None]])
+
+
+def _held_together(point: Point) -> tuple[Array, Array]:
+    """The left null vector, and the direction of the two parameters across the curve of branch
+    points: what is to first order constant along it is the null vector of ``w^T H_zz``."""
+    curve, z = point.curve, point.z
+    one, other = curve.free
+    left, sizes, right = np.linalg.svd(_balanced(point))
+    if sizes[-1] > _RANK:
+        raise Undefined(
+            f"the branches cross at these values of {one} and {other} only, and come apart beside "
+            "them; a curve of such branch points needs a third parameter"
+        )
+    null = right[-3:]
+    w = left[:, -1]
+    bent = np.stack([w @ curve.balanced(along(curve, z, unit * curve.scales)) for unit in null])
+    form = bent @ null.T
+    values, axes = np.linalg.eigh((form + form.T) / 2)
+    least = int(abs(values).argmin())
+    tangent = axes[:, least] @ null
+    if abs(values[least]) > _PARTING * abs(values).max():
+        raise Undefined(
+            f"the branches cross at these values of {one} and {other} only: beside them they are "
+            "apart; a curve of such branch points needs a third parameter"
+        )
+    along_curve = tangent[-2:] * curve.scales[-2:]
+    size = float(np.linalg.norm(along_curve))
+    if size < _RANK:
+        raise Undefined(f"the branch point does not move with {one} and {other}")
+    w = w / curve.rows
+    return w / np.linalg.norm(w), np.array([-along_curve[1], along_curve[0]]) / size
+
+
+def _refuse_to_part(point: Point, start: Curve) -> float:
+    """No test: the curve is analytic, so that branches either cross all along it or nowhere else
+    but at its start."""
+    ground = point.ground
+    split = abs(point["split"]) / float(start.rows.max())
+    if split > _SPLIT * (1 + ground.curve.length(ground.z)) ** 2:
+        values = ", ".join(f"{name} = {point[name]:.6g}" for name in ground.curve.free)
+        raise NotConverged(
+            f"no curve of branch points: at {values} the branches have come apart (they miss each "
+            f"other by {split:.2g} in the equations); it needs a third parameter",
+            residual=split,
+        )
+    return float("nan")
 
 
 def _branch_point_arms(point: Point) -> tuple[Seed, ...]:

@@ -21,7 +21,14 @@ from .boundary import met
 from .branch import Point
 from .codim2 import cusp, oriented_overlap, without
 from .cycles import Iterate, Map, cycle, generic, multiplier_matrix, shorter, units, with_period
-from .events import Event, Locus, branch_point, least_with_sign, signed_smallest
+from .events import (
+    Event,
+    Locus,
+    branch_point,
+    branches_cross,
+    least_with_sign,
+    signed_smallest,
+)
 from .newton import OUT_OF_DOMAIN, Undefined
 from .normal_forms import along
 from .problem import Curve, Params, Problem
@@ -289,11 +296,8 @@ def _overlap(sign: int) -> Callable[[Point], float]:
     """Zero where the multiplier of a curve of folds (1) or doublings (-1) is double."""
 
     def test(point: Point) -> float:
-        null = np.atleast_1d(point["null"])
-        if null.size < 2:
-            return math.nan
-        matrix = multiplier_matrix(point.ground) - sign * np.eye(null.size)
-        return oriented_overlap(matrix, null)
+        matrix = multiplier_matrix(point.ground)
+        return oriented_overlap(matrix - sign * np.eye(len(matrix)))
 
     return test
 
@@ -315,11 +319,19 @@ def _double_verify(sign: int) -> Callable[[Point], str]:
     return verify
 
 
-def _on_circle(wanted: str) -> Callable[[Point], str]:
+def _double_one_analysis(point: Point) -> Mapping[str, Any]:
+    if branches_cross(point.ground):
+        return {"degenerate": "branches cross here, by symmetry or an invariant subspace"}
+    return {}
+
+
+def _on_circle(wanted: str, *, fold: bool = False) -> Callable[[Point], str]:
     """Whether the multipliers on the unit circle are those of `wanted`: of ``+1``, ``-1`` and
-    ``pair`` each at most once."""
+    ``pair`` each at most once. With `fold` the multiplier 1 must be that of a fold."""
 
     def verify(point: Point) -> str:
+        if fold and branches_cross(point.ground):
+            return "a branch point, not a fold"
         values = np.linalg.eigvals(units(point.ground)).astype(complex)
         on = values[abs(abs(values) - 1) < 1e-4]
         found = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
@@ -400,7 +412,8 @@ def _meeting(
     test: Callable[[Point], float] | None = None,
 ) -> dict[str, tuple[Event, ...]]:
     """On the boundary `on`, what meeting `event` there is called."""
-    named = replace(met(on, event), kind=kind, verify=_on_circle(wanted), analysis=None, arms=None)
+    verify = _on_circle(wanted, fold="+1" in wanted and on != "BP")
+    named = replace(met(on, event), kind=kind, verify=verify, analysis=None, arms=None)
     return {on: (named if test is None else replace(named, test=test),)}
 
 
@@ -441,6 +454,7 @@ _ON_ROTATION = (
         terminal=True,
         positive=True,
         verify=_double_verify(1),
+        analysis=_double_one_analysis,
         met=_PLAIN_FOLD,
     ),
     Event(
@@ -459,6 +473,7 @@ _ON_ROTATION = (
 _FOLD_OF_MAP = replace(
     _PLAIN_FOLD,
     meets={
+        **_PLAIN_FOLD.meets,
         **_meeting("LPPD", "PD", _PLAIN_FOLD, "+1 -1"),
         **_meeting("LPNS", "NS", _PLAIN_FOLD, "+1 pair", _beside_pair(1)),
     },
@@ -468,6 +483,7 @@ _FLIP = replace(
     meets={
         **_meeting("LPPD", "LP", _PLAIN_FLIP, "+1 -1"),
         **_meeting("PDNS", "NS", _PLAIN_FLIP, "-1 pair", _beside_pair(-1)),
+        **_meeting("BP-PD", "BP", _PLAIN_FLIP, "+1 -1"),
     },
 )
 _ROTATION = replace(
@@ -475,6 +491,10 @@ _ROTATION = replace(
     meets={
         **_meeting("LPNS", "LP", _PLAIN_ROTATION, "+1 pair", _pair_beside(1)),
         **_meeting("PDNS", "PD", _PLAIN_ROTATION, "-1 pair", _pair_beside(-1)),
+        "BP": (
+            replace(_R1_ON_FOLD, analysis=_double_one_analysis),
+            *_meeting("BP-NS", "BP", _PLAIN_ROTATION, "+1 pair", _pair_beside(1))["BP"],
+        ),
     },
 )
 EVENTS = (_FOLD_OF_MAP, _with_multiplier_one(branch_point()), _FLIP, _ROTATION)

@@ -244,7 +244,8 @@ def takens_bogdanov(curve: Curve, z: Array) -> tuple[Coefficient, Coefficient]:
     jet = forms.jet(q0)
     a = 0.5 * float(p1 @ jet.B @ q0)
     b = _sum(float(p0 @ jet.B @ q0), float(p1 @ jet.B @ q1))
-    size = float(abs(p1) @ abs(jet.B) @ abs(q0))
+    # where all terms vanish, by symmetry, they are small against one of order one
+    size = float(abs(p1) @ abs(jet.B) @ abs(q0)) + float(np.linalg.norm(p1)) / forms.reach
     sign = math.copysign(1.0, a)  # that of the null vector is free
     return Coefficient(abs(a), size), Coefficient(sign * b.value, max(size, b.size))
 
