@@ -23,6 +23,7 @@ from .newton import OUT_OF_DOMAIN
 
 Array = NDArray[np.float64]
 
+CROSSED = "branches cross here, held together by a symmetry or an invariant subspace"
 _ZERO = 1e-5  # eigenvalues this small, relative to the derivative, are zero: double ones split
 
 
@@ -96,8 +97,6 @@ def cusp() -> Event:
 
 def _cusp_verify(point: Point) -> str:
     ground = point.ground
-    if events.branches_cross(ground):
-        return "a branch point: two branches cross here"
     quadratic, cubic = normal_forms.cubic_at_cusp(ground.curve, ground.z)
     if cubic.degenerate:
         return f"the cubic coefficient vanishes as well: c = {cubic.value.real:.2g}"
@@ -108,7 +107,8 @@ def _cusp_verify(point: Point) -> str:
 
 def _cusp_analysis(point: Point) -> Mapping[str, Any]:
     ground = point.ground
-    return {"c": normal_forms.cubic_at_cusp(ground.curve, ground.z)[1].value.real}
+    c = normal_forms.cubic_at_cusp(ground.curve, ground.z)[1].value.real
+    return {"c": c, "degenerate": CROSSED} if events.branches_cross(ground) else {"c": c}
 
 
 def oriented_overlap(matrix: Array) -> float:
@@ -169,7 +169,7 @@ def _takens_analysis(point: Point) -> Mapping[str, Any]:
     a, b = normal_forms.takens_bogdanov(ground.curve, ground.z)
     found = {"a": a.value.real, "b": b.value.real}
     if events.branches_cross(ground):
-        return {**found, "degenerate": "branches cross here, by symmetry or an invariant subspace"}
+        return {**found, "degenerate": CROSSED}
     if a.degenerate or b.degenerate:
         reason = f"degenerate: a = {a.value.real:.2g}, b = {b.value.real:.2g}"
         return {**found, "degenerate": reason}

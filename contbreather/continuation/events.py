@@ -292,9 +292,10 @@ def _branch_point_polish(point: Point) -> tuple[Solution, Mapping[str, Any]]:
 
 
 def branches_cross(ground: Point) -> bool:
-    """Whether the derivative in unknowns and both parameters loses rank: solutions then are no
-    smooth surface, and branches cross for other values of the parameters as well."""
-    return bool(np.linalg.svd(_balanced(ground), compute_uv=False)[-1] < _RANK)
+    """Whether the derivative in unknowns and both parameters loses one rank: solutions then are
+    no smooth surface, and branches cross for other values of the parameters as well."""
+    sizes = np.linalg.svd(_balanced(ground), compute_uv=False)
+    return bool(sizes[-1] < _RANK and (sizes.size == 1 or sizes[-2] > _RANK))
 
 
 def _branch_point_locus(point: Point) -> Locus:

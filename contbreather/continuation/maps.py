@@ -19,7 +19,7 @@ from . import events as static
 from . import normal_forms
 from .boundary import met
 from .branch import Point
-from .codim2 import cusp, oriented_overlap, without
+from .codim2 import CROSSED, cusp, oriented_overlap, without
 from .cycles import Iterate, Map, cycle, generic, multiplier_matrix, shorter, units, with_period
 from .events import (
     Event,
@@ -320,9 +320,7 @@ def _double_verify(sign: int) -> Callable[[Point], str]:
 
 
 def _double_one_analysis(point: Point) -> Mapping[str, Any]:
-    if branches_cross(point.ground):
-        return {"degenerate": "branches cross here, by symmetry or an invariant subspace"}
-    return {}
+    return {"degenerate": CROSSED} if branches_cross(point.ground) else {}
 
 
 def _on_circle(wanted: str, *, fold: bool = False) -> Callable[[Point], str]:

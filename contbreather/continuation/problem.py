@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from .events import Event
 
 Array = NDArray[np.float64]
+
+_VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
+_ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
 Params = Mapping[str, float]
 Residual = Callable[[Array, Params], Array]
 
@@ -289,7 +292,15 @@ class Curve:
 
     @cached_property
     def rows(self) -> Array:
-        return self.row_sizes(self.start)
+        sizes = self.row_sizes(self.start)
+        if sizes.min() > _VANISHED * sizes.max():
+            return sizes
+        # where curves cross a whole row may vanish: its size is seen a little aside
+        z = self.start + _ASIDE * (1 + self.length(self.start)) * self.scales
+        try:
+            return np.maximum(sizes, self.row_sizes(z))
+        except Undefined:
+            return sizes
 
     def row_sizes(self, z: Array) -> Array:
         sizes = abs(self.jacobian(z) * self.scales).max(axis=1)
