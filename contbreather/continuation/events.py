@@ -299,39 +299,39 @@ def branches_cross(ground: Point) -> bool:
 
 
 def _branch_point_locus(point: Point) -> Locus:
-    """``H + split w = 0, w^T H_x = 0, w^T H_p d = 0, |w| = 1`` with the left null vector w and a
-    direction d of the two parameters that leaves the curve of branch points.
+    """``H + split b = 0`` and rank n - 1 of ``A = (H_x, H_p d)``, where the direction d of the two
+    parameters leaves the curve of branch points.
 
-    H alone is singular at every branch point, so it is unfolded by `split`, the distance by which
-    branches that do not quite cross miss each other (in units of H). Curves of branch points need
-    three parameters in general. With two there are some where a symmetry or an invariant subspace
-    holds the branches together, and then `split` stays 0.
+    H alone is singular at every branch point, so it is unfolded by `split`: by how much branches
+    that do not quite cross miss each other. Curves of branch points need three parameters in
+    general. With two there are some where a symmetry or an invariant subspace holds the branches
+    together, and then `split` stays 0.
     """
-    w, direction = _held_together(point)
-    curve = point.curve
+    b, null, direction = _held_together(point)
+
+    def bordered(curve: Curve, z: Array) -> Array:
+        A = _columns(curve.jacobian(z), direction)
+        return np.block([[A, b[:, None]], [null, np.zeros((2, 1))]])
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        w, rows = extra[:-1], curve.jacobian(z)
-        return np.concatenate([_columns(rows, direction).T @ w, [w.dot(w) - 1]])
+        return _solved(bordered(curve, z), np.eye(curve.size + 2)[:, -2:])[-1]
 
     def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        w, n = extra[:-1], curve.size
-        rows = np.zeros((n + 2, z.size + n + 1))
-        units = np.eye(z.size)
-        # w^T H_z u along every column: second derivatives in n + 2 directions, w^T taken of each
-        bent = np.stack([w @ along(curve, z, unit) for unit in units])
-        rows[: n + 1, : z.size] = _columns(bent, direction).T
-        rows[: n + 1, z.size : -1] = _columns(curve.jacobian(z), direction).T
-        rows[n + 1, z.size : -1] = 2 * w
-        return rows
+        matrix, n = bordered(curve, z), curve.size
+        unit = np.eye(n + 2)
+        vectors, w = _solved(matrix, unit[:, -2:])[:-1].T, _solved(matrix.T, unit[-1])[:n]
+        # - w^T A'(u) v for all u at once: second derivatives are symmetric
+        rows = [w @ along(curve, z, np.append(v[:n], v[n] * direction)) for v in vectors]
+        return -np.hstack([rows, np.zeros((2, 1))])
 
-    def unfolding(extra: Array) -> tuple[Array, Array]:
-        w, split = extra[:-1], extra[-1]
-        return split * w, np.hstack([split * np.eye(w.size), w[:, None]])
-
-    stays = Event("BP", lambda point: _refuse_to_part(point, curve))
-    extra = {"left": w, "split": 0.0}
-    return Locus(extra, conditions, derivative, events=(stays,), unfolding=unfolding)
+    stays = Event("BP", _refuse_to_part)
+    return Locus(
+        {"split": 0.0},
+        conditions,
+        derivative,
+        events=(stays,),
+        unfolding=lambda extra: (extra[0] * b, b[:, None]),
+    )
 
 
 def _columns(rows: Array, direction: Array) -> Array:
@@ -340,42 +340,45 @@ def _columns(rows: Array, direction: Array) -> Array:
     return np.hstack([rows[:, :n], (rows[:, n:] @ direction)[:, None]])
 
 
-def _held_together(point: Point) -> tuple[Array, Array]:
-    """The left null vector, and the direction of the two parameters across the curve of branch
-    points: what is to first order constant along it is the null vector of ``w^T H_zz``."""
+def _solved(matrix: Array, right: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError as error:
+        raise Undefined("more than one rank is lost at a branch point") from error
+
+
+def _held_together(point: Point) -> tuple[Array, Array, Array]:
+    """Left and right null vectors of A, and the direction d across the curve of branch points: to
+    first order nothing changes along the null vector of ``w^T H_zz`` in the null space of H_z."""
     curve, z = point.curve, point.z
     one, other = curve.free
     left, sizes, right = np.linalg.svd(_balanced(point))
+    refusal = (
+        f"the branches cross at these values of {one} and {other} only, and come apart beside "
+        "them; a curve of such branch points needs a third parameter"
+    )
     if sizes[-1] > _RANK:
-        raise Undefined(
-            f"the branches cross at these values of {one} and {other} only, and come apart beside "
-            "them; a curve of such branch points needs a third parameter"
-        )
+        raise Undefined(refusal)
     null = right[-3:]
-    w = left[:, -1]
-    bent = np.stack([w @ curve.balanced(along(curve, z, unit * curve.scales)) for unit in null])
-    form = bent @ null.T
+    bent = np.stack([curve.balanced(along(curve, z, v * curve.scales)) for v in null])
+    form = left[:, -1] @ bent @ null.T
     values, axes = np.linalg.eigh((form + form.T) / 2)
     least = int(abs(values).argmin())
-    tangent = axes[:, least] @ null
     if abs(values[least]) > _PARTING * abs(values).max():
-        raise Undefined(
-            f"the branches cross at these values of {one} and {other} only: beside them they are "
-            "apart; a curve of such branch points needs a third parameter"
-        )
-    along_curve = tangent[-2:] * curve.scales[-2:]
-    size = float(np.linalg.norm(along_curve))
-    if size < _RANK:
+        raise Undefined(refusal)
+    tangent = (axes[:, least] @ null * curve.scales)[-2:]
+    if not np.linalg.norm(tangent) > _RANK:
         raise Undefined(f"the branch point does not move with {one} and {other}")
-    w = w / curve.rows
-    return w / np.linalg.norm(w), np.array([-along_curve[1], along_curve[0]]) / size
+    direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)
+    w = left[:, -1] / curve.rows
+    return w / np.linalg.norm(w), np.linalg.svd(_columns(point.jacobian(), direction))[2][-2:], direction
 
 
-def _refuse_to_part(point: Point, start: Curve) -> float:
+def _refuse_to_part(point: Point) -> float:
     """No test: the curve is analytic, so that branches either cross all along it or nowhere else
     but at its start."""
     ground = point.ground
-    split = abs(point["split"]) / float(start.rows.max())
+    split = abs(point["split"]) / float(ground.curve.rows.max())
     if split > _SPLIT * (1 + ground.curve.length(ground.z)) ** 2:
         values = ", ".join(f"{name} = {point[name]:.6g}" for name in ground.curve.free)
         raise NotConverged(
