@@ -28,6 +28,7 @@ from .events import (
     branches_cross,
     least_with_sign,
     signed_smallest,
+    where,
 )
 from .newton import OUT_OF_DOMAIN, Undefined
 from .normal_forms import along
@@ -451,6 +452,7 @@ _ON_ROTATION = (
         lambda point: 1 - point["cosine"],
         terminal=True,
         positive=True,
+        polish=where("cosine", 1.0),
         verify=_double_verify(1),
         analysis=_double_one_analysis,
         met=_PLAIN_FOLD,
