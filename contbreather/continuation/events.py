@@ -373,7 +373,11 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
         raise Undefined(f"the branch point does not move with {one} and {other}")
     direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)
     w = left[:, -1] / curve.rows
-    return w / np.linalg.norm(w), np.linalg.svd(_columns(point.jacobian(), direction))[2][-2:], direction
+    return (
+        w / np.linalg.norm(w),
+        np.linalg.svd(_columns(point.jacobian(), direction))[2][-2:],
+        direction,
+    )
 
 
 def _refuse_to_part(point: Point) -> float:
@@ -439,9 +443,7 @@ def _unstable_pairs(point: Point) -> int:
 def _hopf_locus(point: Point) -> Locus:
     square, real, imaginary = _axis_pair(_flow(point))
     real, imaginary = (vector * point.curve.scales[: vector.size] for vector in (real, imaginary))
-    null = real / np.linalg.norm(real)
-    reference = imaginary - (imaginary @ null) * null
-    reference /= np.linalg.norm(reference)
+    null, reference = frame(real, imaginary)
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
         null, square = extra[:-1], extra[-1]
@@ -493,10 +495,10 @@ def where(name: str, value: float) -> Callable[[Point], tuple[Solution, Mapping[
     """
 
     def polish(near: Point) -> tuple[Solution, Mapping[str, Any]]:
-        curve, slot = near.curve, near.curve.slots[name]
-        z = near.z.copy()
-        z[slot] = value
-        row = np.eye(1, z.size, slot)[0]
+        curve = near.curve
+        row = np.zeros(near.z.size)
+        row[curve.slots[name]] = 1.0
+        z = near.z + (value - near[name]) * row
         found = newton(curve.equations, curve.jacobian, z, row=row, metric=curve.metric)
         regular = np.vstack([curve.balanced(curve.jacobian(found.z)), row])
         if found.converged and np.linalg.svd(regular, compute_uv=False)[-1] > _SINGULAR:
@@ -532,6 +534,16 @@ def _where_branches_cross(near: Point, z: Array, row: Array) -> Solution:
             residual = float(abs(value).max())
             return Solution(z, residual < _SINGULAR, iteration, residual, correction)
     return Solution(z, False, iteration, np.inf, correction)
+
+
+def frame(one: Array, other: Array) -> tuple[Array, Array]:
+    """Orthonormal vectors of the plane of a pair, the first between both that are given: where the
+    pair becomes a double eigenvalue its eigenvector must not be that one, as it satisfies the
+    conditions of a pair by itself."""
+    null = one / np.linalg.norm(one) + other / np.linalg.norm(other)
+    null /= np.linalg.norm(null)
+    reference = one - (one @ null) * null
+    return null, reference / np.linalg.norm(reference)
 
 
 # Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.

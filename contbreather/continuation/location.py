@@ -77,6 +77,14 @@ def find(
     others = [trail for trail in trails if trail.event.polish is None]
     located = list(_events_on(segment, crossings, ends))
     cuts = [p for p in located if "tangents" in p.detail] or ([crossing] if crossing else [])
+    located += [
+        _special(
+            replace(cut, located=True, detail={}), trail.event, _bracket(segment, cut), segment
+        )
+        for cut in cuts
+        for trail in crossings
+        if trail.event is not cut.event and _vanishes(trail, measure(trail.event, cut))
+    ]
     if cuts and others:
         located += _between(segment, cuts, others, ends)
     else:
@@ -161,7 +169,9 @@ def _between(
         ]
         at_first, at_last = start is segment.first, end is segment.last
         for part in parts:
-            if not at_last and _vanishes_at_cut(part):
+            if not at_last and _vanishes(part, part.values[1.0]):
+                # its sign is rounding: what is seen here must not be seen to either side as well
+                part.values[1.0] = math.nan
                 there = replace(end, located=True, detail={})
                 yield _special(there, part.event, (1.0, 1.0), piece)
         own = Ends(ends.first and at_first, ends.last and at_last, ends.closed and at_last)
@@ -169,14 +179,15 @@ def _between(
         values = [part.values[1.0] for part in parts]
 
 
-def _vanishes_at_cut(part: Trail) -> bool:
-    """Whether a test is zero where curves cross. Its sign there is rounding, and what was seen at
-    the cut must be seen neither before nor behind it: it is given no value."""
-    at, beside = part.values[1.0], part.values[0.5]
-    if part.jumps or not abs(at) <= _AT_CUT * abs(beside):
-        return False
-    part.values[1.0] = math.nan
-    return True
+def _vanishes(trail: Trail, value: Value) -> bool:
+    """Whether a test is zero where curves cross, but for rounding."""
+    beside = max(abs(trail.values[0.0]), abs(trail.values[0.5]))
+    return not trail.jumps and abs(value) <= _AT_CUT * beside
+
+
+def _bracket(segment: Segment, point: Point) -> tuple[float, float]:
+    u = (point.arclength - segment.first.arclength) / segment.length
+    return u - ASIDE, u + ASIDE
 
 
 def _at_ends(segment: Segment, trail: Trail, ends: Ends) -> Iterator[Point]:
@@ -264,6 +275,8 @@ def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
         yield polished
         return
     look = look_at(segment, event)
+    if event.positive and event.polish is not None:  # what ends a curve must be seen on it
+        look = look_at(segment, replace(event, polish=None))
     if float(look(left)) * float(look(right)) > 0:  # what was seen on the cubic is not there
         trail.done.append((left, right))
         return

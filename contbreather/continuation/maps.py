@@ -26,6 +26,7 @@ from .events import (
     Locus,
     branch_point,
     branches_cross,
+    frame,
     least_with_sign,
     signed_smallest,
     where,
@@ -234,9 +235,7 @@ def _circle_pair(point: Point) -> tuple[float, Array, Array]:
 def _rotation_locus(point: Point) -> Locus:
     """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
     cosine, real, imaginary = _circle_pair(point)
-    null = real / np.linalg.norm(real)
-    reference = imaginary - (imaginary @ null) * null
-    reference /= np.linalg.norm(reference)
+    null, reference = frame(real, imaginary)
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
         null, cosine = extra[:-1], extra[-1]

@@ -114,6 +114,5 @@ def look_at(segment: Segment, event: Event) -> Callable[[float], Value]:
 
 def place_of(segment: Segment, event: Event) -> Callable[[float], Point]:
     """Where an event is looked for. Next to a branch point the corrector may end on the other
-    curve, so that one with its own polish is looked for on the cubic; but not one that ends the
-    curve, as what only touches zero may change sign there."""
-    return segment.at if event.polish is None or event.positive else segment.provisional
+    curve, so that one with its own polish is looked for on the cubic."""
+    return segment.at if event.polish is None else segment.provisional
