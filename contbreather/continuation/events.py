@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from ..errors import NotConverged
 from .branch import Point
 from .crossing import along, crossing
-from .derivatives import differences
-from .newton import Solution, Undefined, newton
+from .newton import Solution, Undefined
 from .problem import Curve
 from .seed import Seed
 
@@ -33,7 +32,6 @@ _PARTING = 1e-5  # and of a second derivative that vanishes along a curve of bra
 # Branches that miss each other by a distance d solve the equations up to d^2 between them: what is
 # left after Newton's iteration with differences, and what `crossing` takes for one.
 _SPLIT = 1e-10
-_SINGULAR = 1e-5  # balanced singular value below which Newton's iteration along a boundary fails
 _NONE = 1e-100  # the size of what has a sign only
 
 
@@ -476,7 +474,6 @@ def _axis_pair(matrix: Array) -> tuple[float, Array, Array]:
     size = _ZERO * np.linalg.norm(matrix, 2)
     if np.count_nonzero(abs(values) < size) == 2:  # both zero, with one eigenvector
         null = np.linalg.svd(matrix)[2][-1]
-        # in this order: a fold satisfies the same conditions with omega = 0 and its null vector
         return 0.0, np.linalg.lstsq(matrix, null)[0], null
     pairs = np.flatnonzero(values.imag > 0)
     if not pairs.size:
@@ -484,56 +481,6 @@ def _axis_pair(matrix: Array) -> tuple[float, Array, Array]:
     nearest = pairs[np.argmin(abs(values[pairs].real))]
     vector = vectors[:, nearest]
     return float(values[nearest].imag ** 2), vector.real, vector.imag
-
-
-def where(name: str, value: float) -> Callable[[Point], tuple[Solution, Mapping[str, Any]]]:
-    """A polish: the point of a boundary with a given value of one of the unknowns of its locus.
-
-    Where branches cross as well, at the BT of a symmetric flow, the boundary is singular there. The
-    point then has to satisfy ``w^T H_p = 0`` besides, and Newton's iteration is one of least
-    squares; the tangent is the one seen from aside.
-    """
-
-    def polish(near: Point) -> tuple[Solution, Mapping[str, Any]]:
-        curve = near.curve
-        row = np.zeros(near.z.size)
-        row[curve.slots[name]] = 1.0
-        z = near.z + (value - near[name]) * row
-        found = newton(curve.equations, curve.jacobian, z, row=row, metric=curve.metric)
-        regular = np.vstack([curve.balanced(curve.jacobian(found.z)), row])
-        if found.converged and np.linalg.svd(regular, compute_uv=False)[-1] > _SINGULAR:
-            return found, {}
-        crossed = _where_branches_cross(near, z, row)
-        return (crossed, {"tangents": (near.tangent,)}) if crossed.converged else (found, {})
-
-    return polish
-
-
-def _where_branches_cross(near: Point, z: Array, row: Array) -> Solution:
-    """Newton's iteration on ``H = 0, row . (z - z_start) = 0, w^T H_p = 0`` of a boundary, where w
-    is the left null vector of H_x: more equations than unknowns, but all of them hold."""
-    curve, base = near.curve, near.ground.curve
-    n = base.size
-    own = np.r_[:n, z.size - 2 : z.size]  # the unknowns and parameters of the original problem
-    left, _, right = np.linalg.svd(base.jacobian(near.ground.z)[:, :n])
-
-    def held(y: Array) -> Array:
-        rows = base.jacobian(y)
-        matrix = np.block([[rows[:, :n], left[:, -1:]], [right[-1:], np.zeros((1, 1))]])
-        return _solved(matrix.T, np.eye(n + 1)[-1])[:n] @ rows[:, n:]
-
-    for iteration in range(1, 13):
-        slopes = np.zeros((2, z.size))
-        slopes[:, own] = differences(held, z[own], scales=base.scales)
-        matrix = np.vstack([curve.jacobian(z), row, slopes])
-        value = np.concatenate([curve.equations(z), [0.0], held(z[own])])
-        step = np.linalg.lstsq(matrix, value)[0]
-        z, correction = z - step, curve.length(step)
-        if correction <= 1e-9 * (1 + curve.length(z)):
-            value = np.concatenate([curve.equations(z), held(z[own])])
-            residual = float(abs(value).max())
-            return Solution(z, residual < _SINGULAR, iteration, residual, correction)
-    return Solution(z, False, iteration, np.inf, correction)
 
 
 def frame(one: Array, other: Array) -> tuple[Array, Array]:
@@ -552,7 +499,6 @@ _TAKENS = Event(
     lambda point: point["omega2"],
     terminal=True,
     positive=True,
-    polish=where("omega2", 0.0),
     met=fold(),
 )
 

@@ -77,14 +77,6 @@ def find(
     others = [trail for trail in trails if trail.event.polish is None]
     located = list(_events_on(segment, crossings, ends))
     cuts = [p for p in located if "tangents" in p.detail] or ([crossing] if crossing else [])
-    located += [
-        _special(
-            replace(cut, located=True, detail={}), trail.event, _bracket(segment, cut), segment
-        )
-        for cut in cuts
-        for trail in crossings
-        if trail.event is not cut.event and _vanishes(trail, measure(trail.event, cut))
-    ]
     if cuts and others:
         located += _between(segment, cuts, others, ends)
     else:
@@ -185,11 +177,6 @@ def _vanishes(trail: Trail, value: Value) -> bool:
     return not trail.jumps and abs(value) <= _AT_CUT * beside
 
 
-def _bracket(segment: Segment, point: Point) -> tuple[float, float]:
-    u = (point.arclength - segment.first.arclength) / segment.length
-    return u - ASIDE, u + ASIDE
-
-
 def _at_ends(segment: Segment, trail: Trail, ends: Ends) -> Iterator[Point]:
     """Events at the very start or end of the walk, within rounding."""
     if trail.jumps or not (ends.first or ends.last or ends.closed):
@@ -275,8 +262,6 @@ def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator
         yield polished
         return
     look = look_at(segment, event)
-    if event.positive and event.polish is not None:  # what ends a curve must be seen on it
-        look = look_at(segment, replace(event, polish=None))
     if float(look(left)) * float(look(right)) > 0:  # what was seen on the cubic is not there
         trail.done.append((left, right))
         return

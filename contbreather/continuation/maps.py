@@ -29,7 +29,6 @@ from .events import (
     frame,
     least_with_sign,
     signed_smallest,
-    where,
 )
 from .newton import OUT_OF_DOMAIN, Undefined
 from .normal_forms import along
@@ -222,7 +221,6 @@ def _circle_pair(point: Point) -> tuple[float, Array, Array]:
         if (abs(values - sign) < _ZERO * max(1.0, float(np.linalg.norm(matrix, 2)))).sum() == 2:
             shifted = matrix - sign * np.eye(len(matrix))
             null = np.linalg.svd(shifted)[2][-1]
-            # in this order, as a single multiplier +-1 satisfies the conditions with its vector
             return sign, np.linalg.lstsq(shifted, null)[0], null
     upper = np.flatnonzero(values.imag > 0)
     if not upper.size:
@@ -451,7 +449,6 @@ _ON_ROTATION = (
         lambda point: 1 - point["cosine"],
         terminal=True,
         positive=True,
-        polish=where("cosine", 1.0),
         verify=_double_verify(1),
         analysis=_double_one_analysis,
         met=_PLAIN_FOLD,
