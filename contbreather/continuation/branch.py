@@ -208,6 +208,11 @@ class Branch:
         return self.curve.free[0]
 
     @property
+    def moved(self) -> float:
+        """How far the start that was given was from the curve; 0 if that is not worth telling."""
+        return next((p.detail["moved"] for p in self.points if "moved" in p.detail), 0.0)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of all columns."""
         return (*self.problem.names, *self.problem.record, "arclength", "residual")
@@ -321,7 +326,8 @@ class Branch:
         else:
             head = f"{title} in {self.free}" + (f" ({fixed})" if fixed else "")
         end = f"{self.stop.value}{': ' + self.reason if self.reason else ''}"
-        return f"{head}: {len(self)} points; {end}"
+        moved = f"; the start was moved by {self.moved:.2g}" if self.moved else ""
+        return f"{head}: {len(self)} points; {end}{moved}"
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         yield self.table(width=options.max_width)

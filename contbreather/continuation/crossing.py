@@ -15,8 +15,9 @@ from .problem import Curve
 Array = NDArray[np.float64]
 
 # Curves that come closer than this, relative to 1 + |z|, are taken to cross. The residual between
-# them is its square, 1e-12: as much as differences and long sums leave where curves do cross.
-_GAP = 1e-6
+# them is its square, 1e-12: as much as differences and long sums leave where curves do cross. Of
+# stiff equations more may be left, all that rounds in their terms.
+GAP = 1e-6
 _ANGLE = 1e-8  # square of half the angle below which curves touch rather than cross
 
 
@@ -26,6 +27,7 @@ class Crossing:
 
     solution: Solution
     tangents: tuple[Array, Array]
+    double: bool = False  # whether the derivative loses another rank as close by as curves may be
 
 
 def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
@@ -39,6 +41,7 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
 
     Raises `Undefined` if they do not.
     """
+    previous = math.inf
     for iteration in range(1, most + 1):
         value, matrix = curve.equations(z) / curve.rows, _finite(curve.balanced(curve.jacobian(z)))
         left, sizes, right = np.linalg.svd(matrix)
@@ -54,9 +57,14 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
         step = (null.T @ c + rest) * curve.scales
         correction = curve.length(step)
         z = z + step
-        if correction <= 1e-9 * (1 + curve.length(z)):
+        size = 1 + curve.length(z)
+        stalled = previous / 2 < correction <= GAP * size  # what is left is rounding
+        if correction <= 1e-9 * size or stalled:
             found = Solution(z, True, iteration, 0.0, correction)
-            return _resolved(curve, found, w, null * curve.scales, form)
+            resolved = _resolved(curve, found, w, null * curve.scales, form)
+            double = (sizes[:n] < GAP * size * abs(form).max()).any()
+            return replace(resolved, double=bool(double))
+        previous = correction
     raise Undefined("no branch point was found nearby")
 
 
@@ -72,8 +80,9 @@ def _resolved(curve: Curve, found: Solution, w: Array, null: Array, form: Array)
     (low, high), axes = np.linalg.eigh((form + form.T) / 2)
     if not min(-low, high) > _ANGLE * max(-low, high):
         raise Undefined("an isolated point or a touch: no two curves cross at an angle")
-    gap = math.sqrt(abs(w.dot(value / curve.rows)) / min(-low, high))
-    if gap > _GAP * (1 + curve.length(z)):
+    left = max(0.0, abs(w.dot(value / curve.rows)) - abs(w) @ (curve.rounding(z) / curve.rows))
+    gap = math.sqrt(left / min(-low, high))
+    if gap > GAP * (1 + curve.length(z)):
         raise Undefined(f"the curves pass each other at a distance of {gap:.2g}")
     c = axes @ np.array([[math.sqrt(high)] * 2, [math.sqrt(-low), -math.sqrt(-low)]])
     one, other = c.T @ null
@@ -83,8 +92,6 @@ def _resolved(curve: Curve, found: Solution, w: Array, null: Array, form: Array)
 
 def along(curve: Curve, z: Array, vector: Array) -> Array:
     """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only."""
-    size = math.sqrt(float(np.sum((vector / curve.scales[: vector.size]) ** 2)))
-    h = 1e-3 * max(1.0, float(abs(z / curve.scales).max())) / max(size, 1e-300)
-    step = np.zeros(z.size)
-    step[: vector.size] = h * vector
-    return derivatives.directional(curve.jacobian, z, step) / h
+    direction = np.zeros(z.size)
+    direction[: vector.size] = vector
+    return derivatives.along(curve.jacobian, z, direction, curve.scales)

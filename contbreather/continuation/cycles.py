@@ -36,14 +36,15 @@ class Iterate:
 
     def after(self, x: Array, params: Params, times: int) -> Array:
         for _ in range(times):
-            x = np.array(self.map(x, params))  # a map may return one array each time
+            # a map may write to what it is given, and return one array each time
+            x = np.array(self.map(x.copy(), params))
         return x
 
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
         """The other points of the cycle, each a start of the same one."""
         points = []
         for _ in range(self.period - 1):
-            x = np.array(self.map(x, params))
+            x = np.array(self.map(x.copy(), params))
             points.append(x)
         return tuple(points)
 
@@ -52,8 +53,8 @@ class Iterate:
         assert self.derivative is not None
         product = np.eye(x.size)
         for _ in range(self.period):
-            product = np.asarray(self.derivative(x, params)) @ product
-            x = np.array(self.map(x, params))
+            product = np.asarray(self.derivative(x.copy(), params)) @ product
+            x = np.array(self.map(x.copy(), params))
         return product - np.eye(x.size)
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import functools
+import math
 import warnings
 from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .newton import OUT_OF_DOMAIN
+from .newton import OUT_OF_DOMAIN, Undefined
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
@@ -20,6 +21,16 @@ _RELATIVE = np.finfo(float).eps ** 0.2  # best step of the five-point formula
 _FINER = (1.0, 64.0, 64.0**2, 64.0**3)  # what a step is divided by until it suits the function
 _GOOD = 1e-7  # differences with two steps agree this well where they can be trusted
 _NOISE = 1e-11  # rounding of the terms of a row, divided by the relative step
+
+# Steps of `along`, relative to the entries that it moves, and how it stops. Its estimate belongs
+# to the next lower order, so that a change of 1e-6 between two orders means an error of 1e-11.
+_LONGEST = 2e-3
+_HALVINGS = 24
+_AGREED = 1e-6
+_GARBAGE = 0.1  # what changes this much from one step to its half tells nothing yet
+_KNOWN = 1e-3  # an estimate this good that gets worse was as good as rounding allows
+_SMALL = 1e-2  # a change that is smaller, relative to the function, is measured by the function
+_ORDERS = 4
 
 
 def differences(
@@ -82,6 +93,48 @@ def directional(function: Function, z: Array, step: Array) -> Array:
     return np.asarray((8 * near - far) / 12)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def along(function: Function, z: Array, vector: Array, scales: Array) -> Array:
+    """``vector . grad`` of a matrix-valued function, by the step that suits function and vector.
+
+    Central differences are extrapolated while their step is halved, and end where two orders
+    agree, or where rounding makes them part again. The first step is relative to the entries that
+    the vector moves; an idle one of size 100 says nothing about it.
+
+    Raises `Undefined` where the function has no value to both sides.
+    """
+    size = math.sqrt(float(np.sum((vector / np.maximum(scales, abs(z))) ** 2)))
+    h = _LONGEST / max(size, 1e-300)
+    floor = _SMALL * size * _row_sizes(function(z), scales) + 1e-300
+    best, doubt = None, math.inf
+    before: list[Array] = []
+    for _ in range(_HALVINGS):
+        try:
+            row = [(function(z + h * vector) - function(z - h * vector)) / (2 * h)]
+        except OUT_OF_DOMAIN:
+            before, h = [], h / 8
+            continue
+        for k, coarser in enumerate(before, 1):
+            row.append(row[-1] + (row[-1] - coarser) / (4**k - 1))
+        apart = 0.0
+        if before:
+            change = _row_sizes(row[-1] - before[-1], scales)
+            apart = float((change / (_row_sizes(row[-1], scales) + floor)).max())
+            if apart < doubt:
+                best, doubt = row[-1], apart
+            if doubt < _AGREED or (doubt < _KNOWN and apart > 4 * doubt):
+                break
+        far = apart > _GARBAGE
+        before, h = [] if far else row[: _ORDERS - 1], h / (8 if far else 2)
+    if best is None:
+        raise Undefined("the equations have no value around the point")
+    return best
+
+
+def _row_sizes(matrix: Array, scales: Array) -> Array:
+    return np.asarray(abs(matrix * scales[: matrix.shape[-1]]).max(axis=-1))
+
+
 def complex_steps(function: Function, z: Array, columns: Iterable[int] | None = None) -> Array:
     """Derivatives by imaginary perturbation, exact to rounding where `function` is analytic."""
     found = []
@@ -98,10 +151,11 @@ def choose(function: Function, z: Array, scales: Array) -> Scheme:
     fallback = functools.partial(differences, scales=scales, finer=finer)
     try:
         with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             warnings.simplefilter("error", np.exceptions.ComplexWarning)
             exact = complex_steps(function, z)
-    except (TypeError, ValueError, ArithmeticError, AttributeError, np.exceptions.ComplexWarning):
-        return fallback  # the function does not take complex numbers
+    except Exception:  # noqa: BLE001 - what is asked an unheard-of question may raise anything
+        return fallback
     return complex_steps if misfit(exact, wanted, doubt) is None else fallback
 
 

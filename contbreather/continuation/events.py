@@ -5,6 +5,7 @@ An event comes from its problem; the engine asks ``event.test(point)`` and never
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,16 +15,17 @@ from numpy.typing import NDArray
 
 from ..errors import NotConverged
 from .branch import Point
-from .crossing import along, crossing
-from .newton import Solution, Undefined
+from .crossing import GAP, along, crossing
+from .newton import Solution, Undefined, solve
 from .problem import Curve
 from .seed import Seed
 
 Array = NDArray[np.float64]
 
-# A balanced matrix is taken as rank deficient when its smallest singular value is below this; at a
-# located point it is about 1e-12.
-_RANK = 1e-7
+_NEARLY = 0.1  # how far off the real axis, relative, two zeros that are not quite real may be
+_EDGE = 1e-9  # how far outside of a step its ends still belong to it
+_EXACT = 1e-14  # relative rounding of singular values
+_RANK = 1e-7  # balanced singular value of a matrix that loses rank; at a located point about 1e-12
 _ZERO = 1e-6  # relative size of eigenvalues that are both zero: a double zero splits by a root
 # Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
 # where they are zero all along a branch, as in conservative systems.
@@ -86,6 +88,10 @@ class Event:
         ``count(point) -> int``, a number that changes by one where the test has a simple zero, of
         unstable eigenvalues for instance. Two zeros within a step, which leave no change of sign,
         are seen by it.
+    places : callable, optional
+        ``places(first, last) -> array``: where between two neighbouring points of a curve, 0 to 1
+        from the first to the last, the test should have its zeros, roughly. It is looked at
+        between them, so that two zeros within a step leave their changes of sign.
     locus : callable, optional
         ``locus(point) -> Locus`` at a point close to the event, its curve with both parameters
         free where a boundary sets out. Needed to trace the event in two parameters, and to locate
@@ -118,6 +124,7 @@ class Event:
     terminal: bool = field(default=False, kw_only=True)
     positive: bool = field(default=False, kw_only=True)
     count: Callable[[Point], int] | None = field(default=None, kw_only=True)
+    places: Callable[[Point, Point], Array] | None = field(default=None, kw_only=True)
     locus: Callable[[Point], Locus] | None = field(default=None, kw_only=True)
     verify: Callable[[Point], str] | None = field(default=None, kw_only=True)
     polish: Callable[[Point], tuple[Solution, Mapping[str, Any]]] | None = field(
@@ -192,6 +199,7 @@ def branch_point() -> Event:
         "BP",
         _branch_point_test,
         count=_unstable,
+        places=_branch_point_places,
         locus=_branch_point_locus,
         verify=_branch_point_verify,
         polish=_branch_point_polish,
@@ -247,12 +255,16 @@ def _fold_derivative(curve: Curve, z: Array, null: Array) -> Array:
 def _fold_verify(point: Point) -> str:
     if point.tangent.size and "null" not in point.detail:
         return "a degenerate fold or a branch point: no null vector could be solved for"
+    curve, z, n = point.curve, point.z, point.curve.size
     whole = _balanced(point)
-    if np.linalg.svd(whole, compute_uv=False)[-1] < _RANK:
+    left, sizes, right = np.linalg.svd(whole[:, :n])
+    change = left[:, -1] @ curve.balanced(along(curve, z, right[-1] * curve.scales[:n]))
+    # what vanishes within a short way along any direction vanishes here, whatever its units
+    near = GAP * (1 + curve.length(z)) * np.linalg.norm(change) + _EXACT * sizes[0]
+    if abs(left[:, -1] @ whole[:, n:]).max(initial=0.0) <= near:
         return "a branch point, not a fold: the whole derivative loses rank"
-    least = np.linalg.svd(whole[:, : point.curve.size], compute_uv=False)[-1]
-    if least > _RANK:
-        return f"the derivative in the unknowns is regular: least singular value {least:.2g}"
+    if sizes[-1] > near:
+        return f"the derivative in the unknowns is regular: least singular value {sizes[-1]:.2g}"
     return ""
 
 
@@ -271,23 +283,27 @@ def _cusp_test(point: Point) -> float:
 def _branch_point_test(point: Point) -> float:
     if not point.tangent.size:
         return float("nan")  # of codimension two on a boundary: nothing to look for
+    return signed_smallest(_bordered(point))
+
+
+def _bordered(point: Point) -> Array:
     whole = np.vstack([point.jacobian(), point.curve.dual(point.tangent)])
-    return signed_smallest(whole * point.curve.scales)
+    return np.asarray(whole * point.curve.scales)
+
+
+def _branch_point_places(first: Point, last: Point) -> Array:
+    return singular_between(_bordered(first), _bordered(last))
 
 
 def _branch_point_verify(point: Point) -> str:
-    if "tangents" not in point.detail:
-        return "no two curves were found to cross here"
-    values = np.linalg.svd(_balanced(point), compute_uv=False)
-    if values[-1] > _RANK:
-        return f"the derivative keeps its rank: smallest singular value {values[-1]:.2g}"
-    if values.size > 1 and values[-2] < _RANK:
-        return "the derivative loses more than one rank: not a simple branch point"
-    return ""
+    return "" if "tangents" in point.detail else "no two curves were found to cross here"
 
 
 def _branch_point_polish(point: Point) -> tuple[Solution, Mapping[str, Any]]:
     found = crossing(point.curve, point.z)
+    if found.double:
+        reason = "the derivative loses more than one rank: not a simple branch point"
+        return found.solution, {"tangents": found.tangents, "reason": reason}
     return found.solution, {"tangents": found.tangents}
 
 
@@ -538,6 +554,28 @@ def _null_vector(point: Point) -> Array:
     n = point.curve.size
     vector = np.linalg.svd(_balanced(point)[:, :n])[2][-1] * point.curve.scales[:n]
     return vector / np.linalg.norm(vector)
+
+
+def singular_between(first: Array, last: Array) -> Array:
+    """Where between two matrices, 0 to 1, their linear interpolation is singular, in order.
+
+    Of steep and shallow singular values side by side the smallest alone shows no two zeros.
+    """
+    change = solve(first, first - last)
+    if change is None:  # an event is where the first is: seen from the other end
+        change = solve(last, last - first)
+        return np.empty(0) if change is None else 1 - _inverses(change)[::-1]
+    return _inverses(change)
+
+
+def _inverses(matrix: Array) -> Array:
+    """The inverses of the eigenvalues, as far as they are real and from 0 to 1, in order."""
+    if not (1.0 - _EDGE) ** 2 <= (matrix * matrix).sum() < math.inf:
+        return np.empty(0)  # no eigenvalue of a smaller matrix reaches 1
+    values = np.linalg.eigvals(matrix)
+    places = values.real / np.maximum(abs(values) ** 2, 1e-300)
+    near = (abs(values.imag) < _NEARLY * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
+    return np.sort(places[near])
 
 
 def signed_smallest(matrix: Array) -> float:

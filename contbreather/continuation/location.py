@@ -20,11 +20,12 @@ from .events import Event
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
 from .problem import Curve
 from .segment import Segment
-from .trail import ASIDE, Trail, Value, look_at, measure
+from .trail import ASIDE, Trail, Value, foresee, look_at, measure
 
 Array = NDArray[np.float64]
 
 _SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
+_CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
 _ROUNDS = 20  # how often a step is looked through again, at the events found so far
 _SAME = 1e-6  # relative distance of places on a boundary that are the same
 _AT_CUT = 1e-7  # a test this small where curves cross, relative to beside it, vanishes there
@@ -84,7 +85,7 @@ def find(
     located.sort(key=lambda point: point.arclength)
     end = segment.last.arclength * (1 - 1e-15)
     at_end = {id(p.event) for p in located if p.located and p.arclength >= end}
-    after = tuple(0 if id(t.event) in at_end else t.values[1.0] for t in trails)
+    after = tuple(0 if id(t.event) in at_end and not t.jumps else t.values[1.0] for t in trails)
     if curve.problem.adjoined is not None:
         located = list(_one_a_place(located))
     good = tuple(point for point in located if point.located)
@@ -124,9 +125,11 @@ def _rank(point: Point) -> tuple[bool, bool, bool]:
 def _events_on(segment: Segment, trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
     for trail in trails:
         yield from _at_ends(segment, trail, ends)
+        foresee(segment, trail)
         for low, high, point in told_apart(segment, trail):
             yield _special(point, trail.event, (low, high), segment)
         yield from _dipped(segment, trail)
+        yield from _closer(segment, trail)
     for _ in range(_ROUNDS):
         fresh = [point for trail in trails for point in _search(segment, trail)]
         yield from fresh
@@ -142,6 +145,20 @@ def _dipped(segment: Segment, trail: Trail) -> Iterator[Point]:
         return
     for low, high, point in bottom(segment, trail):
         yield _special(point, trail.event, (low, high), segment)
+
+
+def _closer(segment: Segment, trail: Trail) -> Iterator[Point]:
+    """Two zeros that are close together, on a shorter piece of curve: on a long one its cubic may
+    be further off than they are apart, and no event with its own polish is looked for elsewhere."""
+    for (left, middle), (same, right) in itertools.pairwise(trail.changes()):
+        width = right - left
+        if trail.event.polish is None or middle != same or width > _CLOSE:
+            continue
+        start, end = (segment.at(u) for u in (max(left - width, 0.0), min(right + width, 1.0)))
+        piece = Segment(start, end, segment.tolerance)
+        values = {u: measure(trail.event, piece.provisional(u)) for u in (0.0, 0.5, 1.0)}
+        trail.done.append((left, right))
+        yield from _events_on(piece, [Trail(trail.event, values)], Ends())
 
 
 def _between(

@@ -20,6 +20,7 @@ from . import normal_forms
 from .boundary import met
 from .branch import Point
 from .codim2 import CROSSED, cusp, oriented_overlap, without
+from .crossing import along
 from .cycles import Iterate, Map, cycle, generic, multiplier_matrix, shorter, units, with_period
 from .events import (
     Event,
@@ -31,7 +32,6 @@ from .events import (
     signed_smallest,
 )
 from .newton import OUT_OF_DOMAIN, Undefined
-from .normal_forms import along
 from .problem import Curve, Params, Problem
 from .seed import Seed
 
@@ -135,6 +135,11 @@ def _with_multiplier_one(event: Event) -> Event:
 
 def _flip_test(point: Point) -> float:
     return signed_smallest(units(point) + np.eye(point.curve.size))
+
+
+def _flip_places(first: Point, last: Point) -> Array:
+    one = np.eye(first.curve.size)
+    return static.singular_between(units(first) + one, units(last) + one)
 
 
 def _null(matrix: Array, scales: Array) -> Array:
@@ -389,7 +394,13 @@ def _resonance(k: int) -> Event:
 
 _PLAIN_FOLD = replace(_with_multiplier_one(static.fold()), locus=_fold_locus)
 _PLAIN_FLIP = Event(
-    "PD", _flip_test, locus=_flip_locus, verify=_flip_verify, analysis=_flip_analysis, arms=_doubled
+    "PD",
+    _flip_test,
+    places=_flip_places,
+    locus=_flip_locus,
+    verify=_flip_verify,
+    analysis=_flip_analysis,
+    arms=_doubled,
 )
 _PLAIN_ROTATION = Event(
     "NS",

@@ -18,6 +18,11 @@ Array = NDArray[np.float64]
 # ValueError. Anything else is a bug and must surface.
 OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 
+# Sums of terms that round once each, by eps/2: what is left of them was never seen to be more.
+_ROUNDED = 4 * np.finfo(float).eps
+_SHORTEST = 1e-6  # damping at which an approach gives up
+_NEAR = 1e-3  # length of a step, relative to 1 + |z|, at which it has arrived
+_LARGE = 10.0  # size of z beyond which its entries are looked at one by one
 _ROUNDING = 1e-12  # residual, relative to the terms of its row, of a solution where Newton is blind
 
 
@@ -69,7 +74,8 @@ def newton(
     `jacobian` returns an ``(m, n)`` array, with ``m = n`` without `row` and ``m = n - 1`` with it;
     `metric` holds the weights of a squared length, 1 if None.
     Raises `Undefined` where the equations have no value. A correction that grows ends the
-    iteration unconverged: a shorter predictor step is then the cure. Where the matrix is singular
+    iteration unconverged, unless all that is left of the equations is rounding: of stiff ones,
+    or beside a branch point, that may be more than `tolerance`. Where the matrix is singular
     a correction may be short far from any solution: there the residual has to be rounding.
     """
     size = z.size
@@ -91,10 +97,16 @@ def newton(
         correction = length(step, metric)
         if not correction < math.inf:
             raise Undefined("the Newton correction is not finite")
-        if correction > 2 * previous and correction > bound:
-            return Solution(z, False, iteration, _largest(value), correction)
+        if 2 * correction > previous and correction > bound:
+            solved = bool((abs(value) <= rounding(matrix[: value.size], z)).all())
+            if solved or correction > 2 * previous:
+                return Solution(z, solved, iteration, _largest(value), correction)
         z = z - step
-        if correction <= bound:
+        if correction <= bound and (
+            bound < _LARGE * tolerance
+            or 2 * correction > previous
+            or _each(step, z, metric, tolerance)
+        ):
             value = equations(z)
             solved = not singular or _is_rounding(value, matrix[: value.size], z, metric)
             return Solution(z, solved, iteration, _largest(value), correction)
@@ -102,8 +114,64 @@ def newton(
     return Solution(z, False, most, _largest(equations(z)), previous)
 
 
+def approach(
+    equations: Callable[[Array], Array],
+    jacobian: Callable[[Array], Array],
+    z: Array,
+    metric: Array | None = None,
+    most: int = 50,
+) -> Array | None:
+    """From anywhere to where full steps of Newton's iteration are short, or None.
+
+    A step is cut until the next one from there, for the same derivative, would be shorter
+    (P. Deuflhard, Newton Methods for Nonlinear Problems, section 3.3): that sees through any
+    mixing of the equations. With more unknowns than equations the shortest of all steps is taken.
+    """
+    weights = np.ones(z.size) if metric is None else metric**-0.5
+    damping = 1.0
+    value = equations(z)
+    for _ in range(most):
+        matrix = jacobian(z) * weights
+        step = _least(matrix, value)
+        size = length(step, None)
+        while damping > _SHORTEST:
+            try:
+                there = z - damping * step * weights
+                value = equations(there)
+                ahead = length(_least(matrix, value), None)
+            except Undefined:
+                ahead = math.inf
+            if ahead <= (1 - damping / 4) * size:
+                break
+            damping /= 2
+        else:
+            return None
+        z = there
+        if damping == 1 and ahead <= _NEAR * (1 + length(z, metric)):
+            return z
+        damping = min(1.0, 2 * damping)
+    return None
+
+
+def _least(matrix: Array, right: Array) -> Array:
+    """The step of least length to a solution of the linear equations."""
+    step = solve(matrix, right) if matrix.shape[0] == matrix.shape[1] else None
+    return _shortest(matrix, right) if step is None else step
+
+
+def rounding(matrix: Array, z: Array) -> Array:
+    """What is left of equations at a solution, for their derivative there."""
+    return np.asarray(_ROUNDED * (abs(matrix) @ abs(z)))
+
+
 def length(z: Array, metric: Array | None) -> float:
     return math.sqrt(z.dot(z) if metric is None else z.dot(z * metric))
+
+
+def _each(step: Array, z: Array, metric: Array | None, tolerance: float) -> bool:
+    """Whether a step is short for each entry: beside an entry of size 1e6 those of size 1 count."""
+    sizes = abs(z) + (1.0 if metric is None else metric**-0.5)
+    return bool((abs(step) <= tolerance * sizes).all())
 
 
 def _shortest(matrix: Array, right: Array) -> Array:

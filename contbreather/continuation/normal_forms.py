@@ -78,10 +78,13 @@ class Forms:
 
     def jet(self, v: Array) -> Jet:
         """Derivatives along v, by the step at which they depend least on it."""
+        # relative to the entries that v moves: an idle one of size 100 says nothing of the step
+        moved = np.linalg.norm(v / np.maximum(1.0, abs(self.z[: self.n] / self.scales)))
+        reach = 1 / max(float(moved), 1e-300)
         best, doubt, before = None, math.inf, None
-        for jet in self._jets(v):
+        for jet in self._jets(v, reach):
             if before is not None:
-                apart = self._apart(jet, before)
+                apart = self._apart(jet, before, reach)
                 if apart < doubt:
                     best, doubt = jet, apart
                 if doubt < _AGREED:
@@ -92,13 +95,11 @@ class Forms:
             raise Undefined("the equations have no value around the point: no normal form")
         return best
 
-    def _jets(self, v: Array) -> Iterator[Jet]:
-        size = float(np.linalg.norm(v))
-        if size == 0:
+    def _jets(self, v: Array, reach: float) -> Iterator[Jet]:
+        if not v.any():
             zero = np.zeros((self.n, self.n))
             yield Jet(zero, zero)
             return
-        reach = self.reach / size
         direction = np.zeros(self.z.size)
         direction[: self.n] = v * self.scales
         for step in _STEPS:
@@ -111,39 +112,13 @@ class Forms:
                 first, second = (np.tensordot(w, around, 1) for w in (_FIRST, _SECOND))
                 yield Jet(first / h, second / h**2)
 
-    def _apart(self, one: Jet, other: Jet) -> float:
+    def _apart(self, one: Jet, other: Jet, reach: float) -> float:
         """How far two jets differ, relative; a C that vanishes is measured by B, and that by A."""
         a, b, c = (_largest(matrix) for matrix in (self.A, one.B, one.C))
-        b, c = b * self.reach + 1e-3 * a, c * self.reach**2 + b * self.reach + 1e-3 * a
-        first = _largest(one.B - other.B) * self.reach / max(b, 1e-300)
-        second = _largest(one.C - other.C) * self.reach**2 / max(c, 1e-300)
+        b, c = b * reach + 1e-3 * a, c * reach**2 + b * reach + 1e-3 * a
+        first = _largest(one.B - other.B) * reach / max(b, 1e-300)
+        second = _largest(one.C - other.C) * reach**2 / max(c, 1e-300)
         return max(first, second)
-
-
-def along(curve: Curve, z: Array, v: Array) -> Array:
-    """Derivative of the whole Jacobian along a vector of unknowns, with a step that suits it: the
-    iterates of a map bend within ever shorter distances."""
-    direction = np.zeros(z.size)
-    direction[: v.size] = v
-    reach = max(1.0, float(abs(z / curve.scales).max())) / np.linalg.norm(direction / curve.scales)
-    best, doubt, before = None, math.inf, None
-    for step in _STEPS[2:]:
-        h = step * reach
-        try:
-            around = [curve.jacobian(z + i * h * direction) for i in range(-3, 4)]
-        except OUT_OF_DOMAIN:
-            continue
-        change = np.tensordot(_FIRST, np.stack(around), 1) / h
-        if before is not None:
-            apart = _largest(change - before) / max(_largest(change), 1e-300)
-            if apart < doubt:
-                best, doubt = change, apart
-            if doubt < _AGREED:
-                break
-        before = change
-    if best is None:
-        raise Undefined("the equations have no value around the point")
-    return best
 
 
 def _largest(matrix: Array) -> float:

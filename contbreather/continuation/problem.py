@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput, NotConverged
 from . import derivatives
-from .newton import OUT_OF_DOMAIN, Solution, Undefined, length, newton
+from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, length, newton, rounding
 
 if TYPE_CHECKING:
     from .adjoin import Adjoined
@@ -170,6 +170,11 @@ class Problem:
             finite = isinstance(total, complex) or math.isfinite(total)
         except TypeError as error:
             raise BadInput(f"the residual is {value!r}; an array of numbers was wanted") from error
+        if value.shape != x.shape:
+            raise BadInput(
+                f"the residual has shape {value.shape} for {x.size} unknowns; "
+                f"as many equations as unknowns, {x.shape}, were wanted"
+            )
         if isinstance(total, complex):  # what Python makes of (-1.0) ** 0.5
             raise Undefined("the equations are not real")
         if not finite:
@@ -188,7 +193,9 @@ class Problem:
         curve = Curve(self, ())
         before = float(abs(curve.equations(self.x)).max())
         try:
-            found = newton(curve.equations, curve.jacobian, self.x, tolerance=tolerance, most=30)
+            near = approach(curve.equations, curve.jacobian, self.x, curve.metric)
+            z = self.x if near is None else near
+            found = newton(curve.equations, curve.jacobian, z, tolerance=tolerance, most=30)
         except Undefined as error:
             raise NotConverged(
                 f"the start {self.shown()} is no solution (residual {before:.3g}) and Newton's "
@@ -234,6 +241,20 @@ def _real(name: str, value: Any) -> Array:
         raise BadInput(
             f"{name!r} must be a number or a one-dimensional array of numbers, got {value!r}"
         ) from error
+
+
+def _check_shape(what: str, given: Any, shape: tuple[int, ...]) -> None:
+    if hasattr(given, "toarray"):
+        raise BadInput(
+            f"the {what} is sparse, a {type(given).__name__}; a dense array of shape {shape} was "
+            "wanted: return its toarray()"
+        )
+    try:
+        found = np.asarray(given, dtype=float).shape
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"the {what} is {given!r}; an array of numbers was wanted") from error
+    if found != shape:
+        raise BadInput(f"the {what} has shape {found}; {shape} was wanted")
 
 
 class Curve:
@@ -311,6 +332,10 @@ class Curve:
         """A derivative (its first columns, in the order of z) in units of `scales` and `rows`."""
         return matrix * self.scales[: matrix.shape[1]] / self.rows[:, None]
 
+    def rounding(self, z: Array) -> Array:
+        """What rounding leaves of each equation at z."""
+        return rounding(self.jacobian(z), z)
+
     def params(self, z: Array) -> dict[str, float]:
         """All parameters at z, the free ones taken from it."""
         values = self.fixed.copy()
@@ -322,10 +347,8 @@ class Curve:
         return self.problem.evaluate(self.unknowns(z), self.params(z))
 
     def unknowns(self, z: Array) -> Array:
-        """The first entries of z, not to be written to: equations that do would move the point."""
-        x = z[: self.size]
-        x.flags.writeable = False
-        return x
+        """The first entries of z, a copy: equations that write to it do not move the point."""
+        return z[: self.size].copy()
 
     def jacobian(self, z: Array) -> Array:
         """Derivative of `equations`, shape ``(n, n + len(free))``; not to be written to."""
@@ -350,24 +373,34 @@ class Curve:
 
     def _jacobian(self, z: Array) -> Array:
         problem, n = self.problem, self.size
-        x = self.unknowns(z)
         if problem.adjoined is not None:
-            return problem.adjoined.whole(x, self.params(z))[:, : z.size]
+            return problem.adjoined.whole(z[:n], self.params(z))[:, : z.size]
         matrix = np.empty((n, z.size))
         by_hand = 0
         if problem.jacobian is not None:
-            params = self.params(z)
-            matrix[:, :n] = problem.jacobian(x, params)
+            matrix[:, :n] = problem.jacobian(self.unknowns(z), self.params(z))
             by_hand = n
             if problem.sensitivity is not None:
                 for i, name in enumerate(self.free):
-                    matrix[:, n + i] = problem.sensitivity(x, params, name)
+                    matrix[:, n + i] = problem.sensitivity(self.unknowns(z), self.params(z), name)
                 by_hand = z.size
         if by_hand < z.size:
-            if self._scheme is None:
-                self._scheme = derivatives.choose(self._raw, z, self.scales)
-            matrix[:, by_hand:] = self._scheme(self._raw, z, range(by_hand, z.size))
+            matrix[:, by_hand:] = self._by_trying(z, range(by_hand, z.size))
         return matrix
+
+    def _by_trying(self, z: Array, columns: range) -> Array:
+        """Columns of the derivative by the scheme that suits the residual, chosen anew where
+        complex numbers are refused after all."""
+        if self._scheme is derivatives.complex_steps:
+            try:
+                return self._scheme(self._raw, z, columns)
+            except OUT_OF_DOMAIN:
+                raise
+            except Exception:  # noqa: BLE001 - as where the scheme is chosen
+                self._scheme = None
+        if self._scheme is None:
+            self._scheme = derivatives.choose(self._raw, z, self.scales)
+        return self._scheme(self._raw, z, columns)
 
     def _raw(self, z: Array) -> Array:
         """The residual without checks, at a possibly complex z."""
@@ -388,33 +421,33 @@ class Curve:
             ) from error
         if value.dtype == bool:
             raise BadInput(f"the residual is {value!r}; an array of numbers was wanted")
-        if value.shape != (self.size,):
-            raise BadInput(
-                f"the residual has shape {value.shape} for {self.size} unknowns; "
-                f"as many equations as unknowns, ({self.size},), were wanted"
-            )
         self._check_shapes()
         wrong = self.misfit(self.start)
         if wrong:
             raise BadInput(wrong)
 
     def _check_shapes(self) -> None:
-        problem, n = self.problem, self.size
-        x, params = self.start[:n], self.params(self.start)
+        problem, z, n = self.problem, self.start, self.size
         if problem.jacobian is not None:
-            shape = np.shape(problem.jacobian(x, params))
-            if shape != (n, n):
-                raise BadInput(f"the Jacobian has shape {shape}; ({n}, {n}) was wanted")
+            given = problem.jacobian(self.unknowns(z), self.params(z))
+            _check_shape("Jacobian", given, (n, n))
         if problem.sensitivity is not None:
             for name in self.free:
-                shape = np.shape(problem.sensitivity(x, params, name))
-                if shape != (n,):
-                    raise BadInput(f"the sensitivity has shape {shape}; ({n},) was wanted")
+                given = problem.sensitivity(self.unknowns(z), self.params(z), name)
+                _check_shape("sensitivity", given, (n,))
 
     def misfit(self, z: Array) -> str:
         """What is wrong with derivatives that were given, seen at z: empty if nothing is."""
         problem = self.problem
-        if problem.jacobian is None and problem.sensitivity is None and problem.adjoined is None:
+        what = "the Jacobian that was given does not fit the residual"
+        if problem.adjoined is not None:
+            wrong = problem.adjoined.base.misfit(
+                problem.adjoined.split(z[: self.size], self.params(z))[0]
+            )
+            if wrong or problem.adjoined.locus.derivative is None:
+                return wrong
+            what = "the derivative of the locus does not fit its conditions"
+        elif problem.jacobian is None and problem.sensitivity is None:
             return ""
         given = self.jacobian(z)
         # one direction through all entries tells whether any is wrong
@@ -429,8 +462,7 @@ class Curve:
         if entry is None:
             return ""
         return (
-            f"the Jacobian that was given does not fit the residual: its entry {entry} "
-            f"is {given[entry]:.8g}, differences give {wanted[entry]:.8g}"
+            f"{what}: its entry {entry} is {given[entry]:.8g}, differences give {wanted[entry]:.8g}"
         )
 
     def reconsider(self, *places: Array) -> str:

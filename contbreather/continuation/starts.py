@@ -13,7 +13,7 @@ from ..errors import BadInput, NotConverged
 from .branch import Point
 from .crossing import crossing
 from .events import Event
-from .newton import Undefined, newton
+from .newton import Undefined, approach, newton
 from .problem import Curve, Problem
 from .segment import closest, tangent_at
 
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 Within = Mapping[str, tuple[float, float]]
 
 _GAP = 1e-6  # what is closer than this, relative to 1 + |z|, is at the start
+_REACH = 0.5  # how far, relative to 1 + |z|, the nearest solution may be
 _AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
 _SKEW = 1e-3  # how far a direction that was given may be off the tangent
 _ROUNDING = 1e-14  # relative residual of a start that is a solution already
@@ -30,7 +31,8 @@ def settled(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float
     """The curve with its start on it, and the residual there.
 
     A start that is a solution to rounding is taken as it is: at a fold or a branch point, where
-    Newton's iteration at a fixed parameter is singular, it could only get worse.
+    Newton's iteration at a fixed parameter is singular, it could only get worse. Where none is
+    found at the same parameter, the nearest one with another value of it is.
     """
     curve = Curve(problem, (free,))
     curve.check()
@@ -62,10 +64,12 @@ def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
 
 
 def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
-    """The curve started at a solution a hair away, with another value of the parameter: just
-    beyond a fold there is none at the same."""
-    z = curve.start
+    """The curve started at a solution near by, by the least correction in unknowns and parameter:
+    just beyond a fold there is none at the same parameter."""
     try:
+        z = approach(curve.equations, curve.jacobian, curve.start, curve.metric)
+        if z is None:
+            return None
         tangent, _ = tangent_at(curve, z, np.eye(1, z.size, z.size - 1)[0])
         row, metric = curve.dual(tangent), curve.metric
         found = newton(
@@ -73,9 +77,12 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
         )
     except Undefined:
         return None
-    if not found.converged or curve.length(found.z - z) > _GAP * (1 + curve.length(z)):
-        return None
     moved = Point(curve, found.z, tangent, 0.0, found.residual)
+    off = curve.length(found.z - curve.start)
+    domain = ((moved[name], *bounds) for name, bounds in curve.problem.domain.items())
+    inside = all(low <= value <= high for value, low, high in domain)
+    if not found.converged or not inside or off > _REACH * (1 + curve.length(curve.start)):
+        return None
     return Curve(moved.problem, curve.free), found.residual
 
 

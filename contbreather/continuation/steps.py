@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from numbers import Integral, Real
 
 from ..errors import BadInput
 
+_LARGEST, _RELATIVE = 0.1, 0.01  # of `longest`
 _ROUNDING = 1e-13  # corrections shorter than this, relative to 1 + |z|, may be rounding
 
 
@@ -21,8 +22,9 @@ class Steps:
         Arclength of the first step, if `largest` allows it.
     smallest : float
         A step that would have to be shorter ends the branch, with the reason.
-    largest : float
-        No step is longer.
+    largest : float, optional
+        No step is longer. By default 0.1, or a hundredth of the size of z where that is more:
+        where unknowns are counted in hundreds, so are their changes.
     most : int
         Number of steps after which the branch ends, in each direction.
     tolerance : float
@@ -40,21 +42,22 @@ class Steps:
 
     first: float = 0.01
     smallest: float = 1e-9
-    largest: float = 0.1
+    largest: float | None = None
     most: int = 2000
     tolerance: float = 1e-9
     growth: float = 1.5
 
     def __post_init__(self) -> None:
-        if not all(isinstance(size, Real) and not isinstance(size, bool) for size in astuple(self)):
+        sizes = (self.smallest, self.first, self.longest(0.0), self.tolerance, self.growth)
+        given: tuple[object, ...] = (*sizes, self.most)
+        if not all(isinstance(size, Real) and not isinstance(size, bool) for size in given):
             raise BadInput(f"every entry of {self} must be a number")
-        sizes = (self.smallest, self.first, self.largest, self.tolerance, self.growth)
         if not all(math.isfinite(size) and size > 0 for size in sizes):
             raise BadInput(f"every size in {self} must be finite and positive")
-        if not self.smallest <= min(self.first, self.largest):
+        if not self.smallest <= min(self.first, self.longest(0.0)):
             raise BadInput(
                 f"no step may be shorter than smallest = {self.smallest:g}, "
-                f"got first = {self.first:g} and largest = {self.largest:g}"
+                f"got first = {self.first:g} and largest = {self.longest(0.0):g}"
             )
         if self.growth <= 1:
             raise BadInput(f"growth must exceed 1, got {self.growth:g}")
@@ -64,3 +67,7 @@ class Steps:
             )
         if not issubclass(type(self.most), Integral) or self.most < 1:
             raise BadInput(f"most must be a whole number, at least 1 step, got {self.most}")
+
+    def longest(self, length: float) -> float:
+        """How long a step may be where z has this length."""
+        return max(_LARGEST, _RELATIVE * length) if self.largest is None else self.largest

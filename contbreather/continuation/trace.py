@@ -34,6 +34,7 @@ _STRAY = 0.003
 _FINE = 1e-7  # relative distance at which a curve has come back to its start
 _PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
+_MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
 _TINY = 1e-4  # what counts as a tiny step, relative to the longest so far
 _PATIENCE = 200  # so many of them in a row lead nowhere
@@ -71,8 +72,9 @@ def trace(
     Parameters
     ----------
     start : Problem, Breather or Point
-        Where to begin. A start that is no solution is moved onto one at the same parameters, or
-        refused with its residual.
+        Where to begin. A start that is no solution is moved onto one at the same parameters; where
+        none is found, onto the nearest with another value of the free one; or it is refused with
+        its residual. How far it was moved says ``branch.moved``.
     free : str
         Name of the free parameter. Folds in it are passed without notice.
     within : dict, optional
@@ -243,7 +245,9 @@ class Walker:
                 self.side = 0
             self.crossed = self.side == 0  # whether the start is a branch point
             self.bounds = bounds_of(self.curve, within)
-            self.origin = Point(self.curve, self.curve.start, tangent, 0.0, residual)
+            self.origin = Point(
+                self.curve, self.curve.start, tangent, 0.0, residual, detail=self._moved(problem)
+            )
             self.tests = self._first_tests()
         self.longest, self.tiny = 0.0, 0
 
@@ -314,7 +318,7 @@ class Walker:
 
     def _halving(self, point: Point, bend: Array, size: float) -> Step:
         failed = Failed(Stop.NO_CONVERGENCE)
-        size = min(size, self.steps.largest)
+        size = min(size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:
             try:
                 return self._attempt(point, bend, size)
@@ -456,6 +460,12 @@ class Walker:
         return False
 
     # --- events and ends ---
+
+    def _moved(self, given: Problem) -> dict[str, float]:
+        """How far the start that was given had to be moved, if that is worth telling."""
+        curve = self.curve
+        off = curve.length(curve.start - Curve(given, curve.free).start)
+        return {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
 
     def _first_tests(self) -> tuple[Value, ...]:
         for event in self.events:

@@ -116,3 +116,16 @@ def place_of(segment: Segment, event: Event) -> Callable[[float], Point]:
     """Where an event is looked for. Next to a branch point the corrector may end on the other
     curve, so that one with its own polish is looked for on the cubic."""
     return segment.at if event.polish is None else segment.provisional
+
+
+def foresee(segment: Segment, trail: Trail) -> None:
+    """Look between the places where a test should have its zeros, so that each leaves its change
+    of sign; and beside an event at the start, where the sign is not known."""
+    event, places = trail.event, np.empty(0)
+    if event.places is not None and segment.last.tangent.size:
+        places = event.places(segment.first, segment.last)
+    look = [float(u) for u in (places[:-1] + places[1:]) / 2]
+    if trail.values[0.0] == 0 and not trail.jumps:
+        look.append(ASIDE + 1e-12 * (1 + segment.curve.length(segment.first.z)) / segment.length)
+    for u in look:
+        trail.values[u] = measure(event, segment.provisional(u))

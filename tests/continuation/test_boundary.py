@@ -245,7 +245,8 @@ def test_a_wrong_derivative_of_a_locus_is_refused() -> None:
     )
     event = Event("GR", lambda point: point["x"] - 0.5, locus=lambda point: locus)
     branch = trace(cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[event])
-    with pytest.raises(BadInput, match=r"does not fit the residual: its entry \(1, "):
+    sentence = r"derivative of the locus does not fit its conditions: its entry \(1, "
+    with pytest.raises(BadInput, match=sentence):
         boundary(branch.first("GR"), ("mu", "h"))
 
 

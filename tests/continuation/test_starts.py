@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
+import contbreather as cb
 from contbreather.continuation import Event, Problem, Steps, Stop, trace, user
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NotConverged
 
 from .zoo import CUSP, LINE, PITCHFORK, events_of, trace_case
 
@@ -167,3 +168,125 @@ def test_a_test_that_is_zero_along_a_piece_of_the_curve_has_no_place(test, large
     assert events_of(branch) == []
     (point,) = branch.doubtful
     assert "zero along a piece of the curve" in point.detail["reason"]
+
+
+# --- starts far from a solution ---------------------------------------------------------------
+
+COM = {"q1": 2.5, "q2": 2.0, "q3": 10.0, "q4": 0.0675, "q5": 1.0, "q6": 0.1, "k": 0.4}
+
+
+def oxidation(u, p):
+    """CO on platinum, the model COm of BifurcationKit and MatCont."""
+    x, y, s = u
+    z = 1 - x - y - s
+    own = [2 * p["q1"] * z**2 - 2 * p["q5"] * x**2 - p["q3"] * x * y]
+    return np.array([*own, p["q2"] * z - p["q6"] * y - p["q3"] * x * y, p["q4"] * (z - p["k"] * s)])
+
+
+@pytest.mark.parametrize("s", [0.05, 5.0])
+def test_a_start_from_which_plain_steps_lead_astray_is_moved_to_the_curve(s: float) -> None:
+    """Newton's iteration without damping ends at a negative concentration, if at all."""
+    problem = cb.Problem(oxidation, {"x": 0.07, "y": 0.2, "s": s}, COM)
+    events = [cb.fold(), cb.hopf()]
+    branch = cb.trace(problem, "q2", within={"q2": (0.5, 2.3)}, events=events)
+    assert [point.kind for point in branch.special] == ["EP", "HB", "LP", "LP", "HB", "EP"]
+    known = [1.04099, 1.05220, 1.04204, 1.05155]  # as BifurcationKit prints them
+    assert [point["q2"] for point in branch.special[1:-1]] == pytest.approx(known, abs=1e-5)
+    assert min(branch["x"].min(), branch["y"].min()) > 0
+    distance = min(np.hypot(p["s"] - s, np.hypot(p["x"] - 0.07, p["y"] - 0.2)) for p in branch)
+    assert branch.moved >= distance - 0.1
+    assert f"the start was moved by {branch.moved:.2g}" in repr(branch)
+
+
+def stirred_tank(t: float, rate: float) -> cb.Problem:
+    def residual(u, p):
+        made = p["rate"] * p["t"] * (1 - u[0]) * np.exp(u[1])
+        return np.array([made - u[0], 8 * made - (1 + p["t"]) * u[1]])
+
+    return cb.Problem(residual, {"u": 0.75, "v": 4.0}, {"t": t, "rate": rate})
+
+
+@pytest.mark.parametrize(("t", "rate"), [(0.5, 0.2), (1.0, 0.2), (0.5, 0.15), (1.0, 0.05)])
+def test_how_far_a_start_was_moved_is_said(t: float, rate: float) -> None:
+    branch = cb.trace(stirred_tank(t, rate), "t", within={"t": (0.1, 5)}, events=[])
+    start = next(point for point in branch if "moved" in point.detail)
+    gone = math.dist((start["u"], start["v"], start["t"]), (0.75, 4.0, t))
+    assert branch.moved == pytest.approx(gone, rel=1e-12)
+    assert branch.moved > 0.2
+    if start["t"] != t:  # none was found at the same parameter: then the nearest
+        near = np.hypot(np.hypot(branch["u"] - 0.75, branch["v"] - 4.0), branch["t"] - t).min()
+        assert branch.moved < 1.3 * near
+
+
+def test_a_start_that_is_a_solution_was_not_moved() -> None:
+    branch = cb.trace(cb.Problem(lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0}), "mu")
+    assert branch.moved == 0
+    assert "moved" not in repr(branch)
+
+
+def test_linear_equations_are_solved_at_the_same_parameter_from_any_distance() -> None:
+    problem = cb.Problem(lambda x, p: x - 1000 * p["mu"], {"x": 0.0}, {"mu": 1.0})
+    branch = cb.trace(problem, "mu", within={"mu": (0.5, 2)})
+    start = next(point for point in branch if "moved" in point.detail)
+    assert (start["x"], start["mu"], branch.moved) == (1000.0, 1.0, 1000.0)
+
+
+def test_a_start_is_not_moved_out_of_the_domain() -> None:
+    """The nearest solution of x^2 = -mu has a negative mu."""
+    options = {"start": {"x": 0.1}, "params": {"mu": 0.01}}
+    moved = cb.trace(
+        cb.Problem(lambda x, p: x**2 + p["mu"], **options),
+        "mu",
+        towards="down",
+        within={"mu": (-1, 1)},
+    )
+    assert moved[0]["mu"] < 0
+    bounded = cb.Problem(lambda x, p: x**2 + p["mu"], **options, domain={"mu": (0.005, 1)})
+    with pytest.raises(NotConverged, match="is no solution"):
+        cb.trace(bounded, "mu")
+
+
+# --- steps where numbers are large ------------------------------------------------------------
+
+
+def enzyme(u, p):
+    """The demo enz of AUTO: a substrate in two cells."""
+    one, other = (s / (1 + s + s * s) for s in u)
+    return np.array(
+        [p["s0"] - 2 * u[0] + u[1] - 100 * one, p["s0"] - 2 * u[1] + u[0] - 100 * other]
+    )
+
+
+def waves(u, p):
+    """The demo wav of AUTO, where its parameter a0 goes up to 2000."""
+    rate = p["rho"] * u[1] / (3.4 + u[1]) * u[0] / (1 + u[0] + 0.023 * u[0] ** 2)
+    return np.array([145 - u[0] - rate, 0.2 * (p["a0"] - u[1]) - rate])
+
+
+def test_branches_through_large_numbers_reach_the_edge_of_their_window() -> None:
+    events = [cb.fold(), cb.branch_point(), cb.hopf()]
+    cells = cb.Problem(enzyme, {"u": 0.0, "v": 0.0}, {"s0": 0.0})
+    branch = cb.trace(cells, "s0", within={"s0": (0, 300)}, events=events)
+    assert branch.stop is cb.Stop.BOUND
+    # symmetric: s0 = s + 100 s / (1 + s + s^2), with folds where its slope vanishes
+    s = np.roots([1, 2, -97, 2, 101])
+    s = np.sort(s[(abs(s.imag) < 1e-9) & (s.real > 0)].real)
+    folds = [point for point in branch.special if point.kind == "LP"]
+    assert [point["u"] for point in folds] == pytest.approx(list(s), abs=1e-9)
+    assert [point.kind for point in branch.special] == ["EP", "LP", "BP", "BP", "LP", "EP"]
+    start = {"s": 62.7662, "a": 88.8308}
+    problem = cb.Problem(waves, start, {"a0": 500.0, "rho": 210.0})
+    branch = cb.trace(problem, "a0", within={"a0": (0, 2000)}, events=events)
+    assert [point.kind for point in branch.special] == ["EP", "LP", "LP", "HB", "EP"]
+    assert len(branch) < 600
+
+
+def test_a_longest_step_that_is_given_holds_everywhere() -> None:
+    problem = cb.Problem(lambda x, p: x - p["mu"], {"x": 900.0}, {"mu": 900.0})
+    options = {"towards": "up", "within": {"mu": (0, 1000)}}
+    free, held = (
+        cb.trace(problem, "mu", steps=steps, **options)
+        for steps in (cb.Steps(), cb.Steps(largest=5.0))
+    )
+    assert np.diff(held["arclength"]).max() <= 5.001
+    assert 12 < np.diff(free["arclength"]).max() < 15  # a hundredth of |z|
