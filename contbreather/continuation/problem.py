@@ -388,6 +388,17 @@ class Curve:
             matrix[:, by_hand:] = self._by_trying(z, range(by_hand, z.size))
         return matrix
 
+    def in_unknowns(self, z: Array) -> Array:
+        """The derivative in the unknowns alone, where none in parameters are wanted."""
+        try:
+            if self.problem.adjoined is not None:
+                return self.jacobian(z)[:, : self.size]
+            if self.problem.jacobian is None:
+                return self._by_trying(z, range(self.size))
+            return np.array(self.problem.jacobian(self.unknowns(z), self.params(z)))
+        except OUT_OF_DOMAIN as error:
+            raise Undefined(str(error)) from error
+
     def _by_trying(self, z: Array, columns: range) -> Array:
         """Columns of the derivative by the scheme that suits the residual, chosen anew where
         complex numbers are refused after all."""
