@@ -17,6 +17,8 @@ from .starts import Within
 from .steps import Steps
 from .trace import trace
 
+_MOST = 500  # steps in each direction
+
 
 def boundary(
     point: Point,
@@ -34,11 +36,14 @@ def boundary(
     ----------
     point : Point
         A special point of a branch (``branch.first("PF")``), or any point of another boundary. From
-        where two kinds meet, the boundary of the other one is followed.
+        where two kinds meet, the boundary of the other one is followed. Branch points (BP) are
+        followed where a symmetry or an invariant subspace holds the branches together for other
+        values of the parameters too, and refused where they come apart.
     pair : tuple of two str
         The two free parameters; `towards` refers to the first.
     within, towards, steps, progress
-        As for `trace`.
+        As for `trace`, but for at most 500 steps in each direction unless `steps` allow more: a
+        point of a boundary costs many times one of a branch, and without a window it has no end.
     events : iterable of Event, optional
         Events of the original problem to look for on the curve; all its own by default, apart
         from the kind that is traced. Those that were given to `trace` alone are not known here:
@@ -54,6 +59,8 @@ def boundary(
     ------
     BadInput
         If the point is not special, its event cannot be traced, or `pair` is not two parameters.
+    NotConverged
+        Where branch points turn out to be no curve.
 
     Examples
     --------
@@ -69,6 +76,7 @@ def boundary(
     """
     event = _traceable(point)
     longer = boundary_problem(point.ground, event, pair, events)
+    steps = steps or Steps(most=_MOST)
     return trace(longer, pair[0], within=within, towards=towards, steps=steps, progress=progress)
 
 
@@ -133,7 +141,8 @@ def met(kind: str, event: Event) -> Event:
         return replace(
             branch_point(),
             kind=f"{kind}-{event.kind}",
-            count=None,
+            count=None,  # of the longer problem it means nothing
+            places=None,  # to look ahead costs as much as a step
             locus=None,
             verify=_crossing_verify,
             met=event,
