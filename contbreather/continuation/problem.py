@@ -53,7 +53,8 @@ class Problem:
     record : dict, optional
         Name and function of a `Point` for each derived number to keep along a branch.
     domain : dict, optional
-        ``{name: (low, high)}``, bounds of unknowns or parameters beyond which nothing is meant.
+        ``{name: (low, high)}``, bounds of unknowns (of the norm of an array) or parameters beyond
+        which nothing is meant.
     scales : dict, optional
         Typical size of an unknown or parameter where that is far from 1: arclength, tolerance
         and differences are measured in it.
