@@ -46,6 +46,8 @@ class Adjoined:
     def residual(self, x: Array, params: Params) -> Array:
         z, extra = self.split(x, params)
         own = self.base.equations(z)
+        if self.locus.unfolding is not None:
+            own = own + self.locus.unfolding(extra)[0]
         conditions = np.asarray(self.locus.conditions(self.base, z, extra))
         if conditions.shape != (self.extra + 1,):
             raise BadInput(
@@ -64,6 +66,8 @@ class Adjoined:
         whole[:n, :n], whole[:n, n + m :] = own[:, :n], own[:, n:]
         whole[n:, :n], whole[n:, n + m :] = rows[:, :n], rows[:, n : z.size]
         whole[n:, n : n + m] = rows[:, z.size :]
+        if self.locus.unfolding is not None:
+            whole[:n, n : n + m] = self.locus.unfolding(extra)[1]
         return whole
 
     def moved(self, longer: Problem, free: tuple[str, ...]) -> Problem:
@@ -83,13 +87,22 @@ class Adjoined:
     def _conditions_derivative(self, z: Array, extra: Array) -> Array:
         if self.locus.derivative is not None:
             return np.asarray(self.locus.derivative(self.base, z, extra))
-        size = z.size
-        return derivatives.differences(
-            lambda y: self.locus.conditions(self.base, y[:size], y[size:]),
-            np.append(z, extra),
-            scales=np.append(self.base.scales, np.ones(extra.size)),
+        # apart: conditions that ask for derivatives of the problem at one z get those they had
+        own = derivatives.differences(
+            lambda y: self.locus.conditions(self.base, y, extra),
+            z,
+            scales=self.base.scales,
             one_sided=True,
         )
+        if not extra.size:
+            return own
+        others = derivatives.differences(
+            lambda y: self.locus.conditions(self.base, z, y),
+            extra,
+            scales=np.ones(extra.size),
+            one_sided=True,
+        )
+        return np.hstack([own, others])
 
 
 def lifted(locus: Locus, together: Adjoined, suffix: str) -> Locus:
@@ -137,11 +150,14 @@ def adjoined(
     clash = set(locus.extra) & set(problem.names)
     if clash:
         raise BadInput(f"rename {sorted(clash)} in the problem: the locus needs these names")
+    # an angle or a squared frequency is measured by its size: it is not what the steps are about
+    scalars = {name: abs(float(v)) for name, v in locus.extra.items() if np.ndim(v) == 0}
+    sizes = {name: size for name, size in scalars.items() if size > 1.0}
     return Problem(
         together.residual,
         {**problem.start, **locus.extra, released: problem.params[released]},
         {name: value for name, value in problem.params.items() if name != released},
         domain={**problem.domain, **{n: d for n, d in locus.domain.items() if n in base.free}},
-        scales=problem.scales,
+        scales={**sizes, **problem.scales},
         adjoined=together,
     )

@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from ..checks import check_kind
 from ..errors import BadInput
 from .adjoin import adjoined, lifted
 from .branch import Branch, Point
-from .events import Event, Locus
+from .events import Event, Locus, branch_point, branches_cross
 from .newton import Undefined
-from .problem import Problem
+from .problem import Curve, Problem
 from .starts import Within, all_of
 from .steps import Steps
 from .trace import trace
+
+_MOST = 500  # steps in each direction
 
 
 def boundary(
@@ -33,11 +37,14 @@ def boundary(
     ----------
     point : Point
         A special point of a branch (``branch.first("PF")``), or any point of another boundary. From
-        where two kinds meet, the boundary of the other one is followed.
+        where two kinds meet, the boundary of the other one is followed. Branch points (BP) are
+        followed where a symmetry or an invariant subspace holds the branches together for other
+        values of the parameters too, and refused where they come apart.
     pair : tuple of two str
         The two free parameters; `towards` refers to the first.
     within, towards, steps, progress
-        As for `trace`.
+        As for `trace`, but for at most 500 steps in each direction unless `steps` allow more: a
+        point of a boundary costs many times one of a branch, and without a window it has no end.
     events : iterable of Event, optional
         Events of the original problem to look for on the curve; all its own by default, apart
         from the kind that is traced. Those that were given to `trace` alone are not known here:
@@ -53,6 +60,8 @@ def boundary(
     ------
     BadInput
         If the point is not special, its event cannot be traced, or `pair` is not two parameters.
+    NotConverged
+        Where branch points turn out to be no curve.
 
     Examples
     --------
@@ -69,6 +78,7 @@ def boundary(
     check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
     event = _traceable(point)
     longer = boundary_problem(point.ground, event, pair, events)
+    steps = steps or Steps(most=_MOST)
     return trace(longer, pair[0], within=within, towards=towards, steps=steps, progress=progress)
 
 
@@ -85,11 +95,12 @@ def boundary_problem(
             raise BadInput(f"{name!r} is no parameter here; it has {list(base.params)}")
     if event.locus is None:
         raise BadInput(f"{event.kind} has no locus to trace in two parameters")
+    curve = Curve(base, (pair[1], pair[0]))
     try:
-        locus = event.locus(ground)
+        locus = event.locus(Point(curve, curve.start, np.empty(0), 0.0, ground.residual))
     except Undefined as error:
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
-    longer = adjoined(base, locus, released=pair[1], free=pair[0], event=event)
+    longer = adjoined(base, locus, released=pair[1], base=curve, event=event)
     wanted = all_of(events)
     given = base.events if wanted is None else wanted
     others = [
@@ -126,8 +137,19 @@ def _traceable(point: Point) -> Event:
 def met(kind: str, event: Event) -> Event:
     """An event of the original problem as one on the boundary of another: PF-GR.
 
-    Where both have a locus, the meeting is located by the conditions of both at once.
+    Where both have a locus, the meeting is located by the conditions of both at once. Where
+    branches cross, so do the boundaries on them: a branch point of the longer problem.
     """
+    if event.polish is not None:
+        return replace(
+            branch_point(),
+            kind=f"{kind}-{event.kind}",
+            count=None,  # of the longer problem it means nothing
+            places=None,  # to look ahead costs as much as a step
+            locus=None,
+            verify=_crossing_verify,
+            met=event,
+        )
     suffix = f" of {event.kind}"
 
     def locus(point: Point) -> Locus:
@@ -150,3 +172,10 @@ def met(kind: str, event: Event) -> Event:
         verify=verify if event.verify else None,
         met=event,
     )
+
+
+def _crossing_verify(point: Point) -> str:
+    """Whether branches cross for the original problem, too."""
+    if branches_cross(point.ground):
+        return ""
+    return "the boundary is singular here, but the branches it is on do not cross"

@@ -23,6 +23,7 @@ from .newton import OUT_OF_DOMAIN
 
 Array = NDArray[np.float64]
 
+CROSSED = "branches cross here, held together by a symmetry or an invariant subspace"
 _ZERO = 1e-5  # eigenvalues this small, relative to the derivative, are zero: double ones split
 
 
@@ -41,7 +42,7 @@ def fold() -> Event:
     >>> abs(branch.first("LP")["mu"]) < 1e-12
     True
     """
-    return replace(_FOLD, meets={"HB": (_ON_HOPF_ZERO,)})
+    return replace(_FOLD, meets={**_FOLD.meets, "HB": (_ON_HOPF_ZERO,)})
 
 
 def hopf() -> Event:
@@ -51,7 +52,8 @@ def hopf() -> Event:
     A pair of real eigenvalues of opposite sign (a neutral saddle) is told apart. A located point
     knows ``detail["omega"]``, the first Lyapunov coefficient ``detail["l1"]`` (for the eigenvector
     of length 1; negative: a stable limit cycle is born) and what its sign means,
-    ``detail["criticality"]``. As a curve in two parameters it meets GH, ZH, HH, and ends at BT.
+    ``detail["criticality"]``. As a curve in two parameters it meets GH, ZH, HH, and ends at BT,
+    where ``detail["degenerate"]`` says so if the normal form is another: by symmetry, for instance.
 
     Examples
     --------
@@ -64,7 +66,8 @@ def hopf() -> Event:
     >>> round(point["B"], 12), round(point.detail["l1"], 9), point.detail["criticality"]
     (2.0, -0.5, 'supercritical')
     """
-    return replace(_HOPF, analysis=_first_lyapunov, meets={"LP": (_BT_ON_FOLD, _ON_FOLD_HOPF)})
+    meets = {"LP": (_BT_ON_FOLD, _ON_FOLD_HOPF), "BP": (_BT_ON_BRANCH_POINTS, _ON_BRANCH_POINTS)}
+    return replace(_HOPF, analysis=_first_lyapunov, meets=meets)
 
 
 # --- on curves of folds -----------------------------------------------------------------------
@@ -104,15 +107,17 @@ def _cusp_verify(point: Point) -> str:
 
 def _cusp_analysis(point: Point) -> Mapping[str, Any]:
     ground = point.ground
-    return {"c": normal_forms.cubic_at_cusp(ground.curve, ground.z)[1].value.real}
+    c = normal_forms.cubic_at_cusp(ground.curve, ground.z)[1].value.real
+    return {"c": c, "degenerate": CROSSED} if events.branches_cross(ground) else {"c": c}
 
 
-def oriented_overlap(matrix: Array, null: Array) -> float:
-    """``w . null`` with the left null vector w as in the adjugate, so that no sign jumps: zero
+def oriented_overlap(matrix: Array) -> float:
+    """``w . v`` of the left and right null vector as in the adjugate, so that no sign jumps: zero
     where the eigenvalue 0 is double with one eigenvector."""
+    if len(matrix) < 2:
+        return math.nan
     left, _, right = np.linalg.svd(matrix)
-    sign = np.linalg.det(left) * np.linalg.det(right) * np.sign(right[-1] @ null)
-    return float(sign * left[:, -1] @ null / np.linalg.norm(null))
+    return float(np.linalg.det(left) * np.linalg.det(right) * left[:, -1] @ right[-1])
 
 
 def without(values: NDArray[np.complex128], *known: complex) -> NDArray[np.complex128]:
@@ -135,33 +140,50 @@ def _least_sum(values: NDArray[np.complex128]) -> float:
     return events.least_with_sign(values[one] + values[other], 0.0)
 
 
-def _overlap_on_fold(point: Point) -> float:
-    null = np.atleast_1d(point["null"])
-    if null.size < 2:
-        return math.nan
+def _overlap(point: Point) -> float:
+    """The test of BT where one eigenvalue is zero all along the curve."""
     ground = point.ground
-    return oriented_overlap(ground.jacobian()[:, : ground.curve.size], null)
+    return oriented_overlap(ground.jacobian()[:, : ground.curve.size])
 
 
 def _takens_verify(point: Point) -> str:
-    ground = point.ground
     try:
-        a, b = normal_forms.takens_bogdanov(ground.curve, ground.z)
+        return str(_takens_analysis(point).get("degenerate", ""))
     except OUT_OF_DOMAIN as error:
         return str(error)
-    if a.degenerate or b.degenerate:
-        return f"degenerate: a = {a.value.real:.2g}, b = {b.value.real:.2g}"
+
+
+def _double_zero_verify(point: Point) -> str:
+    """A double zero with one eigenvector, whatever the normal form: there a curve of Hopf points
+    ends, and one of branch points meets it."""
+    try:
+        _takens_analysis(point)
+    except OUT_OF_DOMAIN as error:
+        return str(error)
     return ""
 
 
 def _takens_analysis(point: Point) -> Mapping[str, Any]:
+    """Both coefficients, and why the normal form is another if it is."""
     ground = point.ground
     a, b = normal_forms.takens_bogdanov(ground.curve, ground.z)
-    return {"a": a.value.real, "b": b.value.real}
+    found = {"a": a.value.real, "b": b.value.real}
+    if events.branches_cross(ground):
+        return {**found, "degenerate": CROSSED}
+    if a.degenerate or b.degenerate:
+        reason = f"degenerate: a = {a.value.real:.2g}, b = {b.value.real:.2g}"
+        return {**found, "degenerate": reason}
+    return found
 
 
 def _zero_hopf_verify(point: Point) -> str:
-    """One eigenvalue zero, one pair on the axis and away from zero, no other on it."""
+    """One eigenvalue zero in a fold, one pair on the axis and away from zero, no other on it."""
+    if events.branches_cross(point.ground):
+        return "a branch point, not a fold"
+    return _zero_and_pair(point)
+
+
+def _zero_and_pair(point: Point) -> str:
     values, small = _eigenvalues(point)
     zero = abs(values) < small
     pair = (abs(values.real) < small) & ~zero
@@ -194,7 +216,7 @@ def _eigenvalues(point: Point) -> tuple[NDArray[np.complex128], float]:
 def _hopf_locus(point: Point) -> Locus:
     locus = events.hopf().locus(point)  # type: ignore[misc]  # a Hopf point has one
     ends = tuple(
-        replace(one, verify=_takens_verify, analysis=_takens_analysis) for one in locus.events
+        replace(one, verify=_double_zero_verify, analysis=_takens_analysis) for one in locus.events
     )
     return replace(locus, events=(*ends, _GENERALISED, _DOUBLE_HOPF))
 
@@ -284,6 +306,8 @@ _ON_FOLD_HOPF = replace(
     verify=_zero_hopf_verify,
     analysis=_pair_analysis,
 )
-_BT_ON_FOLD = Event(
-    "BT", _overlap_on_fold, verify=_takens_verify, analysis=_takens_analysis, met=_HOPF
+_ON_BRANCH_POINTS = replace(
+    met("BP", _HOPF), test=_hopf_beside_zero, verify=_zero_and_pair, analysis=_pair_analysis
 )
+_BT_ON_FOLD = Event("BT", _overlap, verify=_takens_verify, analysis=_takens_analysis, met=_HOPF)
+_BT_ON_BRANCH_POINTS = replace(_BT_ON_FOLD, verify=_double_zero_verify)

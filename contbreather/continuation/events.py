@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import number
-from ..errors import BadInput
+from ..errors import BadInput, NotConverged
 from .branch import Point
 from .crossing import GAP, along, crossing
 from .newton import Solution, Undefined, solve
@@ -26,10 +26,15 @@ Array = NDArray[np.float64]
 _NEARLY = 0.1  # how far off the real axis, relative, two zeros that are not quite real may be
 _EDGE = 1e-9  # how far outside of a step its ends still belong to it
 _EXACT = 1e-14  # relative rounding of singular values
+_RANK = 1e-7  # balanced singular value of a matrix that loses rank; at a located point about 1e-12
 _ZERO = 1e-6  # relative size of eigenvalues that are both zero: a double zero splits by a root
 # Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
 # where they are zero all along a branch, as in conservative systems.
 _ROUNDING = 2e-13
+_PARTING = 1e-5  # and of a second derivative that vanishes along a curve of branch points
+# Branches that miss each other by a distance d solve the equations up to d^2 between them: what is
+# left after Newton's iteration with differences, and what `crossing` takes for one.
+_SPLIT = 1e-10
 _NONE = 1e-100  # the size of what has a sign only
 
 
@@ -51,6 +56,10 @@ class Locus:
     domain : dict, optional
         ``{name: (low, high)}``, bounds of parameters, where they are freed, within which the
         conditions can be followed, as far as they are narrower than those of the problem.
+    unfolding : callable, optional
+        ``unfolding(extra) -> (value, slope)``, shapes (n,) and (n, m): what is added to the
+        problem's own equations, and its derivative. Needed where these alone are singular along
+        the curve, as they are at branch points; where the event is met it vanishes.
     """
 
     extra: Mapping[str, Any]
@@ -58,6 +67,7 @@ class Locus:
     derivative: Callable[[Curve, Array, Array], Array] | None = None
     events: tuple[Event, ...] = ()
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    unfolding: Callable[[Array], tuple[Array, Array]] | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -84,12 +94,14 @@ class Event:
         from the first to the last, the test should have its zeros, roughly. It is looked at
         between them, so that two zeros within a step leave their changes of sign.
     locus : callable, optional
-        ``locus(point) -> Locus`` at a point close to the event. Needed to trace the event in two
-        parameters, and to locate one whose test jumps beyond what bisection gives.
+        ``locus(point) -> Locus`` at a point close to the event, its curve with both parameters
+        free where a boundary sets out. Needed to trace the event in two parameters, and to locate
+        one whose test jumps beyond what bisection gives.
     verify : callable, optional
         ``verify(point) -> str``: empty if the located point is what the kind says, else why not.
     polish : callable, optional
-        ``polish(point) -> (Solution, detail)`` sharpens a located point that has no locus.
+        ``polish(point) -> (Solution, detail)`` sharpens a located point where curves cross: there
+        the equations are singular, and a locus needs a second parameter.
     met : Event, optional
         On a boundary of another kind: the event of the original problem that was met.
     meets : dict, optional
@@ -168,7 +180,8 @@ def fold() -> Event:
     >>> abs(branch.first("LP")["mu"]) < 1e-12
     True
     """
-    return Event("LP", _fold_test, locus=_fold_locus, verify=_fold_verify)
+    # all along a curve of branch points the derivative in the unknowns is singular
+    return Event("LP", _fold_test, locus=_fold_locus, verify=_fold_verify, meets={"BP": ()})
 
 
 def branch_point() -> Event:
@@ -192,6 +205,7 @@ def branch_point() -> Event:
         _branch_point_test,
         count=_unstable,
         places=_branch_point_places,
+        locus=_branch_point_locus,
         verify=_branch_point_verify,
         polish=_branch_point_polish,
         arms=_branch_point_arms,
@@ -298,6 +312,108 @@ def _branch_point_polish(point: Point) -> tuple[Solution, Mapping[str, Any]]:
     return found.solution, {"tangents": found.tangents}
 
 
+def branches_cross(ground: Point) -> bool:
+    """Whether the derivative in unknowns and both parameters loses one rank: solutions then are
+    no smooth surface, and branches cross for other values of the parameters as well."""
+    sizes = np.linalg.svd(_balanced(ground), compute_uv=False)
+    return bool(sizes[-1] < _RANK and (sizes.size == 1 or sizes[-2] > _RANK))
+
+
+def _branch_point_locus(point: Point) -> Locus:
+    """``H + split b = 0`` and rank n - 1 of ``A = (H_x, H_p d)``, where the direction d of the two
+    parameters leaves the curve of branch points.
+
+    H alone is singular at every branch point, so it is unfolded by `split`: by how much branches
+    that do not quite cross miss each other. Curves of branch points need three parameters in
+    general. With two there are some where a symmetry or an invariant subspace holds the branches
+    together, and then `split` stays 0.
+    """
+    b, null, direction = _held_together(point)
+
+    def bordered(curve: Curve, z: Array) -> Array:
+        A = _columns(curve.jacobian(z), direction)
+        return np.block([[A, b[:, None]], [null, np.zeros((2, 1))]])
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        return _solved(bordered(curve, z), np.eye(curve.size + 2)[:, -2:])[-1]
+
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        matrix, n = bordered(curve, z), curve.size
+        unit = np.eye(n + 2)
+        vectors, w = _solved(matrix, unit[:, -2:])[:-1].T, _solved(matrix.T, unit[-1])[:n]
+        # - w^T A'(u) v for all u at once: second derivatives are symmetric
+        rows = [w @ along(curve, z, np.append(v[:n], v[n] * direction)) for v in vectors]
+        return -np.hstack([rows, np.zeros((2, 1))])
+
+    stays = Event("BP", _refuse_to_part)
+    return Locus(
+        {"split": 0.0},
+        conditions,
+        derivative,
+        events=(stays,),
+        unfolding=lambda extra: (extra[0] * b, b[:, None]),
+    )
+
+
+def _columns(rows: Array, direction: Array) -> Array:
+    """Columns of the unknowns, and of the parameters along a direction."""
+    n = rows.shape[1] - 2
+    return np.hstack([rows[:, :n], (rows[:, n:] @ direction)[:, None]])
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError as error:
+        raise Undefined("more than one rank is lost at a branch point") from error
+
+
+def _held_together(point: Point) -> tuple[Array, Array, Array]:
+    """Left and right null vectors of A, and the direction d across the curve of branch points: to
+    first order nothing changes along the null vector of ``w^T H_zz`` in the null space of H_z."""
+    curve, z = point.curve, point.z
+    one, other = curve.free
+    left, sizes, right = np.linalg.svd(_balanced(point))
+    refusal = (
+        f"the branches cross at these values of {one} and {other} only, and come apart beside "
+        "them; a curve of such branch points needs a third parameter"
+    )
+    if sizes[-1] > _RANK:
+        raise Undefined(refusal)
+    null = right[-3:]
+    bent = np.stack([curve.balanced(along(curve, z, v * curve.scales)) for v in null])
+    form = left[:, -1] @ bent @ null.T
+    values, axes = np.linalg.eigh((form + form.T) / 2)
+    least = int(abs(values).argmin())
+    if abs(values[least]) > _PARTING * abs(values).max():
+        raise Undefined(refusal)
+    tangent = (axes[:, least] @ null * curve.scales)[-2:]
+    if not np.linalg.norm(tangent) > _RANK:
+        raise Undefined(f"the branch point does not move with {one} and {other}")
+    direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)
+    w = left[:, -1] / curve.rows
+    return (
+        w / np.linalg.norm(w),
+        np.linalg.svd(_columns(point.jacobian(), direction))[2][-2:],
+        direction,
+    )
+
+
+def _refuse_to_part(point: Point) -> float:
+    """No test: the curve is analytic, so that branches either cross all along it or nowhere else
+    but at its start."""
+    ground = point.ground
+    split = abs(point["split"]) / float(ground.curve.rows.max())
+    if split > _SPLIT * (1 + ground.curve.length(ground.z)) ** 2:
+        values = ", ".join(f"{name} = {point[name]:.6g}" for name in ground.curve.free)
+        raise NotConverged(
+            f"no curve of branch points: at {values} the branches have come apart (they miss each "
+            f"other by {split:.2g} in the equations); it needs a third parameter",
+            residual=split,
+        )
+    return float("nan")
+
+
 def _branch_point_arms(point: Point) -> tuple[Seed, ...]:
     """Both directions of the curve that crosses the one the point was found on."""
     if "tangents" not in point.detail:
@@ -346,9 +462,7 @@ def _unstable_pairs(point: Point) -> int:
 def _hopf_locus(point: Point) -> Locus:
     square, real, imaginary = _axis_pair(_flow(point))
     real, imaginary = (vector * point.curve.scales[: vector.size] for vector in (real, imaginary))
-    null = real / np.linalg.norm(real)
-    reference = imaginary - (imaginary @ null) * null
-    reference /= np.linalg.norm(reference)
+    null, reference = frame(real, imaginary)
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
         null, square = extra[:-1], extra[-1]
@@ -381,7 +495,6 @@ def _axis_pair(matrix: Array) -> tuple[float, Array, Array]:
     size = _ZERO * np.linalg.norm(matrix, 2)
     if np.count_nonzero(abs(values) < size) == 2:  # both zero, with one eigenvector
         null = np.linalg.svd(matrix)[2][-1]
-        # in this order: a fold satisfies the same conditions with omega = 0 and its null vector
         return 0.0, np.linalg.lstsq(matrix, null)[0], null
     pairs = np.flatnonzero(values.imag > 0)
     if not pairs.size:
@@ -391,8 +504,24 @@ def _axis_pair(matrix: Array) -> tuple[float, Array, Array]:
     return float(values[nearest].imag ** 2), vector.real, vector.imag
 
 
+def frame(one: Array, other: Array) -> tuple[Array, Array]:
+    """Orthonormal vectors of the plane of a pair, the first between both that are given: where the
+    pair becomes a double eigenvalue its eigenvector must not be that one, as it satisfies the
+    conditions of a pair by itself."""
+    null = one / np.linalg.norm(one) + other / np.linalg.norm(other)
+    null /= np.linalg.norm(null)
+    reference = one - (one @ null) * null
+    return null, reference / np.linalg.norm(reference)
+
+
 # Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.
-_TAKENS = Event("BT", lambda point: point["omega2"], terminal=True, positive=True, met=fold())
+_TAKENS = Event(
+    "BT",
+    lambda point: point["omega2"],
+    terminal=True,
+    positive=True,
+    met=fold(),
+)
 
 
 def _hopf_verify(point: Point) -> str:

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 _SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
 _CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
 _ROUNDS = 20  # how often a step is looked through again, at the events found so far
+_SAME = 1e-6  # relative distance of places on a boundary that are the same
+_AT_CUT = 1e-7  # a test this small where curves cross, relative to beside it, vanishes there
 _AT_END = 1e-12  # a walk that ends this close to an event, relative to 1 + |z|, ends at it
 
 
@@ -81,13 +83,43 @@ def find(
     else:
         located += _events_on(segment, others, ends)
     located.sort(key=lambda point: point.arclength)
+    end = segment.last.arclength * (1 - 1e-15)
+    at_end = {id(p.event) for p in located if p.located and p.arclength >= end}
+    after = tuple(0 if id(t.event) in at_end and not t.jumps else t.values[1.0] for t in trails)
+    if curve.problem.adjoined is not None:
+        located = list(_one_a_place(located))
     good = tuple(point for point in located if point.located)
     doubtful = tuple(point for point in located if not point.located)
-    at_end = {id(p.event) for p in good if p.arclength >= segment.last.arclength * (1 - 1e-15)}
-    after = tuple(
-        0 if id(t.event) in at_end and not t.jumps else t.values[1.0] for t in trails
-    )
     return Found(good, doubtful, after)
+
+
+def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
+    """On a boundary: one label for all that is seen at one place, where several tests vanish at
+    once. An event that ends the curve goes before one where others cross it, and that before the
+    rest. Where nothing is verified, as for the values a user asks for, each keeps its own."""
+    left = list(points)
+    while left:
+        first = left.pop(0)
+        if first.event is None or first.event.verify is None:
+            yield first
+            continue
+        reach = _SAME * (1 + first.curve.length(first.z))
+        here = [first] + [
+            other
+            for other in left
+            if other.event is not None
+            and other.event.verify is not None
+            and first.curve.length(other.z - first.z) <= reach
+        ]
+        left = [other for other in left if not any(other is one for one in here)]
+        best = max(here, key=_rank)
+        also = {p.kind: None for p in here if p.located and p.kind != best.kind}
+        yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
+
+
+def _rank(point: Point) -> tuple[bool, bool, bool]:
+    ends = point.event is not None and point.event.terminal
+    return point.located, ends, "tangents" in point.detail
 
 
 def _events_on(segment: Segment, trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
@@ -145,9 +177,21 @@ def _between(
             for t, value in zip(trails, values, strict=True)
         ]
         at_first, at_last = start is segment.first, end is segment.last
+        for part in parts:
+            if not at_last and _vanishes(part, part.values[1.0]):
+                # its sign is rounding: what is seen here must not be seen to either side as well
+                part.values[1.0] = math.nan
+                there = replace(end, located=True, detail={})
+                yield _special(there, part.event, (1.0, 1.0), piece)
         own = Ends(ends.first and at_first, ends.last and at_last, ends.closed and at_last)
         yield from _events_on(piece, parts, own)
         values = [part.values[1.0] for part in parts]
+
+
+def _vanishes(trail: Trail, value: Value) -> bool:
+    """Whether a test is zero where curves cross, but for rounding."""
+    beside = max(abs(trail.values[0.0]), abs(trail.values[0.5]))
+    return not trail.jumps and abs(value) <= _AT_CUT * beside
 
 
 def _at_ends(segment: Segment, trail: Trail, ends: Ends) -> Iterator[Point]:

@@ -19,10 +19,18 @@ from . import events as static
 from . import normal_forms
 from .boundary import met
 from .branch import Point
-from .codim2 import cusp, oriented_overlap, without
+from .codim2 import CROSSED, cusp, oriented_overlap, without
 from .crossing import along
 from .cycles import Iterate, Map, cycle, generic, multiplier_matrix, shorter, units, with_period
-from .events import Event, Locus, branch_point, least_with_sign, signed_smallest
+from .events import (
+    Event,
+    Locus,
+    branch_point,
+    branches_cross,
+    frame,
+    least_with_sign,
+    signed_smallest,
+)
 from .newton import OUT_OF_DOMAIN, Undefined
 from .problem import Curve, Params, Problem
 from .seed import Seed
@@ -223,7 +231,6 @@ def _circle_pair(point: Point) -> tuple[float, Array, Array]:
         if (abs(values - sign) < _ZERO * max(1.0, float(np.linalg.norm(matrix, 2)))).sum() == 2:
             shifted = matrix - sign * np.eye(len(matrix))
             null = np.linalg.svd(shifted)[2][-1]
-            # in this order, as a single multiplier +-1 satisfies the conditions with its vector
             return sign, np.linalg.lstsq(shifted, null)[0], null
     upper = np.flatnonzero(values.imag > 0)
     if not upper.size:
@@ -236,9 +243,7 @@ def _circle_pair(point: Point) -> tuple[float, Array, Array]:
 def _rotation_locus(point: Point) -> Locus:
     """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
     cosine, real, imaginary = _circle_pair(point)
-    null = real / np.linalg.norm(real)
-    reference = imaginary - (imaginary @ null) * null
-    reference /= np.linalg.norm(reference)
+    null, reference = frame(real, imaginary)
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
         null, cosine = extra[:-1], extra[-1]
@@ -299,11 +304,8 @@ def _overlap(sign: int) -> Callable[[Point], float]:
     """Zero where the multiplier of a curve of folds (1) or doublings (-1) is double."""
 
     def test(point: Point) -> float:
-        null = np.atleast_1d(point["null"])
-        if null.size < 2:
-            return math.nan
-        matrix = multiplier_matrix(point.ground) - sign * np.eye(null.size)
-        return oriented_overlap(matrix, null)
+        matrix = multiplier_matrix(point.ground)
+        return oriented_overlap(matrix - sign * np.eye(len(matrix)))
 
     return test
 
@@ -325,11 +327,17 @@ def _double_verify(sign: int) -> Callable[[Point], str]:
     return verify
 
 
-def _on_circle(wanted: str) -> Callable[[Point], str]:
+def _double_one_analysis(point: Point) -> Mapping[str, Any]:
+    return {"degenerate": CROSSED} if branches_cross(point.ground) else {}
+
+
+def _on_circle(wanted: str, *, fold: bool = False) -> Callable[[Point], str]:
     """Whether the multipliers on the unit circle are those of `wanted`: of ``+1``, ``-1`` and
-    ``pair`` each at most once."""
+    ``pair`` each at most once. With `fold` the multiplier 1 must be that of a fold."""
 
     def verify(point: Point) -> str:
+        if fold and branches_cross(point.ground):
+            return "a branch point, not a fold"
         values = np.linalg.eigvals(units(point.ground)).astype(complex)
         on = values[abs(abs(values) - 1) < 1e-4]
         found = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
@@ -416,7 +424,8 @@ def _meeting(
     test: Callable[[Point], float] | None = None,
 ) -> dict[str, tuple[Event, ...]]:
     """On the boundary `on`, what meeting `event` there is called."""
-    named = replace(met(on, event), kind=kind, verify=_on_circle(wanted), analysis=None, arms=None)
+    verify = _on_circle(wanted, fold="+1" in wanted and on != "BP")
+    named = replace(met(on, event), kind=kind, verify=verify, analysis=None, arms=None)
     return {on: (named if test is None else replace(named, test=test),)}
 
 
@@ -457,6 +466,7 @@ _ON_ROTATION = (
         terminal=True,
         positive=True,
         verify=_double_verify(1),
+        analysis=_double_one_analysis,
         met=_PLAIN_FOLD,
     ),
     Event(
@@ -475,6 +485,7 @@ _ON_ROTATION = (
 _FOLD_OF_MAP = replace(
     _PLAIN_FOLD,
     meets={
+        **_PLAIN_FOLD.meets,
         **_meeting("LPPD", "PD", _PLAIN_FOLD, "+1 -1"),
         **_meeting("LPNS", "NS", _PLAIN_FOLD, "+1 pair", _beside_pair(1)),
     },
@@ -484,6 +495,7 @@ _FLIP = replace(
     meets={
         **_meeting("LPPD", "LP", _PLAIN_FLIP, "+1 -1"),
         **_meeting("PDNS", "NS", _PLAIN_FLIP, "-1 pair", _beside_pair(-1)),
+        **_meeting("BP-PD", "BP", _PLAIN_FLIP, "+1 -1"),
     },
 )
 _ROTATION = replace(
@@ -491,6 +503,10 @@ _ROTATION = replace(
     meets={
         **_meeting("LPNS", "LP", _PLAIN_ROTATION, "+1 pair", _pair_beside(1)),
         **_meeting("PDNS", "PD", _PLAIN_ROTATION, "-1 pair", _pair_beside(-1)),
+        "BP": (
+            replace(_R1_ON_FOLD, analysis=_double_one_analysis),
+            *_meeting("BP-NS", "BP", _PLAIN_ROTATION, "+1 pair", _pair_beside(1))["BP"],
+        ),
     },
 )
 EVENTS = (_FOLD_OF_MAP, _with_multiplier_one(branch_point()), _FLIP, _ROTATION)

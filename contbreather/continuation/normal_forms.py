@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,8 +28,12 @@ Complex = NDArray[np.complex128]
 # Seven-point formulas for a first and a second derivative; the steps they are tried with.
 _FIRST = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
 _SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / 180
+# Five of the same seven places: how far they lead off tells what the step is worth.
+_FIRST_OF_FIVE = np.array([0, 1, -8, 0, 8, -1, 0]) / 12
+_SECOND_OF_FIVE = np.array([0, -1, 16, -30, 16, -1, 0]) / 12
 _STEPS = [0.04 / 4**i for i in range(7)]
-_AGREED = 1e-9  # relative difference of two steps at which no shorter one is tried
+_AGREED = 1e-9  # relative difference at which no shorter step is tried
+_FAIR = 1e-5  # a difference this small that grows with the next step was due to rounding
 _DEGENERATE = 1e-6  # a coefficient this small against its terms has no sign
 _ROUNDING = 1e-11  # and this small it is rounding
 _DEFECTIVE = 1e-6  # <p, q> of unit vectors below which an eigenvalue counts as double
@@ -74,7 +78,7 @@ class Forms:
 
     def _matrix(self, z: Array) -> Array:
         """The Jacobian between unknowns in their scales: similar to the one in plain units."""
-        return np.asarray(self.curve.jacobian(z)[:, : self.n] * self.scales / self.scales[:, None])
+        return np.asarray(self.curve.in_unknowns(z) * self.scales / self.scales[:, None])
 
     def jet(self, v: Array) -> Jet:
         """Derivatives along v, by the step at which they depend least on it."""
@@ -82,35 +86,37 @@ class Forms:
         moved = np.linalg.norm(v / np.maximum(1.0, abs(self.z[: self.n] / self.scales)))
         reach = 1 / max(float(moved), 1e-300)
         best, doubt, before = None, math.inf, None
-        for jet in self._jets(v, reach):
-            if before is not None:
-                apart = self._apart(jet, before, reach)
-                if apart < doubt:
-                    best, doubt = jet, apart
-                if doubt < _AGREED:
-                    break
+        for jet, rough in self._jets(v, reach):
+            apart = min(self._apart(jet, other, reach) for other in (rough, before or rough))
+            worse = apart > doubt and doubt < _FAIR
+            if apart < doubt:
+                best, doubt = jet, apart
+            if doubt < _AGREED or worse:
+                break
             before = jet
-        best = best or before
         if best is None:
             raise Undefined("the equations have no value around the point: no normal form")
         return best
 
-    def _jets(self, v: Array, reach: float) -> Iterator[Jet]:
+    def _jets(self, v: Array, reach: float) -> Iterator[tuple[Jet, Jet]]:
+        """By shorter and shorter steps, each beside one from fewer of its places."""
         if not v.any():
-            zero = np.zeros((self.n, self.n))
-            yield Jet(zero, zero)
+            zero = Jet(np.zeros((self.n, self.n)), np.zeros((self.n, self.n)))
+            yield zero, zero
             return
         direction = np.zeros(self.z.size)
         direction[: self.n] = v * self.scales
         for step in _STEPS:
             h = step * reach
             try:
-                around = np.stack([self._matrix(self.z + i * h * direction) for i in range(-3, 4)])
+                aside = {i: self._matrix(self.z + i * h * direction) for i in (-3, -2, -1, 1, 2, 3)}
             except OUT_OF_DOMAIN:
                 continue
+            around = np.stack([aside.get(i, self.A) for i in range(-3, 4)])
             if np.isfinite(around).all():
-                first, second = (np.tensordot(w, around, 1) for w in (_FIRST, _SECOND))
-                yield Jet(first / h, second / h**2)
+                weights = np.array([_FIRST, _FIRST_OF_FIVE, _SECOND, _SECOND_OF_FIVE])
+                first, rough, second, rougher = np.tensordot(weights, around, 1)
+                yield Jet(first / h, second / h**2), Jet(rough / h, rougher / h**2)
 
     def _apart(self, one: Jet, other: Jet, reach: float) -> float:
         """How far two jets differ, relative; a C that vanishes is measured by B, and that by A."""
@@ -197,7 +203,8 @@ def cubic_at_cusp(curve: Curve, z: Array) -> tuple[Coefficient, Coefficient]:
     h = solve(bordered, np.append(2 * quadratic * q - bent, 0.0))[:-1]
     size = 0.5 * float(abs(p) @ abs(jet.B) @ abs(q))
     cubic = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
-    return Coefficient(quadratic, size), cubic
+    # all its terms may vanish at once: then they are small against one of order one
+    return Coefficient(quadratic, size), replace(cubic, size=cubic.size + forms.reach**-2)
 
 
 def takens_bogdanov(curve: Curve, z: Array) -> tuple[Coefficient, Coefficient]:
@@ -219,7 +226,8 @@ def takens_bogdanov(curve: Curve, z: Array) -> tuple[Coefficient, Coefficient]:
     jet = forms.jet(q0)
     a = 0.5 * float(p1 @ jet.B @ q0)
     b = _sum(float(p0 @ jet.B @ q0), float(p1 @ jet.B @ q1))
-    size = float(abs(p1) @ abs(jet.B) @ abs(q0))
+    # where all terms vanish, by symmetry, they are small against one of order one
+    size = float(abs(p1) @ abs(jet.B) @ abs(q0)) + float(np.linalg.norm(p1)) / forms.reach
     sign = math.copysign(1.0, a)  # that of the null vector is free
     return Coefficient(abs(a), size), Coefficient(sign * b.value, max(size, b.size))
 

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from .events import Event
 
 Array = NDArray[np.float64]
+
+_VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
+_ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
 Params = Mapping[str, float]
 Residual = Callable[[Array, Params], Array]
 
@@ -50,7 +53,8 @@ class Problem:
     record : dict, optional
         Name and function of a `Point` for each derived number to keep along a branch.
     domain : dict, optional
-        ``{name: (low, high)}``, bounds of unknowns or parameters beyond which nothing is meant.
+        ``{name: (low, high)}``, bounds of unknowns (of the norm of an array) or parameters beyond
+        which nothing is meant.
     scales : dict, optional
         Typical size of an unknown or parameter where that is far from 1: arclength, tolerance
         and differences are measured in it.
@@ -329,7 +333,15 @@ class Curve:
 
     @cached_property
     def rows(self) -> Array:
-        return self.row_sizes(self.start)
+        sizes = self.row_sizes(self.start)
+        if sizes.min() > _VANISHED * sizes.max():
+            return sizes
+        # where curves cross a whole row may vanish: its size is seen a little aside
+        z = self.start + _ASIDE * (1 + self.length(self.start)) * self.scales
+        try:
+            return np.maximum(sizes, self.row_sizes(z))
+        except Undefined:
+            return sizes
 
     def row_sizes(self, z: Array) -> Array:
         sizes = abs(self.jacobian(z) * self.scales).max(axis=1)
@@ -395,6 +407,17 @@ class Curve:
         if by_hand < z.size:
             matrix[:, by_hand:] = self._by_trying(z, range(by_hand, z.size))
         return matrix
+
+    def in_unknowns(self, z: Array) -> Array:
+        """The derivative in the unknowns alone, where none in parameters are wanted."""
+        try:
+            if self.problem.adjoined is not None:
+                return self.jacobian(z)[:, : self.size]
+            if self.problem.jacobian is None:
+                return self._by_trying(z, range(self.size))
+            return np.array(self.problem.jacobian(self.unknowns(z), self.params(z)))
+        except OUT_OF_DOMAIN as error:
+            raise Undefined(str(error)) from error
 
     def _by_trying(self, z: Array, columns: range) -> Array:
         """Columns of the derivative by the scheme that suits the residual, chosen anew where

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,7 +81,7 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
         return None
     moved = Point(curve, found.z, tangent, 0.0, found.residual)
     off = curve.length(found.z - curve.start)
-    domain = ((moved[name], *bounds) for name, bounds in curve.problem.domain.items())
+    domain = ((_size(moved[name]), *bounds) for name, bounds in curve.problem.domain.items())
     inside = all(low <= value <= high for value, low, high in domain)
     if not found.converged or not inside or off > _REACH * (1 + curve.length(curve.start)):
         return None
@@ -159,8 +160,46 @@ def _pair(name: str, window: tuple[float, float]) -> tuple[float, float]:
     return low, high
 
 
-def bounds_of(curve: Curve, within: Within | None) -> list[tuple[int, float, float]]:
-    """The window and the domain of the problem, as (slot, low, high) of what can change."""
+@dataclass(frozen=True)
+class Bound:
+    """The window of what can change: an unknown, a parameter, the norm of an array."""
+
+    name: str
+    slot: int | slice
+    low: float
+    high: float
+
+    def value(self, z: Array) -> float:
+        entries = z[self.slot]
+        return float(entries if isinstance(self.slot, int) else np.linalg.norm(entries))
+
+    def row(self, z: Array) -> Array:
+        """The derivative of the value."""
+        row = np.zeros(z.size)
+        row[self.slot] = 1.0 if isinstance(self.slot, int) else z[self.slot] / self.value(z)
+        return row
+
+    def slope(self, z: Array, tangent: Array) -> float:
+        """The derivative of the value along a tangent."""
+        along = tangent[self.slot]
+        return float(along if isinstance(self.slot, int) else along @ z[self.slot] / self.value(z))
+
+    def moved(self, z: Array, value: float) -> Array:
+        """z with exactly this value."""
+        z = z.copy()
+        if isinstance(self.slot, int):
+            z[self.slot] = value
+        else:
+            z[self.slot] *= value / self.value(z)
+        return z
+
+
+def _size(value: ArrayLike) -> float:
+    return float(np.linalg.norm(value)) if np.ndim(value) else float(value)  # type: ignore[arg-type]
+
+
+def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
+    """The window and the domain of the problem, of all that can change."""
     problem = curve.problem
     given = windows(within)
     problem.check_names(given)
@@ -172,11 +211,14 @@ def bounds_of(curve: Curve, within: Within | None) -> list[tuple[int, float, flo
         value = problem.start.get(name, problem.params.get(name))
         if not low < high:
             raise BadInput(f"the window of {name!r} is empty: ({low:g}, {high:g})")
-        if np.ndim(value) != 0:
-            raise BadInput(f"{name!r} is an array: a window needs a single number")
-        if not low <= float(value) <= high:
-            raise BadInput(f"the start has {name}={float(value):g}, outside ({low:g}, {high:g})")
-        slot = curve.slots.get(name)
-        if isinstance(slot, int):
-            bounds.append((slot, low, high))
+        what = f"|{name}|" if np.ndim(value) else name
+        if what != name and -math.inf < low < 0:
+            raise BadInput(
+                f"{name!r} is an array: its window is one of its norm, which is never negative; "
+                f"got ({low:g}, {high:g})"
+            )
+        if not low <= _size(value) <= high:
+            raise BadInput(f"the start has {what}={_size(value):g}, outside ({low:g}, {high:g})")
+        if name in curve.slots:
+            bounds.append(Bound(name, curve.slots[name], low, high))
     return bounds

@@ -19,7 +19,7 @@ from .newton import Solution, Undefined, newton, solve
 from .problem import Curve, Problem, problem_in
 from .progress import Progress
 from .segment import Segment, tangent_at
-from .starts import Within, all_of, bounds_of, first_tangent, given, settled
+from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, settled
 from .steps import Steps
 from .trail import Value, measure
 
@@ -35,6 +35,8 @@ _FINE = 1e-7  # relative distance at which a curve has come back to its start
 _PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
 _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
+_LANDINGS = 6  # how often a step is landed on a curved bound; its error is squared each time
+_EXACT = 1e-14  # a landing this close, relative to 1 + |z|, is exact
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
 _TINY = 1e-4  # what counts as a tiny step, relative to the longest so far
 _PATIENCE = 200  # so many of them in a row lead nowhere
@@ -78,7 +80,8 @@ def trace(
     free : str
         Name of the free parameter. Folds in it are passed without notice.
     within : dict, optional
-        ``{name: (low, high)}`` for any unknown or parameter: the branch ends exactly there.
+        ``{name: (low, high)}`` for any unknown or parameter: the branch ends exactly there. The
+        window of an array is one of its Euclidean norm, ``{"u": (0, 10)}``.
     towards : {'both', 'up', 'down'}
         Direction in which `free` changes at first.
     events : Event or iterable of Event, optional
@@ -299,9 +302,11 @@ class Walker:
 
     def _rim(self, point: Point, stop: Stop) -> str:
         """Where a branch ended at a bound that is not of the window but of the domain."""
-        for name, bounds in self.curve.problem.domain.items():
-            if stop is Stop.BOUND and name in self.curve.slots and point[name] in bounds:
-                return f"the domain of {name} ends at {point[name]:g}"
+        for bound in self.bounds if stop is Stop.BOUND else ():
+            value = bound.value(point.z)
+            for edge in self.curve.problem.domain.get(bound.name, ()):
+                if math.isclose(value, edge, rel_tol=_EXACT):
+                    return f"the domain of {bound.name} ends at {value:g}"
         return ""
 
     def _stuck(self, failed: Failed) -> Failed:
@@ -378,29 +383,35 @@ class Walker:
             raise Failed(Stop.NO_CONVERGENCE, f"residual {found.residual:.2g}")
         return found
 
-    def _crossed(self, before: Array, after: Array) -> tuple[int, float] | None:
-        """The first bound that a step crosses, as (slot, bound)."""
+    def _crossed(self, before: Array, after: Array) -> tuple[Bound, float] | None:
+        """The first bound that a step crosses, and its value there."""
         first, nearest = None, math.inf
-        for slot, low, high in self.bounds:
-            bound = low if after[slot] < low else high if after[slot] > high else None
-            if bound is None:
+        for bound in self.bounds:
+            start, end = bound.value(before), bound.value(after)
+            value = bound.low if end < bound.low else bound.high if end > bound.high else None
+            if value is None:
                 continue
-            if abs(before[slot] - bound) <= 4 * math.ulp(bound or 1e-16):
+            if abs(start - value) <= 4 * math.ulp(value or 1e-16):
                 raise Failed(Stop.BOUND)
-            fraction = (bound - before[slot]) / (after[slot] - before[slot])
+            fraction = (value - start) / (end - start)
             if fraction < nearest:
-                first, nearest = (slot, bound), fraction
+                first, nearest = (bound, value), fraction
         return first
 
-    def _land(self, point: Point, predicted: Array, slot: int, bound: float) -> Solution:
+    def _land(self, point: Point, predicted: Array, bound: Bound, value: float) -> Solution:
         """The solution exactly on a bound, instead of a step across it."""
-        fraction = (bound - point.z[slot]) / (predicted[slot] - point.z[slot])
-        guess = point.z + min(fraction, 1.0) * (predicted - point.z)
-        guess[slot] = bound
-        found = self._correct(guess, np.eye(1, guess.size, slot)[0])
-        z = found.z.copy()
-        z[slot] = bound  # Newton's linear condition holds to rounding; make it exact
-        if any(not low <= z[i] <= high for i, low, high in self.bounds):
+        start, end = bound.value(point.z), bound.value(predicted)
+        fraction = (value - start) / (end - start)
+        guess = bound.moved(point.z + min(fraction, 1.0) * (predicted - point.z), value)
+        for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
+            found = self._correct(guess, bound.row(guess))
+            # Newton's linear condition holds to rounding; make it exact
+            z = bound.moved(found.z, value)
+            if self.curve.length(z - found.z) <= _EXACT * (1 + self.curve.length(z)):
+                break
+            guess = z
+        others = (other for other in self.bounds if other is not bound)
+        if any(not other.low <= other.value(z) <= other.high for other in others):
             raise Failed(Stop.NO_CONVERGENCE, "two bounds within one step")
         return replace(found, z=z)
 
@@ -463,16 +474,17 @@ class Walker:
 
     def _peeks(self, point: Point, last: Point, length: float) -> bool:
         """Whether the curve leaves the window between both ends and comes back."""
-        for slot, low, high in self.bounds:
-            rise, *slopes = last.z[slot] - point.z[slot], point.tangent[slot], last.tangent[slot]
-            if slopes[0] * slopes[1] >= 0:
+        for bound in self.bounds:
+            rise = bound.value(last.z) - bound.value(point.z)
+            slopes = [bound.slope(end.z, end.tangent) for end in (point, last)]
+            if not slopes[0] * slopes[1] < 0:
                 continue
             d0, d1 = length * slopes[0], length * slopes[1]
             extrema = np.roots([3 * (d0 + d1 - 2 * rise), 2 * (3 * rise - 2 * d0 - d1), d0]).real
             u = float(extrema[np.argmin(abs(extrema - 0.5))])
-            z = Segment(point, last, self.steps.tolerance).at(u).z[slot]
-            slack = self.steps.tolerance * self.curve.scales[slot]
-            if not low - slack <= z <= high + slack:
+            value = bound.value(Segment(point, last, self.steps.tolerance).at(u).z)
+            slack = self.steps.tolerance * float(np.max(self.curve.scales[bound.slot]))
+            if not bound.low - slack <= value <= bound.high + slack:
                 return True
         return False
 
