@@ -27,6 +27,7 @@ from contbreather.stability.arc import OnArc, Window, on_arc, window
 from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import closest_approach
+from contbreather.stability.pairs import outermost
 
 Array = NDArray[np.float64]
 Scalar = Callable[[Breather], float]
@@ -107,7 +108,7 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
         )
     return Event(
         "NS",
-        _on_breather(lambda breather: _any_beyond(breather, on, threshold)),
+        _on_breather(lambda breather: outermost(_upper(breather, on), math.sqrt(threshold))),
         locus=lambda point: _circle_locus(point, on, threshold),
         verify=_verify_angle,
     )
@@ -300,12 +301,6 @@ def _verify_angle(point: Point) -> str:
 
 
 # --- Neimark-Sacker by the paper's rule on a ring -----------------------------------------------
-
-
-def _any_beyond(breather: Breather, ring: Ring, threshold: float) -> bool:
-    """Whether a complex pair of (QS)^2 on the ring is beyond the threshold; many follow the first,
-    one of the ring's waves after the other, and tell nothing new."""
-    return bool((abs(_upper(breather, ring)) ** 2 > threshold).any())
 
 
 def _upper(breather: Breather, ring: Ring) -> NDArray[np.complex128]:

@@ -31,6 +31,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
 from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.pairs import beyond, pair_gap
 from contbreather.stability.winding import Count
 
 Array = NDArray[np.float64]
@@ -97,6 +98,7 @@ def period_doubling() -> Event:
     return Event(
         "PD",
         lambda point: _orbit(point).map.minus_one(),
+        count=_outside,
         locus=lambda point: Locus({}, _minus_one, _slopes(_minus_one)),
         verify=_verify_doubling,
         arms=_doubled_arm,
@@ -110,7 +112,7 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = PAPER)
     over one period, as in the paper.
     """
     if not isinstance(on, Ring):
-        return Event("NS", _chain_pairs, locus=_arc_locus, verify=_verify_angle)
+        return Event("NS", _chain_miss, count=_chain_pairs, locus=_arc_locus, verify=_verify_angle)
     if not (math.isfinite(threshold) and threshold > 1.0):
         raise BadInput(
             f"threshold = {threshold}: on a ring multipliers sit on the unit circle; a modulus "
@@ -118,7 +120,8 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = PAPER)
         )
     return Event(
         "NS",
-        lambda point: _counted(_orbit(point).map, threshold).pairs,
+        lambda point: pair_gap(_multipliers(_orbit(point).map), threshold)[0],
+        count=lambda point: pair_gap(_multipliers(_orbit(point).map), threshold)[1],
         locus=lambda point: _circle_locus(point, threshold),
         verify=_verify_angle,
     )
@@ -137,7 +140,8 @@ def orbit_grazing() -> Event:
 
 def events_on(lattice: Lattice) -> tuple[Event, ...]:
     """The events that any orbit with impacts can meet, apart from multipliers +1."""
-    return (period_doubling(), orbit_neimark_sacker(on=lattice), orbit_grazing())
+    own = (period_doubling(), orbit_neimark_sacker(on=lattice), orbit_grazing())
+    return own if isinstance(lattice, Ring) else (*own, tally())
 
 
 def unstable(orbit: Orbit) -> int:
@@ -149,6 +153,29 @@ def unstable(orbit: Orbit) -> int:
 def _counted(map: OrbitMap, radius: float) -> Count:
     # the event asks at every step, the column of a table after the walk for the same counts
     return map.count(radius)
+
+
+def _outside(point: Point) -> int:
+    """Beside PD: two multipliers that pass -1 within one step are seen by it."""
+    map = _orbit(point).map
+    if map.lattice.sites is not None:
+        return beyond(_multipliers(map), -1.0)
+    return _counted(map, 1.0).count
+
+
+@lru_cache(maxsize=512)
+def _multipliers(map: OrbitMap) -> NDArray[np.complex128]:
+    return map.coupled_multipliers()
+
+
+def tally() -> Event:
+    """What no label explains: the number of multipliers outside changes, on the infinite chain."""
+
+    def outside(point: Point) -> float | int:
+        found = _counted(_orbit(point).map, 1.0)
+        return found.count if found.certain else math.nan
+
+    return Event("MX", outside, tally=True)
 
 
 @lru_cache(maxsize=4)
@@ -212,6 +239,12 @@ def _verify_doubling(point: Point) -> str:
 
 def _chain_pairs(point: Point) -> int:
     return _counted(_orbit(point).map, 1.0).pairs
+
+
+def _chain_miss(point: Point) -> float:
+    """How far the next pair is off the circle, negative while an odd number is outside."""
+    map = _orbit(point).map
+    return -map.approach() if _counted(map, 1.0).pairs % 2 else map.approach()
 
 
 def _arc_locus(point: Point) -> Locus:

@@ -31,6 +31,7 @@ from contbreather.continuation.newton import Undefined, newton
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
 from contbreather.errors import BadInput
+from contbreather.stability.pairs import beyond, outermost
 
 FloatArray = NDArray[np.float64]
 Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
@@ -59,6 +60,7 @@ def symmetry_breaking() -> Event:
     return Event(
         "PF",
         lambda point: determinant(point.solution, 1.0),
+        count=lambda point: beyond(point.solution.coupled, 1.0),
         locus=_null_locus(1.0),
         arms=_both_arms,
     )
@@ -69,6 +71,7 @@ def period_doubling() -> Event:
     return Event(
         "PD",
         lambda point: determinant(point.solution, -1.0),
+        count=lambda point: beyond(point.solution.coupled, -1.0),
         locus=_null_locus(-1.0),
         arms=_doubled_arm,
     )
@@ -107,7 +110,10 @@ def branching() -> Event:
             return tuple(_one_sided(point, seed) for seed in seeds)
         return seeds
 
-    return replace(plain, test=test, arms=arms)
+    def count(point: Point) -> int:
+        return beyond(point.solution.coupled, point.solution.section.itinerary.sign)
+
+    return replace(plain, test=test, count=count, arms=arms)
 
 
 def _kinked(point: Point, across: FloatArray) -> bool:
@@ -140,15 +146,15 @@ def ring_neimark_sacker(threshold: float = PAPER) -> Event:
     if not 1.0 <= threshold < math.inf:
         raise BadInput(f"threshold = {threshold}: a finite modulus of at least 1 is wanted.")
 
-    def beyond(point: Point) -> float | bool:
+    def test(point: Point) -> float:
         orbit: RingOrbit = point.solution
         # where an impact loses its velocity one multiplier grows beyond all bounds, and with it
         # the rounding of all others: no pair can be told from that
         if EPS * np.linalg.norm(orbit.section.monodromy) > REAL:
             return math.nan
-        return bool((abs(_upper(orbit)) > _radius(orbit, threshold)).any())
+        return outermost(_upper(orbit), _radius(orbit, threshold))
 
-    return Event("NS", beyond, locus=lambda point: _circle_locus(point, threshold))
+    return Event("NS", test, locus=lambda point: _circle_locus(point, threshold))
 
 
 def contact() -> Event:

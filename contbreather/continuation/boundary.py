@@ -92,7 +92,7 @@ def boundary_problem(
     others = [
         one
         for other in given
-        if other.kind != event.kind
+        if other.kind != event.kind and not other.tally
         for one in other.meets.get(event.kind, (met(event.kind, other),))
     ]
     return replace(

@@ -83,6 +83,9 @@ class Event:
         ``verify(point) -> str``: empty if the located point is what the kind says, else why not.
     polish : callable, optional
         ``polish(point) -> (Solution, detail)`` sharpens a located point that has no locus.
+    tally : bool
+        The test counts what all other events change. Where it changes without one, the place is
+        kept among the doubtful: something happens there that no event of this branch explains.
     met : Event, optional
         On a boundary of another kind: the event of the original problem that was met.
     meets : dict, optional
@@ -111,6 +114,7 @@ class Event:
     polish: Callable[[Point], tuple[Solution, Mapping[str, Any]]] | None = field(
         default=None, kw_only=True
     )
+    tally: bool = field(default=False, kw_only=True)
     met: Event | None = field(default=None, kw_only=True)
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict, kw_only=True)
     arms: Callable[[Point], tuple[Seed, ...]] | None = field(default=None, kw_only=True)
