@@ -38,6 +38,7 @@ Slope = Callable[[Breather, str], float]
 _ELASTIC = 1.0 - 1e-5
 _ALL_BUT = 1.0 - 1e-15
 _ALIKE = 1e-9  # a coupling below which margins tell nothing apart
+_VANISHED = 1e-9  # an impact of smaller p is none
 _ZERO = 1e-8  # a located event's own scalar, relative to the terms in it
 
 
@@ -117,7 +118,9 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
 def grazing() -> Event:
     """GR: a site comes to touch a wall that it must not touch; the branch ends there.
 
-    A neighbour (15), site 0 between its impacts (B3), or the far field ``|a f| <= 1``.
+    A neighbour (15), site 0 between its impacts (B3), or the far field ``|a f| <= 1``. Where the
+    impact itself loses its momentum, p -> 0, all of them are met at once: that end is labelled VI,
+    a vanishing impact.
     """
     return Event(
         "GR",
@@ -125,6 +128,7 @@ def grazing() -> Event:
         terminal=True,
         positive=True,
         locus=_grazing_locus,
+        analysis=lambda point: {"kind": "VI"} if point["p"] < _VANISHED else {},
     )
 
 

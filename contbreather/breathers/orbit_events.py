@@ -36,6 +36,7 @@ from contbreather.stability.winding import Count
 
 Array = NDArray[np.float64]
 
+_VANISHED = 1e-8  # an impact of a smaller impulse is none
 PAPER = 1.005  # threshold on rings, over one period
 
 # As k -> 1 the line of Neimark-Sacker points of arms runs into their pitchfork, angle and asymmetry
@@ -128,13 +129,15 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = PAPER)
 
 
 def orbit_grazing() -> Event:
-    """GR: a site comes to touch a wall at an impact that the orbit does not name; terminal."""
+    """GR: a site comes to touch a wall at an impact that the orbit does not name; terminal. Where
+    one that it does name loses its momentum instead, VI."""
     return Event(
         "GR",
         lambda point: admissibility(_orbit(point)).margin,
         terminal=True,
         positive=True,
         locus=_grazing_locus,
+        analysis=_vanishing,
     )
 
 
@@ -359,6 +362,11 @@ def _grazing_locus(point: Point) -> Locus:
         return wall * np.array([*rows, (v, acceleration)]).T
 
     return Locus({"t": t}, conditions, derivative, events=_ends_of_grazing(orbit, site))
+
+
+def _vanishing(point: Point) -> dict[str, str]:
+    least = float(np.abs(_orbit(point).impulses).min())
+    return {"kind": "VI"} if least < _VANISHED else {}
 
 
 def _offset_share(orbit: Orbit, site: int | None, wall: float) -> Array:

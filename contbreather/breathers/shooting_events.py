@@ -40,6 +40,7 @@ PAPER = 1.005  # over the whole period
 REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
 ASIDE = 1e-6  # impacts closer than this happen at once
 STRIDE = 1e-3  # from a point to where the direction of an arm is looked for
+SHALLOW = 1e-8  # velocity below which an impact is none
 DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
 
@@ -158,7 +159,7 @@ def ring_neimark_sacker(threshold: float = PAPER) -> Event:
 
 
 def contact() -> Event:
-    """GR: a site comes to touch a wall without an impact, or an impact loses its velocity. The
+    """GR: a site comes to touch a wall without an impact; VI: an impact loses its velocity. The
     branch ends there; site and time are in ``point.solution.admissibility()``."""
     return Event(
         "GR",
@@ -166,6 +167,7 @@ def contact() -> Event:
         terminal=True,
         positive=True,
         locus=_contact_locus,
+        analysis=_vanishing,
     )
 
 
@@ -297,6 +299,11 @@ def _contact_locus(point: Point) -> Locus:
         return wall * np.array([[*u, v], [*du, w]])
 
     return Locus({"t": worst.time}, conditions, derivative, events=(_other_contact(worst),))
+
+
+def _vanishing(point: Point) -> dict[str, str]:
+    least = min(abs(one.velocity) for one in point.solution.section.impacts)
+    return {"kind": "VI"} if least < SHALLOW else {}
 
 
 def _shallow_locus(orbit: RingOrbit, worst: Gap, start: float) -> Locus:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
 
 from ..errors import BadInput
 from .adjoin import adjoined, lifted
-from .branch import Branch, Point
+from .branch import CLEAR, Branch, Point
 from .events import Event, Locus
 from .newton import Undefined
 from .problem import Problem
@@ -46,7 +50,8 @@ def boundary(
     -------
     Branch
         With the unknowns of the problem, those of the locus (a null vector, an angle, a time) and
-        both parameters as columns.
+        both parameters as columns. Counts, as ``unstable``, are NaN where the boundary is what
+        changes them.
 
     Raises
     ------
@@ -98,9 +103,22 @@ def boundary_problem(
     return replace(
         longer,
         events=(*locus.events, *others),
-        record=base.record,
+        record={name: _beside(event, column) for name, column in base.record.items()},
         label=f"{event.kind} boundary",
     )
+
+
+def _beside(event: Event, column: Callable[[Point], Any]) -> Callable[[Point], Any]:
+    """A column on the boundary of an event: NaN for a count of multipliers or eigenvalues, where
+    the boundary is the place at which one of them passes, and rounding would decide it."""
+    if event.kind in CLEAR:
+        return column
+
+    def blurred(point: Point) -> Any:
+        value = column(point)
+        return math.nan if isinstance(value, int | np.integer) else value
+
+    return blurred
 
 
 def _traceable(point: Point) -> Event:

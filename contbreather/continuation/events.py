@@ -96,7 +96,7 @@ class Event:
         point. `switch` follows them.
     analysis : callable, optional
         ``analysis(point) -> dict``: what else to know of a verified point, coefficients of its
-        normal form for instance. Kept in ``point.detail``.
+        normal form for instance. Kept in ``point.detail``, but for "kind", a better name.
 
     Examples
     --------

@@ -421,5 +421,7 @@ def _special(point: Point, event: Event, bracket: tuple[float, float], segment: 
     if reason:
         return replace(point, located=False, detail={**point.detail, "reason": reason})
     if event.analysis is not None:
-        point = replace(point, detail={**point.detail, **event.analysis(point)})
+        found = dict(event.analysis(point))
+        kind = found.pop("kind", point.kind)
+        point = replace(point, kind=kind, detail={**point.detail, **found})
     return point

@@ -112,6 +112,7 @@ def trace(
     if towards not in ("both", "up", "down"):
         raise BadInput(f"towards must be 'both', 'up' or 'down', got {towards!r}")
     events = all_of(events)  # both walks need them
+    start = _problem_of(start)  # once: what both find at the start is one event
     with progress if isinstance(progress, Progress) else Progress(progress, free) as shown:
         sides = ("down", "up") if towards == "both" and along is None else (towards,)
         branches = []
@@ -181,14 +182,18 @@ def walk(
     >>> [round(point["mu"], 3) for point in itertools.islice(walk(line, "mu"), 2)]
     [0.0, 0.007]
     """
-    problem = start if isinstance(start, Problem) else getattr(start, "problem", None)
-    if not isinstance(problem, Problem):
-        raise BadInput(
-            "a walk starts from a Problem, or from what has one: a breather, an orbit, a point; "
-            f"got a {type(start).__name__}"
-        )
-    walker = Walker(problem, free, within, towards, events, steps or Steps(), along)
+    walker = Walker(_problem_of(start), free, within, towards, events, steps or Steps(), along)
     return walker.run()
+
+
+def _problem_of(start: Problem | Startable) -> Problem:
+    problem = start if isinstance(start, Problem) else getattr(start, "problem", None)
+    if isinstance(problem, Problem):
+        return problem
+    raise BadInput(
+        "a walk starts from a Problem, or from what has one: a breather, an orbit, a point; "
+        f"got a {type(start).__name__}"
+    )
 
 
 class Failed(Exception):
