@@ -39,9 +39,10 @@ def _starts(gamma: float, k: float, b: float, more: int) -> Array:
     if gamma > 0.0:
         edge = 2.0 * math.sqrt(gamma)
         # Newton's first step off the arc, in alpha, from wherever a zero looks nearest
-        speed = np.gradient(F, arc.alpha)
-        likely = np.argsort(np.abs(F / speed))[: 6 * max(more, 1)]
-        alpha = arc.alpha[likely] - (F / speed)[likely]
+        with np.errstate(divide="ignore", invalid="ignore"):  # F is flat as gamma goes to 0
+            step = np.nan_to_num(F / np.gradient(F, arc.alpha), nan=math.inf)
+        likely = np.argsort(np.abs(step))[: 6 * max(more, 1)]
+        alpha = arc.alpha[likely] - np.where(np.isfinite(step[likely]), step[likely], 0.0)
         near_arc = edge * np.sin(alpha.real + 1j * np.clip(alpha.imag, -1.0, 0.3))
         starts += [near_arc, edge * (1.0 + 0.1j * depth), (edge * (across - 0.1j * depth)).ravel()]
     return np.concatenate(starts)
