@@ -328,7 +328,8 @@ class OrbitMap:
             off = np.abs(F[:-1] + t * rise) / np.abs(rise) * step
             at = x[:-1] + t * step
             off = off * (1.0 / at + 1.0 / (0.5 - at))
-        return float(np.nanmin(off, initial=1.0))
+        # pieces of the circle share their ends: nothing is between them
+        return float(np.nanmin(off[step > 1e-14], initial=1.0))
 
     @cached_property
     def _terms(self) -> float:
