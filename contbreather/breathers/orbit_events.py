@@ -247,7 +247,12 @@ def _chain_pairs(point: Point) -> int:
 def _chain_miss(point: Point) -> float:
     """How far the next pair is off the circle, negative while an odd number is outside."""
     map = _orbit(point).map
-    return -map.approach() if _counted(map, 1.0).pairs % 2 else map.approach()
+    return -_approach(map) if _counted(map, 1.0).pairs % 2 else _approach(map)
+
+
+@lru_cache(maxsize=512)
+def _approach(map: OrbitMap) -> float:
+    return map.approach()
 
 
 def _arc_locus(point: Point) -> Locus:

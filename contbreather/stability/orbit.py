@@ -51,6 +51,7 @@ DEPTH = 40  # halvings of one interval
 CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
 FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
 MOST = 2**12  # samples of one piece: one that asks for more has a zero on it, or is rounding
+FAR = 0.25  # of a pair from the circle: beyond that it is all the same
 EDGE = 1e-7  # with several sites the very ends of the band are not evaluated
 
 
@@ -313,13 +314,13 @@ class OrbitMap:
         return float(near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best])
 
     def approach(self) -> float:
-        """How close a complex pair comes to the circle: 0 on it, at most 1.
+        """How close a complex pair comes to the circle: 0 on it, at most `FAR`.
 
         The distance of a zero of F from the circle over that from +1 and -1, which are not meant:
         on straight lines between the samples, F/F' is how far off its zero is.
         """
         if self.gamma == 0.0:
-            return 1.0
+            return FAR
         kappa, F, _ = self._resolved
         x, step = kappa.real, np.diff(kappa.real)
         rise = np.diff(F)
@@ -329,7 +330,7 @@ class OrbitMap:
             at = x[:-1] + t * step
             off = off * (1.0 / at + 1.0 / (0.5 - at))
         # pieces of the circle share their ends: nothing is between them
-        return float(np.nanmin(off[step > 1e-14], initial=1.0))
+        return float(np.nanmin(off[step > 1e-14], initial=FAR))
 
     @cached_property
     def _terms(self) -> float:
