@@ -504,9 +504,9 @@ def test_branch_lists_its_special_points_and_why_it_ends(run: Callable[..., Outp
 @pytest.mark.parametrize(
     ("k", "label", "sentence"),
     [
-        (0.01, "GR1", r"the impact of site 0 itself vanishes, at velocity \de-1\d"),
-        (0.01, "GR2", r"site 0 between its impacts is at u = -?1 at t = "),
-        (0.8, "GR2", r"site 1 reaches \|u\| = 1 at t = "),
+        (0.01, "VI1", r"the impact of site 0 itself vanishes, at velocity \de-1\d"),
+        (0.01, "GR1", r"site 0 between its impacts is at u = -?1 at t = "),
+        (0.8, "GR1", r"site 1 reaches \|u\| = 1 at t = "),
     ],
 )
 def test_an_end_says_what_grazed(
@@ -548,7 +548,7 @@ def test_verdict_on_the_verge_is_left_out_of_the_table_and_kept_in_csv(
     rows = {row["label"]: row["unstable"] for row in table(Path("b.csv")) if row["label"]}
     assert cells["LP1"] == "\N{EN DASH}"
     assert rows["LP1"] in {"0", "1"}
-    assert {label: cells[label] for label in ("GR1", "GR2")} == {"GR1": "1", "GR2": "0"}
+    assert {label: cells[label] for label in ("VI1", "GR1")} == {"VI1": "1", "GR1": "0"}
 
 
 def test_tables_fit_terminals_of_80_columns(tmp_path: Path) -> None:

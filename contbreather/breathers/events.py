@@ -24,11 +24,11 @@ from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability.arc import OnArc, on_arc
+from contbreather.stability.arc import OnArc, Window, on_arc, window
 from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import closest_approach
-from contbreather.stability.winding import unstable_count
+from contbreather.stability.pairs import outermost
 
 Array = NDArray[np.float64]
 Scalar = Callable[[Breather], float]
@@ -37,7 +37,9 @@ Slope = Callable[[Breather, str], float]
 # As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, and at
 # k = 1 there are none: within rounding of the edge the curve cannot be followed.
 _ELASTIC = 1.0 - 1e-5
+_ALL_BUT = 1.0 - 1e-15
 _ALIKE = 1e-9  # a coupling below which margins tell nothing apart
+_VANISHED = 1e-9  # an impact of smaller p is none
 _ZERO = 1e-8  # a located event's own scalar, relative to the terms in it
 
 
@@ -100,7 +102,7 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
     0.0969709
     """
     if on is None or isinstance(on, InfiniteChain):
-        return Event("NS", _on_breather(_pairs), locus=_arc_locus, verify=_verify_angle)
+        return Event("NS", _miss, count=_passed, locus=_arc_locus, verify=_verify_angle)
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
             f"threshold = {threshold!r}: on a ring multipliers sit on the unit circle; a modulus "
@@ -108,7 +110,7 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
         )
     return Event(
         "NS",
-        _on_breather(lambda breather: _any_beyond(breather, on, threshold)),
+        _on_breather(lambda breather: outermost(_upper(breather, on), math.sqrt(threshold))),
         locus=lambda point: _circle_locus(point, on, threshold),
         verify=_verify_angle,
     )
@@ -117,7 +119,9 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
 def grazing() -> Event:
     """GR: a site comes to touch a wall that it must not touch; the branch ends there.
 
-    A neighbour (15), site 0 between its impacts (B3), or the far field ``|a f| <= 1``.
+    A neighbour (15), site 0 between its impacts (B3), or the far field ``|a f| <= 1``. Where the
+    impact itself loses its momentum, p -> 0, all of them are met at once: that end is labelled VI,
+    a vanishing impact.
     """
     return Event(
         "GR",
@@ -125,6 +129,7 @@ def grazing() -> Event:
         terminal=True,
         positive=True,
         locus=_grazing_locus,
+        analysis=lambda point: {"kind": "VI"} if point["p"] < _VANISHED else {},
     )
 
 
@@ -246,9 +251,26 @@ def _b_slope(breather: Breather, name: str) -> float:
     return half * _driven(breather, 2, name, phi)
 
 
-def _pairs(breather: Breather) -> int:
-    """Complex pairs of isolated multipliers outside the unit circle."""
-    return unstable_count(breather.gamma, breather.k, breather.b).pairs
+def _window(point: Point) -> Window:
+    """The values of b between which a pair is outside.
+
+    Along a curve in k, elastic impacts are the limit of those before: what is neutral only there
+    is no event.
+    """
+    breather: Breather = point.solution
+    k = breather.k
+    if k == 1.0 and "k" in point.curve.varied:
+        k = _ALL_BUT
+    return window(breather.gamma, k)
+
+
+def _miss(point: Point) -> float:
+    return _window(point).miss(point.solution.b)
+
+
+def _passed(point: Point) -> int:
+    """How many of both ends of the window are below b: two that are passed in one step are seen."""
+    return _window(point).passed(point.solution.b)
 
 
 def _arc_locus(point: Point) -> Locus:
@@ -284,12 +306,6 @@ def _verify_angle(point: Point) -> str:
 
 
 # --- Neimark-Sacker by the paper's rule on a ring -----------------------------------------------
-
-
-def _any_beyond(breather: Breather, ring: Ring, threshold: float) -> bool:
-    """Whether a complex pair of (QS)^2 on the ring is beyond the threshold; many follow the first,
-    one of the ring's waves after the other, and tell nothing new."""
-    return bool((abs(_upper(breather, ring)) ** 2 > threshold).any())
 
 
 def _upper(breather: Breather, ring: Ring) -> NDArray[np.complex128]:

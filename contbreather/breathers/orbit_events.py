@@ -31,10 +31,12 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
 from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.pairs import beyond, pair_gap
 from contbreather.stability.winding import Count
 
 Array = NDArray[np.float64]
 
+_VANISHED = 1e-8  # an impact of a smaller impulse is none
 PAPER = 1.005  # threshold on rings, over one period
 
 # As k -> 1 the line of Neimark-Sacker points of arms runs into their pitchfork, angle and asymmetry
@@ -97,6 +99,7 @@ def period_doubling() -> Event:
     return Event(
         "PD",
         lambda point: _orbit(point).map.minus_one(),
+        count=_outside,
         locus=lambda point: Locus({}, _minus_one, _slopes(_minus_one)),
         verify=_verify_doubling,
         arms=_doubled_arm,
@@ -110,7 +113,7 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = PAPER)
     over one period, as in the paper.
     """
     if not isinstance(on, Ring):
-        return Event("NS", _chain_pairs, locus=_arc_locus, verify=_verify_angle)
+        return Event("NS", _chain_miss, count=_chain_pairs, locus=_arc_locus, verify=_verify_angle)
     if not (math.isfinite(threshold) and threshold > 1.0):
         raise BadInput(
             f"threshold = {threshold}: on a ring multipliers sit on the unit circle; a modulus "
@@ -118,26 +121,30 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = PAPER)
         )
     return Event(
         "NS",
-        lambda point: _counted(_orbit(point).map, threshold).pairs,
+        lambda point: pair_gap(_multipliers(_orbit(point).map), threshold)[0],
+        count=lambda point: pair_gap(_multipliers(_orbit(point).map), threshold)[1],
         locus=lambda point: _circle_locus(point, threshold),
         verify=_verify_angle,
     )
 
 
 def orbit_grazing() -> Event:
-    """GR: a site comes to touch a wall at an impact that the orbit does not name; terminal."""
+    """GR: a site comes to touch a wall at an impact that the orbit does not name; terminal. Where
+    one that it does name loses its momentum instead, VI."""
     return Event(
         "GR",
         lambda point: admissibility(_orbit(point)).margin,
         terminal=True,
         positive=True,
         locus=_grazing_locus,
+        analysis=_vanishing,
     )
 
 
 def events_on(lattice: Lattice) -> tuple[Event, ...]:
     """The events that any orbit with impacts can meet, apart from multipliers +1."""
-    return (period_doubling(), orbit_neimark_sacker(on=lattice), orbit_grazing())
+    own = (period_doubling(), orbit_neimark_sacker(on=lattice), orbit_grazing())
+    return own if isinstance(lattice, Ring) else (*own, tally())
 
 
 def unstable(orbit: Orbit) -> int:
@@ -149,6 +156,29 @@ def unstable(orbit: Orbit) -> int:
 def _counted(map: OrbitMap, radius: float) -> Count:
     # the event asks at every step, the column of a table after the walk for the same counts
     return map.count(radius)
+
+
+def _outside(point: Point) -> int:
+    """Beside PD: two multipliers that pass -1 within one step are seen by it."""
+    map = _orbit(point).map
+    if map.lattice.sites is not None:
+        return beyond(_multipliers(map), -1.0)
+    return _counted(map, 1.0).count
+
+
+@lru_cache(maxsize=512)
+def _multipliers(map: OrbitMap) -> NDArray[np.complex128]:
+    return map.coupled_multipliers()
+
+
+def tally() -> Event:
+    """What no label explains: the number of multipliers outside changes, on the infinite chain."""
+
+    def outside(point: Point) -> float | int:
+        found = _counted(_orbit(point).map, 1.0)
+        return found.count if found.certain else math.nan
+
+    return Event("MX", outside, tally=True)
 
 
 @lru_cache(maxsize=4)
@@ -212,6 +242,17 @@ def _verify_doubling(point: Point) -> str:
 
 def _chain_pairs(point: Point) -> int:
     return _counted(_orbit(point).map, 1.0).pairs
+
+
+def _chain_miss(point: Point) -> float:
+    """How far the next pair is off the circle, negative while an odd number is outside."""
+    map = _orbit(point).map
+    return -_approach(map) if _counted(map, 1.0).pairs % 2 else _approach(map)
+
+
+@lru_cache(maxsize=512)
+def _approach(map: OrbitMap) -> float:
+    return map.approach()
 
 
 def _arc_locus(point: Point) -> Locus:
@@ -326,6 +367,11 @@ def _grazing_locus(point: Point) -> Locus:
         return wall * np.array([*rows, (v, acceleration)]).T
 
     return Locus({"t": t}, conditions, derivative, events=_ends_of_grazing(orbit, site))
+
+
+def _vanishing(point: Point) -> dict[str, str]:
+    least = float(np.abs(_orbit(point).impulses).min())
+    return {"kind": "VI"} if least < _VANISHED else {}
 
 
 def _offset_share(orbit: Orbit, site: int | None, wall: float) -> Array:

@@ -31,6 +31,7 @@ from contbreather.continuation.newton import Undefined, newton
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
 from contbreather.errors import BadInput
+from contbreather.stability.pairs import beyond, outermost
 
 FloatArray = NDArray[np.float64]
 Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
@@ -39,6 +40,7 @@ PAPER = 1.005  # over the whole period
 REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
 ASIDE = 1e-6  # impacts closer than this happen at once
 STRIDE = 1e-3  # from a point to where the direction of an arm is looked for
+SHALLOW = 1e-8  # velocity below which an impact is none
 DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
 
@@ -59,6 +61,7 @@ def symmetry_breaking() -> Event:
     return Event(
         "PF",
         lambda point: determinant(point.solution, 1.0),
+        count=lambda point: beyond(point.solution.coupled, 1.0),
         locus=_null_locus(1.0),
         arms=_both_arms,
     )
@@ -69,6 +72,7 @@ def period_doubling() -> Event:
     return Event(
         "PD",
         lambda point: determinant(point.solution, -1.0),
+        count=lambda point: beyond(point.solution.coupled, -1.0),
         locus=_null_locus(-1.0),
         arms=_doubled_arm,
     )
@@ -107,7 +111,10 @@ def branching() -> Event:
             return tuple(_one_sided(point, seed) for seed in seeds)
         return seeds
 
-    return replace(plain, test=test, arms=arms)
+    def count(point: Point) -> int:
+        return beyond(point.solution.coupled, point.solution.section.itinerary.sign)
+
+    return replace(plain, test=test, count=count, arms=arms)
 
 
 def _kinked(point: Point, across: FloatArray) -> bool:
@@ -140,19 +147,19 @@ def ring_neimark_sacker(threshold: float = PAPER) -> Event:
     if not 1.0 <= threshold < math.inf:
         raise BadInput(f"threshold = {threshold}: a finite modulus of at least 1 is wanted.")
 
-    def beyond(point: Point) -> float | bool:
+    def test(point: Point) -> float:
         orbit: RingOrbit = point.solution
         # where an impact loses its velocity one multiplier grows beyond all bounds, and with it
         # the rounding of all others: no pair can be told from that
         if EPS * np.linalg.norm(orbit.section.monodromy) > REAL:
             return math.nan
-        return bool((abs(_upper(orbit)) > _radius(orbit, threshold)).any())
+        return outermost(_upper(orbit), _radius(orbit, threshold))
 
-    return Event("NS", beyond, locus=lambda point: _circle_locus(point, threshold))
+    return Event("NS", test, locus=lambda point: _circle_locus(point, threshold))
 
 
 def contact() -> Event:
-    """GR: a site comes to touch a wall without an impact, or an impact loses its velocity. The
+    """GR: a site comes to touch a wall without an impact; VI: an impact loses its velocity. The
     branch ends there; site and time are in ``point.solution.admissibility()``."""
     return Event(
         "GR",
@@ -160,6 +167,7 @@ def contact() -> Event:
         terminal=True,
         positive=True,
         locus=_contact_locus,
+        analysis=_vanishing,
     )
 
 
@@ -291,6 +299,11 @@ def _contact_locus(point: Point) -> Locus:
         return wall * np.array([[*u, v], [*du, w]])
 
     return Locus({"t": worst.time}, conditions, derivative, events=(_other_contact(worst),))
+
+
+def _vanishing(point: Point) -> dict[str, str]:
+    least = min(abs(one.velocity) for one in point.solution.section.impacts)
+    return {"kind": "VI"} if least < SHALLOW else {}
 
 
 def _shallow_locus(orbit: RingOrbit, worst: Gap, start: float) -> Locus:

@@ -195,7 +195,7 @@ def ends(branch: Branch) -> list[str]:
 def _grazed(point: Point) -> str:
     """What touches a wall at an end of breathers or orbits; nothing at other ends."""
     kinds = point.kind.split("-")
-    if "GR" not in kinds:
+    if not {"GR", "VI"} & set(kinds):
         return ""
     margins = point.solution.admissibility()
     known = getattr(margins, "places", {})  # orbits with any impacts tell the worst place only

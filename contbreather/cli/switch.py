@@ -177,7 +177,7 @@ def _stretches(arm: Branch) -> Iterator[str]:
 def _ends(arm: Branch) -> Iterator[str]:
     """Why it ends where it does; of grazing also which site, and when."""
     end = arm[-1]
-    if end.kind == "GR":
+    if end.kind in ("GR", "VI"):
         yield f"{end.label}: {end.admissibility().reason.rstrip('.')}"
     else:
         yield ends(arm)[-1]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..checks import check_kind
 from ..errors import BadInput
 from .adjoin import adjoined, lifted
-from .branch import Branch, Point
+from .branch import CLEAR, Branch, Point
 from .events import Event, Locus, branch_point, branches_cross
 from .newton import Undefined
 from .problem import Curve, Problem
@@ -54,7 +56,8 @@ def boundary(
     -------
     Branch
         With the unknowns of the problem, those of the locus (a null vector, an angle, a time) and
-        both parameters as columns.
+        both parameters as columns. Counts, as ``unstable``, are NaN where the boundary is what
+        changes them.
 
     Raises
     ------
@@ -106,15 +109,28 @@ def boundary_problem(
     others = [
         one
         for other in given
-        if other.kind != event.kind
+        if other.kind != event.kind and not other.tally
         for one in other.meets.get(event.kind, (met(event.kind, other),))
     ]
     return replace(
         longer,
         events=(*locus.events, *others),
-        record=base.record,
+        record={name: _beside(event, column) for name, column in base.record.items()},
         label=f"{event.kind} boundary",
     )
+
+
+def _beside(event: Event, column: Callable[[Point], Any]) -> Callable[[Point], Any]:
+    """A column on the boundary of an event: NaN for a count of multipliers or eigenvalues, where
+    the boundary is the place at which one of them passes, and rounding would decide it."""
+    if event.kind in CLEAR:
+        return column
+
+    def blurred(point: Point) -> Any:
+        value = column(point)
+        return math.nan if isinstance(value, int | np.integer) else value
+
+    return blurred
 
 
 def _traceable(point: Point) -> Event:

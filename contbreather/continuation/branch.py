@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 _SEAM = 1e-10  # relative arclength within which two branches meet
 # At points of all other kinds some multiplier is on the circle (some eigenvalue on the axis).
-_CLEAR = {"EP", "MX", "GR", "UZ"}
+CLEAR = {"EP", "MX", "GR", "VI", "UZ"}
 
 
 class Stop(enum.Enum):
@@ -312,12 +312,9 @@ class Branch:
         """A number of one of its points, but no count where rounding decides it."""
         value: complex = point[name]
         if name not in self.problem.record or not isinstance(value, int | np.integer):
-            return value
+            return None if value != value else value
         left = point.detail.get("parent", point)  # an arm sets out at the point that it left
-        kinds, together = set(left.kind.split("-")), self.problem.adjoined
-        if together is not None and together.event is not None:
-            kinds.add(together.event.kind)
-        return value if kinds <= _CLEAR else None
+        return value if set(left.kind.split("-")) <= CLEAR else None
 
     def describe(self) -> str:
         """One sentence: what was walked, how far, and why it ended."""

@@ -15,6 +15,7 @@ Place = tuple[float, float, Point]  # bracket and point
 
 _APART = 1e-4  # two zeros of one test closer than this, relative to the step, may be one
 _ONE = 1e-6  # zeros closer than this, relative to the step, are taken for one by their count
+_LOOKS = 400  # places looked at between several zeros of one step
 _LOW = 0.1  # a test this small within a step, relative to its ends, may vanish there
 _TOUCH = 1e-5  # and one this small does
 
@@ -28,11 +29,16 @@ def told_apart(segment: Segment, trail: Trail) -> Iterator[Place]:
     place = place_of(segment, event)
     counts = {u: event.count(place(u)) for u in (0.0, 1.0)}
     size = _TOUCH * max(abs(trail.values[u]) for u in counts)
-    pieces = [(0.0, 1.0)]
+    pieces, looks = [(0.0, 1.0)], 0
     while pieces:
         left, right = pieces.pop()
         if abs(counts[left] - counts[right]) < 2:
             continue
+        looks += 1
+        if looks > _LOOKS:
+            reason = f"the count of {event.kind} changes too often within one step to tell all"
+            yield _doubtful(trail, left, right, place(0.5 * (left + right)), reason)
+            return
         middle = 0.5 * (left + right)
         try:
             point = place(middle)

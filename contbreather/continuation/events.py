@@ -102,6 +102,9 @@ class Event:
     polish : callable, optional
         ``polish(point) -> (Solution, detail)`` sharpens a located point where curves cross: there
         the equations are singular, and a locus needs a second parameter.
+    tally : bool
+        The test counts what all other events change. Where it changes without one, the place is
+        kept among the doubtful: something happens there that no event of this branch explains.
     met : Event, optional
         On a boundary of another kind: the event of the original problem that was met.
     meets : dict, optional
@@ -112,7 +115,7 @@ class Event:
         point. `switch` follows them.
     analysis : callable, optional
         ``analysis(point) -> dict``: what else to know of a verified point, coefficients of its
-        normal form for instance. Kept in ``point.detail``.
+        normal form for instance. Kept in ``point.detail``, but for "kind", a better name.
 
     Examples
     --------
@@ -131,6 +134,7 @@ class Event:
     polish: Callable[[Point], tuple[Solution, Mapping[str, Any]]] | None = field(
         default=None, kw_only=True
     )
+    tally: bool = field(default=False, kw_only=True)
     met: Event | None = field(default=None, kw_only=True)
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict, kw_only=True)
     arms: Callable[[Point], tuple[Seed, ...]] | None = field(default=None, kw_only=True)

@@ -29,6 +29,9 @@ _CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a sho
 _ROUNDS = 20  # how often a step is looked through again, at the events found so far
 _SAME = 1e-6  # relative distance of places on a boundary that are the same
 _AT_CUT = 1e-7  # a test this small where curves cross, relative to beside it, vanishes there
+_MOST = 50  # events of one kind that are looked for on one step
+_BESIDE = 1e-2  # how far off an event, relative to the piece beside it, a tally is looked at
+_TALLIED = 1e-4  # and how closely, relative to the step, it is seen where it changes
 _AT_END = 1e-12  # a walk that ends this close to an event, relative to 1 + |z|, ends at it
 
 
@@ -69,19 +72,22 @@ def find(
     curve = segment.curve
     curve.rows = np.maximum(0.5 * curve.rows, curve.row_sizes(segment.last.z))
     middle = segment.provisional(0.5)
-    halfway = [measure(event, middle) for event in events]
-    trails = [
-        Trail(event, {0.0: value, 0.5: half, 1.0: measure(event, segment.last)})
-        for event, value, half in zip(events, before, halfway, strict=True)
-    ]
+    trails = [Trail(event, {0.0: value}) for event, value in zip(events, before, strict=True)]
+    for trail in trails:
+        if not trail.event.tally:  # it is looked at last, and at few places
+            trail.values[0.5] = measure(trail.event, middle)
+        trail.values[1.0] = measure(trail.event, segment.last)
+    tallies = [trail for trail in trails if trail.event.tally]
     crossings = [trail for trail in trails if trail.event.polish is not None]
-    others = [trail for trail in trails if trail.event.polish is None]
+    others = [trail for trail in trails if not trail.event.tally and trail.event.polish is None]
     located = list(_events_on(segment, crossings, ends))
     cuts = [p for p in located if "tangents" in p.detail] or ([crossing] if crossing else [])
     if cuts and others:
         located += _between(segment, cuts, others, ends)
     else:
         located += _events_on(segment, others, ends)
+    for trail in tallies:
+        located += _explained(segment, trail, others, located)
     located.sort(key=lambda point: point.arclength)
     end = segment.last.arclength * (1 - 1e-15)
     at_end = {id(p.event) for p in located if p.located and p.arclength >= end}
@@ -245,7 +251,14 @@ def _make_sure(segment: Segment, trail: Trail) -> None:
 
 def _located(segment: Segment, trail: Trail, left: float, right: float) -> Iterator[Point]:
     finder = _jump if trail.jumps else _zero
-    for low, high, point in finder(segment, trail, left, right):
+    for number, (low, high, point) in enumerate(finder(segment, trail, left, right)):
+        if number == _MOST:
+            trail.done.append((left, right))
+            reason = f"more than {_MOST} changes of {trail.event.kind} within one step: no event"
+            yield _special(
+                replace(point, detail={"reason": reason}), trail.event, (low, right), segment
+            )
+            return
         if trail.jumps:
             trail.settle_jump(low, high, look_at(segment, trail.event))
         else:
@@ -262,6 +275,71 @@ def _look_at(segment: Segment, trails: Sequence[Trail], fresh: Sequence[Point]) 
         for trail in trails:
             if trail.event is not point.event:
                 trail.learn(u, measure(trail.event, point))
+
+
+# --- what no event explains -------------------------------------------------------------------
+
+
+def _explained(
+    segment: Segment, trail: Trail, others: Sequence[Trail], located: Sequence[Point]
+) -> list[Point]:
+    """Events of all others next to where a tally changes without one; where there are none, that
+    place, as doubtful."""
+    more: list[Point] = []
+    for attempt in range(2):
+        places = _places(segment, [*located, *more])
+        jumps = [jump for pair in places if (jump := _changed(segment, trail, *pair)) is not None]
+        if not jumps or attempt:
+            break
+        for (low, high), *_ in jumps:
+            for other, u in itertools.product(others, (low, high)):
+                other.learn(u, measure(other.event, segment.provisional(u)))
+        more += [point for other in others for point in _search(segment, other)]
+    for bracket, before, after in jumps:
+        u = 0.5 * (bracket[0] + bracket[1])
+        reason = f"a count changes from {before} to {after}, and no event here explains it"
+        point = replace(segment.provisional(u), detail={"reason": reason})
+        more.append(_special(point, trail.event, bracket, segment))
+    return more
+
+
+def _places(segment: Segment, located: Sequence[Point]) -> list[tuple[float, float]]:
+    """The pieces of a step between its events, and a little off them: there a count is rounding."""
+    first = segment.first.arclength
+    cuts = sorted((point.arclength - first) / segment.length for point in located)
+    places = [0.0, *cuts, 1.0]
+    pieces = []
+    for i, (low, high) in enumerate(itertools.pairwise(places)):
+        room = _BESIDE * (high - low)
+        low, high = low + (room if i else 0.0), high - (room if i < len(cuts) else 0.0)
+        if high - low > ASIDE:
+            pieces.append((low, high))
+    return pieces
+
+
+def _changed(
+    segment: Segment, trail: Trail, low: float, high: float
+) -> tuple[tuple[float, float], Value, Value] | None:
+    """Where a tally changes on a piece of the step, and from what to what."""
+
+    def at(u: float) -> Value:
+        if u not in trail.values:
+            try:
+                trail.values[u] = measure(trail.event, segment.at(u))
+            except Undefined:
+                trail.values[u] = math.nan
+        return trail.values[u]
+
+    before, after = at(low), at(high)
+    if math.isnan(before) or math.isnan(after) or before == after:
+        return None
+    while high - low > _TALLIED:
+        middle = 0.5 * (low + high)
+        value = at(middle)
+        if math.isnan(value):
+            break
+        low, high = (middle, high) if value == before else (low, middle)
+    return (low, high), before, at(high)
 
 
 # --- zeros and jumps --------------------------------------------------------------------------
@@ -406,5 +484,7 @@ def _special(point: Point, event: Event, bracket: tuple[float, float], segment: 
     if reason:
         return replace(point, located=False, detail={**point.detail, "reason": reason})
     if event.analysis is not None:
-        point = replace(point, detail={**point.detail, **event.analysis(point)})
+        found = dict(event.analysis(point))
+        kind = found.pop("kind", point.kind)
+        point = replace(point, kind=kind, detail={**point.detail, **found})
     return point

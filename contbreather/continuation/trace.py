@@ -119,6 +119,7 @@ def trace(
     if towards not in ("both", "up", "down"):
         raise BadInput(f"towards must be 'both', 'up' or 'down', got {towards!r}")
     events = all_of(events)  # both walks need them
+    start = problem_in(start)  # once: what both find at the start is one event
     sides = ("down", "up") if towards == "both" and along is None else (towards,)
     legs: list[Leg] = []
     with (
@@ -209,8 +210,7 @@ def walk(
     >>> [round(point["mu"], 3) for point in itertools.islice(walk(line, "mu"), 2)]
     [0.0, 0.007]
     """
-    problem = problem_in(start)
-    walker = Walker(problem, free, within, towards, events, steps or Steps(), along)
+    walker = Walker(problem_in(start), free, within, towards, events, steps or Steps(), along)
     return walker.run()
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation import Event, Point
+from contbreather.stability.pairs import beyond, outermost
 
 Array = NDArray[Any]
 Matrix = Callable[[Point], Array]
@@ -23,12 +24,22 @@ def pitchfork(matrix: Matrix) -> Event:
     Over half a period a symmetric motion comes back with its sign changed, so that its own
     equations are singular at the multiplier -1, the fold.
     """
-    return Event("PF", lambda point: _passes(matrix(point), 1.0))
+    return _real("PF", matrix, 1.0)
 
 
 def period_doubling(matrix: Matrix) -> Event:
     """PD of any other motion: the multiplier -1 over its period."""
-    return Event("PD", lambda point: _passes(matrix(point), -1.0))
+    return _real("PD", matrix, -1.0)
+
+
+def _real(kind: str, matrix: Matrix, mu: float) -> Event:
+    # two that pass within one step, as the even and the odd ones of a ring do, leave no change of
+    # sign, but a count
+    return Event(
+        kind,
+        lambda point: _passes(matrix(point), mu),
+        count=lambda point: beyond(np.linalg.eigvals(matrix(point)), mu),
+    )
 
 
 def neimark_sacker(matrix: Matrix) -> Event:
@@ -41,7 +52,7 @@ def neimark_sacker(matrix: Matrix) -> Event:
     def test(point: Point) -> float:
         if point.params["damping"] == 0.0:
             return math.nan
-        return outermost_pair(np.linalg.eigvals(matrix(point))) - 1.0
+        return outermost(np.linalg.eigvals(matrix(point)))
 
     def verify(point: Point) -> str:
         beyond = test(point)
@@ -52,10 +63,15 @@ def neimark_sacker(matrix: Matrix) -> Event:
     return Event("NS", test, verify=verify)
 
 
-def outermost_pair(multipliers: Array) -> float:
-    """Largest modulus of those that are not real; NaN if all are."""
-    pairs = np.abs(multipliers[multipliers.imag > 0.0])
-    return float(pairs.max()) if pairs.size else math.nan
+def tally(matrix: Matrix, slack: float) -> Event:
+    """What no label explains: the number of multipliers outside changes, on a damped ring."""
+
+    def outside(point: Point) -> float | int:
+        if point.params["damping"] == 0.0:
+            return math.nan
+        return int(np.count_nonzero(np.abs(np.linalg.eigvals(matrix(point))) > 1.0 + slack))
+
+    return Event("MX", outside, tally=True)
 
 
 def _passes(matrix: Array, mu: float) -> float:

@@ -25,6 +25,7 @@ from contbreather.dynamics.multiplier_events import (
     neimark_sacker,
     period_doubling,
     pitchfork,
+    tally,
 )
 from contbreather.dynamics.tangent import variation
 from contbreather.errors import BadInput, ContbreatherError, NotConverged
@@ -35,6 +36,7 @@ Array = NDArray[Any]
 NAMES = ("a", "gamma", "k", "damping")
 STEPS = 30
 SOLVED = 1e-11
+OUTSIDE = 1e-9  # a modulus is above 1 by more than rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,10 +276,11 @@ def damped_orbit(start: PeriodicMotion) -> Problem:
             fold(),
             (pitchfork if start.symmetric else period_doubling)(matrix),
             neimark_sacker(matrix),
+            tally(matrix, OUTSIDE),
         ),
         record={
             "largest": lambda point: float(multipliers(point).max()),
-            "unstable": lambda point: float(np.sum(multipliers(point) > 1.0 + 1e-9)),
+            "unstable": lambda point: int(np.sum(multipliers(point) > 1.0 + OUTSIDE)),
         },
         domain=DOMAIN,
         interpret=interpret,

@@ -23,6 +23,7 @@ from contbreather.dynamics.multiplier_events import (
     neimark_sacker,
     period_doubling,
     pitchfork,
+    tally,
 )
 from contbreather.dynamics.smooth import Explicit, SmoothConditions, wall_damping
 from contbreather.errors import NotConverged
@@ -179,8 +180,8 @@ def smooth_orbit(
     def largest(point: Point) -> float:
         return float(np.abs(shooting.multipliers(point)[0]) ** squared)
 
-    def unstable(point: Point) -> float:
-        return float(np.sum(np.abs(shooting.multipliers(point)) ** squared > 1.0 + OUTSIDE))
+    def unstable(point: Point) -> int:
+        return int(np.sum(np.abs(shooting.multipliers(point)) > 1.0 + OUTSIDE))
 
     def interpret(point: Point) -> SmoothOrbit:
         mu = shooting.multipliers(point)
@@ -207,4 +208,5 @@ def _events(shooting: Shooting, symmetric: bool) -> tuple[Event, ...]:
     def matrix(point: Point) -> Array:
         return shooting.linearised(point.x, point.params)[1]
 
-    return (pitchfork if symmetric else period_doubling)(matrix), neimark_sacker(matrix)
+    own = (pitchfork if symmetric else period_doubling)(matrix)
+    return own, neimark_sacker(matrix), tally(matrix, OUTSIDE)

@@ -25,7 +25,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
 
 from contbreather.errors import BadInput
 from contbreather.lattice.modes import check_gamma
@@ -175,6 +174,13 @@ def _angle_equation(gamma: float, arc: Arc, q: float) -> Array:
     return np.asarray(root * square - q * (1.0 / math.pi - math.pi * v * root * R * B))
 
 
+def _needed(arc: Arc, k: float) -> Array:
+    """The b that brings D to zero at an angle, where the equation for the angle holds."""
+    _, nu, v, R, B, C = arc
+    q = (1.0 - k) / (1.0 + k)
+    return np.asarray((1.0 + k) ** 2 * (C - nu * (2.0 * R + nu * B) - math.pi * q * v * R))
+
+
 class NeimarkSacker(NamedTuple):
     """One Neimark-Sacker point at given gamma and k: its angle/pi and the b it needs."""
 
@@ -197,27 +203,150 @@ def neimark_sacker(gamma: float, k: float) -> tuple[NeimarkSacker, ...]:
     q = (1.0 - k) / (1.0 + k)
     if gamma == 0.0 or q <= 0.0:
         return ()
-
-    def equation(alpha: float) -> float:
-        return float(_angle_equation(gamma, sample(gamma, np.asarray(alpha)), q))
-
-    alpha = grid(gamma).alpha
-    values = _angle_equation(gamma, grid(gamma), q)
-    top = int(values.argmax())
-    if values[top] <= 0.0:  # a pair of roots between two nodes?
-        near = (alpha[max(top - 1, 0)], alpha[min(top + 1, GRID)])
-        best = minimize_scalar(lambda x: -equation(x), bounds=near, options={"xatol": 1e-9})
-        if best.fun >= 0.0:
+    alpha, values = grid(gamma).alpha, _on_grid(gamma, q)
+    if values.max() <= 0.0:  # a pair of roots between two nodes?
+        crest = _crest(gamma, q, values)
+        if crest.y[1] <= 0.0:
             return ()
-        place = int(np.searchsorted(alpha, best.x))
-        alpha = np.insert(alpha, place, best.x)
-        values = np.insert(values, place, -best.fun)
+        place = int(np.searchsorted(alpha, crest.arc.alpha[1]))
+        alpha, values = (
+            np.insert(column, place, at[1])
+            for column, at in ((alpha, crest.arc.alpha), (values, crest.y))
+        )
     up = np.flatnonzero((values[:-1] > 0.0) != (values[1:] > 0.0))
-    roots = [brentq(equation, alpha[i], alpha[i + 1], xtol=1e-15, rtol=1e-15) for i in up]
-    return tuple(_point(gamma, k, q, float(root)) for root in roots)
+    arc = sample(gamma, _roots(gamma, q, alpha[[up, up + 1]], values[[up, up + 1]]))
+    return tuple(map(NeimarkSacker, arc.nu.tolist(), _needed(arc, k).tolist()))
 
 
-def _point(gamma: float, k: float, q: float, alpha: float) -> NeimarkSacker:
-    _, nu, v, R, B, C = sample(gamma, np.asarray(alpha))
-    b = (1.0 + k) ** 2 * (C - nu * (2.0 * R + nu * B) - math.pi * q * v * R)
-    return NeimarkSacker(float(nu), float(b))
+def _on_grid(gamma: float, q: float) -> Array:
+    values = _angle_equation(gamma, grid(gamma), q)
+    values[[0, -1]] = -q / math.pi  # next to gamma = 1/4 rounding of cos(pi/2) would hide it
+    return values
+
+
+class _Crest(NamedTuple):
+    """Three neighbouring samples around the crest of the equation for the angle, and its vertex,
+    in steps from the middle one."""
+
+    arc: Arc
+    y: Array
+    bend: float
+    vertex: float
+    height: float
+
+
+def _crest(gamma: float, q: float, values: Array) -> _Crest:
+    """The equation for the angle has one crest; only one next to zero is looked at closely."""
+    arc = grid(gamma)
+    i = int(np.clip(values.argmax(), 1, GRID - 1))
+    found = _parabola(Arc(*(column[i - 1 : i + 2] for column in arc)), values[i - 1 : i + 2])
+    step = 0.5 * math.pi / GRID
+    while step > 1e-4 and abs(found.height) < found.bend:
+        top = float(found.arc.alpha[1]) + step * found.vertex
+        step *= 0.05
+        top = min(max(top, step), 0.5 * math.pi - step)
+        arc = sample(gamma, top + step * np.array([-1.0, 0.0, 1.0]))
+        found = _parabola(arc, _angle_equation(gamma, arc, q))
+    return found
+
+
+def _parabola(arc: Arc, y: Array) -> _Crest:
+    bend, tilt = float(2.0 * y[1] - y[0] - y[2]), float(y[2] - y[0])
+    vertex = min(max(0.5 * tilt / bend, -1.0), 1.0) if bend > 0.0 else 0.0
+    return _Crest(arc, y, bend, vertex, float(y[1]) + 0.25 * tilt * vertex)
+
+
+def _roots(gamma: float, q: float, x: Array, y: Array) -> Array:
+    """One root in each bracket, columns of x, with the values y there: secants, kept inside."""
+    (low, high), rising = x.copy(), y[1] > y[0]
+    (old, new), (before, after) = x, y
+    for _ in range(80):
+        slope = (after - before) / np.where(new == old, 1.0, new - old)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.where(after == 0.0, 0.0, new - after / slope)
+        step = np.where(after == 0.0, new, step)
+        inside = (low < step) & (step < high)
+        old, before = new, after
+        new = np.where(inside | (after == 0.0), step, 0.5 * (low + high))
+        if np.all(np.abs(new - old) <= 1e-9):
+            break
+        after = _angle_equation(gamma, sample(gamma, new), q)
+        under = (after < 0.0) == rising
+        low, high = np.where(under, new, low), np.where(under, high, new)
+    return np.asarray(new)
+
+
+class Window(NamedTuple):
+    """The values of b between which a pair is outside: ``(centre - b)^2 < square``.
+
+    Where no b brings a pair out, ``square`` is negative, and grows to zero smoothly up to where
+    one does.
+    """
+
+    centre: float
+    square: float
+
+    def miss(self, b: float) -> float:
+        """Negative where a pair is outside, zero at the Neimark-Sacker points, smooth and bounded:
+        b runs to infinity where an impact vanishes."""
+        return ((b - self.centre) ** 2 - self.square) / (1.0 + b * b)
+
+    def passed(self, b: float) -> int:
+        """How many of the two ends are below b."""
+        half = math.sqrt(max(self.square, 0.0))
+        return int(b > self.centre - half) + int(b > self.centre + half)
+
+
+@lru_cache(maxsize=64)
+def window(gamma: float, k: float) -> Window:
+    """Where a pair is outside at this coupling and restitution.
+
+    At k = 1 there are neutral multipliers between the band and -1. The pair that comes out of the
+    band's edge for k < 1 is one of them, and leaves the circle only where two have met: beyond the
+    largest b of any.
+
+    Examples
+    --------
+    >>> low, high = sorted(point.b for point in neimark_sacker(0.1, 0.8))
+    >>> abs(window(0.1, 0.8).miss(low)) < 1e-12 and window(0.1, 0.8).miss(0.5 * (low + high)) < 0
+    True
+    """
+    if gamma == 0.0:
+        return Window(0.0, -1.0)
+    if k == 1.0:
+        found = [_neutral_until(gamma), float(4.0 * sample(gamma, np.zeros(1)).C[0])]
+        if found[0] >= found[1]:
+            return Window(found[1], -1.0)
+    else:
+        found = [point.b for point in neimark_sacker(gamma, k)]
+    if len(found) == 2:
+        return Window(0.5 * (found[0] + found[1]), 0.25 * (found[0] - found[1]) ** 2)
+    q = (1.0 - k) / (1.0 + k)
+    crest = _crest(gamma, q, _on_grid(gamma, q))
+    b, x = _needed(crest.arc, k), crest.vertex
+    slope = 0.5 * float(b[2] - b[0])
+    centre = float(b[1]) + x * slope + 0.5 * x * x * float(b[0] - 2.0 * b[1] + b[2])
+    # b at the two roots of the parabola, were it high enough: centre +- slope sqrt(2 height/bend)
+    square = 2.0 * crest.height * slope * slope / crest.bend if crest.bend > 0.0 else -1.0
+    return Window(centre, min(square, 0.0))
+
+
+def _neutral_until(gamma: float) -> float:
+    """For k = 1 the largest b for which D, real there, has a zero between the band and mu = -1."""
+    edge = 2.0 * math.sqrt(gamma)
+
+    def needed(t: Array) -> Array:
+        nu = edge + (1.0 - edge) * t * t
+        R, B, C = regular(gamma, nu)
+        inverse = math.pi * nu * np.sqrt((1.0 - edge) * (nu + edge)) * t  # of the alias in the band
+        return np.asarray(
+            4.0 * (C + (inverse * R * R - nu * (2.0 * R + nu * B)) / (1.0 + inverse * B))
+        )
+
+    t = np.linspace(0.0, 1.0, GRID + 1)
+    values = needed(t)
+    for _ in range(4):
+        top = int(values.argmax())
+        t = np.linspace(t[max(top - 1, 0)], t[min(top + 1, GRID)], GRID + 1)
+        values = needed(t)
+    return float(values.max())

@@ -24,6 +24,8 @@ Array = NDArray[Any]
 STEPS = 40  # Newton steps allowed; 12 where a few good starts are tried first
 ROUGH = 1e-9  # Newton's last step in nu for a root to count as found
 ON_CIRCLE = 1e-13  # |Im nu| of a zero that may be on the circle
+RISKY = 1e-6  # of 1/4 - gamma: nearer, Newton's method finds zeros next to -1 that are none
+NEXT_TO_EDGE = 1e-7  # how far outside they are
 APART = 1e-7  # roots closer than this in nu are one
 DEPTHS = (0.01, 0.05, 0.15, 0.4, 1.0)  # -Im nu of the starts: |mu| from 1.03 to 23
 
@@ -37,9 +39,10 @@ def _starts(gamma: float, k: float, b: float, more: int) -> Array:
     if gamma > 0.0:
         edge = 2.0 * math.sqrt(gamma)
         # Newton's first step off the arc, in alpha, from wherever a zero looks nearest
-        speed = np.gradient(F, arc.alpha)
-        likely = np.argsort(np.abs(F / speed))[: 6 * max(more, 1)]
-        alpha = arc.alpha[likely] - (F / speed)[likely]
+        with np.errstate(divide="ignore", invalid="ignore"):  # F is flat as gamma goes to 0
+            step = np.nan_to_num(F / np.gradient(F, arc.alpha), nan=math.inf)
+        likely = np.argsort(np.abs(step))[: 6 * max(more, 1)]
+        alpha = arc.alpha[likely] - np.where(np.isfinite(step[likely]), step[likely], 0.0)
         near_arc = edge * np.sin(alpha.real + 1j * np.clip(alpha.imag, -1.0, 0.3))
         starts += [near_arc, edge * (1.0 + 0.1j * depth), (edge * (across - 0.1j * depth)).ravel()]
     return np.concatenate(starts)
@@ -137,8 +140,10 @@ def _chain_multipliers(gamma: float, k: float, b: float) -> Array:
     for more in (0, 1, 3, 9):
         if wanted.count:
             mu = _outside(gamma, k, b, more)
-        # those on the circle to within rounding are outside only if the winding number says so
-        if mu.size >= wanted.count and np.all(np.abs(mu[wanted.count :]) < 1.0 + 4.0 * ON_CIRCLE):
+        # those on the circle to within rounding are outside only if the winding number says so;
+        # next to gamma = 1/4 the band's edge comes so close to -1 that D is rounding there
+        slack = NEXT_TO_EDGE if 0.25 - gamma < RISKY else 4.0 * ON_CIRCLE
+        if mu.size >= wanted.count and np.all(np.abs(mu[wanted.count :]) < 1.0 + slack):
             return mu[: wanted.count]
     if not wanted.certain:  # one of them sits on the circle to within rounding
         return mu

@@ -50,6 +50,8 @@ TURN = 0.6  # largest step of F between neighbouring samples, relative to its mo
 DEPTH = 40  # halvings of one interval
 CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
 FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
+MOST = 2**12  # samples of one piece: one that asks for more has a zero on it, or is rounding
+FAR = 0.25  # of a pair from the circle: beyond that it is all the same
 EDGE = 1e-7  # with several sites the very ends of the band are not evaluated
 
 
@@ -282,7 +284,8 @@ class OrbitMap:
             )
         if self.gamma == 0.0:
             return _counted(self._uncoupled(), 1.0)
-        kappa, F = self._resolved()
+        kappa, F, resolved = self._resolved
+        F = F.copy()
         # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa - 1), and of F at -1;
         # a real multiplier on the circle to within rounding is not outside
         for end, inside in ((0, -1.0), (-1, 1.0)):
@@ -292,7 +295,8 @@ class OrbitMap:
         half_turns = round(turning / math.pi)
         size = np.abs(F) / self._terms
         least = int(size.argmin())
-        certain = bool(size[least] > CERTAIN) and abs(turning / math.pi - half_turns) < 0.01
+        certain = resolved and bool(size[least] > CERTAIN)
+        certain &= abs(turning / math.pi - half_turns) < 0.01
         count = 1 - half_turns
         ends = int(F[0].real > 0.0) + int(F[-1].real < 0.0)
         nu = 2.0 * float(kappa[least].real)
@@ -300,7 +304,7 @@ class OrbitMap:
 
     def nearest(self) -> float:
         """kappa on the circle where a multiplier is closest to passing: a start for its angle."""
-        kappa, F = self._resolved()
+        kappa, F, _ = self._resolved
         x = kappa.real
         inner = np.flatnonzero((x > 0.0) & (x < 0.5))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -309,23 +313,45 @@ class OrbitMap:
         near = x[best] - step[best].real
         return float(near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best])
 
+    def approach(self) -> float:
+        """How close a complex pair comes to the circle: 0 on it, at most `FAR`.
+
+        The distance of a zero of F from the circle over that from +1 and -1, which are not meant:
+        on straight lines between the samples, F/F' is how far off its zero is.
+        """
+        if self.gamma == 0.0:
+            return FAR
+        kappa, F, _ = self._resolved
+        x, step = kappa.real, np.diff(kappa.real)
+        rise = np.diff(F)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = np.clip(-(F[:-1] * rise.conj()).real / np.abs(rise) ** 2, 0.0, 1.0)
+            off = np.abs(F[:-1] + t * rise) / np.abs(rise) * step
+            at = x[:-1] + t * step
+            off = off * (1.0 / at + 1.0 / (0.5 - at))
+        # pieces of the circle share their ends: nothing is between them
+        return float(np.nanmin(off[step > 1e-14], initial=FAR))
+
     @cached_property
     def _terms(self) -> float:
         """Size of what may cancel in F."""
         return float(np.prod([1.0 + abs(self.periods * kick.b) for kick in self.kicks]))
 
-    def _resolved(self) -> tuple[Array, Array]:
-        """kappa in [0, 1/2] and F there, so close that F turns by less than a radian between."""
-        places, values = [], []
+    @cached_property
+    def _resolved(self) -> tuple[Array, Array, bool]:
+        """kappa in [0, 1/2] and F there, so close that F turns by less than a radian between; False
+        where that could not be."""
+        places, values, enough = [], [], True
         for low, high in self._pieces():
             x = np.linspace(0.0, 1.0, GRID + 1)
             place = _ends_resolved(low, high)
             if self._sites[0].any():  # stay off the singular ends
                 x = EDGE + (1.0 - 2.0 * EDGE) * x
-            x, F = _refined(x, place, self.F, FLAT * self._terms)
+            x, F, resolved = _refined(x, place, self.F, FLAT * self._terms)
+            enough &= resolved
             places.append(place(x))
             values.append(F)
-        return np.concatenate(places), np.concatenate(values)
+        return np.concatenate(places), np.concatenate(values), enough
 
     def _pieces(self) -> list[tuple[float, float]]:
         """[0, 1/2] cut where an edge of the band lies: F has square roots there."""
@@ -420,7 +446,7 @@ class OrbitMap:
 
     def _starts(self, more: int) -> Array:
         """kappa of the upper half plane of mu, outside the circle."""
-        kappa, F = self._resolved()
+        kappa, F, _ = self._resolved
         likely = np.argsort(np.abs(F / (np.abs(np.gradient(F)) + 1e-300)))[: 8 * more]
         depth = np.array([1e-4, 2e-3, 0.01, 0.04, 0.12, 0.3, 0.7])
         across = np.linspace(0.0, 0.5, 8 * more + 1)[:, None]
@@ -458,9 +484,10 @@ def _ends_resolved(low: float, high: float) -> Callable[[Array], Array]:
 
 def _refined(
     x: Array, place: Callable[[Array], Array], value: Callable[[Array], Array], floor: float
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, bool]:
     """Samples halved wherever the function moves by much of its modulus, unless that is nothing
-    but rounding, below the floor: about a zero on the circle itself."""
+    but rounding, below the floor: about a zero on the circle itself. With several sites F has more
+    rounding than its terms tell, so that the samples are bounded as well; were they enough?"""
     F = value(place(x))
     for _ in range(DEPTH):
         size = np.abs(F)
@@ -472,9 +499,11 @@ def _refined(
         i = np.flatnonzero(wide & (x[1:] - x[:-1] > 1e-13))
         if i.size == 0:
             break
+        if x.size + i.size > MOST:
+            return x, F, False
         middle = 0.5 * (x[i] + x[i + 1])
         x, F = np.insert(x, i + 1, middle), np.insert(F, i + 1, value(place(middle)))
-    return x, F
+    return x, F, True
 
 
 def _zeros(D: Callable[[Array], Array], kappa: Array) -> Array:

@@ -24,7 +24,7 @@ from contbreather.stability.characteristic import sites_of
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import unstable_multipliers
 from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
-from contbreather.stability.winding import unstable_count
+from contbreather.stability.winding import RIM, unstable_count
 
 Array = NDArray[Any]
 
@@ -36,7 +36,8 @@ class ChainVerdict:
     """Stability in the infinite chain.
 
     ``unstable`` counts the multipliers of QS strictly outside the unit circle, a pair as two. Where
-    not ``certain``, one of them sits on the circle to within rounding, at ``exp(i pi nu)``.
+    not ``certain``, one of them sits on the circle to within rounding, at ``exp(i pi nu)``, or
+    gamma is within rounding of 1/4.
     """
 
     gamma: float
@@ -73,7 +74,9 @@ class ChainVerdict:
             plural = "" if self.unstable == 1 else "s"
             text = f"infinite chain: unstable, {self.unstable} multiplier{plural} of QS outside "
             text += "the unit circle"
-        if not self.certain:
+        if not self.certain and 0.25 - self.gamma <= RIM:
+            text += "; uncertain, the band's edge is within rounding of mu = -1"
+        elif not self.certain:
             text += f"; one on it to within rounding, at the angle {self.nu:.6g} pi"
         if self.over_reflecting:
             text += "; reflects waves amplified, so long rings are weakly unstable"

@@ -10,9 +10,10 @@ the unit circle, by symmetry along its upper half. There, in turn,
   the signs at its two ends say, and D(-1) is real (zero: fold).
 
 Summed up: ``count = [beta0 > 0] + [D(-1) < 0] + 2 pairs``, where ``pairs`` is how often F crosses
-the negative real axis upwards, less how often downwards. At k = 1 exactly, D is real between the
-band and -1 and may have zeros there, on the circle: the formula counts some of them, namely those
-that come out for k < 1; they are found and taken off, for they are neutral.
+the negative real axis upwards, less how often downwards. As F vanishes for at most two values of b,
+each in closed form, there is one pair between them (`contbreather.stability.arc.window`) and none
+elsewhere: a second road, and the only one at k = 1, where zeros between the band and -1, on the
+circle, are neutral. A count is certain where both roads agree.
 """
 
 from __future__ import annotations
@@ -27,8 +28,7 @@ from numpy.typing import NDArray
 from contbreather.checks import real
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.modes import InfiniteChain, check_gamma
-from contbreather.stability.aliases import regular
-from contbreather.stability.arc import Arc, curve, grid, sample
+from contbreather.stability.arc import Arc, curve, grid, sample, window
 from contbreather.stability.characteristic import D, sites_of
 
 Array = NDArray[Any]
@@ -36,6 +36,7 @@ Array = NDArray[Any]
 TURN = 0.6  # largest step of F between neighbouring samples, relative to its modulus
 DEPTH = 48  # halvings of one grid interval: down to 1e-16 in alpha
 ROUNDING = 1e-13  # of F's own terms: closer than that to zero, a count is not certain
+RIM = 1e-10  # of 1/4 - gamma: nearer, the band's edge and -1 are told apart by rounding
 NOISE = 1e-15  # of F's own terms: what their rounding amounts to
 MOST = 2**20  # samples on a circle, when a ring's count asks for more there is no telling
 
@@ -46,7 +47,8 @@ class Count:
 
     ``distance`` is the smallest modulus met, relative to the size of the terms that cancel there;
     it happens at ``mu = exp(i pi nu)``. Where it is below rounding, a multiplier sits on the
-    circle: the parameters are a bifurcation, and ``certain`` is False. ``pairs`` is half the count
+    circle: the parameters are a bifurcation, and ``certain`` is False; so it is next to
+    gamma = 1/4. ``pairs`` is half the count
     without the two whose presence the signs of D on the real axis betray, one above 1 and one
     below -1: it changes where complex pairs cross the circle, and nowhere else on it.
     """
@@ -151,43 +153,21 @@ def _ends(gamma: float, k: float, b: float) -> tuple[float, float, float, float]
     )
 
 
-def _neutral(gamma: float, b: float) -> int:
-    """Zeros of D between the band and mu = -1 for k = 1, where D is real."""
-    edge = 2.0 * math.sqrt(gamma)
-
-    def value(t: Array) -> Array:  # t D, bounded at the band's edge, where D grows like 1/t
-        nu = edge + (1.0 - edge) * t * t
-        R, B, C = regular(gamma, nu)
-        beta = b - 4.0 * C
-        pole = (4.0 * nu * (2.0 * R + nu * B) + beta) / np.sqrt((1.0 - edge) * (nu + edge))
-        return np.asarray(t * (B * beta - 4.0 * R * R) + pole / (math.pi * nu))
-
-    t = np.linspace(0.0, 1.0, 65)[int(gamma == 0.0) :]  # at gamma = 0 the edge is the pole itself
-    y = value(t)
-    for _ in range(8):  # look closer where |y| has a minimum: a pair of zeros may hide there
-        size = np.abs(y)
-        low = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] < size[2:]))
-        middle = 0.5 * (t[1:] + t[:-1])
-        new = middle[np.unique(np.concatenate([low, low + 1]))]
-        place = np.searchsorted(t, new)
-        t, y = np.insert(t, place, new), np.insert(y, place, value(new))
-    return int(np.sum((y[1:] > 0.0) != (y[:-1] > 0.0)))
-
-
 def _chain_count(gamma: float, k: float, b: float) -> Count:
     beta0, beta0_size, fold, fold_size = _ends(gamma, k, b)
     arc, F, _ = resolved_arc(gamma, k, b)
-    count = int(beta0 > 0.0) + int(fold < 0.0) + 2 * _crossings(F, NOISE * (abs(b) + 1.0))
-    if k == 1.0:
-        # the formula has turned from arg(-L) at the band's edge straight to arg D(-1)
-        count -= _neutral(gamma, b) + int(fold < 0.0) - int(F[-1].imag < 0.0)
     size = np.abs(F[1:-1]) / (abs(b) + 1.0)  # the terms of F are of order b and 1
     i = int(size.argmin())
     distances = (abs(beta0) / beta0_size, float(size[i]), abs(fold) / fold_size)
     nearest = int(np.argmin(distances))
     where = (0.0, float(arc.nu[i + 1]), 1.0)[nearest]
-    pairs = (count - int(beta0 > 0.0) - int(fold < 0.0)) // 2
-    return Count(count, distances[nearest] > ROUNDING, distances[nearest], where, pairs)
+    miss, room = window(gamma, k).miss(b), 0.25 - gamma
+    pairs = int(miss < 0.0)
+    certain = min(distances[nearest], abs(miss)) > ROUNDING + 1e-16 / room and room > RIM
+    if k < 1.0 and gamma > 0.0:
+        certain &= pairs == _crossings(F, NOISE * (abs(b) + 1.0))
+    count = int(beta0 > 0.0) + int(fold < 0.0) + 2 * pairs
+    return Count(count, certain, distances[nearest], where, pairs)
 
 
 def _circle_count(gamma: float, k: float, b: float, lattice: object, radius: float) -> Count:

@@ -115,7 +115,7 @@ def test_one_neimark_sacker_and_no_other_event_whatever_the_step(
 
 def test_branch_in_a_meets_both_sides_of_the_neimark_sacker_line() -> None:
     branch = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a")
-    assert kinds(branch) == ["GR", "LP", "NS", "NS", "GR"]
+    assert kinds(branch) == ["VI", "LP", "NS", "NS", "GR"]
     unstable = branch["unstable"]
     between = (branch["a"] > 0.163) & (branch["a"] < 0.370) & (branch["p"] > 0.52)
     assert (unstable[between] == 2).all()

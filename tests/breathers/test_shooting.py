@@ -831,7 +831,7 @@ def test_margin_vanishes_with_the_velocity_of_an_impact() -> None:
     )
     assert branch[-1]["a"] == pytest.approx(1.0, abs=1e-9)
     assert branch[-1].solution.p[0] == pytest.approx(0.0, abs=1e-9)
-    assert branch[-1].kind == "GR"
+    assert branch[-1].kind == "VI"
 
 
 # --- seeds --------------------------------------------------------------------------------------
@@ -955,7 +955,7 @@ def test_no_pair_is_seen_where_an_impact_loses_its_velocity() -> None:
     branch = cb.trace(
         shooting(cb.symmetric(0.5, 0.04, 0.8), sites=RING), "a", within={"a": (0.03, 1.2)}
     )
-    end = branch.first("GR1")
+    end = branch.first("VI1")
     assert abs(end.solution.hits[0].before) < 1e-9
     assert end["a"] == pytest.approx(1.0, abs=1e-9)
     assert [p.label for p in branch.special if p.kind == "NS" and p["a"] > 0.9] == []
