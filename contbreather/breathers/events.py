@@ -10,12 +10,13 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.admissibility import admissibility
+from contbreather.breathers.admissibility import Rival, admissibility, motion, phase, rivals
 from contbreather.breathers.symmetric import Breather, flight_slope_of
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.newton import Undefined
@@ -36,7 +37,7 @@ Slope = Callable[[Breather, str], float]
 # As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, and at
 # k = 1 there are none: within rounding of the edge the curve cannot be followed.
 _ELASTIC = 1.0 - 1e-5
-_ALIKE = 1e-9  # a coupling below which margins tell nothing apart
+_ALIKE = 1e-5  # a coupling below which sites are told apart as they would be there
 _ZERO = 1e-8  # a located event's own scalar, relative to the terms in it
 
 
@@ -338,84 +339,69 @@ def _next_wave(ring: Ring, threshold: float) -> Event:
 # --- grazing --------------------------------------------------------------------------------------
 
 
-def _grazing_locus(point: Point, apart_from: frozenset[str] = frozenset()) -> Locus:
+def _grazing_locus(point: Point) -> Locus:
     """``u_n = 1, u_n' = 0`` at an unknown time, for the site that is closest to its walls."""
-    breather: Breather = point.solution
-    margins = admissibility(breather)
-    others = [name for name in margins.places if name not in apart_from]
-    least = min(others, key=lambda name: getattr(margins, name))  # of equals the nearest site
-    site, t = margins.places[least]
-    if site is None:
-        t = _crest(breather)
-        wall = math.copysign(1.0, breather.forcing.f(t))
-    else:
-        wall = math.copysign(1.0, breather.displacement(site, t))
+    return _crest_locus(point.solution, *_closest(point.solution))
+
+
+def _closest(breather: Breather) -> tuple[int, float]:
+    """Site and time of the crest that is closest to a wall."""
+    found = admissibility(breather)
+    if found.centre < min(found.neighbours, found.far):
+        return 0, found.places["centre"][1]
+    if breather.gamma < _ALIKE:
+        # without coupling all neighbours climb alike: the one that does highest with a little of it
+        found = admissibility(replace(breather, gamma=_ALIKE))
+    site, t = found.places["neighbours"]
+    assert site is not None
+    return site, t
+
+
+def _crest_locus(breather: Breather, site: int, t: float) -> Locus:
+    wall = math.copysign(1.0, motion(breather, site, t)[0])
     if site == 0 and not 1e-9 < t - breather.phi < math.pi - 1e-9:
         raise Undefined("the impact of site 0 itself loses its velocity: no grazing to follow")
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        u, v, _ = _motion(_breather(curve, z), site, float(extra[0]))
+        u, v, _ = motion(_breather(curve, z), site, float(extra[0]))
         return np.array([wall * u - 1.0, wall * v])
 
     def derivative(curve: Curve, z: Array, extra: Array) -> Array:
         breather = _breather(curve, z)
         t = float(extra[0])
         rows = [_motion_slope(breather, site, t, name) for name in _names(curve)]
-        _, v, acceleration = _motion(breather, site, t)
+        _, v, acceleration = motion(breather, site, t)
         return wall * np.array([*rows, (v, acceleration)]).T
 
     return Locus({"t": t}, conditions, derivative, events=(_other_grazing(site),))
 
 
-def _other_grazing(site: int | None) -> Event:
-    """Where one site grazes, the others must still keep off their walls; where they do not, the
-    limit of existence goes on with them."""
-    own = frozenset({"far" if site is None else "neighbours" if site else "centre"})
+def _other_grazing(site: int) -> Event:
+    """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
+    of the same one. Where it does not, the limit of existence goes on with that."""
+
+    def closest(point: Point) -> Rival:
+        return min(rivals(point.solution, site, point["t"]))
+
+    def analysis(point: Point) -> Mapping[str, Any]:
+        _, other, when = closest(point)
+        return {"site": other, "time": when}
+
+    def locus(point: Point) -> Locus:
+        return _crest_locus(point.solution, point.detail["site"], point.detail["time"])
 
     def test(point: Point) -> float:
-        margins, gamma = admissibility(point.solution), float(point["gamma"])
-        found = {name: float(getattr(margins, name)) for name in margins.places if name not in own}
-        # without coupling all but site 0 follow the forcing alike: what sets them apart grows
-        # with gamma, and a zero at gamma = 0 would mean nothing
-        for name in found.keys() - {"centre"} if site != 0 else ():
-            found[name] = found[name] / gamma if gamma > _ALIKE else 1.0
-        return min(found.values())
+        return closest(point).margin
 
-    met = Event("GR", test, locus=lambda point: _grazing_locus(point, own))
-    return Event("GR-GR", test, terminal=True, positive=True, met=met)
+    met = Event("GR", test, locus=locus)
+    return Event("GR-GR", test, terminal=True, positive=True, met=met, analysis=analysis)
 
 
-def _crest(breather: Breather) -> float:
-    """When |f| is largest."""
-    t = np.linspace(0.0, math.pi, max(64, 16 * breather.forcing.highest), endpoint=False)
-    return float(t[int(abs(breather.forcing.f(t)).argmax())])
-
-
-def _phase(breather: Breather, t: float) -> tuple[float, float]:
-    """Time from the middle of the flight, and its sign."""
-    flights = math.floor((t - breather.phi) / math.pi)
-    sign = -1.0 if flights % 2 else 1.0
-    return t - breather.phi - (flights + 0.5) * math.pi, sign
-
-
-def _motion(breather: Breather, site: int | None, t: float) -> tuple[float, float, float]:
-    """Displacement, velocity, acceleration of a site (None: the far field), once differentiable
-    in everything: no special case at an impact."""
-    a, f = breather.a, breather.forcing
-    driven = (a * f.f(t), a * f.df(t), a * f.d2f(t))
-    if site is None:
-        return driven
-    y, sign = _phase(breather, t)
-    flight, p = breather.flight(site), sign * breather.p
-    u, v, acceleration = flight.value(y), flight.slope(y), flight.curvature(y)
-    return driven[0] + p * u, driven[1] + p * v, driven[2] + p * acceleration
-
-
-def _motion_slope(breather: Breather, site: int | None, t: float, name: str) -> tuple[float, float]:
+def _motion_slope(breather: Breather, site: int, t: float, name: str) -> tuple[float, float]:
     """Derivative of displacement and velocity at a fixed time."""
-    if site is None or name not in ("p", "phi", "gamma"):
+    if name not in ("p", "phi", "gamma"):
         return _driven(breather, 0, name, t), _driven(breather, 1, name, t)
-    y, sign = _phase(breather, t)
+    y, sign = phase(breather, t)
     flight = breather.flight(site)
     if name == "p":
         return sign * flight.value(y), sign * flight.slope(y)

@@ -39,6 +39,7 @@ FEWEST = 80  # points on a curve
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
 PASSED = 3e-3  # a breather this close to a traced branch is one of it; chords of a branch are long
+PHASE = 0.1  # weight of phi in these distances: of breathers alike in p it differs a lot
 VANISHED = 1e-9  # the impact has lost its velocity: no event of an impacting breather
 BESIDE = 3e-3  # how far from a meeting a curve is looked for that the comb missed
 
@@ -217,7 +218,8 @@ class _Search:
         return [p for b in branches for p in b.special if _is_meeting(p) and not self._known(p)]
 
     def _known(self, point: Point, but: Branch | None = None) -> bool:
-        names = (*self.pair, "p")  # p tells breathers apart
+        # p and phi tell breathers apart; near k = 1 time reversal makes pairs alike in p
+        names = (*self.pair, "p", "phi")
         curves = (b for b in self.curves[_followed(point)] if b is not but)
         return any(_on_curve(b, point, names, SAME) for b in curves)
 
@@ -306,11 +308,15 @@ def _comb(name: str, within: Mapping[str, tuple[float, float]]) -> Iterable[floa
 
 def _on_curve(branch: Branch, place: Place, names: tuple[str, ...], near: float) -> bool:
     """Whether a traced curve passes a place: these values by name."""
-    here = np.array([place[name] for name in names])
     nodes = np.stack([branch[name] for name in names], axis=-1)
-    if len(nodes) == 1:
-        return bool(np.linalg.norm(here - nodes[0]) < near)
-    start, chord = nodes[:-1], np.diff(nodes, axis=0)
-    along = np.sum((here - start) * chord, axis=-1) / np.sum(chord * chord, axis=-1)
-    foot = start + np.clip(along, 0, 1)[:, None] * chord
-    return bool(np.linalg.norm(here - foot, axis=-1).min() < near)
+    gap = np.array([place[name] for name in names]) - nodes
+    if "phi" in names:
+        turn, phase = 2.0 * math.pi, names.index("phi")
+        gap[:, phase] -= turn * np.rint(gap[:, phase] / turn)
+        gap[:, phase] *= PHASE
+        nodes[:, phase] *= PHASE
+    if len(nodes) > 1:
+        gap, chord = gap[:-1], np.diff(nodes, axis=0)
+        along = np.sum(gap * chord, axis=-1) / np.sum(chord * chord, axis=-1)
+        gap -= np.clip(along, 0, 1)[:, None] * chord
+    return bool(np.linalg.norm(gap, axis=-1).min() < near)
