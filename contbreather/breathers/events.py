@@ -23,7 +23,7 @@ from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
 from contbreather.errors import BadInput
-from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain, Lattice, Ring
 from contbreather.stability.arc import OnArc, on_arc
 from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
@@ -99,7 +99,25 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
     >>> round(branch.first("NS")["gamma"], 7)
     0.0969709
     """
-    if on is None or isinstance(on, InfiniteChain):
+    lattice = InfiniteChain() if on is None else on
+    ring = isinstance(lattice, Ring)
+    rule = f"a ring of {lattice.sites}, threshold {threshold:g}" if ring else "the infinite chain"
+    return replace(
+        _pair_leaves(lattice, threshold),
+        record={"unstable": lambda point: unstable(point.solution, lattice, threshold)},
+        about=f"stability of {rule}",
+    )
+
+
+def unstable(breather: Breather, lattice: Lattice, threshold: float) -> int:
+    """Multipliers of QS outside the circle: isolated ones on the infinite chain, those over 2 pi
+    beyond the threshold on a ring."""
+    radius = math.sqrt(threshold) if isinstance(lattice, Ring) else 1.0
+    return unstable_count(breather.gamma, breather.k, breather.b, lattice, radius=radius).count
+
+
+def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
+    if isinstance(on, InfiniteChain):
         return Event("NS", _on_breather(_pairs), locus=_arc_locus, verify=_verify_angle)
     if not (math.isfinite(threshold) and threshold > 1):
         raise BadInput(
@@ -298,8 +316,9 @@ def _upper(breather: Breather, ring: Ring) -> NDArray[np.complex128]:
     return np.asarray(mu[mu.imag > _ZERO])
 
 
-def _circle_locus(point: Point, ring: Ring, threshold: float) -> Locus:
-    """A multiplier of the ring on the circle of the threshold, at an unknown angle."""
+def _circle_locus(point: Point, ring: Ring, threshold: float, angle: float | None = None) -> Locus:
+    """A multiplier of the ring on the circle of the threshold, at an unknown angle: that of the
+    pair farthest out, unless another is named by its angle."""
     radius = math.sqrt(threshold)
     depth = -1j * math.log(radius) / math.pi  # mu = exp(i pi (nu + depth)) has this modulus
 
@@ -314,12 +333,12 @@ def _circle_locus(point: Point, ring: Ring, threshold: float) -> Locus:
         row = _along(curve, breather, D_gradient(breather.gamma, nu, breather.k, breather.b, ring))
         return np.array([row.real, row.imag])
 
-    mu = _upper(point.solution, ring)
-    if not mu.size:
-        raise Undefined("no complex multipliers on this ring")
-    nearest = mu[abs(mu).argmax()]
-    start = {"nu": float(np.angle(nearest)) / math.pi}
-    return Locus(start, conditions, derivative, events=(_next_wave(ring, threshold),))
+    if angle is None:
+        mu = _upper(point.solution, ring)
+        if not mu.size:
+            raise Undefined("no complex multipliers on this ring")
+        angle = float(np.angle(mu[abs(mu).argmax()])) / math.pi
+    return Locus({"nu": angle}, conditions, derivative, events=(_next_wave(ring, threshold),))
 
 
 def _next_wave(ring: Ring, threshold: float) -> Event:
@@ -327,13 +346,23 @@ def _next_wave(ring: Ring, threshold: float) -> Event:
     followed is not the first to be there any more, and the rule's line goes on with the other."""
     radius = math.sqrt(threshold)
 
-    def test(point: Point) -> float:
+    def others(point: Point) -> NDArray[np.complex128]:
         mu = _upper(point.solution, ring)
         own = int(abs(mu - radius * cmath.exp(1j * math.pi * point["nu"])).argmin())
-        return radius - float(np.delete(abs(mu), own).max(initial=0.0))
+        return np.asarray(np.delete(mu, own))
 
-    event = neimark_sacker(on=ring, threshold=threshold)
-    return Event("NS-NS", test, terminal=True, positive=True, met=event)
+    def test(point: Point) -> float:
+        return radius - float(abs(others(point)).max(initial=0.0))
+
+    def analysis(point: Point) -> Mapping[str, Any]:
+        mu = others(point)
+        return {"next": float(np.angle(mu[abs(mu).argmax()])) / math.pi}
+
+    def locus(point: Point) -> Locus:
+        return _circle_locus(point, ring, threshold, point.detail["next"])
+
+    met = replace(neimark_sacker(on=ring, threshold=threshold), locus=locus)
+    return Event("NS-NS", test, terminal=True, positive=True, met=met, analysis=analysis)
 
 
 # --- grazing --------------------------------------------------------------------------------------
@@ -393,7 +422,7 @@ def _other_grazing(site: int) -> Event:
     def test(point: Point) -> float:
         return closest(point).margin
 
-    met = Event("GR", test, locus=locus)
+    met = Event("GR", test, terminal=True, positive=True, locus=locus)
     return Event("GR-GR", test, terminal=True, positive=True, met=met, analysis=analysis)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.admissibility import admissibility
-from contbreather.breathers.problem import events_on, problem_of
+from contbreather.breathers.problem import PAPER, events_on, problem_of
 from contbreather.breathers.symmetric import Breather, symmetric_roots
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.progress import Progress
@@ -36,6 +36,7 @@ COMBS = {
 }
 PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
 FEWEST = 80  # points on a curve
+JOINT = "NS-NS"  # between two pieces of the envelope that is the paper's rule on a ring
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
 PASSED = 3e-3  # a breather this close to a traced branch is one of it; chords of a branch are long
@@ -56,11 +57,17 @@ class Zones:
         The two parameters of the plane, abscissa first.
     curves : dict
         ``{"LP": (branch, ...), "GR": ..., "PF": ..., "NS": ...}``; each branch is a boundary.
+    threshold : float
+        Modulus over 2 pi of the paper's rule, which the NS curves of a ring follow.
+    past_folds : bool
+        Whether the breathers behind a fold are in the diagram.
     """
 
     fixed: tuple[str, float]
     pair: tuple[str, str]
     curves: Mapping[str, tuple[Branch, ...]]
+    threshold: float = PAPER
+    past_folds: bool = False
 
     def __iter__(self) -> Iterator[tuple[str, Branch]]:
         for kind in KINDS:
@@ -74,11 +81,16 @@ class Zones:
 
     @property
     def special(self) -> tuple[Point, ...]:
-        """Where curves meet, each once: PF-GR, NS-LP, NS-GR, LP-GR, GR-GR."""
+        """Where curves meet, each once: PF-GR, NS-LP, NS-GR, LP-GR, GR-GR.
+
+        The pieces of the paper's rule on a ring are one curve.
+        """
         found: list[Point] = []
         for kind in reversed(KINDS):
             for point in (p for branch in self.curves[kind] for p in branch.special):
-                if _is_meeting(point) and not any(self._same(point, one) for one in found):
+                if not _is_meeting(point) or point.kind == JOINT:
+                    continue
+                if not any(self._same(point, one) for one in found):
                     found.append(point)
         return tuple(found)
 
@@ -101,6 +113,8 @@ def zones(
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | None = None,
+    threshold: float = PAPER,
+    past_folds: bool | None = None,
 ) -> Zones:
     """All curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
 
@@ -109,16 +123,22 @@ def zones(
     k, gamma, a : float
         Exactly one: the plane is that of the other two, ``(gamma, a)`` for the paper's Fig. 2.
     forcing : Forcing, optional
-        `Harmonic` unless given; then a fold ends the zone, for the breather behind it is unstable
-        throughout. Any other forcing may have several breathers at one point: the diagram has
-        the curves of all of them. Where the impacts vanish, p -> 0 on the line a max|f| = 1, there
-        is no curve to follow.
+        `Harmonic` unless given. Where the impacts vanish, p -> 0 on the line a max|f| = 1, there is
+        no curve to follow.
     lattice : Lattice, optional
-        The infinite chain unless given. On a `Ring` the NS curves follow the paper's rule.
+        The infinite chain unless given. On a `Ring` the NS curves follow the paper's rule: they are
+        the pieces of one envelope, each of the wave that is first to pass the threshold.
     within : dict, optional
         Windows of the two parameters, narrower than the defaults.
     progress : bool, optional
         As for `trace`.
+    threshold : float
+        Modulus over 2 pi of the paper's rule; for rings.
+    past_folds : bool, optional
+        Whether a curve goes on behind a fold, among the breathers with the smaller p. Unless given
+        it does if the forcing has several harmonics: then there may be several breathers at one
+        point, and the diagram has the curves of all of them. With one harmonic the breather behind
+        the fold is unstable throughout, and the fold ends the zone.
 
     Returns
     -------
@@ -150,7 +170,12 @@ def zones(
             "multiplier on the arc is neutral; at k = 0 site 0 leaves its wall without velocity. "
             "Take k close to it, and symmetric() for single breathers at the rim"
         )
-    search = _Search(name, float(value), forcing, lattice or InfiniteChain(), within or {})
+    forcing = Harmonic() if forcing is None else forcing
+    if past_folds is None:
+        past_folds = sum(bool(c or s) for _, c, s in forcing.harmonics) > 1
+    search = _Search(
+        name, float(value), forcing, lattice or InfiniteChain(), within or {}, threshold, past_folds
+    )
     with Progress(progress, search.pair[0]) as shown:
         return search.run(shown)
 
@@ -162,9 +187,11 @@ class _Search:
         self,
         name: str,
         value: float,
-        forcing: Forcing | None,
+        forcing: Forcing,
         lattice: Lattice,
         within: Mapping[str, tuple[float, float]],
+        threshold: float,
+        past_folds: bool,
     ) -> None:
         self.name, self.value, self.pair = name, value, PAIRS[name]
         self.forcing, self.lattice = forcing, lattice
@@ -172,9 +199,9 @@ class _Search:
             if other not in self.pair:
                 raise BadInput(f"no window for {other!r}: the plane is that of {self.pair}")
         self.within = {n: _narrowed(n, within.get(n)) for n in self.pair}
-        self.events = events_on(lattice)
-        self.single = forcing is None or isinstance(forcing, Harmonic)
-        if self.single:
+        self.threshold, self.past_folds = threshold, past_folds
+        self.events = events_on(lattice, threshold)
+        if not past_folds:
             self.events = tuple(_ending(event) for event in self.events)
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
 
@@ -192,7 +219,8 @@ class _Search:
                 if low <= x <= high:
                     self._scan(x, shown)
         curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
-        return Zones((self.name, self.value), self.pair, curves)
+        fixed = self.name, self.value
+        return Zones(fixed, self.pair, curves, self.threshold, self.past_folds)
 
     def _searched(self) -> str:
         """The windows as words."""
@@ -228,14 +256,14 @@ class _Search:
         free = self.pair[1]
         traced: list[Branch] = []
         for y in _comb(free, self.within):
-            if self.single and any(b[free].min() <= y <= b[free].max() for b in traced):
+            if not self.past_folds and any(b[free].min() <= y <= b[free].max() for b in traced):
                 continue
             for breather in self._breathers(x, y):
                 here = {free: y, "p": breather.p, "phi": breather.phi}
                 if any(_on_curve(b, here, (free, "p", "phi"), PASSED) for b in traced):
                     continue
                 branch = trace(
-                    problem_of(breather),
+                    problem_of(breather, self.threshold),
                     free,
                     within={free: self.within[free]},
                     events=self.events,
@@ -246,28 +274,36 @@ class _Search:
                 yield branch
 
     def _breathers(self, x: float, y: float) -> list[Breather]:
-        """Those that are admissible; for harmonic forcing the one above the fold."""
+        """Those that are admissible; where folds end the diagram the one above the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
         try:
             found = symmetric_roots(**values, forcing=self.forcing, lattice=self.lattice)
         except NoSolution:
             return []
-        if self.single:
+        if not self.past_folds:
             found = found[:1]
         return [breather for breather in found if admissibility(breather).ok]
 
-    def _follow(self, point: Point, since: Branch | None = None) -> None:
-        """Trace an event as a boundary, unless it lies on one already: on another than `since`."""
-        if point["p"] < VANISHED or self._known(point, but=since):
-            return
-        branch = boundary(
-            point, self.pair, within=self.within, events=self.events, steps=STEPS, progress=False
-        )
-        branch = refined(branch, FEWEST)
-        self.curves[_followed(point)].append(branch)
-        for end in branch.special:
-            if end.kind == "GR-GR":  # another site takes over: the limit of existence goes on
-                self._follow(end, branch)
+    def _follow(self, point: Point) -> None:
+        """Trace an event as a boundary unless it lies on one already, and what takes over at its
+        ends: another crest that grazes, another wave of a ring."""
+        waiting: list[tuple[Point, Branch | None]] = [(point, None)]
+        while waiting:
+            point, since = waiting.pop()
+            if point["p"] < VANISHED or self._known(point, but=since):
+                continue
+            branch = boundary(
+                point,
+                self.pair,
+                within=self.within,
+                events=self.events,
+                steps=STEPS,
+                progress=False,
+            )
+            pieced = any(end.kind == JOINT for end in branch.special)
+            branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
+            self.curves[_followed(point)].append(branch)
+            waiting += [(end, branch) for end in branch.special if end.kind in ("GR-GR", JOINT)]
 
 
 def _is_meeting(point: Point) -> bool:
@@ -281,7 +317,7 @@ def _followed(point: Point) -> str:
 
 
 def _ending(event: Event) -> Event:
-    """A fold ends the zone: what lies behind it is the other breather, unstable throughout."""
+    """A fold ends the zone: what lies behind it is the other breather."""
     return replace(event, terminal=True) if event.kind == "LP" else event
 
 

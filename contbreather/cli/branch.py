@@ -11,16 +11,17 @@ from contbreather.cli.options import (
     Csv,
     Json,
     Output,
+    RingSites,
     Root,
-    Sites,
     Threshold,
     Where,
     Window,
     around,
-    events_by,
     first_in,
     interval,
     known,
+    lattice_by,
+    lattice_entry,
 )
 from contbreather.cli.output import check_ends, check_places, leave
 from contbreather.errors import BadInput
@@ -37,7 +38,7 @@ def branch(
         Literal["both", "up", "down"], Parameter(help="Direction in which it changes at first.")
     ] = "both",
     root: Root = 1,
-    sites: Sites = None,
+    sites: RingSites = None,
     threshold: Threshold = None,
     csv: Csv = None,
     output: Output = None,
@@ -48,6 +49,7 @@ def branch(
     It starts at the value of the free parameter, if one is given, else at a breather that is
     found in the window.
     """
+    from contbreather.breathers.problem import problem_of
     from contbreather.continuation import trace
 
     check_places(csv, output)
@@ -58,9 +60,9 @@ def branch(
     fixed = where.need(*(name for name in PARAMETERS if name != free))
     span = interval(free, window)
     near = around(free, where.given.get(free), span)
-    start = first_in(free, near, fixed, forcing, root=root)
-    found = trace(
-        start, free, within={free: span}, towards=towards, events=events_by(sites, threshold)
-    )
-    leave(found, {"free": free, "forcing": forcing.describe()}, csv, output, json)
+    lattice, modulus = lattice_by(sites, threshold)
+    start = first_in(free, near, fixed, forcing, root=root, lattice=lattice)
+    found = trace(problem_of(start, modulus), free, within={free: span}, towards=towards)
+    about = {"free": free, "forcing": forcing.describe(), **lattice_entry(lattice, modulus)}
+    leave(found, about, csv, output, json)
     check_ends(found, "branch")

@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from contbreather.cli.options import HARMONIC, Csv, Json, Output, Where, interval
+from contbreather.cli.options import (
+    HARMONIC,
+    Csv,
+    Json,
+    Output,
+    RingSites,
+    Threshold,
+    Where,
+    interval,
+    lattice_by,
+    lattice_entry,
+)
 from contbreather.cli.output import check_places, say, to_csv, to_figure, to_json
 from contbreather.errors import BadInput
 
@@ -35,6 +46,8 @@ def zones(
     k_window: Span = None,
     forcing: Annotated[str, Parameter(allow_leading_hyphen=True)] = HARMONIC,
     set: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
+    sites: RingSites = None,
+    threshold: Threshold = None,
     csv: Csv = None,
     output: Output = None,
     json: Json = False,
@@ -74,7 +87,9 @@ def zones(
     given = {"gamma": gamma_window, "a": a_window, "k": k_window}
     windows = {n: interval(n, given[n], WINDOWS) for n in given if given[n] is not None}
     planes: list[dict[str, Any]] = [{name: value} for value in values]
-    found = [diagram(**plane, forcing=drive, within=windows) for plane in planes]
+    lattice, modulus = lattice_by(sites, threshold)
+    chain: dict[str, Any] = {"lattice": lattice, "threshold": modulus}
+    found = [diagram(**plane, forcing=drive, within=windows, **chain) for plane in planes]
     if not any(branches for one in found for branches in one.curves.values()):
         raise BadInput(
             "no curve passes the window: breathers exist all over it, all stable or all unstable "
@@ -87,7 +102,8 @@ def zones(
         made.append(to_figure(output, lambda: _figure(found, windows)))
     if json:
         entries = [_entry(one) for one in found]
-        to_json({"forcing": drive.describe(), "zones": entries, "written": [str(p) for p in made]})
+        about = {"forcing": drive.describe(), **lattice_entry(lattice, modulus)}
+        to_json({**about, "zones": entries, "written": [str(p) for p in made]})
         return
     say(*_told(found), *(f"Wrote {path}." for path in made))
 

@@ -9,6 +9,7 @@ from ..errors import BadInput
 from .adjoin import adjoined, lifted
 from .branch import Branch, Point
 from .events import Event, Locus
+from .meant import meant, titled, walls_are_lifted
 from .newton import Undefined
 from .problem import Problem
 from .starts import Within
@@ -25,6 +26,7 @@ def boundary(
     events: Iterable[Event] | None = None,
     steps: Steps | None = None,
     progress: bool | None = None,
+    inadmissible: bool = False,
 ) -> Branch:
     """Follow a special point as a curve in two parameters.
 
@@ -35,7 +37,7 @@ def boundary(
         where two kinds meet, the boundary of the other one is followed.
     pair : tuple of two str
         The two free parameters; `towards` refers to the first.
-    within, towards, steps, progress
+    within, towards, steps, progress, inadmissible
         As for `trace`.
     events : iterable of Event, optional
         Events of the original problem to look for on the curve; all its own by default, apart
@@ -66,18 +68,23 @@ def boundary(
     True
     """
     event = _traceable(point)
-    longer = boundary_problem(point.ground, event, pair, events)
+    longer = boundary_problem(point.ground, event, pair, events, inadmissible=inadmissible)
     return trace(longer, pair[0], within=within, towards=towards, steps=steps, progress=progress)
 
 
 def boundary_problem(
-    ground: Point, event: Event, pair: tuple[str, str], events: Iterable[Event] | None = None
+    ground: Point,
+    event: Event,
+    pair: tuple[str, str],
+    events: Iterable[Event] | None = None,
+    *,
+    inadmissible: bool = False,
 ) -> Problem:
     """The problem whose curve in ``pair[0]`` is the boundary through a point, `pair[1]` being one
     of its unknowns."""
     if len(pair) != 2 or pair[0] == pair[1]:
         raise BadInput(f"a boundary needs two different parameters, got {pair}")
-    base = ground.problem
+    base, given = meant(ground.problem, events, inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
             raise BadInput(f"{name!r} is no parameter here; it has {list(base.params)}")
@@ -88,18 +95,22 @@ def boundary_problem(
     except Undefined as error:
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
     longer = adjoined(base, locus, released=pair[1], free=pair[0], event=event)
-    given = base.events if events is None else tuple(events)
     others = [
         one
         for other in given
         if other.kind != event.kind
         for one in other.meets.get(event.kind, (met(event.kind, other),))
     ]
+    own = locus.events
+    if walls_are_lifted(base):
+        own = tuple(
+            one for one in own if not (event.positive and one.kind == f"{event.kind}-{event.kind}")
+        )
     return replace(
         longer,
-        events=(*locus.events, *others),
+        events=(*own, *others),
         record=base.record,
-        label=f"{event.kind} boundary",
+        label=titled(f"{event.kind} boundary", base),
     )
 
 

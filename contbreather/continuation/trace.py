@@ -15,6 +15,7 @@ from .branch import Branch, Point, Stop, labelled
 from .crossing import crossing
 from .events import Event
 from .location import Ends, Found, find
+from .meant import meant
 from .newton import Solution, Undefined, newton, solve
 from .problem import Curve, Problem
 from .progress import Progress
@@ -65,6 +66,7 @@ def trace(
     steps: Steps | None = None,
     progress: bool | Progress | None = None,
     along: ArrayLike | None = None,
+    inadmissible: bool = False,
 ) -> Branch:
     """Follow the curve of solutions through a start, with one parameter free.
 
@@ -80,7 +82,8 @@ def trace(
     towards : {'both', 'up', 'down'}
         Direction in which `free` changes at first.
     events : Event or iterable of Event, optional
-        What to look for; the problem's own events by default, ``()`` for none.
+        What to look for; the problem's own events by default, ``()`` for none. Its walls (the
+        grazing of a breather) stay in any case.
     steps : Steps, optional
         Step sizes and tolerance.
     progress : bool, optional
@@ -88,6 +91,9 @@ def trace(
     along : array_like, shape (n + 1,), optional
         Direction to set out in, unknowns and then the free parameter, in place of `towards`. The
         start is then taken as it is: several curves may leave it.
+    inadmissible : bool
+        Lift the walls: go on where solutions mean nothing any more. The branch then says so, and
+        its column ``margin`` is negative beyond them.
 
     Returns
     -------
@@ -117,7 +123,14 @@ def trace(
         branches = []
         for side in sides:
             walker = walk(
-                start, free, within=within, towards=side, events=events, steps=steps, along=along
+                start,
+                free,
+                within=within,
+                towards=side,
+                events=events,
+                steps=steps,
+                along=along,
+                inadmissible=inadmissible,
             )
             branches.append(_gathered(walker, shown))
             if branches[0].stop is Stop.CLOSED:
@@ -168,6 +181,7 @@ def walk(
     events: Event | Iterable[Event] | None = None,
     steps: Steps | None = None,
     along: ArrayLike | None = None,
+    inadmissible: bool = False,
 ) -> Generator[Point, None, End]:
     """Walk a curve in one direction, yielding each point as it is found: `trace` by hand.
 
@@ -187,7 +201,8 @@ def walk(
             "a walk starts from a Problem, or from what has one: a breather, an orbit, a point; "
             f"got a {type(start).__name__}"
         )
-    walker = Walker(problem, free, within, towards, events, steps or Steps(), along)
+    problem, wanted = meant(problem, events, inadmissible=inadmissible)
+    walker = Walker(problem, free, within, towards, wanted, steps or Steps(), along)
     return walker.run()
 
 
@@ -220,7 +235,7 @@ class Walker:
         free: str,
         within: Within | None,
         towards: str,
-        events: Event | Iterable[Event] | None,
+        events: Sequence[Event],
         steps: Steps,
         along: ArrayLike | None = None,
     ) -> None:
@@ -230,8 +245,7 @@ class Walker:
         self.directed = along is not None
         if not isinstance(steps, Steps):
             raise BadInput(f"steps must be given as Steps(largest=...), got {steps!r}")
-        wanted = all_of(events)
-        self.events: Sequence[Event] = problem.events if wanted is None else wanted
+        self.events = events
         with _quiet():
             if along is None:
                 self.curve, residual = settled(problem, free, steps.tolerance)
@@ -465,7 +479,7 @@ class Walker:
             if event.positive and value < -1e-9:
                 raise BadInput(
                     f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
-                    "positive values are meant; start elsewhere"
+                    "positive values are meant; start elsewhere, or lift it by inadmissible=True"
                 )
         return values
 
