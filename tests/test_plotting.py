@@ -293,7 +293,7 @@ def test_verdict_at_a_point(diagram: Zones, gamma: float, a: float, verdict: str
 def test_letters_follow_the_count_and_not_the_side_of_a_curve(
     diagram: Zones, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(zone_plots, "unstable", lambda breather: 0)
+    monkeypatch.setattr(zone_plots, "unstable", lambda *_: 0)
     found, _ = zone_plots.regions(diagram)
     assert {region.verdict for region in found} <= {"S", ""}
 
@@ -302,7 +302,7 @@ def test_region_whose_points_disagree_gets_no_letter(
     diagram: Zones, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flips = itertools.cycle([0, 1])
-    monkeypatch.setattr(zone_plots, "unstable", lambda breather: next(flips))
+    monkeypatch.setattr(zone_plots, "unstable", lambda *_: next(flips))
     found, _ = zone_plots.regions(diagram)
     assert {region.verdict for region in found} == {""}
 

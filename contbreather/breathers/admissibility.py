@@ -12,7 +12,7 @@ of that amplitude, so the first two such sites and the far field bound all the o
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
@@ -28,10 +28,14 @@ from contbreather.lattice.green import POWERS, TERMS, response_weights
 FloatArray = NDArray[np.float64]
 HALF_PI = 0.5 * math.pi
 NEAR = 13  # (0.03)^12 < 1e-18: the third harmonic has died out two sites earlier
+Terms = tuple[float, float, float]  # a value and its first two derivatives
 Place = tuple[int | None, float]  # a site, None for the far field, and a time
 
 LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
 CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
+FAINT = 1e-17  # an answer to the impacts this small moves a site by less than rounding
+BESIDE = 1e-4  # times this close to a crest, or to half of it, are of that crest
+TELLING = 1e-12  # where margins vanish together, the least size of what still sets them apart
 
 
 @dataclass(frozen=True)
@@ -111,11 +115,12 @@ def _profiles(breather: Breather) -> tuple[NDArray[np.int64], FloatArray, _Grid]
     """u_n over one flight for the sites that matter, shape (sites, M)."""
     grid = _grid(_grid_size(breather))
     sites, weights = _distances(breather.lattice)
-    if breather.gamma == 0.0:  # without coupling they all move alike
-        sites, weights = sites[:1], weights[:1]
     x = 4.0 * breather.gamma
-    powers = weights @ (x ** np.arange(TERMS + 1))
     first = 4.0 / math.pi * breather.lattice.first_harmonic(breather.gamma, sites)
+    # sites that the impacts do not reach move as the first of them does
+    felt = 1 + int(np.count_nonzero(breather.p * np.abs(first) > FAINT))
+    sites, weights, first = sites[:felt], weights[:felt], first[:felt]
+    powers = weights @ (x ** np.arange(TERMS + 1))
     driven = breather.a * breather.forcing.f(breather.phi + grid.s)
     return sites, driven + breather.p * (powers @ grid.powers - first[:, None] * grid.sine), grid
 
@@ -191,6 +196,29 @@ def _reason(breather: Breather, margin: float, site: int | None, time: float) ->
     return f"no breather: {reach}; {rule} is broken."
 
 
+# ------------------------------------------------------------------------------- any site
+
+
+def phase(breather: Breather, t: float) -> tuple[float, float]:
+    """Time from the middle of the flight, and its sign."""
+    flights = math.floor((t - breather.phi) / math.pi)
+    sign = -1.0 if flights % 2 else 1.0
+    return t - breather.phi - (flights + 0.5) * math.pi, sign
+
+
+def motion(breather: Breather, site: int, t: float) -> tuple[float, float, float]:
+    """Displacement, velocity, acceleration of a site, once differentiable in everything: no special
+    case at an impact."""
+    a, f = breather.a, breather.forcing
+    y, sign = phase(breather, t)
+    flight, p = breather.flight(site), sign * breather.p
+    return (
+        float(a * f.f(t) + p * flight.value(y)),
+        float(a * f.df(t) + p * flight.slope(y)),
+        float(a * f.d2f(t) + p * flight.curvature(y)),
+    )
+
+
 # ------------------------------------------------------------------------------- neighbours
 
 
@@ -225,9 +253,13 @@ def neighbour_peak(breather: Breather, n: int = 1) -> tuple[float, float]:
             return breather.phi, 0.0
         raise BadInput(f"n = {n}: that is the impacting site; ask about one that must not impact.")
     grid = _grid(_grid_size(breather))
-    own = breather.flight(n).value(grid.s - HALF_PI)
-    profile = breather.a * breather.forcing.f(breather.phi + grid.s) + breather.p * own
+    profile = _profile(breather, n, grid)
     return _polish_row(breather, n, profile, _estimates(profile[None, :])[0], grid)
+
+
+def _profile(breather: Breather, n: int, grid: _Grid) -> FloatArray:
+    own = breather.flight(n).value(grid.s - HALF_PI)
+    return np.asarray(breather.a * breather.forcing.f(breather.phi + grid.s) + breather.p * own)
 
 
 def highest_neighbour(breather: Breather) -> tuple[int, float, float]:
@@ -249,18 +281,28 @@ def highest_neighbour(breather: Breather) -> tuple[int, float, float]:
     return n, *peaks[n]
 
 
-def _neighbour_peaks(breather: Breather) -> dict[int, tuple[float, float]]:
-    """Highest points of site 1 and of every other site that could top all, polished."""
+def _neighbour_peaks(
+    breather: Breather, apart_from: int | None = None
+) -> dict[int, tuple[float, float]]:
+    """Highest points, polished, of the nearest site and of every other that could top all; without
+    one site, if it is named, those of all nearer sites and of the highest farther ones."""
     sites, profiles, grid = _profiles(breather)
+    near = sites <= 1
+    if apart_from is not None:
+        others = sites != apart_from
+        sites, profiles = sites[others], profiles[others]
+        near = sites < apart_from
     if not sites.size:
         return {}
     estimates = _estimates(profiles)
     tops = estimates.max(axis=1)
-    slack = CLOSE * max(1.0, float(tops.max()))
-    wanted = [i for i in range(sites.size) if i == 0 or tops[i] >= tops.max() - slack]
+    compared = tops if apart_from is None else tops[~near]
+    # the parabola errs by a fraction of the crest, however low that is
+    enough = (1.0 - CLOSE) * float(compared.max(initial=0.0))
     return {
         int(sites[i]): _polish_row(breather, int(sites[i]), profiles[i], estimates[i], grid)
-        for i in wanted
+        for i in range(sites.size)
+        if near[i] or tops[i] >= enough
     }
 
 
@@ -280,7 +322,7 @@ def _polish_row(
     step = math.pi / grid.s.size
     top = float(estimate.max())
     best = (breather.phi, -1.0)
-    for i in np.flatnonzero(estimate >= top - CLOSE * max(1.0, top)):
+    for i in np.flatnonzero(estimate >= (1.0 - CLOSE) * top):
         t, height = _polish(breather, n, float(grid.s[i]), step)
         if profile[i] < 0.0:
             t += math.pi
@@ -344,14 +386,20 @@ def _centre(breather: Breather) -> tuple[float, float]:
     # the two ends, by de l'Hospital
     left = 2.0 * b.w_minus / pi if b.k > 0.0 else -b.acceleration / pi
     right = 2.0 * b.w_minus / (pi * (pi + b.k))
-    fenced = np.concatenate([[0.1 * s[0]], s, [pi - 1e-3 * (pi - s[-1])]])
-    dips = _dips(ratio)
-    inner = min(
-        _deepest(b, float(s[i]), float(ratio[i]), (float(fenced[i]), float(fenced[i + 2])))
-        for i in dips
-    )
+    ends = (0.1 * float(s[0]), pi - 1e-3 * (pi - float(s[-1])))
+    inner = _least(lambda s: _centre_terms(b, s), s, ratio, ends)
     worst, when = min(inner, (left, 0.0), (right, pi))
     return b.phi + when, worst * 0.25 * pi * pi * (HALF_PI + b.k)
+
+
+def _centre_terms(breather: Breather, s: float) -> tuple[Terms, Terms]:
+    b, k, y, t = breather, breather.k, s - HALF_PI, breather.phi + s
+    flight, rest = b.flight(0), math.pi - s
+    u = b.a * b.forcing.f(t) + b.p * flight.value(y)
+    v = b.a * b.forcing.df(t) + b.p * flight.slope(y)
+    w = b.a * b.forcing.d2f(t) + b.p * flight.curvature(y)
+    d = (s + k) * s * rest, (2.0 * s + k) * rest - (s + k) * s, 2.0 * rest - 2.0 * (2.0 * s + k)
+    return (1.0 - u * u, -2.0 * u * v, -2.0 * (v * v + u * w)), d
 
 
 def _dips(ratio: FloatArray) -> NDArray[np.int64]:
@@ -370,24 +418,34 @@ def _centre_grid(size: int) -> FloatArray:
     return np.concatenate([step * 0.5 ** np.arange(6, 0, -0.5), step * np.arange(1, size)])
 
 
-def _deepest(
-    breather: Breather, s: float, value: float, within: tuple[float, float]
+def _least(
+    terms: Callable[[float], tuple[Terms, Terms]],
+    s: FloatArray,
+    ratio: FloatArray,
+    ends: tuple[float, float],
 ) -> tuple[float, float]:
-    """The minimum next to ``s`` of the ratio in `centre_margin`: Newton, kept in by bisection."""
-    b, pi, flight, k = breather, math.pi, breather.flight(0), breather.k
+    """Value and place of the least of a ratio that is known on a grid between two ends."""
+    fenced = [ends[0], *s.tolist(), ends[1]]
+    return min(
+        _deepest(terms, fenced[i + 1], float(ratio[i]), (fenced[i], fenced[i + 2]))
+        for i in _dips(ratio).tolist()
+    )
+
+
+def _deepest(
+    terms: Callable[[float], tuple[Terms, Terms]],
+    s: float,
+    value: float,
+    within: tuple[float, float],
+) -> tuple[float, float]:
+    """The minimum of a ratio next to ``s``: Newton, kept in by bisection. `terms` are its numerator
+    and denominator, each with its first two derivatives."""
     best, (low, high) = (value, s), within
     bisected = 0
     for _ in range(60):
         if bisected == 9:  # the ratio falls up to an end, which has a value of its own
             break
-        y, t = s - HALF_PI, b.phi + s
-        u = b.a * b.forcing.f(t) + b.p * flight.value(y)
-        v = b.a * b.forcing.df(t) + b.p * flight.slope(y)
-        w = b.a * b.forcing.d2f(t) + b.p * flight.curvature(y)
-        n, n1, n2 = 1.0 - u * u, -2.0 * u * v, -2.0 * (v * v + u * w)
-        d = (s + k) * s * (pi - s)
-        d1 = (2.0 * s + k) * (pi - s) - (s + k) * s
-        d2 = 2.0 * (pi - s) - 2.0 * (2.0 * s + k)
+        (n, n1, n2), (d, d1, d2) = terms(s)
         best = min(best, (n / d, s))
         tilt, bend = n1 * d - n * d1, n2 * d - n * d2
         low, high = (low, s) if tilt > 0.0 else (s, high)
@@ -397,3 +455,84 @@ def _deepest(
         if abs(s - last) <= 1e-8:  # the value is flat there: this is 1e-16 of it
             break
     return best
+
+
+# ------------------------------------------------------------------------ besides a grazing crest
+
+
+class Rival(NamedTuple):
+    """What else may touch a wall where one crest does: how far it keeps off, where and when."""
+
+    margin: float
+    site: int
+    time: float
+
+
+def rivals(breather: Breather, site: int, t: float) -> list[Rival]:
+    """Everything that may touch a wall besides the crest of one site at one time, which does.
+
+    The far field is not among them: its displacement lies between those of two neighbours far out,
+    so it is never highest by more than rounding.
+
+    Without coupling, or without an impact, all other sites follow the forcing alike, and margins
+    vanish together, like ``p gamma^n``, n the distance of the nearer of the two sites. What is
+    returned is ``m/(|m| + p gamma^n)``, between -1 and 1, of the sign of each margin m and no zero
+    that says nothing; 1 where rounding decides that sign.
+    """
+    centre_time, centre = _centre(breather)
+    own = _beside_own_crest(breather, site, t)
+    found = [(*own, site), (centre, centre_time, 0)] if site else [(*own, 0)]
+    peaks = _neighbour_peaks(breather, apart_from=site)
+    found += [(1.0 - height, when, n) for n, (when, height) in peaks.items()]
+    return [
+        Rival(_told_apart(margin, breather.p * breather.gamma ** min(n, site)), n, when)
+        for margin, when, n in found
+    ]
+
+
+def _told_apart(margin: float, size: float) -> float:
+    return 1.0 if size < TELLING else margin / (abs(margin) + size)
+
+
+def _beside_own_crest(breather: Breather, site: int, t: float) -> tuple[float, float]:
+    """Least of the margin of a site whose crest at ``t`` touches a wall, and when: that crest, a
+    double zero, is divided out, so what is left tells the others, and where it is no crest."""
+    if site == 0:
+        return _beside_own_dip(breather, t)
+    b, phi = breather, breather.phi
+    crest = (t - phi) % (2.0 * math.pi)
+    wall = math.copysign(1.0, motion(b, site, t)[0])
+    grid = _grid(_grid_size(b))
+    half = _profile(b, site, grid)
+    s = np.concatenate([grid.s, grid.s + math.pi])
+    u = wall * np.concatenate([half, -half])
+    away = np.abs(np.sin(0.5 * (s - crest))) > BESIDE
+    s, u = s[away], u[away]
+    ratio = (1.0 - u) / (1.0 - np.cos(s - crest))
+
+    def terms(s: float) -> tuple[Terms, Terms]:
+        u, v, w = motion(b, site, phi + s)
+        c = math.cos(s - crest)
+        return (1.0 - wall * u, -wall * v, -wall * w), (1.0 - c, math.sin(s - crest), c)
+
+    step = math.pi / grid.s.size
+    least, when = _least(terms, s, ratio, (float(s[0]) - step, float(s[-1]) + step))
+    return least, phi + when % (2.0 * math.pi)
+
+
+def _beside_own_dip(breather: Breather, t: float) -> tuple[float, float]:
+    """The same for site 0, whose margin is `centre_margin`."""
+    b, pi, phi = breather, math.pi, breather.phi
+    dip = (t - phi) % pi
+    s = _centre_grid(_grid_size(b))
+    s = s[np.abs(s - dip) > BESIDE]
+    u = b.a * b.forcing.f(phi + s) + b.p * b.flight(0).value(s - HALF_PI)
+    ratio = (1.0 - u * u) / ((s + b.k) * s * (pi - s) * (s - dip) ** 2)
+
+    def terms(s: float) -> tuple[Terms, Terms]:
+        n, (d, d1, d2) = _centre_terms(b, s)
+        e = s - dip
+        return n, (d * e * e, (d1 * e + 2.0 * d) * e, (d2 * e + 4.0 * d1) * e + 2.0 * d)
+
+    least, when = _least(terms, s, ratio, (0.1 * float(s[0]), pi - 1e-3 * (pi - float(s[-1]))))
+    return least, phi + when

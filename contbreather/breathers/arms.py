@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -249,7 +250,8 @@ def asymmetric(
     gamma, k = check_gamma(gamma), float(k)
     start = symmetric(a, gamma, k, forcing=drive, lattice=lattice)
     reach = {"a": (0.05 * a, 20.0 * a)}
-    branch = trace(start, "a", events=[pitchfork()], within=reach, progress=False)
+    walked = partial(trace, free="a", inadmissible=True, progress=False)  # the end is judged below
+    branch = walked(start, events=[pitchfork()], within=reach)
     tried = []
     for point in (p for p in branch.special if p.kind == "PF"):
         lifted = lift(point)
@@ -263,7 +265,7 @@ def asymmetric(
             seed = lifted.beside(arm * math.sqrt((a - point["a"]) * lifted.form.coefficient))
             return _solved(seed.at(a=a), inadmissible)
         side = "up" if up else "down"
-        last = trace(seed, "a", events=(), within=window, towards=side, progress=False)[-1]
+        last = walked(seed, events=(), within=window, towards=side)[-1]
         if abs(last["a"] - a) <= 1e-12 * a:
             return _solved(last.problem.at(a=a), inadmissible)
     where = f"pitchforks at a = {', '.join(tried)}" if tried else "no pitchfork was found"

@@ -202,13 +202,12 @@ def gaps_of_others(orbit: RingOrbit, besides: tuple[int, float] | None = None) -
         apart = (times - besides[1] + 0.5 * T) % T - 0.5 * T
         tops[np.ix_(np.abs(apart) < 2.5 * T / size, watched == besides[0])] = 0.0
     high = tops.max(axis=0)
-    enough = high.max() - CLOSE * max(1.0, float(high.max()))
+    enough = (1.0 - CLOSE) * float(high.max())
     beside = {(n + d) % orbit.lattice.sites for n in orbit.itinerary.hit for d in (-1, 1)}
     chosen = [i for i, n in enumerate(watched.tolist()) if n in beside or high[i] >= enough]
     found = []
     for i in chosen:
-        slack = CLOSE * max(1.0, float(high[i]))
-        crests = np.flatnonzero(tops[:, i] >= high[i] - slack)
+        crests = np.flatnonzero(tops[:, i] >= (1.0 - CLOSE) * high[i])
         n = int(watched[i])
         height, time = max(_crest(orbit, n, float(times[j]), T / size) for j in crests)
         found.append(Gap(1.0 - height, n, time))

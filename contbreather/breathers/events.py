@@ -10,12 +10,13 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.admissibility import admissibility
+from contbreather.breathers.admissibility import Rival, admissibility, motion, phase, rivals
 from contbreather.breathers.symmetric import Breather, flight_slope_of
 from contbreather.checks import real
 from contbreather.continuation import Event, Locus, Point
@@ -23,7 +24,7 @@ from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
 from contbreather.errors import BadInput
-from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain, Lattice, Ring
 from contbreather.stability.arc import OnArc, Window, on_arc, window
 from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
@@ -38,7 +39,7 @@ Slope = Callable[[Breather, str], float]
 # k = 1 there are none: within rounding of the edge the curve cannot be followed.
 _ELASTIC = 1.0 - 1e-5
 _ALL_BUT = 1.0 - 1e-15
-_ALIKE = 1e-9  # a coupling below which margins tell nothing apart
+_ALIKE = 1e-5  # a coupling below which sites are told apart as they would be there
 _VANISHED = 1e-9  # an impact of smaller p is none
 _ZERO = 1e-8  # a located event's own scalar, relative to the terms in it
 
@@ -101,7 +102,25 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
     >>> round(branch.first("NS")["gamma"], 7)
     0.0969709
     """
-    if on is None or isinstance(on, InfiniteChain):
+    lattice = InfiniteChain() if on is None else on
+    ring = isinstance(lattice, Ring)
+    rule = f"a ring of {lattice.sites}, threshold {threshold:g}" if ring else "the infinite chain"
+    return replace(
+        _pair_leaves(lattice, threshold),
+        record={"unstable": lambda point: unstable(point.solution, lattice, threshold)},
+        about=f"stability of {rule}",
+    )
+
+
+def unstable(breather: Breather, lattice: Lattice, threshold: float) -> int:
+    """Multipliers of QS outside the circle: isolated ones on the infinite chain, those over 2 pi
+    beyond the threshold on a ring."""
+    radius = math.sqrt(threshold) if isinstance(lattice, Ring) else 1.0
+    return unstable_count(breather.gamma, breather.k, breather.b, lattice, radius=radius).count
+
+
+def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
+    if isinstance(on, InfiniteChain):
         return Event("NS", _miss, count=_passed, locus=_arc_locus, verify=_verify_angle)
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
@@ -314,8 +333,9 @@ def _upper(breather: Breather, ring: Ring) -> NDArray[np.complex128]:
     return np.asarray(mu[mu.imag > _ZERO])
 
 
-def _circle_locus(point: Point, ring: Ring, threshold: float) -> Locus:
-    """A multiplier of the ring on the circle of the threshold, at an unknown angle."""
+def _circle_locus(point: Point, ring: Ring, threshold: float, angle: float | None = None) -> Locus:
+    """A multiplier of the ring on the circle of the threshold, at an unknown angle: that of the
+    pair farthest out, unless another is named by its angle."""
     radius = math.sqrt(threshold)
     depth = -1j * math.log(radius) / math.pi  # mu = exp(i pi (nu + depth)) has this modulus
 
@@ -330,12 +350,12 @@ def _circle_locus(point: Point, ring: Ring, threshold: float) -> Locus:
         row = _along(curve, breather, D_gradient(breather.gamma, nu, breather.k, breather.b, ring))
         return np.array([row.real, row.imag])
 
-    mu = _upper(point.solution, ring)
-    if not mu.size:
-        raise Undefined("no complex multipliers on this ring")
-    nearest = mu[abs(mu).argmax()]
-    start = {"nu": float(np.angle(nearest)) / math.pi}
-    return Locus(start, conditions, derivative, events=(_next_wave(ring, threshold),))
+    if angle is None:
+        mu = _upper(point.solution, ring)
+        if not mu.size:
+            raise Undefined("no complex multipliers on this ring")
+        angle = float(np.angle(mu[abs(mu).argmax()])) / math.pi
+    return Locus({"nu": angle}, conditions, derivative, events=(_next_wave(ring, threshold),))
 
 
 def _next_wave(ring: Ring, threshold: float) -> Event:
@@ -343,96 +363,91 @@ def _next_wave(ring: Ring, threshold: float) -> Event:
     followed is not the first to be there any more, and the rule's line goes on with the other."""
     radius = math.sqrt(threshold)
 
-    def test(point: Point) -> float:
+    def others(point: Point) -> NDArray[np.complex128]:
         mu = _upper(point.solution, ring)
         own = int(abs(mu - radius * cmath.exp(1j * math.pi * point["nu"])).argmin())
-        return radius - float(np.delete(abs(mu), own).max(initial=0.0))
+        return np.asarray(np.delete(mu, own))
 
-    event = neimark_sacker(on=ring, threshold=threshold)
-    return Event("NS-NS", test, terminal=True, positive=True, met=event)
+    def test(point: Point) -> float:
+        return radius - float(abs(others(point)).max(initial=0.0))
+
+    def analysis(point: Point) -> Mapping[str, Any]:
+        mu = others(point)
+        return {"next": float(np.angle(mu[abs(mu).argmax()])) / math.pi}
+
+    def locus(point: Point) -> Locus:
+        return _circle_locus(point, ring, threshold, point.detail["next"])
+
+    met = replace(neimark_sacker(on=ring, threshold=threshold), locus=locus)
+    return Event("NS-NS", test, terminal=True, positive=True, met=met, analysis=analysis)
 
 
 # --- grazing --------------------------------------------------------------------------------------
 
 
-def _grazing_locus(point: Point, apart_from: frozenset[str] = frozenset()) -> Locus:
+def _grazing_locus(point: Point) -> Locus:
     """``u_n = 1, u_n' = 0`` at an unknown time, for the site that is closest to its walls."""
-    breather: Breather = point.solution
-    margins = admissibility(breather)
-    others = [name for name in margins.places if name not in apart_from]
-    least = min(others, key=lambda name: getattr(margins, name))  # of equals the nearest site
-    site, t = margins.places[least]
-    if site is None:
-        t = _crest(breather)
-        wall = math.copysign(1.0, breather.forcing.f(t))
-    else:
-        wall = math.copysign(1.0, breather.displacement(site, t))
+    return _crest_locus(point.solution, *_closest(point.solution))
+
+
+def _closest(breather: Breather) -> tuple[int, float]:
+    """Site and time of the crest that is closest to a wall."""
+    found = admissibility(breather)
+    if found.centre < min(found.neighbours, found.far):
+        return 0, found.places["centre"][1]
+    if breather.gamma < _ALIKE:
+        # without coupling all neighbours climb alike: the one that does highest with a little of it
+        found = admissibility(replace(breather, gamma=_ALIKE))
+    site, t = found.places["neighbours"]
+    assert site is not None
+    return site, t
+
+
+def _crest_locus(breather: Breather, site: int, t: float) -> Locus:
+    wall = math.copysign(1.0, motion(breather, site, t)[0])
     if site == 0 and not 1e-9 < t - breather.phi < math.pi - 1e-9:
         raise Undefined("the impact of site 0 itself loses its velocity: no grazing to follow")
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        u, v, _ = _motion(_breather(curve, z), site, float(extra[0]))
+        u, v, _ = motion(_breather(curve, z), site, float(extra[0]))
         return np.array([wall * u - 1.0, wall * v])
 
     def derivative(curve: Curve, z: Array, extra: Array) -> Array:
         breather = _breather(curve, z)
         t = float(extra[0])
         rows = [_motion_slope(breather, site, t, name) for name in _names(curve)]
-        _, v, acceleration = _motion(breather, site, t)
+        _, v, acceleration = motion(breather, site, t)
         return wall * np.array([*rows, (v, acceleration)]).T
 
     return Locus({"t": t}, conditions, derivative, events=(_other_grazing(site),))
 
 
-def _other_grazing(site: int | None) -> Event:
-    """Where one site grazes, the others must still keep off their walls; where they do not, the
-    limit of existence goes on with them."""
-    own = frozenset({"far" if site is None else "neighbours" if site else "centre"})
+def _other_grazing(site: int) -> Event:
+    """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
+    of the same one. Where it does not, the limit of existence goes on with that."""
+
+    def closest(point: Point) -> Rival:
+        return min(rivals(point.solution, site, point["t"]))
+
+    def analysis(point: Point) -> Mapping[str, Any]:
+        _, other, when = closest(point)
+        return {"site": other, "time": when}
+
+    def locus(point: Point) -> Locus:
+        return _crest_locus(point.solution, point.detail["site"], point.detail["time"])
 
     def test(point: Point) -> float:
-        margins, gamma = admissibility(point.solution), float(point["gamma"])
-        found = {name: float(getattr(margins, name)) for name in margins.places if name not in own}
-        # without coupling all but site 0 follow the forcing alike: what sets them apart grows
-        # with gamma, and a zero at gamma = 0 would mean nothing
-        for name in found.keys() - {"centre"} if site != 0 else ():
-            found[name] = found[name] / gamma if gamma > _ALIKE else 1.0
-        return min(found.values())
+        return closest(point).margin
 
-    met = Event("GR", test, locus=lambda point: _grazing_locus(point, own))
-    return Event("GR-GR", test, terminal=True, positive=True, met=met)
+    met = Event("GR", test, terminal=True, positive=True, locus=locus)
+    return Event("GR-GR", test, terminal=True, positive=True, met=met, analysis=analysis)
 
 
-def _crest(breather: Breather) -> float:
-    """When |f| is largest."""
-    t = np.linspace(0.0, math.pi, max(64, 16 * breather.forcing.highest), endpoint=False)
-    return float(t[int(abs(breather.forcing.f(t)).argmax())])
-
-
-def _phase(breather: Breather, t: float) -> tuple[float, float]:
-    """Time from the middle of the flight, and its sign."""
-    flights = math.floor((t - breather.phi) / math.pi)
-    sign = -1.0 if flights % 2 else 1.0
-    return t - breather.phi - (flights + 0.5) * math.pi, sign
-
-
-def _motion(breather: Breather, site: int | None, t: float) -> tuple[float, float, float]:
-    """Displacement, velocity, acceleration of a site (None: the far field), once differentiable
-    in everything: no special case at an impact."""
-    a, f = breather.a, breather.forcing
-    driven = (a * f.f(t), a * f.df(t), a * f.d2f(t))
-    if site is None:
-        return driven
-    y, sign = _phase(breather, t)
-    flight, p = breather.flight(site), sign * breather.p
-    u, v, acceleration = flight.value(y), flight.slope(y), flight.curvature(y)
-    return driven[0] + p * u, driven[1] + p * v, driven[2] + p * acceleration
-
-
-def _motion_slope(breather: Breather, site: int | None, t: float, name: str) -> tuple[float, float]:
+def _motion_slope(breather: Breather, site: int, t: float, name: str) -> tuple[float, float]:
     """Derivative of displacement and velocity at a fixed time."""
-    if site is None or name not in ("p", "phi", "gamma"):
+    if name not in ("p", "phi", "gamma"):
         return _driven(breather, 0, name, t), _driven(breather, 1, name, t)
-    y, sign = _phase(breather, t)
+    y, sign = phase(breather, t)
     flight = breather.flight(site)
     if name == "p":
         return sign * flight.value(y), sign * flight.slope(y)

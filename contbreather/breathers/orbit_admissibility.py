@@ -211,7 +211,7 @@ def highest_neighbour(
         heights[np.ix_(np.array(sites) == besides[0], np.abs(apart) < 2.5 * step)] = 0.0
     top = float(heights.max())
     best = (sites[0], start, -1.0)
-    for i, j in np.argwhere(heights >= top - CLOSE * max(1.0, top)):
+    for i, j in np.argwhere(heights >= (1.0 - CLOSE) * top):
         when, height = _polished(orbit, sites[i], float(t[j]), step)
         if height > best[2]:
             best = (sites[i], when, height)

@@ -9,7 +9,6 @@ from contbreather.breathers.events import grazing, neimark_sacker, pitchfork, sa
 from contbreather.breathers.symmetric import Breather
 from contbreather.continuation import Event, Point, Problem
 from contbreather.lattice import Lattice, Ring
-from contbreather.stability.winding import unstable_count
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
 # forcing that is at a = 1, where the far field grazes. Without forcing there is no phase, and at
@@ -18,11 +17,12 @@ DOMAIN = {"gamma": (0.0, 0.24999), "k": (0.0, 1.0), "a": (1e-9, inf), "p": (1e-1
 PAPER = 1.005  # threshold of the paper's rule, on rings
 
 
-def problem_of(breather: Breather) -> Problem:
+def problem_of(breather: Breather, threshold: float = PAPER) -> Problem:
     """The closure (11) with the breather as its start, and all its events.
 
     Columns: p, phi; a, gamma, k and the parameters of the forcing; ``unstable``, the number of
-    multipliers of QS outside the circle, computed when asked for.
+    multipliers of QS outside the circle, on a ring those over 2 pi beyond the threshold; computed
+    when asked for.
     """
     forcing, lattice = breather.forcing, breather.lattice
     closure = Closure(forcing, lattice)
@@ -34,30 +34,24 @@ def problem_of(breather: Breather) -> Problem:
         driven = forcing.at(**own) if own else forcing
         return Breather(values["a"], values["gamma"], values["k"], p, phi, driven, lattice)
 
+    events = events_on(lattice, threshold)
+    ring = isinstance(lattice, Ring)
+    where = f" (ring of {lattice.sites}, threshold {threshold:g})" if ring else ""
     return Problem(
         closure.residual,
         {"p": breather.p, "phi": breather.phi},
         {"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
         jacobian=closure.jacobian,
         sensitivity=closure.sensitivity,
-        events=events_on(lattice),
-        record={"unstable": lambda point: unstable(point.solution)},
+        events=events,
+        record={name: column for event in events for name, column in event.record.items()},
         domain=DOMAIN,
         interpret=interpret,
-        label="symmetric breather",
+        label=f"symmetric breather{where}",
     )
 
 
-def events_on(lattice: Lattice) -> tuple[Event, ...]:
+def events_on(lattice: Lattice, threshold: float = PAPER) -> tuple[Event, ...]:
     """All events of a symmetric breather; on a ring Neimark-Sacker by the paper's rule."""
     on = lattice if isinstance(lattice, Ring) else None
-    return (saddle_node(), pitchfork(), neimark_sacker(on=on, threshold=PAPER), grazing())
-
-
-def unstable(breather: Breather) -> int:
-    """Multipliers of QS outside the circle: isolated ones on the infinite chain, those beyond the
-    paper's threshold on a ring."""
-    radius = PAPER**0.5 if isinstance(breather.lattice, Ring) else 1.0
-    return unstable_count(
-        breather.gamma, breather.k, breather.b, breather.lattice, radius=radius
-    ).count
+    return (saddle_node(), pitchfork(), neimark_sacker(on=on, threshold=threshold), grazing())

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.admissibility import admissibility
 from contbreather.breathers.closure import check_amplitude, restitution_ratio
-from contbreather.breathers.problem import events_on, problem_of
+from contbreather.breathers.problem import PAPER, events_on, problem_of
 from contbreather.breathers.symmetric import Breather, symmetric_roots
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.progress import Progress
@@ -40,9 +40,11 @@ COMBS = {
 PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
 CHECKS = {"a": check_amplitude, "gamma": check_gamma, "k": restitution_ratio}
 FEWEST = 80  # points on a curve
+JOINT = "NS-NS"  # between two pieces of the envelope that is the paper's rule on a ring
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
 PASSED = 3e-3  # a breather this close to a traced branch is one of it; chords of a branch are long
+PHASE = 0.1  # weight of phi in these distances: of breathers alike in p it differs a lot
 VANISHED = 1e-9  # the impact has lost its velocity: no event of an impacting breather
 BESIDE = 3e-3  # how far from a meeting a curve is looked for that the comb missed
 
@@ -59,6 +61,10 @@ class Zones:
         The two parameters of the plane, abscissa first.
     curves : dict
         ``{"LP": (branch, ...), "GR": ..., "PF": ..., "NS": ...}``; each branch is a boundary.
+    threshold : float
+        Modulus over 2 pi of the paper's rule, which the NS curves of a ring follow.
+    past_folds : bool
+        Whether the breathers behind a fold are in the diagram.
     interrupted : bool
         Whether it was cut short: curves may be missing, and the last one may end early.
     """
@@ -66,6 +72,8 @@ class Zones:
     fixed: tuple[str, float]
     pair: tuple[str, str]
     curves: Mapping[str, tuple[Branch, ...]]
+    threshold: float = PAPER
+    past_folds: bool = False
     interrupted: bool = False
 
     def __iter__(self) -> Iterator[tuple[str, Branch]]:
@@ -80,11 +88,16 @@ class Zones:
 
     @property
     def special(self) -> tuple[Point, ...]:
-        """Where curves meet, each once: PF-GR, NS-LP, NS-GR, LP-GR, GR-GR."""
+        """Where curves meet, each once: PF-GR, NS-LP, NS-GR, LP-GR, GR-GR.
+
+        The pieces of the paper's rule on a ring are one curve.
+        """
         found: list[Point] = []
         for kind in reversed(KINDS):
             for point in (p for branch in self.curves[kind] for p in branch.special):
-                if _is_meeting(point) and not any(self._same(point, one) for one in found):
+                if not _is_meeting(point) or point.kind == JOINT:
+                    continue
+                if not any(self._same(point, one) for one in found):
                     found.append(point)
         return tuple(found)
 
@@ -109,6 +122,8 @@ def zones(
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | None = None,
+    threshold: float = PAPER,
+    past_folds: bool | None = None,
 ) -> Zones: ...
 
 
@@ -122,6 +137,8 @@ def zones(
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | None = None,
+    threshold: float = PAPER,
+    past_folds: bool | None = None,
 ) -> tuple[Zones, ...]: ...
 
 
@@ -134,6 +151,8 @@ def zones(
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | None = None,
+    threshold: float = PAPER,
+    past_folds: bool | None = None,
 ) -> Zones | tuple[Zones, ...]:
     """All curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
 
@@ -143,16 +162,22 @@ def zones(
         Exactly one: the plane is that of the other two, ``(gamma, a)`` for the paper's Fig. 2.
         Several values give as many diagrams.
     forcing : Forcing or str, optional
-        `Harmonic` unless given; then a fold ends the zone, for the breather behind it is unstable
-        throughout. Any other forcing may have several breathers at one point: the diagram has
-        the curves of all of them. Where the impacts vanish, p -> 0 on the line a max|f| = 1, there
-        is no curve to follow.
+        `Harmonic` unless given. Where the impacts vanish, p -> 0 on the line a max|f| = 1, there is
+        no curve to follow.
     lattice : Lattice, optional
-        The infinite chain unless given. On a `Ring` the NS curves follow the paper's rule.
+        The infinite chain unless given. On a `Ring` the NS curves follow the paper's rule: they are
+        the pieces of one envelope, each of the wave that is first to pass the threshold.
     within : dict, optional
         Windows of the two parameters, narrower than the defaults.
     progress : bool, optional
         As for `trace`.
+    threshold : float
+        Modulus over 2 pi of the paper's rule; for rings.
+    past_folds : bool, optional
+        Whether a curve goes on behind a fold, among the breathers with the smaller p. Unless given
+        it does if the forcing has several harmonics: then there may be several breathers at one
+        point, and the diagram has the curves of all of them. With one harmonic the breather behind
+        the fold is unstable throughout, and the fold ends the zone.
 
     Returns
     -------
@@ -183,7 +208,8 @@ def zones(
         )
     ((name, value),) = given.items()
     if np.ndim(value):
-        return _several(name, value, forcing, lattice, within, progress)
+        shared = {"forcing": forcing, "lattice": lattice, "within": within, "progress": progress}
+        return _several(name, value, **shared, threshold=threshold, past_folds=past_folds)
     CHECKS[name](value)  # type: ignore[arg-type]
     value = float(value)  # type: ignore[arg-type]
     if name == "k" and value in (0.0, 1.0):
@@ -192,16 +218,18 @@ def zones(
             "multiplier on the arc is neutral; at k = 0 site 0 leaves its wall without velocity. "
             "Take k close to it, and symmetric() for single breathers at the rim"
         )
-    search = _Search(name, value, forcing_of(forcing), lattice_of(lattice), within or {})
+    drive = forcing_of(forcing)
+    if past_folds is None:
+        past_folds = sum(bool(c or s) for _, c, s in drive.harmonics) > 1
+    chain = lattice_of(lattice)
+    search = _Search(name, value, drive, chain, within or {}, threshold, past_folds)
     with Progress(progress, search.pair[0]) as shown, keeping(search.so_far):
         search.run(shown)
     return search.zones()
 
 
-def _several(name: str, values: Any, *others: Any) -> tuple[Zones, ...]:
+def _several(name: str, values: Any, **shared: Any) -> tuple[Zones, ...]:
     """A diagram for each of several values."""
-    names = ("forcing", "lattice", "within", "progress")
-    shared = dict(zip(names, others, strict=True))
     if not len(values):
         raise BadInput(f"zones need a value of {name}, or several; got none")
     done: list[Zones] = []
@@ -221,6 +249,8 @@ class _Search:
         forcing: Forcing,
         lattice: Lattice,
         within: Mapping[str, tuple[float, float]],
+        threshold: float,
+        past_folds: bool,
     ) -> None:
         self.name, self.value, self.pair = name, value, PAIRS[name]
         self.forcing, self.lattice = forcing, lattice
@@ -229,16 +259,17 @@ class _Search:
             if other not in self.pair:
                 raise BadInput(f"no window for {other!r}: the plane is that of {self.pair}")
         self.within = {n: _narrowed(n, given.get(n)) for n in self.pair}
-        self.events = events_on(lattice)
-        self.single = isinstance(forcing, Harmonic)
-        if self.single:
+        self.threshold, self.past_folds = threshold, past_folds
+        self.events = events_on(lattice, threshold)
+        if not past_folds:
             self.events = tuple(_ending(event) for event in self.events)
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
 
     def zones(self, *, interrupted: bool = False) -> Zones:
         """The curves there are."""
         curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
-        return Zones((self.name, self.value), self.pair, curves, interrupted)
+        fixed = self.name, self.value
+        return Zones(fixed, self.pair, curves, self.threshold, self.past_folds, interrupted)
 
     def so_far(self) -> Zones | None:
         return self.zones(interrupted=True) if any(self.curves.values()) else None
@@ -281,7 +312,8 @@ class _Search:
         return [p for b in branches for p in b.special if _is_meeting(p) and not self._known(p)]
 
     def _known(self, point: Point, but: Branch | None = None) -> bool:
-        names = (*self.pair, "p")  # p tells breathers apart
+        # p and phi tell breathers apart; near k = 1 time reversal makes pairs alike in p
+        names = (*self.pair, "p", "phi")
         curves = (b for b in self.curves[_followed(point)] if b is not but)
         return any(_on_curve(b, point, names, SAME) for b in curves)
 
@@ -290,14 +322,14 @@ class _Search:
         free = self.pair[1]
         traced: list[Branch] = []
         for y in _comb(free, self.within):
-            if self.single and any(b[free].min() <= y <= b[free].max() for b in traced):
+            if not self.past_folds and any(b[free].min() <= y <= b[free].max() for b in traced):
                 continue
             for breather in self._breathers(x, y):
                 here = {free: y, "p": breather.p, "phi": breather.phi}
                 if any(_on_curve(b, here, (free, "p", "phi"), PASSED) for b in traced):
                     continue
                 branch = trace(
-                    problem_of(breather),
+                    problem_of(breather, self.threshold),
                     free,
                     within={free: self.within[free]},
                     events=self.events,
@@ -308,31 +340,34 @@ class _Search:
                 yield branch
 
     def _breathers(self, x: float, y: float) -> list[Breather]:
-        """Those that are admissible; for harmonic forcing the one above the fold."""
+        """Those that are admissible; where folds end the diagram the one above the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
         try:
             found = symmetric_roots(**values, forcing=self.forcing, lattice=self.lattice)
         except NoSolution:
             return []
-        if self.single:
+        if not self.past_folds:
             found = found[:1]
         return [breather for breather in found if admissibility(breather).ok]
 
-    def _follow(self, point: Point, since: Branch | None = None) -> None:
-        """Trace an event as a boundary, unless it lies on one already: on another than `since`."""
-        if point["p"] < VANISHED or self._known(point, but=since):
-            return
-        curves = self.curves[_followed(point)]
-        with taking(curves.append):
-            branch = boundary(
-                point, self.pair, within=self.within, events=self.events, steps=STEPS,
-                progress=False,
-            )  # fmt: skip
-        curves.append(branch)  # before it is refined: an interruption keeps it
-        curves[-1] = branch = refined(branch, FEWEST)
-        for end in branch.special:
-            if end.kind == "GR-GR":  # another site takes over: the limit of existence goes on
-                self._follow(end, branch)
+    def _follow(self, point: Point) -> None:
+        """Trace an event as a boundary unless it lies on one already, and what takes over at its
+        ends: another crest that grazes, another wave of a ring."""
+        waiting: list[tuple[Point, Branch | None]] = [(point, None)]
+        while waiting:
+            point, since = waiting.pop()
+            if point["p"] < VANISHED or self._known(point, but=since):
+                continue
+            curves = self.curves[_followed(point)]
+            with taking(curves.append):
+                branch = boundary(
+                    point, self.pair, within=self.within, events=self.events, steps=STEPS,
+                    progress=False,
+                )  # fmt: skip
+            curves.append(branch)  # before it is refined: an interruption keeps it
+            pieced = any(end.kind == JOINT for end in branch.special)
+            curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
+            waiting += [(end, branch) for end in branch.special if end.kind in ("GR-GR", JOINT)]
 
 
 def _is_meeting(point: Point) -> bool:
@@ -346,7 +381,7 @@ def _followed(point: Point) -> str:
 
 
 def _ending(event: Event) -> Event:
-    """A fold ends the zone: what lies behind it is the other breather, unstable throughout."""
+    """A fold ends the zone: what lies behind it is the other breather."""
     return replace(event, terminal=True) if event.kind == "LP" else event
 
 
@@ -373,11 +408,15 @@ def _comb(name: str, within: Mapping[str, tuple[float, float]]) -> Iterable[floa
 
 def _on_curve(branch: Branch, place: Place, names: tuple[str, ...], near: float) -> bool:
     """Whether a traced curve passes a place: these values by name."""
-    here = np.array([place[name] for name in names])
     nodes = np.stack([branch[name] for name in names], axis=-1)
-    if len(nodes) == 1:
-        return bool(np.linalg.norm(here - nodes[0]) < near)
-    start, chord = nodes[:-1], np.diff(nodes, axis=0)
-    along = np.sum((here - start) * chord, axis=-1) / np.sum(chord * chord, axis=-1)
-    foot = start + np.clip(along, 0, 1)[:, None] * chord
-    return bool(np.linalg.norm(here - foot, axis=-1).min() < near)
+    gap = np.array([place[name] for name in names]) - nodes
+    if "phi" in names:
+        turn, phase = 2.0 * math.pi, names.index("phi")
+        gap[:, phase] -= turn * np.rint(gap[:, phase] / turn)
+        gap[:, phase] *= PHASE
+        nodes[:, phase] *= PHASE
+    if len(nodes) > 1:
+        gap, chord = gap[:-1], np.diff(nodes, axis=0)
+        along = np.sum(gap * chord, axis=-1) / np.sum(chord * chord, axis=-1)
+        gap -= np.clip(along, 0, 1)[:, None] * chord
+    return bool(np.linalg.norm(gap, axis=-1).min() < near)

@@ -14,18 +14,22 @@ from contbreather.cli.options import (
     Csv,
     Json,
     Output,
+    RingSites,
+    Threshold,
     Where,
     check_values,
     first_in,
     interval,
     known,
+    lattice_by,
+    lattice_entry,
 )
 from contbreather.cli.output import check_ends, check_places, leave
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
     from contbreather.continuation import Event, Point
-    from contbreather.lattice import Forcing
+    from contbreather.lattice import Forcing, Lattice
 
 KINDS = ("LP", "PF", "NS", "GR")
 
@@ -47,6 +51,8 @@ def boundary(
             allow_leading_hyphen=True,
         ),
     ] = None,
+    sites: RingSites = None,
+    threshold: Threshold = None,
     csv: Csv = None,
     output: Output = None,
     json: Json = False,
@@ -55,7 +61,8 @@ def boundary(
 
     Its first point is found on a branch in the second parameter, at the value of the first one if
     that is given. Past a fold (as NS-LP) it goes on among the breathers with the smaller p; the
-    curves of `contbreather zones`, which finds all of all kinds, end there.
+    curves of `contbreather zones`, which finds all of all kinds, end there. On a ring the curve of
+    NS ends where another of its waves passes the threshold first; `zones` has the whole envelope.
     """
     from contbreather import continuation
 
@@ -64,11 +71,13 @@ def boundary(
     forcing = where.drive(pair)
     _check_pair(pair, forcing)
     span = interval(pair[0], window)
-    seed = _seed(wanted, pair, where, forcing, span)
+    lattice, modulus = lattice_by(sites, threshold)
+    seed = _seed(wanted, pair, where, forcing, span, lattice, modulus)
     within = {pair[0]: span, pair[1]: interval(pair[1], None)}
     steps = continuation.Steps(largest=0.02)
     found, cut = kept(lambda: continuation.boundary(seed, pair, within=within, steps=steps))
     about = {"curve": wanted, "pair": pair, "forcing": forcing.describe()}
+    about |= lattice_entry(lattice, modulus)
     leave(found, about, csv, output, json, cut=cut)
     check_ends(found, "curve")
 
@@ -87,15 +96,9 @@ def _check_pair(pair: tuple[str, str], forcing: Forcing) -> None:
         raise BadInput(f"--pair {pair[0]} {pair[1]}: two different parameters are wanted")
 
 
-def _events() -> tuple[Event, ...]:
-    """Those of the breather; the curve is to begin among the breathers before the fold."""
-    from contbreather.breathers.problem import events_on
-    from contbreather.lattice import InfiniteChain
-
-    return tuple(
-        replace(event, terminal=event.terminal or event.kind == "LP")
-        for event in events_on(InfiniteChain())
-    )
+def _up_to_the_fold(events: tuple[Event, ...]) -> tuple[Event, ...]:
+    """The curve is to begin among the breathers before the fold."""
+    return tuple(replace(one, terminal=one.terminal or one.kind == "LP") for one in events)
 
 
 def _seed(
@@ -104,8 +107,11 @@ def _seed(
     where: Where,
     forcing: Forcing,
     span: tuple[float, float],
+    lattice: Lattice,
+    threshold: float,
 ) -> Point:
     """The first event of the kind on branches in the second parameter."""
+    from contbreather.breathers.problem import problem_of
     from contbreather.continuation import trace
 
     first, free = pair
@@ -117,11 +123,13 @@ def _seed(
         driven = forcing.at(**{first: value}) if first in forcing.params else forcing
         reach = interval(free, None)
         try:
-            start = first_in(free, reach, values, driven)
+            start = first_in(free, reach, values, driven, lattice=lattice)
         except BadInput as error:
             reason = str(error)
             continue
-        branch = trace(start, free, within={free: reach}, events=_events(), progress=False)
+        problem = problem_of(start, threshold)
+        events = _up_to_the_fold(problem.events)
+        branch = trace(problem, free, within={free: reach}, events=events, progress=False)
         for point in branch.special:
             if point.kind == kind and point.located:
                 return point

@@ -12,16 +12,17 @@ from contbreather.cli.options import (
     Csv,
     Json,
     Output,
+    RingSites,
     Root,
-    Sites,
     Threshold,
     Where,
     Window,
     around,
-    events_by,
     first_in,
     interval,
     known,
+    lattice_by,
+    lattice_entry,
 )
 from contbreather.cli.output import check_ends, check_places, leave
 from contbreather.errors import BadInput
@@ -38,7 +39,7 @@ def branch(
         Literal["both", "up", "down"], Parameter(help="Direction in which it changes at first.")
     ] = "both",
     root: Root = 1,
-    sites: Sites = None,
+    sites: RingSites = None,
     threshold: Threshold = None,
     csv: Csv = None,
     output: Output = None,
@@ -49,6 +50,7 @@ def branch(
     It starts at the value of the free parameter, if one is given, else at a breather that is
     found in the window.
     """
+    from contbreather.breathers.problem import problem_of
     from contbreather.continuation import trace
 
     check_places(csv, output)
@@ -59,10 +61,11 @@ def branch(
     fixed = where.need(*(name for name in PARAMETERS if name != free))
     span = interval(free, window)
     near = around(free, where.given.get(free), span)
-    start = first_in(free, near, fixed, forcing, root=root)
-    events = events_by(sites, threshold)
+    lattice, modulus = lattice_by(sites, threshold)
+    start = first_in(free, near, fixed, forcing, root=root, lattice=lattice)
     found, cut = kept(
-        lambda: trace(start, free, within={free: span}, towards=towards, events=events)
+        lambda: trace(problem_of(start, modulus), free, within={free: span}, towards=towards)
     )
-    leave(found, {"free": free, "forcing": forcing.describe()}, csv, output, json, cut=cut)
+    about = {"free": free, "forcing": forcing.describe(), **lattice_entry(lattice, modulus)}
+    leave(found, about, csv, output, json, cut=cut)
     check_ends(found, "branch")

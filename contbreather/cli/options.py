@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from cyclopts import Token
 
     from contbreather.breathers import Breather
-    from contbreather.continuation import Event, Problem
-    from contbreather.lattice import Forcing
+    from contbreather.continuation import Problem
+    from contbreather.lattice import Forcing, Lattice
 
 
 def whole_number(_: Any, tokens: Sequence[Token]) -> int:
@@ -48,6 +48,13 @@ Sites = Annotated[
     int | None,
     Parameter(
         help="Also judge stability on a ring of so many sites, as the paper does.",
+        converter=whole_number,
+    ),
+]
+RingSites = Annotated[
+    int | None,
+    Parameter(
+        help="A ring of so many sites in place of the infinite chain, stable by the paper's rule.",
         converter=whole_number,
     ),
 ]
@@ -156,16 +163,18 @@ def ring_of(sites: int | None, threshold: float | None) -> tuple[int, float] | N
     return sites, 1.005 if threshold is None else threshold
 
 
-def events_by(sites: int | None, threshold: float | None) -> tuple[Event, ...] | None:
-    """Events with Neimark-Sacker points by the paper's rule; None for those of the breather."""
-    rule = ring_of(sites, threshold)
-    if rule is None:
-        return None
-    from contbreather.breathers.events import grazing, neimark_sacker, pitchfork, saddle_node
-    from contbreather.lattice import Ring
+def lattice_by(sites: int | None, threshold: float | None) -> tuple[Lattice, float]:
+    """The chain that was asked for, and the threshold of the paper's rule."""
+    from contbreather.breathers.problem import PAPER
+    from contbreather.lattice import InfiniteChain, Ring
 
-    on_ring = neimark_sacker(on=Ring(rule[0]), threshold=rule[1])
-    return saddle_node(), pitchfork(), on_ring, grazing()
+    rule = ring_of(sites, threshold)
+    return (InfiniteChain(), PAPER) if rule is None else (Ring(rule[0]), rule[1])
+
+
+def lattice_entry(lattice: Lattice, threshold: float) -> dict[str, Any]:
+    """The chain for JSON; nothing for the infinite one."""
+    return {} if lattice.sites is None else {"sites": lattice.sites, "threshold": threshold}
 
 
 def interval(
@@ -236,6 +245,7 @@ def first_in(
     forcing: Forcing,
     *,
     root: int = 1,
+    lattice: Lattice | None = None,
 ) -> Breather:
     """An admissible breather somewhere in the window of the free parameter.
 
@@ -252,7 +262,9 @@ def first_in(
         own = {**values, free: value}
         drive = forcing.at(**{free: value}) if free in forcing.params else forcing
         try:
-            found = symmetric_roots(own["a"], own["gamma"], own["k"], forcing=drive)
+            found = symmetric_roots(
+                own["a"], own["gamma"], own["k"], forcing=drive, lattice=lattice
+            )
         except NoSolution as error:
             reason = str(error)
             continue

@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from contbreather.cli.interrupts import end, kept
-from contbreather.cli.options import HARMONIC, Csv, Json, Output, Where, interval
+from contbreather.cli.options import (
+    HARMONIC,
+    Csv,
+    Json,
+    Output,
+    RingSites,
+    Threshold,
+    Where,
+    interval,
+    lattice_by,
+    lattice_entry,
+)
 from contbreather.cli.output import check_places, say, to_csv, to_figure, to_json
 from contbreather.errors import BadInput
 
@@ -36,6 +47,8 @@ def zones(
     k_window: Span = None,
     forcing: Annotated[str, Parameter(allow_leading_hyphen=True)] = HARMONIC,
     set: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
+    sites: RingSites = None,
+    threshold: Threshold = None,
     csv: Csv = None,
     output: Output = None,
     json: Json = False,
@@ -74,8 +87,9 @@ def zones(
     drive = Where(forcing=forcing, set=set).drive()
     given = {"gamma": gamma_window, "a": a_window, "k": k_window}
     windows = {n: interval(n, given[n], WINDOWS) for n in given if given[n] is not None}
-    fixed: dict[str, Any] = {name: values}
-    found, cut = kept(lambda: diagram(**fixed, forcing=drive, within=windows))
+    lattice, modulus = lattice_by(sites, threshold)
+    asked: dict[str, Any] = {name: values, "lattice": lattice, "threshold": modulus}
+    found, cut = kept(lambda: diagram(**asked, forcing=drive, within=windows))
     if not any(branches for one in found for branches in one.curves.values()):
         raise BadInput(
             "no curve passes the window: breathers exist all over it, all stable or all unstable "
@@ -88,8 +102,9 @@ def zones(
         made.append(to_figure(output, lambda: _figure(found, windows), cut=cut))
     if json:
         entries = [_entry(one) for one in found]
-        about = {"forcing": drive.describe(), "zones": entries, "interrupted": cut}
-        to_json({**about, "written": [str(path) for path in made]})
+        about = {"forcing": drive.describe(), **lattice_entry(lattice, modulus)}
+        written = [str(path) for path in made]
+        to_json({**about, "zones": entries, "interrupted": cut, "written": written})
     else:
         say(*_told(found), *(f"Wrote {path}." for path in made))
     end(cut)

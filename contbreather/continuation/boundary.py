@@ -14,6 +14,7 @@ from ..errors import BadInput
 from .adjoin import adjoined, lifted
 from .branch import CLEAR, Branch, Point
 from .events import Event, Locus, branch_point, branches_cross
+from .meant import meant, titled, walls_are_lifted
 from .newton import Undefined
 from .problem import Curve, Problem
 from .starts import Within, all_of
@@ -32,6 +33,7 @@ def boundary(
     events: Iterable[Event] | None = None,
     steps: Steps | None = None,
     progress: bool | None = None,
+    inadmissible: bool = False,
 ) -> Branch:
     """Follow a special point as a curve in two parameters.
 
@@ -44,7 +46,7 @@ def boundary(
         values of the parameters too, and refused where they come apart.
     pair : tuple of two str
         The two free parameters; `towards` refers to the first.
-    within, towards, steps, progress
+    within, towards, steps, progress, inadmissible
         As for `trace`, but for at most 500 steps in each direction unless `steps` allow more: a
         point of a boundary costs many times one of a branch, and without a window it has no end.
     events : iterable of Event, optional
@@ -80,19 +82,24 @@ def boundary(
     """
     check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
     event = _traceable(point)
-    longer = boundary_problem(point.ground, event, pair, events)
+    longer = boundary_problem(point.ground, event, pair, events, inadmissible=inadmissible)
     steps = steps or Steps(most=_MOST)
     return trace(longer, pair[0], within=within, towards=towards, steps=steps, progress=progress)
 
 
 def boundary_problem(
-    ground: Point, event: Event, pair: tuple[str, str], events: Iterable[Event] | None = None
+    ground: Point,
+    event: Event,
+    pair: tuple[str, str],
+    events: Iterable[Event] | None = None,
+    *,
+    inadmissible: bool = False,
 ) -> Problem:
     """The problem whose curve in ``pair[0]`` is the boundary through a point, `pair[1]` being one
     of its unknowns."""
     if not isinstance(pair, tuple | list) or len(pair) != 2 or pair[0] == pair[1]:
         raise BadInput(f"a boundary needs two different parameters, got {pair!r}")
-    base = ground.problem
+    base, given = meant(ground.problem, all_of(events), inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
             raise BadInput(f"{name!r} is no parameter here; it has {list(base.params)}")
@@ -104,19 +111,22 @@ def boundary_problem(
     except Undefined as error:
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
     longer = adjoined(base, locus, released=pair[1], base=curve, event=event)
-    wanted = all_of(events)
-    given = base.events if wanted is None else wanted
     others = [
         one
         for other in given
         if other.kind != event.kind and not other.tally
         for one in other.meets.get(event.kind, (met(event.kind, other),))
     ]
+    own = locus.events
+    if walls_are_lifted(base):
+        own = tuple(
+            one for one in own if not (event.positive and one.kind == f"{event.kind}-{event.kind}")
+        )
     return replace(
         longer,
-        events=(*locus.events, *others),
+        events=(*own, *others),
         record={name: _beside(event, column) for name, column in base.record.items()},
-        label=f"{event.kind} boundary",
+        label=titled(f"{event.kind} boundary", base),
     )
 
 

@@ -116,6 +116,11 @@ class Event:
     analysis : callable, optional
         ``analysis(point) -> dict``: what else to know of a verified point, coefficients of its
         normal form for instance. Kept in ``point.detail``, but for "kind", a better name.
+    record : dict, optional
+        Columns that go with the event, in place of those of the problem of the same names: a count
+        of unstable directions by the rule of this event.
+    about : str
+        What these columns are about, shown with the label of the problem.
 
     Examples
     --------
@@ -139,6 +144,8 @@ class Event:
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict, kw_only=True)
     arms: Callable[[Point], tuple[Seed, ...]] | None = field(default=None, kw_only=True)
     analysis: Callable[[Point], Mapping[str, Any]] | None = field(default=None, kw_only=True)
+    record: Mapping[str, Callable[[Point], float]] = field(default_factory=dict, kw_only=True)
+    about: str = field(default="", kw_only=True)
 
     def __repr__(self) -> str:
         return f"<Event {self.kind}{', terminal' if self.terminal else ''}>"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput, NotConverged, keeping, taking
 from .branch import Branch, Point, Stop, labelled
 from .events import Event
+from .meant import walls_are_lifted
 from .newton import OUT_OF_DOMAIN
 from .problem import Curve, Problem
 from .progress import Progress
@@ -68,7 +69,8 @@ def switch(
         breathers, the PD of a map.
     within, events, steps, progress
         As for `trace`. The arms are walked in the parameter of the branch the point is on; an arm
-        that solves a larger problem has the events of that problem by default.
+        that solves a larger problem has the events of that problem by default. Where the walls of
+        that branch are lifted, those of the arms are.
 
     Returns
     -------
@@ -201,6 +203,7 @@ def follow(
             steps=steps,
             progress=progress,
             along=seed.tangent,
+            inadmissible=walls_are_lifted(point.curve.problem),
         )
     if len(arm) == 1 and arm.stop.failed:
         raise NotConverged(

@@ -15,6 +15,7 @@ from .branch import Branch, Point, Stop, labelled
 from .crossing import crossing
 from .events import Event
 from .location import Ends, Found, find
+from .meant import meant
 from .newton import Solution, Undefined, newton, solve
 from .problem import Curve, Problem, problem_in
 from .progress import Progress
@@ -68,6 +69,7 @@ def trace(
     steps: Steps | None = None,
     progress: bool | Progress | None = None,
     along: ArrayLike | None = None,
+    inadmissible: bool = False,
 ) -> Branch:
     """Follow the curve of solutions through a start, with one parameter free.
 
@@ -85,7 +87,8 @@ def trace(
     towards : {'both', 'up', 'down'}
         Direction in which `free` changes at first.
     events : Event or iterable of Event, optional
-        What to look for; the problem's own events by default, ``()`` for none.
+        What to look for; the problem's own events by default, ``()`` for none. Its walls (the
+        grazing of a breather) stay in any case.
     steps : Steps, optional
         Step sizes and tolerance.
     progress : bool, optional
@@ -93,6 +96,9 @@ def trace(
     along : array_like, shape (n + 1,), optional
         Direction to set out in, unknowns and then the free parameter, in place of `towards`. The
         start is then taken as it is: several curves may leave it.
+    inadmissible : bool
+        Lift the walls: go on where solutions mean nothing any more. The branch then says so, and
+        its column ``margin`` is negative beyond them.
 
     Returns
     -------
@@ -128,7 +134,14 @@ def trace(
     ):
         for side in sides:
             walker = walk(
-                start, free, within=within, towards=side, events=events, steps=steps, along=along
+                start,
+                free,
+                within=within,
+                towards=side,
+                events=events,
+                steps=steps,
+                along=along,
+                inadmissible=inadmissible,
             )
             legs.append(Leg())
             legs[-1].go(walker, shown)
@@ -197,6 +210,7 @@ def walk(
     events: Event | Iterable[Event] | None = None,
     steps: Steps | None = None,
     along: ArrayLike | None = None,
+    inadmissible: bool = False,
 ) -> Generator[Point, None, End]:
     """Walk a curve in one direction, yielding each point as it is found: `trace` by hand.
 
@@ -210,7 +224,8 @@ def walk(
     >>> [round(point["mu"], 3) for point in itertools.islice(walk(line, "mu"), 2)]
     [0.0, 0.007]
     """
-    walker = Walker(problem_in(start), free, within, towards, events, steps or Steps(), along)
+    problem, wanted = meant(problem_in(start), events, inadmissible=inadmissible)
+    walker = Walker(problem, free, within, towards, wanted, steps or Steps(), along)
     return walker.run()
 
 
@@ -243,7 +258,7 @@ class Walker:
         free: str,
         within: Within | None,
         towards: str,
-        events: Event | Iterable[Event] | None,
+        events: Sequence[Event],
         steps: Steps,
         along: ArrayLike | None = None,
     ) -> None:
@@ -253,7 +268,7 @@ class Walker:
         self.directed = along is not None
         if not isinstance(steps, Steps):
             raise BadInput(f"steps must be given as Steps(largest=...), got {steps!r}")
-        self.events = all_of(problem.events if events is None else events) or ()
+        self.events = events
         with _quiet():
             if along is None:
                 self.curve, residual = settled(problem, free, steps.tolerance)
@@ -504,7 +519,7 @@ class Walker:
             if event.positive and value < -1e-9:
                 raise BadInput(
                     f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
-                    "positive values are meant; start elsewhere"
+                    "positive values are meant; start elsewhere, or lift it by inadmissible=True"
                 )
         return values
 

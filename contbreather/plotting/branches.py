@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind
 from contbreather.continuation import Branch, Point
+from contbreather.continuation.meant import MARGIN, walls_are_lifted
 from contbreather.continuation.refine import between
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import CYCLE, GREY, axes_or_new, marker, size, symbol
@@ -24,6 +25,14 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 STABILITY = "unstable"  # the column that counts unstable directions, if a problem records one
+STABLE: Literal["-"] = "-"
+UNSTABLE: Literal["--"] = "--"
+BEYOND: Literal[":"] = ":"
+WORDS: dict[Literal["-", "--", ":"], str] = {
+    STABLE: "stable",
+    UNSTABLE: "unstable",
+    BEYOND: "behind a wall (walls lifted)",
+}
 FINE = 6  # pieces of the line between two points
 SAME = 10.0  # typographic points, half a word: markers of one name that close need it once
 ROUNDING = 1e-9  # relative; what varies by less is constant
@@ -33,6 +42,8 @@ def plot(
     *branches: Branch, x: str | None = None, y: str | None = None, ax: Axes | None = None
 ) -> Axes:
     """Draw branches as the field does: solid stable, dashed unstable, labelled special points.
+
+    Where walls were lifted (``inadmissible=True``) the part behind them is dotted.
 
     Parameters
     ----------
@@ -89,8 +100,8 @@ def _draw(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
         _markers(ax, branch, x, y, colour)
     for axis, name in ((ax.xaxis, x), (ax.yaxis, y)):
         _calm(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
-    if styles == {"-", "--"}:
-        _legend(ax)
+    if len(styles) > 1 or BEYOND in styles:
+        _legend(ax, styles)
     _words(ax, branches, x, y)
 
 
@@ -173,16 +184,23 @@ def _unstable(branch: Branch) -> NDArray[np.bool_]:
     return stretches
 
 
+def _styles(branch: Branch) -> NDArray[np.str_]:
+    """How to draw each stretch between two points."""
+    styles = np.where(_unstable(branch), UNSTABLE, STABLE)
+    if walls_are_lifted(branch.problem):
+        beyond = np.asarray(branch[MARGIN]) < 0.0
+        styles[beyond[1:] | beyond[:-1]] = BEYOND
+    return styles
+
+
 def _lines(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> set[str]:
-    unstable = _unstable(branch)
-    cuts = [0, *(1 + np.flatnonzero(unstable[1:] != unstable[:-1])), len(branch) - 1]
-    styles = set()
+    styles = _styles(branch)
+    cuts = [0, *(1 + np.flatnonzero(styles[1:] != styles[:-1])), len(branch) - 1]
     for start, end in pairwise(cuts):
-        style = "--" if unstable.size and unstable[start] else "-"
-        styles.add(style)
+        style = str(styles[start]) if styles.size else STABLE
         piece = replace(branch, points=branch.points[start : end + 1])
         ax.plot(*_curve(piece, x, y), style, color=colour)
-    return styles
+    return set(styles.tolist())
 
 
 def _markers(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> None:
@@ -214,11 +232,13 @@ def _calm(axis: Axis, scale: float) -> None:
         axis.axes.autoscale_view()
 
 
-def _legend(ax: Axes) -> None:
+def _legend(ax: Axes, styles: set[str]) -> None:
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], color="black", linestyle=style) for style in ("-", "--")]
-    ax.legend(handles, ["stable", "unstable"], frameon=False, loc="best", handlelength=2.2)
+    shown = [style for style in WORDS if style in styles]
+    handles = [Line2D([], [], color="black", linestyle=style) for style in shown]
+    words = [WORDS[style] for style in shown]
+    ax.legend(handles, words, frameon=False, loc="best", handlelength=2.2)
 
 
 def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:

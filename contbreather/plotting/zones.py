@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers import admissibility, symmetric_roots
-from contbreather.breathers.problem import unstable
+from contbreather.breathers.events import unstable
 from contbreather.breathers.zones import KINDS, WINDOWS, Zones
 from contbreather.checks import check_kind
 from contbreather.continuation.starts import windows
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice import Harmonic
 from contbreather.plotting.canvas import (
     BLACK,
     BLUE,
@@ -274,9 +273,13 @@ def _verdict(zones: Zones, x: float, y: float) -> str:
         found = symmetric_roots(**values, forcing=like.forcing, lattice=like.lattice)
     except NoSolution:
         return ""
-    if isinstance(like.forcing, Harmonic):
-        found = found[:1]  # behind the fold none is stable, nor any limit drawn
-    counts = [unstable(breather) for breather in found if admissibility(breather).ok]
+    if not zones.past_folds:
+        found = found[:1]  # of the breather behind the fold no limit is drawn
+    counts = [
+        unstable(breather, breather.lattice, zones.threshold)
+        for breather in found
+        if admissibility(breather).ok
+    ]
     return "" if not counts else "US" if min(counts) else "S"
 
 

@@ -1,0 +1,72 @@
+"""What a walk is about: the events asked for, the walls of the problem, and the columns of both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from .branch import Point
+from .events import Event
+from .problem import Problem
+from .starts import all_of
+
+MARGIN = "margin"  # the column that tells, where walls are lifted, how far off they are
+_LIFTED = ", walls lifted"
+
+
+def meant(
+    problem: Problem, events: Event | Iterable[Event] | None, *, inadmissible: bool = False
+) -> tuple[Problem, tuple[Event, ...]]:
+    """The problem with its columns, and all events to look for on its curve.
+
+    Events that are asked for come on top of the walls of the problem, its events beyond which
+    solutions mean nothing; only `inadmissible` lifts these.
+    """
+    if inadmissible:
+        problem = _lifted(problem)
+    asked = all_of(events)
+    if asked is None:
+        return problem, problem.events
+    kinds = {event.kind for event in asked}
+    walls = tuple(e for e in problem.events if e.positive and e.kind not in kinds)
+    for event in asked:
+        problem = _judged(problem, event)
+    return problem, (*asked, *walls)
+
+
+def walls_are_lifted(problem: Problem) -> bool:
+    """Whether points of this problem may lie beyond its walls."""
+    return MARGIN in problem.record
+
+
+def titled(title: str, problem: Problem) -> str:
+    """A title for what is made of a problem: with what its columns are about, and whether its walls
+    are lifted."""
+    _, bracket, remark = problem.label.partition(" (")
+    return title + (bracket + remark or _LIFTED * walls_are_lifted(problem))
+
+
+def _lifted(problem: Problem) -> Problem:
+    walls = [event for event in problem.events if event.positive]
+    if not walls:
+        return problem
+
+    def margin(point: Point) -> float:
+        return min(float(wall.test(point)) for wall in walls)
+
+    return replace(
+        problem,
+        events=tuple(event for event in problem.events if not event.positive),
+        record={**problem.record, MARGIN: margin},
+        label=problem.label + _LIFTED,
+    )
+
+
+def _judged(problem: Problem, event: Event) -> Problem:
+    """The problem with the columns that an event brings, and their meaning in its label."""
+    if not event.record:
+        return problem
+    plain = problem.label.removesuffix(_LIFTED)
+    end = problem.label[len(plain) :]
+    label = f"{plain.partition(' (')[0]} ({event.about}){end}" if event.about else problem.label
+    return replace(problem, record={**problem.record, **event.record}, label=label)
