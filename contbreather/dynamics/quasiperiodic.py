@@ -319,7 +319,7 @@ def _leaving(run: Run, found: PeriodicMotion) -> bool:
     ever: neither starts within rounding of it and moves away.
     """
     n = found.periods
-    states = np.concatenate(run.strobe, axis=1)[-1 :: -n]
+    states = np.concatenate(run.strobe, axis=1)[-1::-n]
     away = np.abs(states - np.concatenate(found.state)).max(axis=1)
     beside = bool(away.max() < 10.0 * NEARBY)
     return beside and len(away) * math.log(found.largest) < -math.log(np.finfo(float).eps)
