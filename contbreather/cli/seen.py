@@ -42,10 +42,9 @@ def seen_of(run: Run | SmoothRun) -> Seen:
 
 def seen_in(kept: Recording, wanted: int) -> Seen:
     """A run on disk, not judged yet: it is read piece by piece, only its end is held."""
-    from contbreather.dynamics import RunStop
 
     run = _end_of(kept, 2 * JUDGED)
-    interrupted = kept.stop is RunStop.DONE and kept.periods < wanted
+    interrupted = kept.interrupted
     stop = run.reason or run.stop.value
     if interrupted:
         stop = f"interrupted after {kept.periods} of {wanted} periods; the same command goes on"

@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -251,17 +251,15 @@ def simulate(
             stretches.append(one)
             if one.stop is not None:
                 stop, reason = one.stop, one.reason
+        if rest > 0.0 and stop is RunStop.DONE:
+            stretches.append(fraction(_after(start, stretches), conditions, t, rest, count))
+            stop, reason = stretches[-1].stop or stop, stretches[-1].reason
     except KeyboardInterrupt:
         stop = RunStop.INTERRUPTED
     last = _after(start, stretches)
-    end = float(t0) + PERIOD * sum(one.periods for one in stretches)
-    if rest > 0.0 and stop is RunStop.DONE:
-        part = fraction(last, conditions, t, rest, count)
-        stretches.append(part)
-        stop, reason = part.stop or stop, part.reason
-        if part.stop is None:
-            last = State(part.u[0].copy(), part.v[0].copy())
-            end += PERIOD * rest
+    end = float(t0) + PERIOD * sum(one.periods for one in stretches if type(one) is Stretch)
+    if any(isinstance(one, Part) and one.stop is None for one in stretches):
+        end += PERIOD * rest
     return _gathered(start, stretches, last, end, float(t0), conditions, sample, stop, reason)
 
 
@@ -308,6 +306,23 @@ def _record(stretches: list[Stretch], sample: Sample, sites: int, t0: float) -> 
     v = np.concatenate([empty, *(one.dense_v.reshape(-1, len(sample.sites)) for one in stretches)])
     times = t0 + PERIOD / count * np.arange(len(u))
     return Record(times, tuple(n % sites for n in sample.sites), u, v)
+
+
+class Stopped(Protocol):
+    """A run or a sweep, which may have been interrupted."""
+
+    @property
+    def stop(self) -> RunStop: ...
+
+
+S = TypeVar("S", bound=Stopped)
+
+
+def completed(run: S) -> S:
+    """What an inner call gave; where Ctrl-C cut that short, the call around it ends, too."""
+    if run.stop is RunStop.INTERRUPTED:
+        raise KeyboardInterrupt
+    return run
 
 
 # --- stretch by stretch --------------------------------------------------------------------------

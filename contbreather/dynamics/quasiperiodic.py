@@ -22,7 +22,7 @@ from contbreather.dynamics.energy import (
     forced_velocity,
     localisation,
 )
-from contbreather.dynamics.impacting import Run, RunStop, simulate
+from contbreather.dynamics.impacting import Run, RunStop, completed, simulate
 from contbreather.dynamics.periodic_motion import PeriodicMotion, periodic
 from contbreather.dynamics.tangent import lyapunov, weighted_mean
 from contbreather.errors import BadInput, NotConverged
@@ -39,6 +39,7 @@ RESOLVED = 1e-6  # how well two halves of a run agree on the rotation number of 
 STEADY = 1e-4  # how well they agree on its size
 NEUTRAL_MULTIPLIER = 1e-7  # how far beyond 1 rounding may take a multiplier
 NEUTRAL = 1e-6  # an exponent that is zero, as far as can be told
+RATIONAL = 1e-7  # how far a rotation number may be from p/q and yet be it
 POSITIVE = 1e-3  # an exponent that is chaos, if it is known so well
 
 
@@ -201,9 +202,7 @@ def verdict(
     length = whole("periods", periods, LEAST)
     start = simulate(state, periods=whole("settle", settle, 0), **settings)
     for run in (start, simulate(start.final, periods=length, **settings)):
-        if run.stop is RunStop.INTERRUPTED:
-            raise KeyboardInterrupt
-        if run.stop is not RunStop.DONE:
+        if completed(run).stop is not RunStop.DONE:
             return Verdict(Kind.UNDECIDED, run.reason, {}, run)
     return judge(run)
 
@@ -336,7 +335,7 @@ def _repels(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> str:
 
 
 def _periodic(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> Verdict:
-    u, v = found.run().strobe
+    u, v = completed(found.run()).strobe
     gaps = np.maximum(np.abs(u[1:] - u[0]).max(axis=1), np.abs(v[1:] - v[0]).max(axis=1))
     n = 1 + int(np.argmax(gaps < 1e-7))
     evidence |= {"periods": float(n), "multiplier": found.largest ** (n / found.periods)}
@@ -374,7 +373,9 @@ def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None
     words = f"largest exponent {exponent:.2g} ({error:.0e})"
     if repelling is None and exponent > max(5.0 * error, POSITIVE):
         return Verdict(Kind.CHAOTIC, words, evidence, run)
-    zero = bool(small[0]) and error < STEADY
+    # bands visited in turn, of chaos or a long period, have a rational number: no sign of a torus
+    resolved = NEUTRAL if _rational(turn.number) else STEADY
+    zero = bool(small[0]) and error < resolved
     if not zero or turn.error > RESOLVED or turn.hole < 1e-3 or turn.drift > STEADY:
         if repelling is not None:
             return Verdict(Kind.UNDECIDED, _repels(run, evidence, repelling), evidence, run)
@@ -387,3 +388,9 @@ def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None
     if neutral > 1:
         words += f"; {neutral} exponents are zero: a torus of {neutral} frequencies beside 1"
     return Verdict(Kind.QUASI_PERIODIC, words, evidence, run)
+
+
+def _rational(number: float) -> bool:
+    """Whether a number is a ratio with a small denominator."""
+    q = np.arange(1, LONGEST + 1)
+    return bool(np.any(np.abs(number - np.round(number * q) / q) < RATIONAL))

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.dynamics.conditions import State, check_state, whole
 from contbreather.dynamics.energy import localisation
-from contbreather.dynamics.impacting import RunStop, simulate
+from contbreather.dynamics.impacting import RunStop, completed, simulate
 from contbreather.dynamics.progress import Bar
 from contbreather.dynamics.smooth import Solver, simulate_smooth
 from contbreather.errors import BadInput
@@ -223,12 +223,10 @@ class _Stage:
             settings["k"] = None
         shared: dict[str, Any] = {"periods": self.periods, "t0": self.t0, "forcing": forcing}
         smooth = "m" in settings
-        run: Any = (simulate_smooth if smooth else simulate)(
-            state, **settings, **shared, progress=False
-        )
         # a Ctrl-C inside the run ends the sweep, too: its value is not complete
-        if run.stop is RunStop.INTERRUPTED:
-            raise KeyboardInterrupt
+        run: Any = completed(
+            (simulate_smooth if smooth else simulate)(state, **settings, **shared, progress=False)
+        )
         where = {name: settings[name] for name in ("a", "gamma", "damping")}
         u, v = run.strobe
         seen = localisation(u, v, run.times, **where, forcing=forcing)

@@ -311,22 +311,23 @@ def simulate_smooth(
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     flight = SmoothFlight(conditions, solver or Explicit(), reduced(t0), sample)
     flight.check(np.concatenate(start), 0)
-    y, rows, dense, stop = np.concatenate(start), [np.concatenate(start)], [], RunStop.DONE
-    count = int(length)
+    rows = [(np.concatenate(start), np.empty((0, 2, start.u.size)))]
+    stop, count, part = RunStop.DONE, int(length), None
     with Bar(progress, count) as bar:
         try:
             for j in range(count):
-                y, inner = flight.period(y, j)
-                rows.append(y)
-                dense.append(inner)
+                rows.append(flight.period(rows[-1][0], j))
                 bar.advance(j + 1)
+            if length > count:
+                part = flight.part(rows[-1][0], PERIOD * (length - count))
         except KeyboardInterrupt:
             stop = RunStop.INTERRUPTED
+    states, dense = [list(column) for column in zip(*rows, strict=True)]
     end = float(t0) + PERIOD * (len(rows) - 1)
-    if length > count and stop is RunStop.DONE:
-        y = flight.part(y, PERIOD * (length - count))
-        end += PERIOD * (length - count)
-    strobe = np.array(rows).reshape(len(rows), 2, -1)
+    y = states[-1]
+    if part is not None:
+        y, end = part, end + PERIOD * (length - count)
+    strobe = np.array(states).reshape(len(rows), 2, -1)
     times = float(t0) + PERIOD * np.arange(len(rows))
     record = None if sample is None else _record(sample, dense, float(t0), start.u.size)
     u, v = y.reshape(2, -1)

@@ -18,21 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation import Event, Point, Problem, fold
-from contbreather.dynamics.conditions import (
-    HEAVIEST,
-    PERIOD,
-    State,
-    check_state,
-    reduced,
-    whole,
-)
+from contbreather.dynamics.conditions import HEAVIEST, PERIOD, State, check_state, reduced
 from contbreather.dynamics.multiplier_events import (
     neimark_sacker,
     period_doubling,
     pitchfork,
 )
 from contbreather.dynamics.smooth import Explicit, SmoothConditions, wall_damping
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import NotConverged
 from contbreather.lattice import Forcing, Harmonic
 
 Array = NDArray[Any]
@@ -116,7 +109,7 @@ class SmoothOrbit:
     """What a point of a smooth branch is: a state that comes back, and its multipliers.
 
     `half` are the multipliers of the half map of a symmetric motion (+1: pitchfork), None for
-    others; `multipliers` those over its period, largest first.
+    others; `multipliers` those over 2 pi, largest first.
     """
 
     state: State
@@ -127,7 +120,7 @@ class SmoothOrbit:
 
     @property
     def largest(self) -> float:
-        """Largest modulus over its period."""
+        """Largest modulus over 2 pi."""
         return float(np.abs(self.multipliers[0]))
 
 
@@ -141,7 +134,6 @@ def smooth_orbit(
     lam: float | None = None,
     damping: float = 0.0,
     symmetric: bool = True,
-    periods: int = 1,
     t0: float = 0.0,
     forcing: Forcing | None = None,
     tolerance: float = 1e-12,
@@ -155,9 +147,7 @@ def smooth_orbit(
     a, gamma, m, k, lam, damping, forcing
         As in `simulate_smooth`; a, gamma, lam, m (a real number) and damping can be traced.
     symmetric : bool
-        u(t + pi) = -u(t), over half a period; False: any motion of period 2 pi times `periods`.
-    periods : int
-        After how many periods of the forcing a motion that is not symmetric comes back.
+        u(t + pi) = -u(t), over half a period; False: any motion of period 2 pi.
     t0 : float
         Any time at which no site is in its wall.
     tolerance : float
@@ -182,10 +172,7 @@ def smooth_orbit(
     u, v = check_state(state, walls=False)
     wall = wall_damping(k, lam)
     SmoothConditions(a, gamma, wall, m, damping)  # refuses what is out of range
-    count = whole("periods", periods, 1)
-    if symmetric and count != 1:
-        raise BadInput(f"periods = {count}: a symmetric motion has the period 2 pi of its forcing.")
-    span, sign = (0.5 * PERIOD, -1.0) if symmetric else (count * PERIOD, 1.0)
+    span, sign = (0.5 * PERIOD, -1.0) if symmetric else (PERIOD, 1.0)
     shooting = Shooting(forcing or Harmonic(), reduced(t0), span, sign, tolerance)
     squared = 2 if symmetric else 1
 

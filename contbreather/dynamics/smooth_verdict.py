@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contbreather.continuation import walk
-from contbreather.dynamics.conditions import PERIOD, State
+from contbreather.dynamics.conditions import PERIOD, State, reduced
 from contbreather.dynamics.energy import localisation
+from contbreather.dynamics.periodic_motion import returning
 from contbreather.dynamics.quasiperiodic import (
     CLOSED,
     LONGEST,
@@ -25,8 +25,8 @@ from contbreather.dynamics.quasiperiodic import (
     rotation,
 )
 from contbreather.dynamics.smooth import SmoothRun
-from contbreather.dynamics.smooth_shooting import SmoothOrbit, smooth_orbit
-from contbreather.dynamics.tangent import variation, weighted_mean
+from contbreather.dynamics.smooth_shooting import Shooting
+from contbreather.dynamics.tangent import FINE, variation, weighted_mean
 from contbreather.errors import NotConverged
 
 BROAD = 3.0  # participation ratio beyond which a state is no breather
@@ -92,34 +92,29 @@ def _closed(run: SmoothRun, evidence: dict[str, float]) -> SmoothVerdict | None:
     if orbit is None:
         reason = f"returns to {gap:.1g} after {after}, but Newton's method finds no closed orbit"
         return SmoothVerdict(Kind.UNDECIDED, reason, evidence) if gap < CLOSED else None
-    away = float(np.abs(np.subtract(_last(run), orbit.state)).max())
-    evidence |= {"multiplier": orbit.largest}
-    reason = f"{away:.1g} from it, largest multiplier {orbit.largest:.6g}"
-    if orbit.largest > 1.0 + 1e-6:
+    away, largest = orbit
+    evidence |= {"multiplier": largest}
+    reason = f"{away:.1g} from it, largest multiplier {largest:.6g}"
+    if largest > 1.0 + 1e-6:
         return SmoothVerdict(Kind.UNDECIDED, f"{reason}: it repels", evidence)
     kind = Kind.PERIODIC if n == 1 else Kind.LOCKED
     return SmoothVerdict(kind, reason if n == 1 else f"after {n} periods, {reason}", evidence)
 
 
-def _last(run: SmoothRun) -> State:
-    return State(run.strobe.u[-1], run.strobe.v[-1])
-
-
-def _orbit(run: SmoothRun, periods: int) -> SmoothOrbit | None:
-    """The motion of that many periods next to the end of a run."""
-    c, last = run.conditions, _last(run)
-    shared: dict[str, Any] = {"a": c.a, "gamma": c.gamma, "lam": c.lam, "m": c.m}
-    shared |= {"damping": c.damping, "forcing": c.forcing, "t0": run.times[-1]}
-    for symmetric in (True, False) if periods == 1 else (False,):
-        try:
-            start = smooth_orbit(last, symmetric=symmetric, periods=periods, **shared)
-            problem, _ = start.solve()
-        except NotConverged:
-            continue
-        found: SmoothOrbit = next(walk(problem, "a", events=())).solution
-        if np.abs(np.subtract(last, found.state)).max() < 100.0 * NEARBY:
-            return found
-    return None
+def _orbit(run: SmoothRun, periods: int) -> tuple[float, float] | None:
+    """How far the motion of that many periods is from the end of a run; its largest multiplier."""
+    c = run.conditions
+    shooting = Shooting(c.forcing, reduced(run.times[-1]), periods * PERIOD, 1.0, FINE)
+    params = {"a": c.a, "gamma": c.gamma, "lam": c.lam, "m": c.m, "damping": c.damping}
+    last = np.concatenate([run.strobe.u[-1], run.strobe.v[-1]])
+    try:
+        found, _, matrix = returning(
+            lambda x: shooting.linearised(x, params)[:2], last, solved=CLOSED
+        )
+    except (NotConverged, ArithmeticError):
+        return None
+    away = float(np.abs(last - found).max())
+    return (away, float(np.abs(np.linalg.eigvals(matrix)).max())) if away < 100.0 * NEARBY else None
 
 
 def _open(run: SmoothRun, evidence: dict[str, float]) -> SmoothVerdict:

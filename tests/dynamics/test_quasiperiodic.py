@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contbreather.breathers import symmetric
-from contbreather.dynamics import Kind, State, periodic, rotation, simulate, verdict
+from contbreather.dynamics import Kind, State, periodic, rotation, simulate, sweep, verdict
 from contbreather.dynamics.quasiperiodic import judge
 from contbreather.dynamics.tangent import weighted_mean
 from contbreather.errors import BadInput
@@ -229,7 +229,11 @@ def test_bands_of_chaos_seen_for_a_shorter_time_are_never_called_a_torus_or_lock
 @pytest.mark.parametrize(("a", "q"), [(0.93, 2), (0.985, 4), (0.991, 8)])
 def test_locked_motions_of_the_cascade_close_with_multipliers_inside_the_circle(a, q):
     """gamma = 0, k = 0.8: doublings at 0.92551, 0.97997 and 0.98963 after the pitchfork."""
-    found = verdict(symmetric(a, 0.0, 0.8).state(1), a=a, gamma=0.0, k=0.8, periods=500)
+    slowly = np.linspace(0.93, a, 30)
+    start = sweep(
+        symmetric(0.93, 0.0, 0.8).state(1), "a", slowly, periods=60, a=a, gamma=0.0, k=0.8
+    )
+    found = verdict(start.final, a=a, gamma=0.0, k=0.8, periods=500)
     own = periodic(found.run.final, periods=q, a=a, gamma=0.0, k=0.8)
     assert found.kind is Kind.LOCKED
     assert (found.evidence["q"], own.largest < 1.0) == (q, True)
