@@ -176,11 +176,11 @@ def _flow(conditions: Conditions, t0: float, length: float) -> Flow:
 
 
 def returning(
-    flow: Flow, x: Array, sign: float = 1.0, *, solved: float = SOLVED
+    flow: Flow, x: Array, sign: float = 1.0, *, solved: float = SOLVED, steps: int = STEPS
 ) -> tuple[Array, Array, Array]:
     """The state near x that a flow brings back (times sign), its image, the derivative there."""
     image, matrix = flow(x)
-    for _ in range(STEPS):
+    for _ in range(steps):
         defect = sign * image - x
         size = np.abs(defect).max()
         if size < solved:
@@ -188,7 +188,7 @@ def returning(
         step = np.linalg.lstsq(sign * matrix - np.eye(x.size), -defect, rcond=1e-13)[0]
         x, image, matrix = _shortened(flow, x, step, sign, float(size))
     raise NotConverged(
-        f"no periodic motion near this state: the residual is {size:.2g} after {STEPS} Newton "
+        f"no periodic motion near this state: the residual is {size:.2g} after {steps} Newton "
         "steps; start closer, or let the damped ring settle first.",
         residual=float(size),
     )

@@ -374,7 +374,7 @@ def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None
     if repelling is None and exponent > max(5.0 * error, POSITIVE):
         return Verdict(Kind.CHAOTIC, words, evidence, run)
     # bands visited in turn, of chaos or a long period, have a rational number: no sign of a torus
-    resolved = NEUTRAL if _rational(turn.number) else STEADY
+    resolved = NEUTRAL if rational(turn.number) else STEADY
     zero = bool(small[0]) and error < resolved
     if not zero or turn.error > RESOLVED or turn.hole < 1e-3 or turn.drift > STEADY:
         if repelling is not None:
@@ -390,7 +390,7 @@ def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None
     return Verdict(Kind.QUASI_PERIODIC, words, evidence, run)
 
 
-def _rational(number: float) -> bool:
+def rational(number: float) -> bool:
     """Whether a number is a ratio with a small denominator."""
     q = np.arange(1, LONGEST + 1)
     return bool(np.any(np.abs(number - np.round(number * q) / q) < RATIONAL))

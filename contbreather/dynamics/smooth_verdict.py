@@ -22,6 +22,7 @@ from contbreather.dynamics.quasiperiodic import (
     RESOLVED,
     STEADY,
     Kind,
+    rational,
     rotation,
 )
 from contbreather.dynamics.smooth import SmoothRun
@@ -30,7 +31,7 @@ from contbreather.dynamics.tangent import FINE, variation, weighted_mean
 from contbreather.errors import NotConverged
 
 BROAD = 3.0  # participation ratio beyond which a state is no breather
-SEEN = 600  # periods over which an exponent is averaged
+SEEN = 300  # periods over which an exponent is averaged
 FLAT = 1e-5  # an exponent that is zero, to what the integration and so many periods tell
 LONG = 60  # sites; multipliers of a longer smooth ring take minutes
 
@@ -81,7 +82,7 @@ def _closed(run: SmoothRun, evidence: dict[str, float]) -> SmoothVerdict | None:
     n = 1 if gaps[0] < NEARBY else n  # a spiral into a fixed point nearly closes after many
     gap = float(gaps[n - 1])
     evidence |= {"return": gap, "periods": float(n)}
-    if n > 1 and gap > RESOLVED:
+    if gap > (100.0 * NEARBY if n == 1 else RESOLVED):
         return None
     after = "a period" if n == 1 else f"{n} periods"
     if run.sites > LONG:
@@ -109,7 +110,7 @@ def _orbit(run: SmoothRun, periods: int) -> tuple[float, float] | None:
     last = np.concatenate([run.strobe.u[-1], run.strobe.v[-1]])
     try:
         found, _, matrix = returning(
-            lambda x: shooting.linearised(x, params)[:2], last, solved=CLOSED
+            lambda x: shooting.linearised(x, params)[:2], last, solved=CLOSED, steps=8
         )
     except (NotConverged, ArithmeticError):
         return None
@@ -128,10 +129,10 @@ def _open(run: SmoothRun, evidence: dict[str, float]) -> SmoothVerdict:
     exponent, error = _exponent(run)
     evidence |= {"exponent": exponent, "exponent_error": error}
     words += f", largest exponent {exponent:.2g} ({error:.0e})"
-    kind = Kind.QUASI_PERIODIC
+    kind, bands = Kind.QUASI_PERIODIC, rational(turn.number)
     if exponent > max(5.0 * error, POSITIVE):
         kind = Kind.CHAOTIC
-    elif abs(exponent) > max(5.0 * error, FLAT) or error > POSITIVE:
+    elif abs(exponent) > max(5.0 * error, FLAT) or error > (FLAT if bands else POSITIVE):
         kind = Kind.UNDECIDED
     return SmoothVerdict(kind, words, evidence)
 
