@@ -147,7 +147,7 @@ def _judged(run: Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
 
     half = min(JUDGED, run.periods // 2)
     if run.stop is RunStop.CHATTER:
-        return Kind.UNDECIDED.name, "it ends at a chatter", {}
+        return Kind.UNDECIDED.name, "it ends before a period of too many impacts", {}
     if half < ENOUGH:
         length = length_of(run)
         words = f"{periods_in_words(length)} {'is' if length == 1 else 'are'} too few"

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.dynamics.conditions import Conditions, State, check_state, whole
+from contbreather.dynamics.conditions import Conditions, State, check_state, row, whole
 from contbreather.dynamics.energy import localisation
 from contbreather.dynamics.impacting import RunStop, completed, simulate
 from contbreather.dynamics.progress import Bar
@@ -64,20 +64,19 @@ class Axis:
     values: tuple[float, ...]
 
     def __init__(self, name: str, site: int, values: ArrayLike) -> None:
-        row = np.atleast_1d(np.asarray(values, dtype=float))
-        if name not in ("u", "v") or row.ndim != 1 or not np.all(np.isfinite(row)):
+        if name not in ("u", "v"):
             raise BadInput(
-                f"an axis is the displacement 'u' or velocity 'v' of a site with a row of finite "
-                f"values; {name!r} was given."
+                f"an axis is the displacement 'u' or velocity 'v' of a site; {name!r} was given."
             )
+        along = row("values", values, "the values of an axis")
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "site", whole("site", site, -(10**9)))
-        object.__setattr__(self, "values", tuple(row.tolist()))
+        object.__setattr__(self, "values", tuple(along.tolist()))
 
     def put(self, state: State, value: float) -> None:
         """Set the coordinate in a state."""
-        row = state.u if self.name == "u" else state.v
-        row[self.site % row.size] = value
+        column = state.u if self.name == "u" else state.v
+        column[self.site % column.size] = value
 
     @property
     def label(self) -> str:

@@ -50,6 +50,7 @@ class Conditions:
     forcing: Forcing = field(default_factory=Harmonic)
 
     def __post_init__(self) -> None:
+        number("gamma", self.gamma, -math.inf, math.inf, "a coupling")
         check_gamma(self.gamma)
         number("a", self.a, 0.0, math.inf, "an amplitude, at least 0")
         number("k", self.k, 0.0, 1.0, "a restitution coefficient between 0 and 1")
@@ -84,8 +85,8 @@ class Conditions:
 def number(name: str, value: object, low: float, high: float, wanted: str) -> float:
     """The value as a float within its range, or a sentence."""
     try:
-        found = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+        found = math.nan if isinstance(value, str | bytes) else float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
         found = math.nan
     if low <= found <= high and math.isfinite(found):
         return found
@@ -97,6 +98,17 @@ def whole(name: str, value: object, least: int) -> int:
     if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least:
         return int(value)
     raise BadInput(f"{name} = {value!r}: a whole number, at least {least}, was wanted.")
+
+
+def row(name: str, values: object, wanted: str) -> Array:
+    """The values as a row of finite floats, at least one, or a sentence."""
+    try:
+        found = np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.ndim != 1 or found.size == 0 or not np.all(np.isfinite(found)):
+        raise BadInput(f"{name} = {values!r}: {wanted}, a row of finite numbers, was wanted.")
+    return found
 
 
 def check_state(state: Any, *, walls: bool = True) -> State:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
@@ -58,6 +58,7 @@ REST = np.dtype(
 )
 LONGEST = 1e12  # periods; beyond, not even their number is exact enough to keep time
 MOMENT = 0.2  # seconds a stretch should take: how long an interruption waits
+MOST = 150_000  # impacts of one site in one period: some seconds
 ROOM = 2**21  # numbers a stretch may hold: 16 MB
 
 
@@ -66,7 +67,7 @@ class RunStop(enum.Enum):
 
     DONE = "went through all its periods"
     INTERRUPTED = "interrupted; all periods up to here are kept"
-    CHATTER = "ended at a chatter that does not come to rest"
+    CHATTER = "ended before a period of more impacts than can be followed"
 
 
 @dataclass(frozen=True)
@@ -86,10 +87,18 @@ class Sample:
 
     def __post_init__(self) -> None:
         whole("per_period", self.per_period, 1)
+        if not isinstance(self.sites, Iterable) or not len(tuple(self.sites)):
+            raise BadInput(f"sites = {self.sites!r}: a row of numbers of sites, at least one.")
         for n in self.sites:
             if not isinstance(n, int | np.integer):
                 raise BadInput(f"sites = {self.sites!r}: whole numbers were wanted, {n!r} is none.")
         object.__setattr__(self, "sites", tuple(int(n) for n in self.sites))
+
+
+def check_sample(sample: object) -> None:
+    """Refuse what is no `Sample`."""
+    if not isinstance(sample, Sample | None):
+        raise BadInput(f"sample = {sample!r}: a Sample was wanted, as in Sample(sites=(0, 1)).")
 
 
 class Record(NamedTuple):
@@ -132,7 +141,9 @@ class Run:
         (+1 or -1), velocities ``before`` and ``after``, ``acceleration`` just before.
     rests : structured ndarray
         Where a site came to rest on a wall after a chatter (``begins`` True) or left it (False). A
-        site that rests from the start has no row until it leaves.
+        site that rests from the start has no row until it leaves. Of a chatter the impacts below a
+        rebound velocity of 1e-6 (more where k is close to 1 and rounding is) are summed, not
+        listed: their end, where the rest begins, comes after the last impact that is.
     strobe : State
         ``u``, ``v`` of shape (periods + 1, N) at ``times`` = t0 + 2 pi j.
     final : State
@@ -240,6 +251,7 @@ def simulate(
     2
     """
     start = check_state(state)
+    check_sample(sample)
     conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     count, rest = int(length), length - int(length)
@@ -419,10 +431,17 @@ class Machine:
         return Stretch(first, *kept, RunStop.CHATTER, self._chatter(site, first + done))
 
     def _chatter(self, site: int, period: int) -> str:
+        """What was seen; whether it would come to rest is not known."""
+        first = int(self.log.used[0])  # those of the period are behind it
+        there = slice(first, first + int(self.work.hits.sum()))
+        own = self.log.site[there] == site
+        walls, speeds = self.log.wall[there][own][-2:], np.abs(self.log.before[there][own])
+        how = f"chattering on the wall {walls[-1]:+d}, at {speeds[-1]:.2g} in the end"
+        if walls[0] != walls[-1]:
+            how = f"from wall to wall at a speed of {speeds[-1]:.3g}"
         return (
-            f"site {site} hits its wall more than {self.law.most} times in period {period} "
-            f"(k = {self.conditions.k}): a chatter that does not come to rest; the state before "
-            "that period is kept, go on from it with a smaller k"
+            f"site {site} has more than {self.law.most} impacts in period {period}, {how} "
+            f"(k = {self.conditions.k}); the state before that period is kept"
         )
 
     def _failed(self, status: int, period: int) -> str:
@@ -450,8 +469,7 @@ def law_of(conditions: Conditions) -> Law:
     step = min(STEP, 3.0 / rate)
     # a site that rests on its wall moves, in v, with the forcing: its harmonics must converge too
     rest_step = step * rate / max(rate, float(motion.m.max()))
-    most = 1000 + int(40.0 / max(1.0 - k, 4e-4))
-    return Law(gamma, mu, k, step, rest_step, terms(step * rate), most, motion, force)
+    return Law(gamma, mu, k, step, rest_step, terms(step * rate), MOST, motion, force)
 
 
 def work_of(sites: int, count: int) -> Work:
@@ -504,8 +522,12 @@ def tables(log: Log, t0: float) -> tuple[NDArray[np.void], NDArray[np.void]]:
     found = []
     for dtype, chosen in ((IMPACT, kind == HIT), (REST, kind != HIT)):
         table = np.empty(int(chosen.sum()), dtype)
-        table["time"] = PERIOD * period[chosen] + (phase[chosen] - t0)
-        table["period"], table["phase"] = period[chosen], phase[chosen] % PERIOD
+        # rebounds that are summed up may go on into the next period
+        late = np.where(kind[chosen] == COMES_TO_REST, push[chosen], 0.0)
+        when = phase[chosen] + late
+        table["time"] = PERIOD * period[chosen] + (when - t0)
+        table["period"] = period[chosen] + ((late > 0.0) & (when - t0 >= PERIOD))
+        table["phase"] = when % PERIOD
         table["site"], table["wall"] = site[chosen], wall[chosen]
         if dtype is IMPACT:
             table["before"], table["after"] = before[chosen], after[chosen]

@@ -76,9 +76,10 @@ class PeriodicMotion:
     def __repr__(self) -> str:
         c = self.conditions
         after = "half a period" if self.symmetric else f"{self.periods} x 2 pi"
+        sites = "1 site" if self.state.u.size == 1 else f"{self.state.u.size} sites"
         return (
-            f"<PeriodicMotion of {self.state.u.size} sites at a = {c.a:g}, gamma = {c.gamma:g}, "
-            f"k = {c.k:g}, damping = {c.damping:g}: closes after {after} to {self.residual:.1g}; "
+            f"<PeriodicMotion of {sites} at a = {c.a:g}, gamma = {c.gamma:g}, k = {c.k:g}, "
+            f"damping = {c.damping:g}: closes after {after} to {self.residual:.1g}; "
             f"largest multiplier {self.largest:.6g}>"
         )
 
@@ -145,7 +146,7 @@ def periodic(
     number("t0", t0, -1e300, 1e300, "a time")
     length, sign = (0.5, -1.0) if symmetric else (float(count), 1.0)
     flow = _flow(conditions, t0, length)
-    x, image, matrix = returning(flow, np.concatenate(start), sign)
+    x, image, matrix = returning(flow, np.concatenate(start), sign, solved=SOLVED, steps=STEPS)
     eigenvalues = np.linalg.eigvals(matrix)
     multipliers = eigenvalues**2 if symmetric else eigenvalues
     order = np.argsort(-np.abs(multipliers))
@@ -176,7 +177,7 @@ def _flow(conditions: Conditions, t0: float, length: float) -> Flow:
 
 
 def returning(
-    flow: Flow, x: Array, sign: float = 1.0, *, solved: float = SOLVED, steps: int = STEPS
+    flow: Flow, x: Array, sign: float = 1.0, *, solved: float, steps: int
 ) -> tuple[Array, Array, Array]:
     """The state near x that a flow brings back (times sign), its image, the derivative there."""
     image, matrix = flow(x)

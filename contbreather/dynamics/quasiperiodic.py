@@ -86,7 +86,10 @@ def rotation(u: ArrayLike, v: ArrayLike) -> Rotation:
     >>> round(found.number, 12)
     0.381966
     """
-    x, y = (np.asarray(row, dtype=float) for row in (u, v))
+    try:
+        x, y = (np.asarray(row, dtype=float) for row in (u, v))
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"for a rotation number give two arrays of numbers; {error}.") from error
     x, y = x.reshape(len(x), -1), y.reshape(len(y), -1)
     if len(x) < 20:
         raise BadInput(f"{len(x)} states are too few for a rotation number; give at least 20.")
@@ -374,7 +377,7 @@ def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None
     if repelling is None and exponent > max(5.0 * error, POSITIVE):
         return Verdict(Kind.CHAOTIC, words, evidence, run)
     # bands visited in turn, of chaos or a long period, have a rational number: no sign of a torus
-    resolved = NEUTRAL if rational(turn.number) else STEADY
+    resolved = NEUTRAL if rational(turn.number) else POSITIVE
     zero = bool(small[0]) and error < resolved
     if not zero or turn.error > RESOLVED or turn.hole < 1e-3 or turn.drift > STEADY:
         if repelling is not None:

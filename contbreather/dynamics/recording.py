@@ -38,7 +38,7 @@ from contbreather.dynamics.conditions import (
     reduced,
     whole,
 )
-from contbreather.dynamics.impacting import IMPACT, RunStop, Sample, Stretch, walk
+from contbreather.dynamics.impacting import IMPACT, RunStop, Sample, Stretch, check_sample, walk
 from contbreather.dynamics.progress import Bar
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Fourier, Harmonic
@@ -186,6 +186,7 @@ def record(
     ...     run.periods, len(run.impacts)
     (30, 60)
     """
+    check_sample(sample)
     conditions = Conditions(a, gamma, k, damping, forcing or Harmonic())
     wanted = Recording(Path(path), conditions, float(t0), sample, check_state(state))
     count = whole("periods", periods, 0)

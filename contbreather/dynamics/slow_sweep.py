@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.dynamics.conditions import State, check_state, whole
+from contbreather.dynamics.conditions import State, check_state, row, whole
 from contbreather.dynamics.energy import localisation
 from contbreather.dynamics.impacting import RunStop, completed, simulate
 from contbreather.dynamics.progress import Bar
@@ -120,8 +120,8 @@ def there_and_back(values: ArrayLike) -> Array:
     >>> there_and_back([1.0, 2.0, 3.0])
     array([1., 2., 3., 2., 1.])
     """
-    row = np.asarray(values, dtype=float)
-    return np.concatenate([row, row[-2::-1]])
+    there = row("values", values, "the values of a sweep")
+    return np.concatenate([there, there[-2::-1]])
 
 
 def sweep(
@@ -171,7 +171,7 @@ def sweep(
     >>> float(down.lost())  # the fold is at 0.075
     0.05
     """
-    row = np.atleast_1d(np.asarray(values, dtype=float))
+    steps = row("values", values, "the values of a sweep")
     start, forcing = check_state(state, walls=m is None), forcing or Harmonic()
     settings: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
     if m is not None:
@@ -179,14 +179,12 @@ def sweep(
     known = (*(HARD if m is None else SMOOTH), *forcing.params)
     if name not in known:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(known)}")
-    if row.ndim != 1 or row.size == 0 or not np.all(np.isfinite(row)):
-        raise BadInput("the values of a sweep are a row of finite numbers, at least one.")
     stage = _Stage(name, settings, forcing, whole("periods", periods, 2), float(t0))
     rows: list[tuple[Any, ...]] = []
     stop = RunStop.DONE
-    with Bar(progress, len(row), "values") as bar:
+    with Bar(progress, len(steps), "values") as bar:
         try:
-            for value in row.tolist():
+            for value in steps.tolist():
                 start, found, end = stage.run(start, value)
                 rows.append((value, *start, *found))
                 bar.advance(len(rows))

@@ -31,7 +31,7 @@ from contbreather.dynamics.conditions import (
     number,
     reduced,
 )
-from contbreather.dynamics.impacting import LONGEST, Record, RunStop, Sample
+from contbreather.dynamics.impacting import LONGEST, Record, RunStop, Sample, check_sample
 from contbreather.dynamics.progress import Bar
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic, check_gamma
@@ -83,6 +83,7 @@ class SmoothConditions:
     forcing: Forcing = field(default_factory=Harmonic)
 
     def __post_init__(self) -> None:
+        number("gamma", self.gamma, -math.inf, math.inf, "a coupling")
         check_gamma(self.gamma)
         number("a", self.a, 0.0, math.inf, "an amplitude, at least 0")
         number("lam", self.lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
@@ -308,6 +309,7 @@ def simulate_smooth(
     """
     conditions = SmoothConditions(a, gamma, wall_damping(k, lam), m, damping, forcing or Harmonic())
     start = check_state(state, walls=False)
+    check_sample(sample)
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     flight = SmoothFlight(conditions, solver or Explicit(), reduced(t0), sample)
     flight.check(np.concatenate(start), 0)
@@ -339,7 +341,9 @@ def wall_damping(k: float | None, lam: float | None) -> float:
     """lambda, from whichever of the two was given."""
     if (k is None) == (lam is None):
         raise BadInput(f"k = {k}, lam = {lam}: give one of them, (22) ties the other to it.")
-    return damping_of(k) if k is not None else float(lam)  # type: ignore[arg-type]
+    if k is not None:
+        return damping_of(k)
+    return number("lam", lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
 
 
 def _record(sample: Sample, dense: list[Array], t0: float, sites: int) -> Record:

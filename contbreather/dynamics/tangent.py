@@ -36,6 +36,7 @@ def kicks(
     an infinite one where it ends.
     """
     b = (1.0 + conditions.k) * (impacts["acceleration"] / impacts["before"] + conditions.damping)
+    rests = _at_impacts(rests, impacts)
     codes = np.where(rests["begins"], np.nan, np.inf)
     period = np.concatenate([impacts["period"], rests["period"]])
     phase = np.concatenate([impacts["phase"], rests["phase"]])
@@ -48,6 +49,18 @@ def kicks(
     # at equal times the impact comes before the rest it leads to
     order = np.lexsort((np.isnan(entry), since, period))
     return since[order], site[order], entry[order], period[order]
+
+
+def _at_impacts(rests: NDArray[np.void], impacts: NDArray[np.void]) -> NDArray[np.void]:
+    """Rests that begin at the last impact listed: the rebounds after it take what is left away."""
+    moved = rests.copy()
+    for site in np.unique(rests["site"][rests["begins"]]):
+        own = impacts[impacts["site"] == site]
+        rows = np.flatnonzero(rests["begins"] & (rests["site"] == site))
+        last = np.searchsorted(own["time"], rests["time"][rows], side="right") - 1
+        for name in ("time", "period", "phase"):
+            moved[name][rows[last >= 0]] = own[name][last[last >= 0]]
+    return moved
 
 
 def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
