@@ -26,6 +26,7 @@ from contbreather.dynamics.conditions import (
     reduced,
     whole,
 )
+from contbreather.dynamics.held import held
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic
 
@@ -418,7 +419,8 @@ class Machine:
         while status == FULL:
             here = (self.t0, span, first + done, self.law, self.work, self.log)
             rest = watch._replace(u=watch.u[done:], v=watch.v[done:])
-            more, status, site = cruise(u, v, *here, rest, strobe_u[done:], strobe_v[done:])
+            with held():
+                more, status, site = cruise(u, v, *here, rest, strobe_u[done:], strobe_v[done:])
             done += more
             if status == FULL:
                 self.log = log_of(2 * self.log.phase.size, self.log)

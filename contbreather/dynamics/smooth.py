@@ -31,6 +31,7 @@ from contbreather.dynamics.conditions import (
     number,
     reduced,
 )
+from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import LONGEST, Record, RunStop, Sample, check_sample
 from contbreather.dynamics.progress import Bar
 from contbreather.errors import BadInput, NotConverged
@@ -154,7 +155,8 @@ class Explicit:
             solver.set_f_params(*args).set_initial_value(y, t0)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # its failure is an error, below
-                y = solver.integrate(t)
+                with held():
+                    y = solver.integrate(t)
             if not solver.successful():
                 raise _stuck("dop853", t)
             out[i], t0 = y, float(t)
@@ -218,7 +220,8 @@ def _solve_ivp(
     if own is not None:
         settings["jac"] = own
     solve: Any = solve_ivp  # its stubs know every method by name and shape
-    found = solve(lambda t, x: rhs(t, x, *args), (t0, times[-1]), y, method, times, **settings)
+    with held():
+        found = solve(lambda t, x: rhs(t, x, *args), (t0, times[-1]), y, method, times, **settings)
     if not found.success:
         raise _stuck(method, found.t[-1] if len(found.t) else t0)
     return np.ascontiguousarray(found.y.T)

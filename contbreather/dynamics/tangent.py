@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced, whole
+from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import Run, law_of, walk
 from contbreather.dynamics.smooth import Explicit, SmoothRun
 from contbreather.errors import BadInput, NotConverged
@@ -102,10 +103,12 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
         table["time"] -= run.times[0]
     events = kicks(*tables, run.conditions, run.times[0])
     du, dv = np.ascontiguousarray(columns.T.reshape(-1, 2, sites).transpose(1, 0, 2))
-    held = resting(State(run.strobe.u[0], run.strobe.v[0]), run.conditions, run.times[0])
+    at_rest = resting(State(run.strobe.u[0], run.strobe.v[0]), run.conditions, run.times[0])
     rest = run.end - run.times[-1]
     spans = np.array([PERIOD] * run.periods + ([rest] if rest > 1e-12 else []))
-    carry(du, dv, held, spans, 0, law_of(run.conditions), *events, np.empty((len(spans), 0)))
+    law, growth = law_of(run.conditions), np.empty((len(spans), 0))
+    with held():
+        carry(du, dv, at_rest, spans, 0, law, *events, growth)
     return np.concatenate([du, dv], axis=1).T
 
 
@@ -204,7 +207,7 @@ def lyapunov(
         raise BadInput(f"count = {count}: a ring of {sites} sites has {2 * sites} exponents.")
     rng = np.random.default_rng(seed)
     du, dv = rng.normal(size=(2, wanted, sites))
-    held, law, first = resting(start, conditions, t0), law_of(conditions), reduced(t0)
+    at_rest, law, first = resting(start, conditions, t0), law_of(conditions), reduced(t0)
     total = whole("settle", settle, 0) + whole("periods", periods, 10)
     grown = []
     for one in walk(start, conditions, periods=total, t0=first, progress=False):
@@ -213,7 +216,8 @@ def lyapunov(
         growth = np.empty((one.periods, wanted))
         spans = np.full(one.periods, PERIOD)
         events = kicks(one.impacts, one.rests, conditions, first)
-        carry(du, dv, held, spans, one.first, law, *events, growth)
+        with held():
+            carry(du, dv, at_rest, spans, one.first, law, *events, growth)
         grown.append(growth)
     rates = np.concatenate(grown)[settle:] / PERIOD
     mean = weighted_mean(rates)
