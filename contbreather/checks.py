@@ -72,6 +72,14 @@ def numbers(name: str, value: object) -> NDArray[np.float64]:
     return found
 
 
+def row(name: str, value: object, wanted: str) -> NDArray[np.float64]:
+    """A row of finite floats, at least one, or a sentence; a number is a row of one."""
+    found = np.atleast_1d(numbers(name, value))
+    if found.ndim != 1 or not found.size:
+        raise BadInput(f"{name} = {value!r}: {wanted}, a row of finite numbers, was wanted.")
+    return found
+
+
 def check_kind(given: object, kinds: type | tuple[type, ...], wanted: str) -> None:
     """Refuse what is of another type than was wanted."""
     if not isinstance(given, kinds):

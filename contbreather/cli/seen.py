@@ -42,10 +42,9 @@ def seen_of(run: Run | SmoothRun) -> Seen:
 
 def seen_in(kept: Recording, wanted: int) -> Seen:
     """A run on disk, not judged yet: it is read piece by piece, only its end is held."""
-    from contbreather.dynamics import RunStop
 
     run = _end_of(kept, 2 * JUDGED)
-    interrupted = kept.stop is RunStop.DONE and kept.periods < wanted
+    interrupted = kept.interrupted
     stop = run.reason or run.stop.value
     if interrupted:
         stop = f"interrupted after {kept.periods} of {wanted} periods; the same command goes on"
@@ -148,7 +147,7 @@ def _judged(run: Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
 
     half = min(JUDGED, run.periods // 2)
     if run.stop is RunStop.CHATTER:
-        return Kind.UNDECIDED.name, "it ends at a chatter", {}
+        return Kind.UNDECIDED.name, "it ends before a period of too many impacts", {}
     if half < ENOUGH:
         length = length_of(run)
         words = f"{periods_in_words(length)} {'is' if length == 1 else 'are'} too few"

@@ -257,6 +257,7 @@ def draw(run: Run | SmoothRun) -> Figure:
 def _window(run: Any) -> Any:
     """The last periods again, with some sites recorded densely."""
     from contbreather.dynamics import Run, Sample, simulate, simulate_smooth
+    from contbreather.dynamics.impacting import completed
 
     count = min(WINDOW, run.periods)
     state = run.strobe.u[-1 - count], run.strobe.v[-1 - count]
@@ -266,8 +267,8 @@ def _window(run: Any) -> Any:
     shared |= {"forcing": c.forcing, "periods": max(1, count), "sample": Sample(shown, 100)}
     shared |= {"t0": float(run.times[-1 - count]), "progress": False}
     if isinstance(run, Run):
-        return simulate(state, k=c.k, **shared).record
-    return simulate_smooth(state, lam=c.lam, m=c.m, **shared).record
+        return completed(simulate(state, k=c.k, **shared)).record
+    return completed(simulate_smooth(state, lam=c.lam, m=c.m, **shared)).record
 
 
 def _content(seen: Seen, asked: Asked) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import enum
 import os
+import signal
 from collections.abc import Iterator
 from concurrent.futures import (
     BrokenExecutor,
@@ -25,10 +26,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import MOST, check_kind, number, numbers, whole
+from contbreather.checks import MOST, check_kind, number, row, whole
 from contbreather.dynamics.conditions import Conditions, State, check_state
 from contbreather.dynamics.energy import localisation
-from contbreather.dynamics.impacting import RunStop, simulate
+from contbreather.dynamics.impacting import RunStop, completed, simulate
 from contbreather.dynamics.progress import Bar
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, forcing_of
@@ -64,20 +65,19 @@ class Axis:
     values: tuple[float, ...]
 
     def __init__(self, name: str, site: int, values: ArrayLike) -> None:
-        row = np.atleast_1d(numbers("values", values))
-        if name not in ("u", "v") or row.ndim != 1:
+        if name not in ("u", "v"):
             raise BadInput(
-                f"an axis is the displacement 'u' or velocity 'v' of a site with a row of finite "
-                f"values; {name!r} was given."
+                f"an axis is the displacement 'u' or velocity 'v' of a site; {name!r} was given."
             )
+        along = row("values", values, "the values of an axis")
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "site", whole("site", site, -(10**9)))
-        object.__setattr__(self, "values", tuple(row.tolist()))
+        object.__setattr__(self, "values", tuple(along.tolist()))
 
     def put(self, state: State, value: float) -> None:
         """Set the coordinate in a state."""
-        row = state.u if self.name == "u" else state.v
-        row[self.site % row.size] = value
+        column = state.u if self.name == "u" else state.v
+        column[self.site % column.size] = value
 
     @property
     def label(self) -> str:
@@ -104,6 +104,15 @@ class Basin:
     fate: NDArray[np.int8]
     distance: Array
     complete: bool
+
+    def __repr__(self) -> str:
+        fates = [f"{np.sum(self.fate == fate)} {fate.name}" for fate in Fate if fate in self.fate]
+        rows, columns = self.fate.shape
+        cut = "" if self.complete else "; cut short"
+        return (
+            f"<Basin of {columns} x {rows} starts over {self.x.label} and {self.y.label}: "
+            f"{', '.join(fates)}{cut}>"
+        )
 
     @property
     def share(self) -> float:
@@ -223,17 +232,36 @@ def _no_workers() -> str:
 
 @contextmanager
 def _workers(executor: Executor | None) -> Iterator[Executor]:
+    """The executor that was given, or processes of our own, which an exception stops at once."""
     if executor is not None:
         yield executor
         return
     # a fresh interpreter each: forking a process with running BLAS or numba threads may hang
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        yield pool
+    fresh = get_context("spawn")
+    stop = fresh.Event()
+    with ProcessPoolExecutor(os.cpu_count(), fresh, initializer=_begin, initargs=(stop,)) as pool:
+        try:
+            yield pool
+        finally:  # before the pool waits for the rows under way
+            stop.set()
+
+
+_HALTS: list[Any] = []  # in a worker: what tells it to stop
+
+
+def _begin(stop: Any) -> None:
+    """A worker leaves Ctrl-C, which reaches all processes of a terminal, to the one that waits."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _HALTS.append(stop)
 
 
 def _row(task: _Task, j: int) -> tuple[NDArray[np.int8], Array]:
     """All starts of one row."""
-    found = [_fate(task, j, i) for i in range(len(task.x.values))]
+    found = []
+    for i in range(len(task.x.values)):
+        if any(halt.is_set() for halt in _HALTS):
+            raise KeyboardInterrupt
+        found.append(_fate(task, j, i))
     fates, distances = zip(*found, strict=True)
     return np.array(fates, np.int8), np.array(distances)
 
@@ -246,7 +274,7 @@ def _fate(task: _Task, j: int, i: int) -> tuple[int, float]:
         return Fate.OUTSIDE, np.nan
     c = task.conditions
     settings: dict[str, Any] = {**c.as_params(), "forcing": c.forcing, "t0": task.t0}
-    run = simulate(start, periods=task.periods, progress=False, **settings)
+    run = completed(simulate(start, periods=task.periods, progress=False, **settings))
     gap = np.abs(np.subtract(run.final, task.reference)).max()
     if run.stop is not RunStop.DONE:
         return Fate.SPREAD, float(gap)

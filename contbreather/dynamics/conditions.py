@@ -51,6 +51,7 @@ class Conditions:
     forcing: Forcing = field(default_factory=Harmonic)
 
     def __post_init__(self) -> None:
+        number("gamma", self.gamma, -math.inf, math.inf, "a coupling")
         check_gamma(self.gamma)
         number("a", self.a, 0.0, math.inf, "an amplitude, at least 0")
         number("k", self.k, 0.0, 1.0, "a restitution coefficient between 0 and 1")

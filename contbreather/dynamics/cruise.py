@@ -7,6 +7,7 @@ may be cut after any period and taken up later, bit for bit.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from contbreather.dynamics.compiled import compiled
 from contbreather.dynamics.contact import (
+    CLOSE,
     LOST,
     NEVER,
     column_bound,
@@ -35,6 +37,7 @@ from contbreather.dynamics.flow import (
 
 TOGETHER = 1e-12  # impacts closer than this happen at the same time
 GENTLE = 1e-6  # below this rebound velocity the rest of a chatter takes a moment and is summed up
+SLOWLY = 0.3  # how far ahead, and how much of its push, a chatter is summed up
 FLOOR = 1e-9  # below this one a site that is pushed outwards is at rest, chatter or not
 FAST = 1e9  # a velocity beyond all reason
 
@@ -67,7 +70,7 @@ class Log(NamedTuple):
     wall: NDArray[np.int8]
     before: Array
     after: Array
-    push: Array  # acceleration just before an impact
+    push: Array  # acceleration just before an impact; how long after its last one a rest begins
 
 
 class Watch(NamedTuple):
@@ -221,23 +224,31 @@ def note(
 
 
 @compiled
-def comes_to_rest(law: Law, work: Work, n: int, sign: float, t: float, after: float) -> bool:
-    """Whether ever smaller rebounds end on the wall at once, for all purposes.
+def comes_to_rest(law: Law, work: Work, n: int, sign: float, t: float, after: float) -> float:
+    """How long ever smaller rebounds go on, where they end on the wall soon; else `NEVER`.
 
     With the push A into the wall, rebounds k, k^2, ... times the velocity ``after`` take the time
-    ``2 after/(A (1 - k))`` together; below `GENTLE` they stay closer to the wall than 1e-12/A.
+    ``T = 2 after/(A (1 - k))`` together. Below `GENTLE` they stay closer to the wall than 1e-12/A.
+    For k close to 1 a rebound loses less than rounding puts back, `CLOSE` in its height, at
+    velocities above that: what follows from there is summed as well. If the push changes at the
+    rate R, slow against a rebound, a rebound's velocity v falls at A (1 - k)/2, and v^3/A
+    would be kept without losses, so that T becomes ``(A/R) ((1 + 5/3 R T/A)^(3/5) - 1)``.
     """
-    if after > GENTLE:
-        return False
     push, rate = outward(law, work, n, sign, t)
     if push <= 0.0:
-        return False
-    if after <= FLOOR:
-        return True
+        return NEVER
     if law.k >= 1.0:
-        return False
-    remaining = 2.0 * after / (push * (1.0 - law.k))
-    return remaining * abs(rate) < 0.01 * push
+        return 0.0 if after <= FLOOR else NEVER
+    loss = 1.0 - law.k
+    if after > max(GENTLE, 2.0 * math.sqrt(2.0 * CLOSE * push / loss)):
+        return NEVER
+    remaining = 2.0 * after / (push * loss)
+    change = remaining * rate / push
+    if abs(change) > SLOWLY or remaining > SLOWLY:
+        return 0.0 if after <= FLOOR else NEVER
+    if abs(change) < 1e-6:
+        return remaining
+    return remaining / change * ((1.0 + 5.0 / 3.0 * change) ** 0.6 - 1.0)
 
 
 @compiled
@@ -273,10 +284,11 @@ def settle(law: Law, work: Work, log: Log, period: int, t: float, dt: float) -> 
             return -1
         if work.hits[n] > law.most:
             return n + 1
-        if comes_to_rest(law, work, n, float(wall), t, abs(after)):
+        rest = comes_to_rest(law, work, n, float(wall), t, abs(after))
+        if rest >= 0.0:
             work.held[n] = np.int8(wall)
             work.w[n] = -velocity
-            if not note(log, period, t, n, REST, wall, after, 0.0, 0.0):
+            if not note(log, period, t, n, REST, wall, after, 0.0, rest):
                 return -1
     return 0
 

@@ -10,15 +10,16 @@ from __future__ import annotations
 import enum
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number, whole
 from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced
+from contbreather.dynamics.held import held
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, forcing_of
 
@@ -51,6 +52,7 @@ REST = np.dtype(
 )
 LONGEST = 1e12  # periods; beyond, not even their number is exact enough to keep time
 MOMENT = 0.2  # seconds a stretch should take: how long an interruption waits
+MOST = 150_000  # impacts of one site in one period: some seconds
 ROOM = 2**21  # numbers a stretch may hold: 16 MB
 
 
@@ -59,7 +61,7 @@ class RunStop(enum.Enum):
 
     DONE = "went through all its periods"
     INTERRUPTED = "interrupted; all periods up to here are kept"
-    CHATTER = "ended at a chatter that does not come to rest"
+    CHATTER = "ended before a period of more impacts than can be followed"
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,12 @@ class Sample:
             if not isinstance(n, int | np.integer) or isinstance(n, bool):
                 raise BadInput(f"sites = {self.sites!r}: whole numbers were wanted, {n!r} is none.")
         object.__setattr__(self, "sites", tuple(int(n) for n in self.sites))
+
+
+def check_sample(sample: object) -> None:
+    """Refuse what is no `Sample`."""
+    if not isinstance(sample, Sample | None):
+        raise BadInput(f"sample = {sample!r}: a Sample was wanted, as in Sample(sites=(0, 1)).")
 
 
 class Record(NamedTuple):
@@ -129,7 +137,9 @@ class Run:
         (+1 or -1), velocities ``before`` and ``after``, ``acceleration`` just before.
     rests : structured ndarray
         Where a site came to rest on a wall after a chatter (``begins`` True) or left it (False). A
-        site that rests from the start has no row until it leaves.
+        site that rests from the start has no row until it leaves. Of a chatter the impacts below a
+        rebound velocity of 1e-6 (more where k is close to 1 and rounding is) are summed, not
+        listed: their end, where the rest begins, comes after the last impact that is.
     strobe : State
         ``u``, ``v`` of shape (periods + 1, N) at ``times`` = t0 + 2 pi j.
     final : State
@@ -237,6 +247,7 @@ def simulate(
     2
     """
     start = check_state(state)
+    check_sample(sample)
     conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     count, rest = int(length), length - int(length)
@@ -248,17 +259,15 @@ def simulate(
             stretches.append(one)
             if one.stop is not None:
                 stop, reason = one.stop, one.reason
+        if rest > 0.0 and stop is RunStop.DONE:
+            stretches.append(fraction(_after(start, stretches), conditions, t, rest, count))
+            stop, reason = stretches[-1].stop or stop, stretches[-1].reason
     except KeyboardInterrupt:
         stop = RunStop.INTERRUPTED
     last = _after(start, stretches)
-    end = float(t0) + PERIOD * sum(one.periods for one in stretches)
-    if rest > 0.0 and stop is RunStop.DONE:
-        part = fraction(last, conditions, t, rest, count)
-        stretches.append(part)
-        stop, reason = part.stop or stop, part.reason
-        if part.stop is None:
-            last = State(part.u[0].copy(), part.v[0].copy())
-            end += PERIOD * rest
+    end = float(t0) + PERIOD * sum(one.periods for one in stretches if type(one) is Stretch)
+    if any(isinstance(one, Part) and one.stop is None for one in stretches):
+        end += PERIOD * rest
     return _gathered(start, stretches, last, end, float(t0), conditions, sample, stop, reason)
 
 
@@ -305,6 +314,23 @@ def _record(stretches: list[Stretch], sample: Sample, sites: int, t0: float) -> 
     v = np.concatenate([empty, *(one.dense_v.reshape(-1, len(sample.sites)) for one in stretches)])
     times = t0 + PERIOD / count * np.arange(len(u))
     return Record(times, tuple(n % sites for n in sample.sites), u, v)
+
+
+class Stopped(Protocol):
+    """A run or a sweep, which may have been interrupted."""
+
+    @property
+    def stop(self) -> RunStop: ...
+
+
+S = TypeVar("S", bound=Stopped)
+
+
+def completed(run: S) -> S:
+    """What an inner call gave; where Ctrl-C cut that short, the call around it ends, too."""
+    if run.stop is RunStop.INTERRUPTED:
+        raise KeyboardInterrupt
+    return run
 
 
 # --- stretch by stretch --------------------------------------------------------------------------
@@ -388,7 +414,8 @@ class Machine:
         while status == FULL:
             here = (self.t0, span, first + done, self.law, self.work, self.log)
             rest = watch._replace(u=watch.u[done:], v=watch.v[done:])
-            more, status, site = cruise(u, v, *here, rest, strobe_u[done:], strobe_v[done:])
+            with held():
+                more, status, site = cruise(u, v, *here, rest, strobe_u[done:], strobe_v[done:])
             done += more
             if status == FULL:
                 self.log = log_of(2 * self.log.phase.size, self.log)
@@ -401,10 +428,17 @@ class Machine:
         return Stretch(first, *kept, RunStop.CHATTER, self._chatter(site, first + done))
 
     def _chatter(self, site: int, period: int) -> str:
+        """What was seen; whether it would come to rest is not known."""
+        first = int(self.log.used[0])  # those of the period are behind it
+        there = slice(first, first + int(self.work.hits.sum()))
+        own = self.log.site[there] == site
+        walls, speeds = self.log.wall[there][own][-2:], np.abs(self.log.before[there][own])
+        how = f"chattering on the wall {walls[-1]:+d}, at {speeds[-1]:.2g} in the end"
+        if walls[0] != walls[-1]:
+            how = f"from wall to wall at a speed of {speeds[-1]:.3g}"
         return (
-            f"site {site} hits its wall more than {self.law.most} times in period {period} "
-            f"(k = {self.conditions.k}): a chatter that does not come to rest; the state before "
-            "that period is kept, go on from it with a smaller k"
+            f"site {site} has more than {self.law.most} impacts in period {period}, {how} "
+            f"(k = {self.conditions.k}); the state before that period is kept"
         )
 
     def _failed(self, status: int, period: int) -> str:
@@ -432,8 +466,7 @@ def law_of(conditions: Conditions) -> Law:
     step = min(STEP, 3.0 / rate)
     # a site that rests on its wall moves, in v, with the forcing: its harmonics must converge too
     rest_step = step * rate / max(rate, float(motion.m.max()))
-    most = 1000 + int(40.0 / max(1.0 - k, 4e-4))
-    return Law(gamma, mu, k, step, rest_step, terms(step * rate), most, motion, force)
+    return Law(gamma, mu, k, step, rest_step, terms(step * rate), MOST, motion, force)
 
 
 def work_of(sites: int, count: int) -> Work:
@@ -486,8 +519,12 @@ def tables(log: Log, t0: float) -> tuple[NDArray[np.void], NDArray[np.void]]:
     found = []
     for dtype, chosen in ((IMPACT, kind == HIT), (REST, kind != HIT)):
         table = np.empty(int(chosen.sum()), dtype)
-        table["time"] = PERIOD * period[chosen] + (phase[chosen] - t0)
-        table["period"], table["phase"] = period[chosen], phase[chosen] % PERIOD
+        # rebounds that are summed up may go on into the next period
+        late = np.where(kind[chosen] == COMES_TO_REST, push[chosen], 0.0)
+        when = phase[chosen] + late
+        table["time"] = PERIOD * period[chosen] + (when - t0)
+        table["period"] = period[chosen] + ((late > 0.0) & (when - t0 >= PERIOD))
+        table["phase"] = when % PERIOD
         table["site"], table["wall"] = site[chosen], wall[chosen]
         if dtype is IMPACT:
             table["before"], table["after"] = before[chosen], after[chosen]

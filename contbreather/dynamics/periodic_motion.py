@@ -9,7 +9,7 @@ convergence is quadratic, and the multipliers come with the solution.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from contbreather.checks import check_kind, number, whole
 from contbreather.continuation import Point, Problem, fold
 from contbreather.dynamics.conditions import HEAVIEST, Conditions, State, check_state
-from contbreather.dynamics.impacting import Run, RunStop, Sample, simulate
+from contbreather.dynamics.impacting import Run, RunStop, Sample, completed, simulate
 from contbreather.dynamics.multiplier_events import (
     neimark_sacker,
     period_doubling,
@@ -32,6 +32,7 @@ from contbreather.errors import BadInput, ContbreatherError, NotConverged
 from contbreather.lattice import Forcing, forcing_of
 
 Array = NDArray[Any]
+Flow = Callable[[Array], tuple[Array, Array]]
 
 NAMES = ("a", "gamma", "k", "damping")
 STEPS = 30
@@ -74,6 +75,16 @@ class PeriodicMotion:
     def largest(self) -> float:
         """Largest modulus of a multiplier over 2 pi n; below 1 the motion attracts."""
         return float(np.abs(self.multipliers[0]))
+
+    def __repr__(self) -> str:
+        c = self.conditions
+        after = "half a period" if self.symmetric else f"{self.periods} x 2 pi"
+        sites = "1 site" if self.state.u.size == 1 else f"{self.state.u.size} sites"
+        return (
+            f"<PeriodicMotion of {sites} at a = {c.a:g}, gamma = {c.gamma:g}, k = {c.k:g}, "
+            f"damping = {c.damping:g}: closes after {after} to {self.residual:.1g}; "
+            f"largest multiplier {self.largest:.6g}>"
+        )
 
     @property
     def growth(self) -> float:
@@ -137,7 +148,8 @@ def periodic(
         raise BadInput(f"periods = {count}: a symmetric motion has the period 2 pi of its forcing.")
     number("t0", t0, -1e300, 1e300, "a time")
     length, sign = (0.5, -1.0) if symmetric else (float(count), 1.0)
-    x, image, matrix = _newton(np.concatenate(start), conditions, t0, length, sign)
+    flow = _flow(conditions, t0, length)
+    x, image, matrix = returning(flow, np.concatenate(start), sign, solved=SOLVED, steps=STEPS)
     eigenvalues = np.linalg.eigvals(matrix)
     multipliers = eigenvalues**2 if symmetric else eigenvalues
     order = np.argsort(-np.abs(multipliers))
@@ -154,44 +166,47 @@ def periodic(
     )
 
 
-def _newton(
-    x: Array, conditions: Conditions, t0: float, length: float, sign: float
-) -> tuple[Array, Array, Array]:
-    """Solution, its image, the derivative of the flow there."""
+def _flow(conditions: Conditions, t0: float, length: float) -> Flow:
+    """The exact flow of the ring and its derivative."""
     settings: dict[str, Any] = {**conditions.as_params(), "forcing": conditions.forcing, "t0": t0}
 
     def flow(state: Array) -> tuple[Array, Array]:
-        run = simulate(np.split(state, 2), periods=length, **settings)
-        if run.stop is RunStop.INTERRUPTED:
-            raise KeyboardInterrupt
+        run = completed(simulate(np.split(state, 2), periods=length, **settings))
         if run.stop is not RunStop.DONE:
             raise NotConverged(run.reason)
         return np.concatenate(run.final), variation(run)
 
+    return flow
+
+
+def returning(
+    flow: Flow, x: Array, sign: float = 1.0, *, solved: float, steps: int
+) -> tuple[Array, Array, Array]:
+    """The state near x that a flow brings back (times sign), its image, the derivative there."""
     image, matrix = flow(x)
-    for _ in range(STEPS):
+    for _ in range(steps):
         defect = sign * image - x
         size = np.abs(defect).max()
-        if size < SOLVED:
+        if size < solved:
             return x, image, matrix
         step = np.linalg.lstsq(sign * matrix - np.eye(x.size), -defect, rcond=1e-13)[0]
         x, image, matrix = _shortened(flow, x, step, sign, float(size))
     raise NotConverged(
-        f"no periodic motion near this state: the residual is {size:.2g} after {STEPS} Newton "
+        f"no periodic motion near this state: the residual is {size:.2g} after {steps} Newton "
         "steps; start closer, or let the damped ring settle first.",
         residual=float(size),
     )
 
 
 def _shortened(
-    flow: Any, x: Array, step: Array, sign: float, size: float
+    flow: Flow, x: Array, step: Array, sign: float, size: float
 ) -> tuple[Array, Array, Array]:
     """The longest of the step's halves that leads closer to a solution, inside the walls."""
     for j in range(12):
         new = x + 0.5**j * step
         try:
             image, matrix = flow(new)
-        except ContbreatherError:  # outside the walls
+        except (ContbreatherError, ArithmeticError):  # outside the walls
             continue
         if np.abs(sign * image - new).max() < size:
             return new, image, matrix
@@ -238,9 +253,7 @@ def damped_orbit(start: PeriodicMotion) -> Problem:
     def run_of(x: Array, params: Mapping[str, float]) -> Run:
         settings: dict[str, Any] = {name: float(params[name]) for name in NAMES}
         state = np.split(np.asarray(x), 2)
-        found = simulate(state, periods=length, t0=start.t0, forcing=forcing, **settings)
-        if found.stop is RunStop.INTERRUPTED:
-            raise KeyboardInterrupt
+        found = completed(simulate(state, periods=length, t0=start.t0, forcing=forcing, **settings))
         if found.stop is not RunStop.DONE:
             raise ArithmeticError(found.reason)
         return found

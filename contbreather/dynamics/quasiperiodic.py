@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import numbers, whole
-from contbreather.dynamics.conditions import Conditions
+from contbreather.dynamics.conditions import Conditions, State
 from contbreather.dynamics.energy import (
     forced_displacement,
     forced_velocity,
     localisation,
 )
-from contbreather.dynamics.impacting import Run, RunStop, simulate
+from contbreather.dynamics.impacting import Run, RunStop, completed, simulate
 from contbreather.dynamics.periodic_motion import PeriodicMotion, periodic
 from contbreather.dynamics.tangent import lyapunov, weighted_mean
 from contbreather.errors import BadInput, NotConverged
@@ -40,7 +40,8 @@ RESOLVED = 1e-6  # how well two halves of a run agree on the rotation number of 
 STEADY = 1e-4  # how well they agree on its size
 NEUTRAL_MULTIPLIER = 1e-7  # how far beyond 1 rounding may take a multiplier
 NEUTRAL = 1e-6  # an exponent that is zero, as far as can be told
-RATIONAL = 1e-9  # how far a rotation number may be from p/q to be locked
+RATIONAL = 1e-7  # how far a rotation number may be from p/q and yet be it
+POSITIVE = 1e-3  # an exponent that is chaos, if it is known so well
 
 
 @dataclass(frozen=True)
@@ -207,9 +208,7 @@ def verdict(
     length = whole("periods", periods, LEAST)
     start = simulate(state, periods=whole("settle", settle, 0), **settings)
     for run in (start, simulate(start.final, periods=length, **settings)):
-        if run.stop is RunStop.INTERRUPTED:
-            raise KeyboardInterrupt
-        if run.stop is not RunStop.DONE:
+        if completed(run).stop is not RunStop.DONE:
             return Verdict(Kind.UNDECIDED, run.reason, {}, run)
     return judge(run)
 
@@ -264,10 +263,10 @@ def _lost(run: Run, evidence: dict[str, float]) -> Verdict | None:
 
 
 def _closed(run: Run, evidence: dict[str, float]) -> tuple[Verdict | None, PeriodicMotion | None]:
-    """Periodic or locked: it returns, or Newton's method finds a stable motion that does.
+    """Periodic or locked: Newton's method finds a motion that closes next to the run's end.
 
-    Where the motion that it finds repels, that is given back too: a run returns to it for as long
-    as rounding takes to grow, and is none the less about to leave.
+    Where that motion repels and the run is still beside it, it is given back too: a run returns to
+    it for as long as rounding takes to grow, and is none the less about to leave.
     """
     x = np.concatenate(run.strobe, axis=1)
     longest = min(LONGEST, len(x) // 3)
@@ -283,33 +282,52 @@ def _closed(run: Run, evidence: dict[str, float]) -> tuple[Verdict | None, Perio
             found = _next_to(run, candidate)
             if found is not None and found.largest < 1.0 + NEUTRAL_MULTIPLIER:
                 return _periodic(run, evidence, found), None
-            repelling = repelling or found
+            if repelling is None and found is not None and _leaving(run, found):
+                repelling = found
     if gaps[n - 1] > CLOSED:
         return None, repelling
     if repelling is not None:
         return Verdict(Kind.UNDECIDED, _repels(run, evidence, repelling), evidence, run), repelling
-    reason = (
-        f"returns after {n} to {gaps[n - 1]:.1g}; Newton's method does not find its multipliers, "
-        "so it may attract or repel"
-    )
-    return Verdict(Kind.PERIODIC if n == 1 else Kind.LOCKED, reason, evidence, run), None
+    reason = f"returns after {n} to {gaps[n - 1]:.1g}, but Newton's method finds no closed orbit"
+    return Verdict(Kind.UNDECIDED, reason, evidence, run), None
 
 
 def _next_to(run: Run, periods: int) -> PeriodicMotion | None:
     """The motion of that many periods next to the end of the run, attracting or not."""
-    c = run.conditions
-    settings: dict[str, Any] = {**c.as_params(), "forcing": c.forcing, "t0": run.times[0]}
     try:
-        found = periodic(run.final, periods=periods, **settings)
+        found = periodic(_last(run), periods=periods, **_settings(run))
     except NotConverged:
         return None
     return found if _distance(run, found) < 10.0 * NEARBY else None
 
 
+def _settings(run: Run) -> dict[str, Any]:
+    """The conditions of a run, for another one from one of its states."""
+    c = run.conditions
+    return {**c.as_params(), "forcing": c.forcing, "t0": run.times[0]}
+
+
+def _last(run: Run) -> State:
+    """The last state once in a period, at the phase of the first one."""
+    return State(run.strobe.u[-1], run.strobe.v[-1])
+
+
 def _distance(run: Run, found: PeriodicMotion) -> float:
     """How far the end of a run is from a motion."""
-    last = np.concatenate([run.strobe.u[-1], run.strobe.v[-1]])
-    return float(np.abs(np.concatenate(found.state) - last).max())
+    return float(np.abs(np.subtract(_last(run), found.state)).max())
+
+
+def _leaving(run: Run, found: PeriodicMotion) -> bool:
+    """Whether a run has been beside a motion that repels all the time, and no longer than it can.
+
+    A chaotic band passes by such motions again and again, or is narrow and stays beside one for
+    ever: neither starts within rounding of it and moves away.
+    """
+    n = found.periods
+    states = np.concatenate(run.strobe, axis=1)[-1::-n]
+    away = np.abs(states - np.concatenate(found.state)).max(axis=1)
+    beside = bool(away.max() < 10.0 * NEARBY)
+    return beside and len(away) * math.log(found.largest) < -math.log(np.finfo(float).eps)
 
 
 def _repels(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> str:
@@ -323,12 +341,11 @@ def _repels(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> str:
 
 
 def _periodic(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> Verdict:
-    u, v = found.run().strobe
+    u, v = completed(found.run()).strobe
     gaps = np.maximum(np.abs(u[1:] - u[0]).max(axis=1), np.abs(v[1:] - v[0]).max(axis=1))
     n = 1 + int(np.argmax(gaps < 1e-7))
     evidence |= {"periods": float(n), "multiplier": found.largest ** (n / found.periods)}
-    away = float(np.abs(np.concatenate(run.final) - np.concatenate(found.state)).max())
-    reason = f"{away:.1g} from it, largest multiplier {evidence['multiplier']:.6g}"
+    reason = f"{_distance(run, found):.1g} from it, largest multiplier {evidence['multiplier']:.6g}"
     if n == 1:
         return Verdict(Kind.PERIODIC, reason, evidence, run)
     p = round(rotation(*run.strobe).number * n)
@@ -337,18 +354,18 @@ def _periodic(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> Ve
 
 
 def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None) -> Verdict:
-    """Not closed: a torus if its rotation number converges, chaos if an exponent is positive.
+    """Not closed: chaos if an exponent is positive, a torus if it is zero and the turns are steady.
 
-    Next to a motion that repels a positive exponent is no chaos, but that motion's own; a steady
-    torus around it is a torus all the same.
+    Bands of chaos that are visited in turn have a rotation number as sharp as that of a locked
+    motion; only the exponent, and Newton's method, tell them apart. Next to a motion that repels a
+    positive exponent is no chaos, but that motion's own.
     """
-    c = run.conditions
-    settings: dict[str, Any] = {**c.as_params(), "forcing": c.forcing, "t0": run.times[0]}
     turn = rotation(*run.strobe)
     count = min(3, 2 * run.sites)
     # directions that shrink slowly take as long to find as the motion to settle
     settle = max(300, run.periods)
-    found = lyapunov(run.final, periods=run.periods, count=count, settle=settle, **settings)
+    last, settings = _last(run), _settings(run)
+    found = lyapunov(last, periods=run.periods, count=count, settle=settle, **settings)
     exponent, error = float(found.exponents[0]), float(found.error[0])
     small = np.abs(found.exponents) < np.maximum(5.0 * found.error, NEUTRAL)
     neutral = int(np.sum(small & (found.error < NEUTRAL)))
@@ -360,9 +377,12 @@ def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None
         "frequencies": float(neutral),
     }
     words = f"largest exponent {exponent:.2g} ({error:.0e})"
-    if repelling is None and exponent > max(5.0 * error, 1e-3):
+    if repelling is None and exponent > max(5.0 * error, POSITIVE):
         return Verdict(Kind.CHAOTIC, words, evidence, run)
-    if turn.error > RESOLVED or turn.hole < 1e-3 or turn.drift > STEADY:
+    # bands visited in turn, of chaos or a long period, have a rational number: no sign of a torus
+    resolved = NEUTRAL if rational(turn.number) else POSITIVE
+    zero = bool(small[0]) and error < resolved
+    if not zero or turn.error > RESOLVED or turn.hole < 1e-3 or turn.drift > STEADY:
         if repelling is not None:
             return Verdict(Kind.UNDECIDED, _repels(run, evidence, repelling), evidence, run)
         words = (
@@ -370,20 +390,13 @@ def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None
             f"{turn.drift:.0e}, {words}"
         )
         return Verdict(Kind.UNDECIDED, words, evidence, run)
-    p, q = _rational(turn.number)
     words = f"rotation number {turn.number:.10f} ({turn.error:.0e}), {words}"
     if neutral > 1:
         words += f"; {neutral} exponents are zero: a torus of {neutral} frequencies beside 1"
-    if q:
-        evidence |= {"p": float(p), "q": float(q)}
-        return Verdict(Kind.LOCKED, f"{p}:{q}, {words}", evidence, run)
     return Verdict(Kind.QUASI_PERIODIC, words, evidence, run)
 
 
-def _rational(number: float) -> tuple[int, int]:
-    """p and q of a ratio with a small denominator that the number is, or (0, 0)."""
-    for q in range(1, LONGEST + 1):
-        p = round(number * q)
-        if abs(number - p / q) < RATIONAL:
-            return p, q
-    return 0, 0
+def rational(number: float) -> bool:
+    """Whether a number is a ratio with a small denominator."""
+    q = np.arange(1, LONGEST + 1)
+    return bool(np.any(np.abs(number - np.round(number * q) / q) < RATIONAL))

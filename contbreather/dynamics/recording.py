@@ -1,16 +1,29 @@
 """Long runs on disk: a folder of files, each written whole or not at all.
 
-``start.npz`` holds what the run began with, ``000000000000.npz``, ... some seconds of the run each,
-named by their first period. A file appears under its name only when it is complete, so a run
-that was killed at any moment goes on from its last file, and ends with the same bits.
+``start.npz`` holds what the run began with, ``000000000000-000000000123.npz``, ... some seconds of
+the run each, named by their first period and the one after their last. A file appears under its
+name only when it is complete, so a run that was killed at any moment goes on from its last file,
+and ends with the same bits.
+
+Each file ends with a checksum of itself (the comment of a zip file, so that anything that reads npz
+reads it) and knows that of the file before it: nothing is taken from a file that was altered, and
+none can be missing, exchanged or another run's without being noticed.
 """
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
+import os
+import re
+import sys
 import time
+import zipfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +32,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import whole
 from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced
-from contbreather.dynamics.impacting import IMPACT, RunStop, Sample, Stretch, walk
+from contbreather.dynamics.impacting import IMPACT, RunStop, Sample, Stretch, check_sample, walk
 from contbreather.dynamics.progress import Bar
 from contbreather.errors import BadInput
 from contbreather.files import write_whole
@@ -28,6 +41,9 @@ from contbreather.lattice import Forcing, Fourier, Harmonic, forcing_of
 EVERY = 5.0  # seconds between two files: what a crash may cost
 LARGEST = 4_000_000  # numbers in one file
 START = "start.npz"
+LOCK = "lock"
+NAME = re.compile(r"(\d{12,})-(\d{12,})\.npz")
+SEAL = 32  # bytes of a checksum
 
 
 @dataclass(frozen=True)
@@ -41,6 +57,8 @@ class Recording:
     t0 : float
         Time of the first state.
     sample : Sample or None
+    interrupted : bool
+        Whether the call that gives it back was cut short by Ctrl-C; what it had done is on disk.
     """
 
     path: Path
@@ -48,17 +66,29 @@ class Recording:
     t0: float
     sample: Sample | None
     start: State
+    interrupted: bool = False
 
     @property
     def files(self) -> list[Path]:
-        """Finished files in order of time."""
-        return sorted(p for p in self.path.glob("*.npz") if p.stem.isdigit())
+        """Finished files in order of time; a sentence where one between them is missing."""
+        found = sorted(p for p in _listed(self.path) if NAME.fullmatch(p.name))
+        end, before = 0, START
+        for path in found:
+            first, after = _span(path)
+            if first != end:
+                raise BadInput(
+                    f"{self.path} is damaged: {path.name} does not follow on from {before}, which "
+                    f"ends at period {end}; bring the files between them back, or remove "
+                    f"{path.name} and those after it to go on from there."
+                )
+            end, before = after, path.name
+        return found
 
     @property
     def periods(self) -> int:
         """Whole periods on disk."""
-        last = self._last()
-        return 0 if last is None else last.first + last.periods
+        files = self.files
+        return _span(files[-1])[1] if files else 0
 
     @property
     def final(self) -> State:
@@ -76,13 +106,15 @@ class Recording:
 
     @property
     def stop(self) -> RunStop:
-        last = self._last()
-        return RunStop.DONE if last is None or last.stop is None else last.stop
+        if self.interrupted:
+            return RunStop.INTERRUPTED
+        files = self.files
+        return (read(files[-1]).stop if files else None) or RunStop.DONE
 
     def stretches(self) -> Iterator[Stretch]:
         """The run piece by piece, so that memory does not grow with its length."""
-        for path in self.files:
-            yield read(path)
+        for before, path in pairwise([self.path / START, *self.files]):
+            yield read(path, after=before)
 
     @property
     def impacts(self) -> NDArray[np.void]:
@@ -96,10 +128,6 @@ class Recording:
         u = [self.start.u[None, n], *(one.u[:, n] for one in self.stretches())]
         v = [self.start.v[None, n], *(one.v[:, n] for one in self.stretches())]
         return State(np.concatenate(u), np.concatenate(v))
-
-    def _last(self) -> Stretch | None:
-        files = self.files
-        return read(files[-1]) if files else None
 
 
 def record(
@@ -130,10 +158,16 @@ def record(
 
     Other parameters, and errors, are those of `simulate`.
 
+    Returns
+    -------
+    Recording
+        After Ctrl-C as well, `interrupted`, with the periods completed until then.
+
     Raises
     ------
     BadInput
-        Also where the folder holds another run: the sentence says what differs.
+        Also where the folder holds another run (the sentence says what differs), is being written
+        to by somebody else, or is damaged.
 
     Examples
     --------
@@ -146,20 +180,23 @@ def record(
     ...     run.periods, len(run.impacts)
     (30, 60)
     """
+    check_sample(sample)
     conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
     wanted = Recording(Path(path), conditions, float(t0), sample, check_state(state))
     count = whole("periods", periods, 0)
-    if (wanted.path / START).exists():
-        _check_same(open_recording(path), wanted)
-    else:
-        _make(wanted)
-    done = wanted.periods
-    if done < count and wanted.stop is RunStop.DONE:
-        _go_on(wanted, done, count, progress)
+    with _locked(wanted.path):
+        if os.path.lexists(wanted.path / START):
+            _check_same(open_recording(path), wanted)
+        else:
+            _make(wanted)
+        done = wanted.periods
+        if done < count and wanted.stop is RunStop.DONE:
+            return replace(wanted, interrupted=_go_on(wanted, done, count, progress))
     return wanted
 
 
-def _go_on(run: Recording, done: int, count: int, progress: bool | None) -> None:
+def _go_on(run: Recording, done: int, count: int, progress: bool | None) -> bool:
+    """Simulate and write; whether Ctrl-C ended it. What is on disk is a run: only shorter."""
     pending: list[Stretch] = []
     began = time.monotonic()
     ahead = walk(
@@ -181,10 +218,11 @@ def _go_on(run: Recording, done: int, count: int, progress: bool | None) -> None
                     pending, began = [], time.monotonic()
                     bar.advance(done)
         except KeyboardInterrupt:
-            pass  # what is on disk is a run: only shorter
+            return True
         finally:
             if pending:
                 bar.advance(_write(run, pending))
+    return False
 
 
 # --- files ----------------------------------------------------------------------------------------
@@ -207,15 +245,18 @@ def open_recording(path: str | Path) -> Recording:
     7
     """
     folder = Path(path)
-    if not (folder / START).exists():
+    if not os.path.lexists(folder / START):
         raise BadInput(f"no run in {folder}: there is no {START} in it; make one with record(...)")
-    with np.load(folder / START) as file:
-        about = json.loads(str(file["about"]))
-        start = State(file["u"], file["v"])
-    forcing = _forcing(about["harmonics"])
-    numbers = {name: about[name] for name in ("a", "gamma", "k", "damping")}
-    sample = Sample(**about["sample"]) if about["sample"] else None
-    return Recording(folder, Conditions(**numbers, forcing=forcing), about["t0"], sample, start)
+    arrays = _arrays(folder / START)
+    with _as_written(folder / START):
+        about = json.loads(str(arrays["about"]))
+        forcing = _forcing(about["harmonics"])
+        numbers = {name: about[name] for name in ("a", "gamma", "k", "damping")}
+        conditions = Conditions(**numbers, forcing=forcing)
+        sample = Sample(**about["sample"]) if about["sample"] else None
+        found = Recording(folder, conditions, about["t0"], sample, State(arrays["u"], arrays["v"]))
+    _ = found.files  # those that are missing are told of before anything is read
+    return found
 
 
 def _forcing(harmonics: list[list[float]]) -> Forcing:
@@ -256,16 +297,62 @@ def _check_same(there: Recording, wanted: Recording) -> None:
 
 
 def _make(run: Recording) -> None:
+    others = [p.name for p in _listed(run.path) if p.name != LOCK]
+    if others:
+        raise BadInput(f"{run.path} is not empty and holds no run; choose another folder.")
+    save(run.path / START, {"about": np.array(json.dumps(_about(run))), **run.start._asdict()})
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Nobody else writes to the folder meanwhile; the system lets go when the process ends."""
     try:
-        run.path.mkdir(parents=True, exist_ok=True)
-        others = [p.name for p in run.path.iterdir()]
-        if others:
-            raise BadInput(f"{run.path} is not empty and holds no run; choose another folder.")
-        save(run.path / START, {"about": np.array(json.dumps(_about(run))), **run.start._asdict()})
+        folder.mkdir(parents=True, exist_ok=True)
+        number = os.open(folder / LOCK, os.O_WRONLY | os.O_CREAT, 0o666)
     except OSError as error:
+        raise _cannot("write", folder, error) from error
+    try:
+        _lock(number, folder)
+        yield
+    finally:
+        os.close(number)
+
+
+def _lock(number: int, folder: Path) -> None:
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(number, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError) as error:
         raise BadInput(
-            f"cannot write {run.path}: {error.strerror}; choose another place."
+            f"{folder} is being written to by another run; wait for its end, or choose another "
+            "folder."
         ) from error
+    except OSError as error:
+        raise _cannot("lock", folder, error) from error
+
+
+def _cannot(what: str, path: Path, error: OSError) -> BadInput:
+    return BadInput(f"cannot {what} {path}: {error.strerror or error}; choose another place.")
+
+
+def _listed(folder: Path) -> list[Path]:
+    try:
+        return list(folder.iterdir())
+    except OSError as error:
+        raise _cannot("read", folder, error) from error
+
+
+def _span(path: Path) -> tuple[int, int]:
+    """First period of a file, and the one after its last, by its name."""
+    found = NAME.fullmatch(path.name)
+    assert found is not None
+    return int(found[1]), int(found[2])
 
 
 def _write(run: Recording, pieces: list[Stretch]) -> int:
@@ -275,22 +362,76 @@ def _write(run: Recording, pieces: list[Stretch]) -> int:
     columns = {name: np.concatenate([getattr(p, name) for p in pieces]) for name in names}
     stop = "" if last.stop is None else last.stop.name
     texts = {"stop": np.array(stop), "reason": np.array(last.reason)}
-    save(run.path / f"{first.first:012d}.npz", {**columns, **texts, "first": np.array(first.first)})
-    return last.first + last.periods
+    done = last.first + last.periods
+    path = run.path / f"{first.first:012d}-{done:012d}.npz"
+    before = [run.path / START, *(p for p in run.files if p != path)][-1]
+    link = np.frombuffer(_bytes(before, last=SEAL), np.uint8)
+    save(path, {**columns, **texts, "first": np.array(first.first), "link": link})
+    return done
 
 
-def read(path: Path) -> Stretch:
-    """One file of a run."""
-    with np.load(path) as file:
-        arrays = {name: file[name] for name in file.files}
-    stop = str(arrays.pop("stop"))
-    texts = {"reason": str(arrays.pop("reason")), "first": int(arrays.pop("first"))}
-    return Stretch(**arrays, **texts, stop=RunStop[stop] if stop else None)  # type: ignore[arg-type]
+def read(path: Path, *, after: Path | None = None) -> Stretch:
+    """One file of a run, which is to follow another one if that is given."""
+    arrays = _arrays(path)
+    with _as_written(path):
+        link = arrays.pop("link").tobytes()
+        stop, first = str(arrays.pop("stop")), int(arrays.pop("first"))
+        texts = {"reason": str(arrays.pop("reason")), "first": first}
+        found = Stretch(**arrays, **texts, stop=RunStop[stop] if stop else None)  # type: ignore[arg-type]
+        if _span(path) != (first, first + found.periods):
+            raise ValueError("its name is that of another file")
+    if after is not None and link != _bytes(after, last=SEAL):
+        raise _damaged(path, f"it was not written after the {after.name} that is there")
+    return found
 
 
 def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """An npz file that is there whole or not at all."""
-    write_whole(path, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
+    """An npz file with its checksum, there whole or not at all, even after a loss of power."""
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]
+    # the last two bytes of a zip file are the length of the comment behind them
+    body = buffer.getvalue()[:-2] + SEAL.to_bytes(2, "little")
+    write_whole(path, lambda file: file.write(body + hashlib.sha256(body).digest()))
+
+
+def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of a file, once its checksum has shown that it is as it was written."""
+    data = _bytes(path)
+    if len(data) < SEAL or hashlib.sha256(data[:-SEAL]).digest() != data[-SEAL:]:
+        raise _damaged(path, "its checksum does not fit what is in it")
+    with _as_written(path), np.load(io.BytesIO(data)) as file:
+        return {name: file[name] for name in file.files}
+
+
+def _bytes(path: Path, *, last: int | None = None) -> bytes:
+    """What is in a file, or the last bytes of it."""
+    if not os.path.isfile(path):  # a pipe would be waited for
+        raise _damaged(path, "it is no ordinary file" if os.path.lexists(path) else "it is missing")
+    try:
+        with open(path, "rb") as file:
+            if last is not None:
+                file.seek(max(0, os.path.getsize(path) - last))
+            return file.read()
+    except OSError as error:
+        raise _damaged(path, error.strerror or str(error)) from error
+
+
+@contextmanager
+def _as_written(path: Path) -> Iterator[None]:
+    """What is sound, yet not as this version writes it, is refused as well."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        if isinstance(error, BadInput):
+            raise
+        raise _damaged(path, f"this version does not write such a file ({error})") from error
+
+
+def _damaged(path: Path, why: str) -> BadInput:
+    return BadInput(
+        f"{path} is damaged: {why}; bring it back from a copy, or remove it and all files after it "
+        "to go on from there."
+    )
 
 
 __all__ = ["Recording", "open_recording", "record"]

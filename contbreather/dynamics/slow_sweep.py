@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import number, numbers, whole
+from contbreather.checks import number, row, whole
 from contbreather.dynamics.conditions import State, check_state
 from contbreather.dynamics.energy import localisation
-from contbreather.dynamics.impacting import RunStop, simulate
+from contbreather.dynamics.impacting import RunStop, completed, simulate
 from contbreather.dynamics.progress import Bar
 from contbreather.dynamics.smooth import Solver, simulate_smooth
 from contbreather.errors import BadInput
@@ -121,10 +121,8 @@ def there_and_back(values: ArrayLike) -> Array:
     >>> there_and_back([1.0, 2.0, 3.0])
     array([1., 2., 3., 2., 1.])
     """
-    row = numbers("values", values)
-    if row.ndim != 1 or not row.size:
-        raise BadInput(f"values = {values!r}: a row of numbers was wanted, at least one.")
-    return np.concatenate([row, row[-2::-1]])
+    there = row("values", values, "the values of a sweep")
+    return np.concatenate([there, there[-2::-1]])
 
 
 def sweep(
@@ -174,7 +172,7 @@ def sweep(
     >>> float(down.lost())  # the fold is at 0.075
     0.05
     """
-    row = np.atleast_1d(numbers("values", values))
+    steps = row("values", values, "the values of a sweep")
     start, drive = check_state(state, walls=m is None), forcing_of(forcing)
     settings: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
     if m is not None:
@@ -182,15 +180,13 @@ def sweep(
     known = (*(HARD if m is None else SMOOTH), *drive.params)
     if name not in known:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(known)}")
-    if row.ndim != 1 or row.size == 0:
-        raise BadInput("the values of a sweep are a row of finite numbers, at least one.")
     t0 = number("t0", t0, -1e300, 1e300, "a time")
     stage = _Stage(name, settings, drive, whole("periods", periods, 2), t0)
     rows: list[tuple[Any, ...]] = []
     stop = RunStop.DONE
-    with Bar(progress, len(row), "values") as bar:
+    with Bar(progress, len(steps), "values") as bar:
         try:
-            for value in row.tolist():
+            for value in steps.tolist():
                 start, found, end = stage.run(start, value)
                 rows.append((value, *start, *found))
                 bar.advance(len(rows))
@@ -227,12 +223,10 @@ class _Stage:
             settings["k"] = None
         shared: dict[str, Any] = {"periods": self.periods, "t0": self.t0, "forcing": forcing}
         smooth = "m" in settings
-        run: Any = (simulate_smooth if smooth else simulate)(
-            state, **settings, **shared, progress=False
-        )
         # a Ctrl-C inside the run ends the sweep, too: its value is not complete
-        if run.stop is RunStop.INTERRUPTED:
-            raise KeyboardInterrupt
+        run: Any = completed(
+            (simulate_smooth if smooth else simulate)(state, **settings, **shared, progress=False)
+        )
         where = {name: settings[name] for name in ("a", "gamma", "damping")}
         u, v = run.strobe
         seen = localisation(u, v, run.times, **where, forcing=forcing)

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from contbreather.checks import number
 from contbreather.dynamics.conditions import HEAVIEST, PERIOD, State, check_state, reduced
-from contbreather.dynamics.impacting import LONGEST, Record, RunStop, Sample
+from contbreather.dynamics.held import held
+from contbreather.dynamics.impacting import LONGEST, Record, RunStop, Sample, check_sample
 from contbreather.dynamics.progress import Bar
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic, check_gamma, forcing_of
@@ -77,6 +78,7 @@ class SmoothConditions:
     forcing: Forcing = field(default_factory=Harmonic)
 
     def __post_init__(self) -> None:
+        number("gamma", self.gamma, -math.inf, math.inf, "a coupling")
         check_gamma(self.gamma)
         number("a", self.a, 0.0, math.inf, "an amplitude, at least 0")
         number("lam", self.lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
@@ -147,7 +149,8 @@ class Explicit:
             solver.set_f_params(*args).set_initial_value(y, t0)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # its failure is an error, below
-                y = solver.integrate(t)
+                with held():
+                    y = solver.integrate(t)
             if not solver.successful():
                 raise _stuck("dop853", t)
             out[i], t0 = y, float(t)
@@ -211,7 +214,8 @@ def _solve_ivp(
     if own is not None:
         settings["jac"] = own
     solve: Any = solve_ivp  # its stubs know every method by name and shape
-    found = solve(lambda t, x: rhs(t, x, *args), (t0, times[-1]), y, method, times, **settings)
+    with held():
+        found = solve(lambda t, x: rhs(t, x, *args), (t0, times[-1]), y, method, times, **settings)
     if not found.success:
         raise _stuck(method, found.t[-1] if len(found.t) else t0)
     return np.ascontiguousarray(found.y.T)
@@ -302,25 +306,27 @@ def simulate_smooth(
     """
     conditions = SmoothConditions(a, gamma, wall_damping(k, lam), m, damping, forcing_of(forcing))
     start = check_state(state, walls=False)
+    check_sample(sample)
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     flight = SmoothFlight(conditions, solver or Explicit(), reduced(t0), sample)
     flight.check(np.concatenate(start), 0)
-    y, rows, dense, stop = np.concatenate(start), [np.concatenate(start)], [], RunStop.DONE
-    count = int(length)
+    rows = [(np.concatenate(start), np.empty((0, 2, start.u.size)))]
+    stop, count, part = RunStop.DONE, int(length), None
     with Bar(progress, count) as bar:
         try:
             for j in range(count):
-                y, inner = flight.period(y, j)
-                rows.append(y)
-                dense.append(inner)
+                rows.append(flight.period(rows[-1][0], j))
                 bar.advance(j + 1)
+            if length > count:
+                part = flight.part(rows[-1][0], PERIOD * (length - count))
         except KeyboardInterrupt:
             stop = RunStop.INTERRUPTED
+    states, dense = [list(column) for column in zip(*rows, strict=True)]
     end = float(t0) + PERIOD * (len(rows) - 1)
-    if length > count and stop is RunStop.DONE:
-        y = flight.part(y, PERIOD * (length - count))
-        end += PERIOD * (length - count)
-    strobe = np.array(rows).reshape(len(rows), 2, -1)
+    y = states[-1]
+    if part is not None:
+        y, end = part, end + PERIOD * (length - count)
+    strobe = np.array(states).reshape(len(rows), 2, -1)
     times = float(t0) + PERIOD * np.arange(len(rows))
     record = None if sample is None else _record(sample, dense, float(t0), start.u.size)
     u, v = y.reshape(2, -1)
@@ -332,7 +338,9 @@ def wall_damping(k: float | None, lam: float | None) -> float:
     """lambda, from whichever of the two was given."""
     if (k is None) == (lam is None):
         raise BadInput(f"k = {k}, lam = {lam}: give one of them, (22) ties the other to it.")
-    return damping_of(k) if k is not None else float(lam)  # type: ignore[arg-type]
+    if k is not None:
+        return damping_of(k)
+    return number("lam", lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
 
 
 def _record(sample: Sample, dense: list[Array], t0: float, sites: int) -> Record:

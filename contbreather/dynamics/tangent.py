@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import check_kind, numbers, whole
 from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced
+from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import Run, law_of, walk
 from contbreather.dynamics.smooth import Explicit, SmoothRun
 from contbreather.errors import BadInput, NotConverged
@@ -37,6 +38,7 @@ def kicks(
     an infinite one where it ends.
     """
     b = (1.0 + conditions.k) * (impacts["acceleration"] / impacts["before"] + conditions.damping)
+    rests = _at_impacts(rests, impacts)
     codes = np.where(rests["begins"], np.nan, np.inf)
     period = np.concatenate([impacts["period"], rests["period"]])
     phase = np.concatenate([impacts["phase"], rests["phase"]])
@@ -49,6 +51,18 @@ def kicks(
     # at equal times the impact comes before the rest it leads to
     order = np.lexsort((np.isnan(entry), since, period))
     return since[order], site[order], entry[order], period[order]
+
+
+def _at_impacts(rests: NDArray[np.void], impacts: NDArray[np.void]) -> NDArray[np.void]:
+    """Rests that begin at the last impact listed: the rebounds after it take what is left away."""
+    moved = rests.copy()
+    for site in np.unique(rests["site"][rests["begins"]]):
+        own = impacts[impacts["site"] == site]
+        rows = np.flatnonzero(rests["begins"] & (rests["site"] == site))
+        last = np.searchsorted(own["time"], rests["time"][rows], side="right") - 1
+        for name in ("time", "period", "phase"):
+            moved[name][rows[last >= 0]] = own[name][last[last >= 0]]
+    return moved
 
 
 def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
@@ -91,10 +105,12 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
         table["time"] -= run.times[0]
     events = kicks(*tables, run.conditions, run.times[0])
     du, dv = np.ascontiguousarray(columns.T.reshape(-1, 2, sites).transpose(1, 0, 2))
-    held = resting(State(run.strobe.u[0], run.strobe.v[0]), run.conditions, run.times[0])
+    at_rest = resting(State(run.strobe.u[0], run.strobe.v[0]), run.conditions, run.times[0])
     rest = run.end - run.times[-1]
     spans = np.array([PERIOD] * run.periods + ([rest] if rest > 1e-12 else []))
-    carry(du, dv, held, spans, 0, law_of(run.conditions), *events, np.empty((len(spans), 0)))
+    law, growth = law_of(run.conditions), np.empty((len(spans), 0))
+    with held():
+        carry(du, dv, at_rest, spans, 0, law, *events, growth)
     return np.concatenate([du, dv], axis=1).T
 
 
@@ -193,7 +209,7 @@ def lyapunov(
         raise BadInput(f"count = {count}: a ring of {sites} sites has {2 * sites} exponents.")
     rng = np.random.default_rng(whole("seed", seed, 0))
     du, dv = rng.normal(size=(2, wanted, sites))
-    held, law, first = resting(start, conditions, t0), law_of(conditions), reduced(t0)
+    at_rest, law, first = resting(start, conditions, t0), law_of(conditions), reduced(t0)
     total = whole("settle", settle, 0) + whole("periods", periods, 10)
     grown = []
     for one in walk(start, conditions, periods=total, t0=first, progress=False):
@@ -202,7 +218,8 @@ def lyapunov(
         growth = np.empty((one.periods, wanted))
         spans = np.full(one.periods, PERIOD)
         events = kicks(one.impacts, one.rests, conditions, first)
-        carry(du, dv, held, spans, one.first, law, *events, growth)
+        with held():
+            carry(du, dv, at_rest, spans, one.first, law, *events, growth)
         grown.append(growth)
     rates = np.concatenate(grown)[settle:] / PERIOD
     mean = weighted_mean(rates)

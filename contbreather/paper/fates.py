@@ -22,6 +22,7 @@ from contbreather.dynamics import (
     simulate_smooth,
     smooth_orbit,
 )
+from contbreather.dynamics.impacting import completed
 from contbreather.errors import NotConverged, keeping
 
 Array = NDArray[Any]
@@ -117,7 +118,7 @@ def _after(motion: PeriodicMotion | SmoothOrbit, state: Array) -> Array:
         run = simulate_smooth(state, m=motion.conditions.m, **shared)
     else:
         run = simulate(state, **shared)
-    return np.stack(run.strobe, axis=1)
+    return np.stack(completed(run).strobe, axis=1)
 
 
 def smooth_breather(breather: Breather, m: float, damping: float, sites: int) -> SmoothOrbit | None:

@@ -34,7 +34,9 @@ from contbreather.dynamics import (
     sweep,
     verdict,
 )
+from contbreather.checks import whole
 from contbreather.dynamics.conditions import PERIOD
+from contbreather.dynamics.impacting import completed
 from contbreather.paper.fates import (
     delocalised,
     enough_damping,
@@ -256,14 +258,16 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
     conditions, exact = _conditions(a, gamma), symmetric(a, gamma, RESTITUTION)
     v = np.zeros(SITES)
     v[0] = 3.0  # the start of the paper; all else zero
-    transient = simulate_smooth((np.zeros(SITES), v), m=m, periods=SETTLING, **conditions)
+    transient = completed(
+        simulate_smooth((np.zeros(SITES), v), m=m, periods=SETTLING, **conditions)
+    )
     problem, _ = smooth_orbit(transient.final, m=m, **conditions).solve()
     orbit = solution(problem)
     away = float(np.abs(np.subtract(transient.final, orbit.state)).max())
-    circles = simulate_smooth(
-        transient.final, m=m, periods=2, sample=Sample(SHOWN, CIRCLES), **conditions
+    circles, settled = (
+        completed(simulate_smooth(state, m=m, periods=2, sample=Sample(SHOWN, n), **conditions))
+        for state, n in ((transient.final, CIRCLES), (orbit.state, 400))
     )
-    settled = simulate_smooth(orbit.state, m=m, periods=2, sample=Sample(SHOWN, 400), **conditions)
     gap, (left, shift) = _differences(exact, settled), _after_a_shift(exact, settled)
     rigid = periodic(exact.state(SITES), symmetric=True, **conditions).largest
     free = float(np.abs(exact.multipliers(sites=SITES)).max())
@@ -311,8 +315,8 @@ def figure6(m: int = HARDNESS) -> TimeSeries:
     numbers: dict[str, float] = {}
     for letter, (a, periods) in zip("abc", RUNS6, strict=True):
         exact, conditions = symmetric(a, gamma, RESTITUTION), _conditions(a, gamma)
-        sample = Sample(CENTRAL, 24)
-        run = simulate_smooth(exact.state(SITES), m=m, periods=periods, sample=sample, **conditions)
+        shared = {"m": m, "periods": periods, "sample": Sample(CENTRAL, 24), **conditions}
+        run = completed(simulate_smooth(exact.state(SITES), **shared))
         found = _fate(exact, m, life(run))
         panels.append(_traces(run, f"$a = {a}$: {_gone(found['lost'])}", found["lost"]))
         findings.append(f"({letter}) a = {a}: {_told(found, m)}")
@@ -346,7 +350,7 @@ def _fate(exact: Breather, m: int, lost: int | None) -> dict[str, float]:
     """
     conditions = _conditions(exact.a, exact.gamma)
     rigid = periodic(exact.state(SITES), symmetric=True, **conditions)
-    rigid_lost = life(simulate(exact.state(SITES), periods=600, **conditions))
+    rigid_lost = life(completed(simulate(exact.state(SITES), periods=600, **conditions)))
     soft = smooth_breather(exact, m, DAMPING, SITES)
     return {
         "lost": math.nan if lost is None else float(lost),
@@ -403,7 +407,8 @@ def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
     lost, other = delocalised(settled), HARD_ENOUGH if m == HARDNESS else HARDNESS
     assert settled.record is not None
     mean = settled.record.u.mean(axis=0)
-    own = periodic(simulate(exact.state(SITES), periods=3000, **conditions).final, **conditions)
+    rigid = completed(simulate(exact.state(SITES), periods=3000, **conditions))
+    own = periodic(rigid.final, **conditions)
     phases, rigid_mean = _impacts_and_mean(own)
     alone = periodic(exact.state(SITES), symmetric=True, **conditions).largest
     lopsided, gentle = _asymmetric(phases, rigid_mean, exact), _gently(GENTLE, gamma).largest
@@ -456,10 +461,10 @@ def _ramped(m: int, gamma: float) -> SmoothRun:
     """The ring of Fig. 7: two periods after a slow ramp in a and 500 periods of rest."""
     conditions = _conditions(RAMP[1], gamma)
     start = symmetric(RAMP[0], gamma, RESTITUTION).state(SITES)
-    ramp = sweep(start, "a", np.linspace(*RAMP, 121), periods=2, m=m, **conditions)
-    held = simulate_smooth(ramp.final, m=m, periods=500, **conditions)
+    ramp = completed(sweep(start, "a", np.linspace(*RAMP, 121), periods=2, m=m, **conditions))
+    held = completed(simulate_smooth(ramp.final, m=m, periods=500, **conditions))
     sample = Sample(SHOWN, 8 * CIRCLES)
-    return simulate_smooth(held.final, m=m, periods=2, sample=sample, **conditions)
+    return completed(simulate_smooth(held.final, m=m, periods=2, sample=sample, **conditions))
 
 
 @lru_cache(maxsize=1)
@@ -467,7 +472,7 @@ def _gently(m: int, gamma: float) -> SmoothOrbit:
     """The asymmetric breather of the smooth ring next to the end of a slower ramp."""
     conditions = _conditions(RAMP[1], gamma)
     start = symmetric(RAMP[0], gamma, RESTITUTION).state(SITES)
-    ramp = sweep(start, "a", np.linspace(*RAMP, 61), periods=6, m=m, **conditions)
+    ramp = completed(sweep(start, "a", np.linspace(*RAMP, 61), periods=6, m=m, **conditions))
     problem, _ = smooth_orbit(ramp.final, m=m, symmetric=False, **conditions).solve()
     found: SmoothOrbit = solution(problem)
     return found
@@ -475,7 +480,7 @@ def _gently(m: int, gamma: float) -> SmoothOrbit:
 
 def _impacts_and_mean(motion: PeriodicMotion) -> tuple[tuple[float, float], float]:
     """Both impact phases of a motion in order, and the mean of u_0."""
-    run = motion.run(sample=Sample((0,), 400))
+    run = completed(motion.run(sample=Sample((0,), 400)))
     assert run.record is not None
     first, second = np.sort(run.impacts["phase"]).tolist()
     return (first, second), float(run.record.u.mean())
@@ -516,11 +521,11 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
     exact, conditions = symmetric(a, gamma, RESTITUTION), _conditions(a, gamma)
     start = exact.state(SITES)
     sample = Sample(CENTRAL, 24)
-    long = simulate_smooth(start, m=m, periods=250, sample=sample, **conditions)
+    long = completed(simulate_smooth(start, m=m, periods=250, sample=sample, **conditions))
     lost = life(long)
     first = max(0, (lost or 250) - 40)
     then, sample = (long.strobe.u[first], long.strobe.v[first]), Sample(SHOWN, CIRCLES // 2)
-    window = simulate_smooth(then, m=m, periods=6, sample=sample, **conditions)
+    window = completed(simulate_smooth(then, m=m, periods=6, sample=sample, **conditions))
     found = _fate(exact, m, lost)
     torus = verdict(
         symmetric(TORUS["a"], TORUS["gamma"], RESTITUTION).state(SITES),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -12,7 +13,17 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from contbreather.breathers import symmetric
-from contbreather.dynamics import RunStop, Sample, flow, simulate
+from contbreather.dynamics import (
+    Axis,
+    Fate,
+    RunStop,
+    Sample,
+    attraction,
+    flow,
+    periodic,
+    simulate,
+    simulate_smooth,
+)
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, Ring
 from contbreather.stability import dense_half_map
@@ -440,8 +451,48 @@ def test_endless_chatter_ends_with_a_reason():
     """Elastic rebounds under a steady push never come to rest; the run says so and stops."""
     run = simulate(([1.0], [-1e-6]), a=1.0, gamma=0.1, k=1.0, periods=3, t0=0.75 * PI)
     assert run.stop is RunStop.CHATTER
-    assert "site 0 hits its wall more than" in run.reason
+    assert (
+        "site 0 has more than 150000 impacts in period 0, chattering on the wall +1" in run.reason
+    )
     assert run.periods == 0
+
+
+def test_fast_elastic_impacts_are_followed_and_too_many_are_not_called_a_chatter():
+    """From wall to wall in 2/v: pi v impacts in a period."""
+    fast = simulate(([0.1], [4e4]), a=0.5, gamma=0.0, k=1.0, periods=1)
+    assert (fast.stop, len(fast.impacts)) == (RunStop.DONE, round(PI * 4e4))
+    faster = simulate(([0.1], [1e6]), a=0.5, gamma=0.0, k=1.0, periods=1)
+    assert faster.stop is RunStop.CHATTER
+    assert "from wall to wall at a speed of 1e+06" in faster.reason
+    assert "chatter" not in faster.reason + faster.stop.value
+
+
+@pytest.mark.parametrize("k", [0.99, 0.999, 0.9995])
+def test_chatter_that_loses_less_than_rounding_comes_to_rest_all_the_same(k):
+    """Rebounds of constant push: 1 + k + ... of the first one's time until the rest."""
+    v, t0 = 3e-5, 0.999 * PI  # the push, -cos t, is at its height
+    run = simulate(([1.0], [-v]), a=0.8, gamma=0.0, k=k, periods=0.2, t0=t0)
+    begins = run.rests[run.rests["begins"]]
+    assert run.stop is RunStop.DONE
+    assert begins["time"][0] - t0 == pytest.approx(2.0 * v / (0.8 * (1.0 - k)), rel=0.02)
+    assert (run.final.u[0], run.final.v[0]) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize("k", [0.3, 0.6, 0.9])
+def test_rest_begins_where_the_series_of_rebounds_ends(k):
+    """The last two impacts listed are a flight apart; all later flights are k times the one before.
+
+    And so they are by the push on the site and the last velocity listed.
+    """
+    for v in (1e-2, 3e-3, 2e-4):
+        run = simulate(([1.0], [-v]), a=1.5, gamma=0.0, k=k, periods=0.1, t0=0.999 * PI)
+        rest = run.rests[run.rests["begins"]][0]
+        last = run.impacts[run.impacts["time"] <= rest["time"]][-2:]
+        flight = float(np.diff(last["time"])[0])
+        left = float(rest["time"] - last["time"][-1])
+        assert left == pytest.approx(flight * k / (1.0 - k), rel=2e-3)
+        push = -1.5 * math.cos(last["phase"][-1]) * rest["wall"]
+        assert left == pytest.approx(2.0 * abs(last["after"][-1]) / (push * (1.0 - k)), rel=1e-4)
 
 
 # --- a run is cut and taken up again --------------------------------------------------------------
@@ -516,3 +567,42 @@ def test_sites_of_a_sample_are_whole_numbers():
     with pytest.raises(BadInput, match=r"sites = \(1\.7,\): whole numbers were wanted, 1\.7"):
         Sample((1.7,))
     assert Sample(np.array([0, -1])).sites == (0, -1)
+
+
+@pytest.mark.parametrize("sites", [(), 5, None, "ab", (0.5,)])
+def test_sample_of_no_sites_is_refused(sites):
+    with pytest.raises(BadInput, match="sites = "):
+        Sample(sites=sites)
+
+
+@pytest.mark.parametrize("name", ["a", "gamma", "k", "periods", "damping", "t0", "m"])
+def test_text_is_no_number(name):
+    shared = {"a": 0.5, "gamma": 0.0, "periods": 2, "damping": 0.0, "t0": 0.0}
+    shared |= {"m": 6.0} if name == "m" else {}
+    run = simulate_smooth if name == "m" else simulate
+    for wrong in ("1", b"1", [1.0], 1j):
+        with pytest.raises(BadInput, match=f"^{name} = "):
+            run(([0.1], [0.2]), **{"k": 0.8, **shared, name: wrong})
+
+
+def test_what_is_no_sample_is_refused():
+    for run, more in ((simulate, {}), (simulate_smooth, {"m": 6})):
+        with pytest.raises(BadInput, match="a Sample was wanted"):
+            run(([0.1], [0.2]), a=0.5, gamma=0.0, k=0.8, periods=1, sample=(0, 1), **more)
+
+
+def test_results_are_shown_in_a_line():
+    with ThreadPoolExecutor(1) as one:
+        basin = attraction(
+            ([0.1], [0.2]), Axis("u", 0, [0.0, 0.5]), Axis("v", 0, [0.1]),
+            a=0.1, gamma=0.0, k=0.8, periods=20, executor=one,
+        )  # fmt: skip
+    counted = {fate: int(np.sum(basin.fate == fate)) for fate in Fate if fate in basin.fate}
+    words = ", ".join(f"{count} {fate.name}" for fate, count in counted.items())
+    assert repr(basin) == f"<Basin of 2 x 1 starts over u_0 and v_0: {words}>"
+    own = periodic(symmetric(0.5, 0.0, 0.8).state(1), a=0.5, gamma=0.0, k=0.8)
+    assert repr(own).startswith(
+        "<PeriodicMotion of 1 site at a = 0.5, gamma = 0, k = 0.8, damping = 0: closes after"
+    )
+    assert f"largest multiplier {own.largest:.6g}" in repr(own)
+    assert "\n" not in repr(own)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contbreather.breathers import symmetric
-from contbreather.dynamics import Kind, State, periodic, rotation, simulate, verdict
+from contbreather.dynamics import Kind, State, periodic, rotation, simulate, sweep, verdict
 from contbreather.dynamics.quasiperiodic import judge
 from contbreather.dynamics.tangent import weighted_mean
 from contbreather.errors import BadInput
@@ -198,13 +198,57 @@ def test_small_torus_around_a_motion_that_repels_is_a_torus():
     conditions = {"a": 0.15, "gamma": 0.0995, "k": 0.8, "damping": 0.02}
     own = periodic(symmetric(0.15, 0.0995, 0.8).state(20), symmetric=True, **conditions)
     assert own.largest > 1.0 + 1e-7
-    run = own.run(periods=1000)
-    angle = 2.0 * math.pi * GOLDEN * np.arange(1001)
-    waves = 1e-4 * np.stack([np.cos(angle), np.sin(angle)])
-    around = State(*(x + wave[:, None] for x, wave in zip(own.state, waves, strict=True)))
-    found = judge(replace(run, strobe=around, final=State(around.u[-1], around.v[-1])))
+    found = verdict((0.999 * own.state.u, own.state.v), settle=30000, periods=3000, **conditions)
+    assert np.abs(found.run.strobe.u - own.state.u).max() < 0.1
     assert found.kind is Kind.QUASI_PERIODIC, str(found)
-    assert found.evidence["rotation"] == pytest.approx(1.0 - GOLDEN, abs=1e-9)
+    assert abs(found.evidence["exponent"]) < 1e-5
+
+
+# Exponents of the same motions by the distance of two trajectories, kept at 1e-8, over 3000 periods
+BANDS = [(1.0409, 0.0086), (1.0411, 0.0089), (1.04115, 0.0104)]
+
+
+@pytest.mark.parametrize(("a", "exponent"), BANDS)
+def test_bands_of_chaos_visited_in_turn_are_chaotic(a, exponent):
+    """Two rows of bands: a rotation number of 1/2 to ten digits, and repelling orbits within."""
+    found = verdict(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7)
+    assert found.kind is Kind.CHAOTIC, str(found)
+    assert found.evidence["rotation"] == pytest.approx(0.5, abs=1e-6)
+    assert found.evidence["exponent"] == pytest.approx(exponent, abs=2e-3)
+    later = simulate(found.run.final, a=a, gamma=0.0, k=0.7, periods=4000).strobe.u[:, 0]
+    assert min(np.abs(later[n:] - later[:-n])[-500:].max() for n in range(1, 65)) > 1e-4
+
+
+@pytest.mark.parametrize(("settle", "periods"), [(500, 400), (1000, 1000), (3000, 2000)])
+def test_bands_of_chaos_seen_for_a_shorter_time_are_never_called_a_torus_or_locked(settle, periods):
+    for a, _ in BANDS:
+        found = verdict(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7, settle=settle, periods=periods)
+        assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), str(found)
+
+
+@pytest.mark.parametrize(("a", "q"), [(0.93, 2), (0.985, 4), (0.991, 8)])
+def test_locked_motions_of_the_cascade_close_with_multipliers_inside_the_circle(a, q):
+    """gamma = 0, k = 0.8: doublings at 0.92551, 0.97997 and 0.98963 after the pitchfork."""
+    slowly = np.linspace(0.93, a, 30)
+    start = sweep(
+        symmetric(0.93, 0.0, 0.8).state(1), "a", slowly, periods=60, a=a, gamma=0.0, k=0.8
+    )
+    found = verdict(start.final, a=a, gamma=0.0, k=0.8, periods=500)
+    own = periodic(found.run.final, periods=q, a=a, gamma=0.0, k=0.8)
+    assert found.kind is Kind.LOCKED
+    assert (found.evidence["q"], own.largest < 1.0) == (q, True)
+    assert found.evidence["multiplier"] == pytest.approx(own.largest, abs=1e-6)
+
+
+@pytest.mark.parametrize("q", [1, 3])
+def test_states_that_repeat_without_an_orbit_that_closes_are_neither_periodic_nor_locked(q):
+    conditions = {"a": 0.93, "gamma": 0.0, "k": 0.8}
+    run = simulate(symmetric(0.93, 0.0, 0.8).state(1), periods=300, **conditions)
+    turns = 2.0 * math.pi / q * np.arange(301)
+    row = np.stack([0.3 * np.cos(turns), 0.4 * np.sin(turns) - 1.0])[:, :, None]
+    found = judge(replace(run, strobe=State(*row), final=State(*row[:, -1])))
+    assert found.kind is Kind.UNDECIDED, str(found)
+    assert "finds no closed orbit" in found.reason
 
 
 def test_verdict_on_too_short_a_time_is_refused():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ import pytest
 
 import contbreather
 from contbreather.breathers import symmetric
-from contbreather.dynamics import Sample, open_recording, record, recording, simulate
+from contbreather.dynamics import RunStop, Sample, open_recording, record, recording, simulate
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier
 
@@ -83,8 +84,10 @@ def test_interrupted_recording_keeps_every_finished_period(tmp_path, state, monk
 
     monkeypatch.setattr(contbreather.dynamics.impacting.Machine, "advance", interrupted)
     first = record(tmp_path / "run", state, **CONDITIONS, periods=1000)
+    assert (first.interrupted, first.stop) == (True, RunStop.INTERRUPTED)
     assert 0 < first.periods < 1000
     second = record(tmp_path / "run", state, **CONDITIONS, periods=1000)
+    assert (second.interrupted, second.stop) == (False, RunStop.DONE)
     assert_same(second, simulate(state, **CONDITIONS, periods=1000))
 
 
@@ -175,3 +178,130 @@ def test_progress_is_shown_on_standard_error_and_only_if_wanted(state, monkeypat
     shown = capsys.readouterr()
     assert shown.out == ""
     assert "20/20 periods" in shown.err
+
+
+# --- damage, and two at once ----------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    """A run in five files, and another one."""
+    folder = tmp_path_factory.mktemp("recordings")
+    own, other = (symmetric(0.2, 0.11, 0.8).state(12, t) for t in (0.0, 0.3))
+    for periods in (4, 8, 12, 16, 20):
+        record(folder / "sound", own, **CONDITIONS, periods=periods)
+    record(folder / "other", other, **CONDITIONS, periods=4)
+    return folder
+
+
+def flip(path, rng):
+    data = bytearray(path.read_bytes())
+    data[rng.integers(len(data))] ^= 1 << int(rng.integers(8))
+    path.write_bytes(data)
+
+
+def cut(path, rng):
+    path.write_bytes(path.read_bytes()[: rng.integers(path.stat().st_size)])
+
+
+def grow(path, rng):
+    path.write_bytes(path.read_bytes() + rng.bytes(40))
+
+
+def change_one_number(path, rng):
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files}
+    arrays["u"] = arrays["u"] + 1e-12
+    np.savez(path, **arrays)
+
+
+def put_another_run_in(path, rng):
+    first = next((path.parents[1] / "other").glob("0*.npz"))
+    path.write_bytes((first.with_name("start.npz") if "start" in path.name else first).read_bytes())
+
+
+def put_a_later_piece_in(path, rng):
+    path.write_bytes(max(path.parent.glob("0*.npz")).read_bytes())
+
+
+def remove(path, rng):
+    path.unlink()
+
+
+def replace_by_a_pipe(path, rng):
+    path.unlink()
+    os.mkfifo(path)
+
+
+def replace_by_a_directory(path, rng):
+    path.unlink()
+    path.mkdir()
+
+
+DAMAGES = [
+    *(20 * [flip]), *(6 * [cut]), grow, change_one_number, put_another_run_in,
+    put_a_later_piece_in, remove, replace_by_a_pipe, replace_by_a_directory,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("which", [0, 1, 3])  # the start, the first file, an inner one
+def test_damaged_recording_is_refused_in_a_sentence(sound, tmp_path, which):
+    rng = np.random.default_rng(which)
+    for j, damage in enumerate(DAMAGES):
+        shutil.copytree(sound, tmp_path / f"{j}")
+        path = [tmp_path / f"{j}/sound/start.npz", *sorted(tmp_path.glob(f"{j}/sound/0*.npz"))][
+            which
+        ]
+        damage(path, rng)
+        began = time.monotonic()
+        with pytest.raises(BadInput, match=r"is damaged: |no run in"):
+            _ = open_recording(path.parent).impacts
+        assert time.monotonic() - began < 1.0, damage
+
+
+def test_missing_inner_file_is_noticed_before_anything_is_read(sound, tmp_path):
+    shutil.copytree(sound, tmp_path / "all")
+    folder = tmp_path / "all" / "sound"
+    sorted(folder.glob("0*.npz"))[2].unlink()
+    with pytest.raises(BadInput, match=r"does not follow on from .*, which ends at period 8"):
+        open_recording(folder)
+
+
+def test_run_goes_on_after_what_is_damaged_was_taken_away(sound, tmp_path):
+    shutil.copytree(sound, tmp_path / "all")
+    folder = tmp_path / "all" / "sound"
+    kept = open_recording(folder)
+    whole = simulate(kept.start, **CONDITIONS, periods=20)
+    flip(kept.files[-1], np.random.default_rng(0))
+    with pytest.raises(BadInput, match="remove it and all files after it to go on"):
+        record(folder, kept.start, **CONDITIONS, periods=24)
+    kept.files[-1].unlink()
+    assert_same(record(folder, kept.start, **CONDITIONS, periods=20), whole)
+
+
+def test_two_processes_do_not_write_to_one_folder_and_a_killed_one_lets_go(tmp_path, state):
+    np.savez(tmp_path / "state.npz", u=state[0], v=state[1])
+    script = (
+        "import numpy as np\n"
+        "from contbreather.dynamics import recording\n"
+        "recording.EVERY = 0.02\n"
+        f"state = tuple(np.load(r'{tmp_path}/state.npz')[x] for x in 'uv')\n"
+        f"recording.record(r'{tmp_path}/run', state, **{CONDITIONS!r}, periods=10**6)\n"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": str(ROOT)}
+    )
+    try:
+        while not list((tmp_path / "run").glob("0*.npz")):
+            assert child.poll() is None
+            time.sleep(0.02)
+        with pytest.raises(BadInput, match="is being written to by another run"):
+            record(tmp_path / "run", state, **CONDITIONS, periods=10**6)
+        assert open_recording(tmp_path / "run").periods > 0  # reading is free
+        assert child.poll() is None
+    finally:
+        child.send_signal(signal.SIGKILL)
+        child.wait()
+    done = open_recording(tmp_path / "run").periods
+    recorded = record(tmp_path / "run", state, **CONDITIONS, periods=done + 10)
+    assert_same(recorded, simulate(state, **CONDITIONS, periods=done + 10))

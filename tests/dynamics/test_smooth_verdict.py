@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.dynamics import RunStop, SmoothConditions, SmoothRun, State, simulate_smooth
+from contbreather.dynamics import (
+    Explicit,
+    RunStop,
+    SmoothConditions,
+    SmoothRun,
+    State,
+    simulate_smooth,
+)
 from contbreather.dynamics.conditions import PERIOD
 from contbreather.dynamics.quasiperiodic import Kind
 from contbreather.dynamics.smooth_verdict import judge_smooth
@@ -25,19 +32,50 @@ def run_of(u, v, sites=6):
     return SmoothRun(times, whole, final, times[-1], None, conditions, RunStop.DONE)
 
 
-def test_closed_curve_is_a_torus_with_its_rotation_number():
-    t = 2.0 * np.pi * GOLDEN * np.arange(1500)
-    found = judge_smooth(run_of(0.3 * np.cos(t) + 0.05 * np.cos(2 * t), 0.4 * np.sin(t) - 1.0))
-    assert found.kind is Kind.QUASI_PERIODIC
-    assert found.evidence["rotation"] == pytest.approx(GOLDEN, abs=1e-9)
+def test_motion_between_elastic_walls_is_a_torus_with_the_rotation_number_of_its_spectrum():
+    """A single site without losses, weakly driven: its section is a closed curve."""
+    shared = {"a": 0.1, "gamma": 0.0, "k": 1.0, "m": 2}
+    run = simulate_smooth(([0.05], [2.0]), periods=1000, **shared)
+    found = judge_smooth(run)
+    assert found.kind is Kind.QUASI_PERIODIC, found.reason
+    assert found.evidence["exponent"] < 2e-3
+    x = run.strobe.u[:, 0] - run.strobe.u[:, 0].mean()
+    fine = np.linspace(0.3, 0.5, 4001)
+    waves = np.exp(-2j * np.pi * np.outer(fine, np.arange(len(x))))
+    peak = fine[np.abs(waves @ (x * np.hanning(len(x)))).argmax()]
+    assert found.evidence["rotation"] == pytest.approx(peak, abs=1e-4)
 
 
-@pytest.mark.parametrize("periods", [2, 3, 7])
-def test_motion_that_returns_after_several_periods_is_locked(periods):
-    t = 2.0 * np.pi * np.arange(200) / periods
-    found = judge_smooth(run_of(0.3 * np.cos(t), 0.4 * np.sin(t) - 1.0))
-    assert found.kind is Kind.LOCKED
+@pytest.mark.parametrize(("a", "periods"), [(1.0, 2), (1.05, 4)])
+def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map(a, periods):
+    shared = {"a": a, "gamma": 0.0, "k": 0.7, "m": 30}
+    settled = simulate_smooth(([-0.31], [-0.16]), periods=400, **shared).final
+    run = simulate_smooth(settled, periods=100, **shared)
+    found = judge_smooth(run)
+    assert found.kind is Kind.LOCKED, found.reason
     assert found.evidence["periods"] == periods
+    first = np.array(run.final).ravel()
+    exactly = {**shared, "periods": periods, "solver": Explicit(1e-13)}
+    columns = []
+    for push in 1e-5 * np.eye(2):  # the period map by central differences
+        ends = [simulate_smooth((first + s * push)[:, None], **exactly).final for s in (1, -1)]
+        columns.append(np.subtract(*ends).ravel() / 2e-5)
+    largest = np.abs(np.linalg.eigvals(np.array(columns))).max()
+    assert found.evidence["multiplier"] == pytest.approx(largest, abs=1e-4)
+
+
+def test_states_that_repeat_without_an_orbit_that_closes_are_not_locked():
+    t = 2.0 * np.pi * np.arange(200) / 3
+    found = judge_smooth(run_of(0.3 * np.cos(t), 0.4 * np.sin(t) - 1.0))
+    assert found.kind is Kind.UNDECIDED
+    assert "finds no closed orbit" in found.reason
+
+
+def test_bands_of_chaos_between_smooth_walls_are_no_torus():
+    shared = {"a": 1.0565, "gamma": 0.0, "k": 0.7, "m": 30}
+    settled = simulate_smooth(([-0.31], [-0.16]), periods=400, **shared).final
+    found = judge_smooth(simulate_smooth(settled, periods=300, **shared))
+    assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), found.reason
 
 
 def test_spiral_is_undecided():

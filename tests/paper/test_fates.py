@@ -11,7 +11,15 @@ import pytest
 
 import contbreather as cb
 from contbreather.cli import DONE, main
-from contbreather.dynamics import Sample, damped_orbit, periodic, simulate, simulate_smooth
+from contbreather.dynamics import (
+    Sample,
+    damped_orbit,
+    periodic,
+    simulate,
+    simulate_smooth,
+    smooth_orbit,
+    sweep,
+)
 from contbreather.paper import fates, time_series
 
 SET = {"gamma": 0.104, "k": 0.8}
@@ -128,3 +136,37 @@ def test_figure_for_programs_carries_the_numbers_of_its_verdict(capsys):
     content = json.loads(capsys.readouterr().out)
     assert content["numbers"]["difference_0"] == pytest.approx(0.0979, abs=1e-4)
     assert {row["curve"] for row in content["rows"]} == {"exact", "ring, $m = 6$"}
+
+
+# --- Fig. 7 between m = 15 and 17 -----------------------------------------------------------------
+
+SOFT = {"gamma": 0.04, "k": 0.8, "damping": 0.005}
+
+
+@pytest.fixture(scope="module")
+def along_m():
+    """The asymmetric breather from m = 15 up to 15.5, over both doublings."""
+    start = cb.symmetric(0.7, 0.04, 0.8).state(20)
+    ramp = sweep(start, "a", np.linspace(0.7, 0.82, 61), periods=6, a=0.7, m=15, **SOFT)
+    problem, _ = smooth_orbit(ramp.final, a=0.82, m=15, symmetric=False, **SOFT).solve()
+    return cb.trace(problem, "m", towards="up", within={"m": (15, 15.5)}, events=())
+
+
+def test_breather_of_figure_7_repels_between_its_period_doublings(along_m):
+    """Two real multipliers pass -1, at m = 15.17939 and 15.18487: 0, 1, 2 of them are beyond."""
+    assert along_m[-1]["m"] == pytest.approx(15.5)
+    for point in along_m:
+        beyond = int(point["m"] > 15.17939) + int(point["m"] > 15.18487)
+        mu = point.solution.multipliers
+        assert np.sum(mu[np.abs(mu.imag) < 1e-9].real < -1.0) == beyond
+        assert point["unstable"] == beyond
+
+
+def test_ring_let_go_beside_the_breather_of_figure_7_stays_or_leaves_as_its_multipliers_say(
+    along_m,
+):
+    for point, kept in ((along_m[0], True), (along_m[-1], False)):
+        u, v = point.solution.state
+        run = simulate_smooth((u + 1e-6, v), a=0.82, m=point["m"], periods=80, **SOFT)
+        away = np.hypot(run.strobe.u - u, run.strobe.v - v).max(axis=1)
+        assert (away[-1] < away[0]) if kept else (away[-1] > 5e-3)
