@@ -426,3 +426,21 @@ def test_of_two_bounds_in_one_step_the_nearer_one_ends_the_branch(largest, first
     assert end[first] == 0.31
     assert (end["x"], end["y"], end["mu"]) == pytest.approx((0.31,) * 3, abs=1e-12)
     assert branch.stop is cb.Stop.BOUND
+
+
+@pytest.mark.parametrize("largest", [0.1, 1.0, 3.0])
+def test_no_point_is_beyond_a_bound_that_only_the_bent_curve_crosses(largest: float) -> None:
+    """On ``y = x^2/10`` the window of y ends a little before that of x; along the tangent at the
+    start y does not change at all."""
+    mine = flow(
+        lambda u, p: [u[0] - p["mu"], u[1] - 0.1 * u[0] ** 2], {"x": 0.0, "y": 0.0}, {"mu": 0.0}
+    )
+    branch = trace(
+        mine,
+        "mu",
+        towards="up",
+        within={"x": (-1, 0.9), "y": (-1, 0.08), "mu": (-1, 2)},
+        steps=cb.Steps(first=largest, largest=largest),
+    )
+    assert branch["y"].max() == branch[-1]["y"] == 0.08
+    assert branch[-1]["x"] == pytest.approx(0.8**0.5, abs=1e-12)

@@ -91,6 +91,18 @@ def test_a_small_term_of_a_formula_is_kept() -> None:
     assert found[3] == pytest.approx(1e-14 / 9, rel=1e-9)
 
 
+def test_a_small_slope_of_a_formula_is_kept() -> None:
+    own = Symbolic("-cos(t) - s*cos(3*t)*1e-14", s=1.0)
+    assert own.f_param("s", 0.0) == pytest.approx(1e-14 / 9, rel=1e-9)
+
+
+def test_a_harmonic_that_hides_on_the_first_grid_is_found() -> None:
+    """On 32 samples cos(33 t) looks like cos(t)."""
+    own = Symbolic("-cos(t)/(1 + cos(2*t)/100) - 1e-11*cos(33*t)/(1 + cos(2*t)/100)")
+    found = {m: a for m, a, _ in own.harmonics}
+    assert found[33] == pytest.approx(1e-11 / 33**2, rel=1e-3)
+
+
 def test_powers_up_to_99_are_taken() -> None:
     assert Symbolic("-cos(t)**9").highest == 9
     with pytest.raises(BadInput, match="powers up to 99 are taken"):
