@@ -1,0 +1,80 @@
+"""Every column of every problem of breathers and orbits: there, readable, and what its name says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.orbit_problem import impact_problem
+from contbreather.breathers.orbits import orbit_of
+from contbreather.breathers.shooting import shooting
+from contbreather.breathers.shooting_lifts import unfolded
+from contbreather.continuation import Problem
+from contbreather.errors import NotConverged
+
+BASE = {"a", "gamma", "k", "arclength", "residual", "unstable"}
+
+
+def unfolded_arm() -> Problem:
+    start = shooting(cb.symmetric(0.7, 0.04, 0.8), sites=8)
+    point = cb.trace(start, "a", towards="up", within={"a": (0.0, 0.8)}).first("PF")
+    return unfolded(point).arm(0.05)
+
+
+CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
+    "breather": (lambda: cb.symmetric(0.5, 0.05, 0.8).problem, {"p", "phi"}),
+    "arm": (
+        lambda: asymmetric(0.8, 0.04, 0.8).problem,
+        {"p", "t1", "t2", "c", "asymmetry"},
+    ),
+    "general": (
+        lambda: impact_problem(orbit_of(cb.symmetric(0.5, 0.05, 0.8))),
+        {"t1", "t2", "J1", "J2", "c", "p", "asymmetry"},
+    ),
+    "shot": (
+        lambda: shooting(cb.symmetric(0.5, 0.05, 0.8), sites=8),
+        {"t1", "p", "q", "r", "condition"},
+    ),
+    "shot, open": (
+        unfolded_arm,
+        {"t1", "t2", "p", "q", "r", "c", "asymmetry", "condition"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_columns_are_those_of_the_kind_of_orbit_and_each_can_be_read(name: str) -> None:
+    make, own = CASES[name]
+    problem = make()
+    a = problem.params["a"]
+    branch = cb.trace(problem, "a", within={"a": (a - 0.004, a + 0.004)}, events=())
+    shown = set(branch.names)
+    assert own <= shown
+    extra = shown - own - BASE
+    assert not {"asymmetry", "c", "t2", "p1", "p2", "J1"} & extra, extra
+    for column in branch.names:
+        assert np.isfinite(branch[column]).all(), column
+    if "asymmetry" in own:
+        np.testing.assert_allclose(
+            branch["asymmetry"], branch["t2"] - branch["t1"] - math.pi, atol=1e-13
+        )
+    if "J1" in own:
+        np.testing.assert_allclose(branch["p"], -branch["J1"] / 2, atol=1e-13)
+    solutions = [point.solution for point in branch]
+    if "c" in own:
+        np.testing.assert_allclose(branch["c"], [one.c for one in solutions], atol=1e-13)
+    np.testing.assert_array_equal(branch["gamma"], problem.params["gamma"])
+
+
+def test_an_arm_that_is_left_too_far_out_is_refused() -> None:
+    """The equations have solutions there, but the impacts come in another order."""
+    start = shooting(cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(8)))
+    point = cb.trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF")
+    for amplitude in (4.0, 5.0):
+        with pytest.raises(NotConverged, match="is no orbit of ring of 8.* out of order"):
+            unfolded(point).arm(amplitude)
