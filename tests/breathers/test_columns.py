@@ -1,4 +1,4 @@
-"""Every column of every problem of breathers and orbits: there, readable, and what its name says."""
+"""Every column of every problem of breathers and orbits: there, and what its name says."""
 
 from __future__ import annotations
 
@@ -76,5 +76,5 @@ def test_an_arm_that_is_left_too_far_out_is_refused() -> None:
     start = shooting(cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(8)))
     point = cb.trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF")
     for amplitude in (4.0, 5.0):
-        with pytest.raises(NotConverged, match="is no orbit of ring of 8.* out of order"):
+        with pytest.raises(NotConverged, match=r"is no orbit of ring of 8.* out of order"):
             unfolded(point).arm(amplitude)

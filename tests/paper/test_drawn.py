@@ -141,7 +141,8 @@ def test_exact_lines_are_red_the_other_breather_dashed_and_the_ring_open_circles
     )
     assert reddish(exact.get_color())
     assert not reddish(other.get_color())
-    assert (ring.get_marker(), ring.get_markerfacecolor()) == ("o", "none")
+    markers = [line.get_marker() for line in (exact, other, ring)]
+    assert (*markers, ring.get_markerfacecolor()) == ("None", "None", "o", "none")
     for line, curve in zip(ax.get_lines(), LINES, strict=True):
         np.testing.assert_array_equal(line.get_data(), (curve.t, curve.u))
     legend = ax.get_legend()

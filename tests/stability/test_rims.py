@@ -7,10 +7,12 @@ import math
 import numpy as np
 import pytest
 
+from contbreather.errors import NotConverged
 from contbreather.lattice.modes import InfiniteChain, Ring
 from contbreather.stability import (
     dense_half_map,
     neimark_sacker,
+    orbit,
     unstable_count,
     unstable_multipliers,
 )
@@ -102,6 +104,22 @@ def test_the_winding_number_of_an_orbit_is_the_argument_of_its_determinant() -> 
         assert count.certain
         counts.append(count.count)
     assert {0, 1} <= set(counts)
+
+
+@pytest.mark.parametrize("wrong", [-1, 1])
+def test_multipliers_of_an_orbit_are_held_to_its_winding_number(monkeypatch, wrong: int) -> None:
+    """Newton's method that loses one, or finds one that is none, is not believed."""
+    find = orbit._zeros
+
+    def other(*args: object) -> np.ndarray:
+        found = find(*args)
+        return found[:-1] if wrong < 0 else np.append(found, 1.5)
+
+    map = OrbitMap(0.11, 0.8, [(0, 0.0, -0.28657), (0, math.pi, -0.28657)])
+    assert map.unstable_multipliers().size == map.count().count == 2
+    monkeypatch.setattr(orbit, "_zeros", other)
+    with pytest.raises(NotConverged, match=f"says 2 multipliers .* found {2 + wrong}"):
+        map.unstable_multipliers()
 
 
 def test_an_orbit_with_a_multiplier_on_the_circle_is_not_certain_and_says_where() -> None:
