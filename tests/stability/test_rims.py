@@ -106,6 +106,20 @@ def test_the_winding_number_of_an_orbit_is_the_argument_of_its_determinant() -> 
     assert {0, 1} <= set(counts)
 
 
+@pytest.mark.parametrize("sites", [None, 11])
+def test_poles_are_taken_off_alike_whatever_sites_are_hit(sites: int | None) -> None:
+    """F is D without the poles of the band, and they are those of the lattice alone."""
+    lattice = InfiniteChain() if sites is None else Ring(sites)
+    one = OrbitMap(0.08, 0.8, [(0, 0.0, 0.4), (0, 2.0, -0.3)], lattice=lattice)
+    two = OrbitMap(0.08, 0.8, [(0, 0.0, 0.7), (1, 0.9, 0.2), (3, 2.5, -0.6)], lattice=lattice)
+    edge = 2 * 0.08**0.5  # in units of the circle, 0.566: all aliases overlap above 1 - edge
+    for kappa in (0.07, 0.25, 0.42, 0.45, 0.49):
+        assert kappa < edge
+        at = np.array([kappa + 0j])
+        ratio = [complex(map.F(at)[0] / map.D(at)[0]) for map in (one, two)]
+        assert ratio[1] == pytest.approx(ratio[0], rel=1e-9)
+
+
 @pytest.mark.parametrize("wrong", [-1, 1])
 def test_multipliers_of_an_orbit_are_held_to_its_winding_number(monkeypatch, wrong: int) -> None:
     """Newton's method that loses one, or finds one that is none, is not believed."""
