@@ -5,6 +5,7 @@ Newton's iteration forgives a wrong column: it only takes longer, or ends where 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
 
@@ -14,7 +15,7 @@ import pytest
 import contbreather as cb
 from contbreather.breathers import pitchfork
 from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.orbit_problem import impact_problem
+from contbreather.breathers.orbit_problem import impact_problem, orbit_problem
 from contbreather.breathers.orbits import orbit_of
 from contbreather.breathers.shooting import shooting
 from contbreather.continuation import Branch, Locus, Point
@@ -71,6 +72,22 @@ def general() -> Branch:
 
 
 @cache
+def two_sites() -> Branch:
+    """Sites 0 and 3 hit alike, each off centre by an offset of its own."""
+    b = cb.symmetric(0.5, 0.03, 0.8)
+    problem = orbit_problem(
+        [(0, 1), (3, 1), (0, -1), (3, -1)],
+        times=[b.phi - 1e-6, b.phi + 1e-6, b.phi + math.pi - 1e-6, b.phi + math.pi + 1e-6],
+        impulses=[-2 * b.p, -2 * b.p, 2 * b.p, 2 * b.p],
+        a=0.5,
+        gamma=0.03,
+        k=0.8,
+    )
+    grazing = [event for event in problem.events if event.kind == "GR"]
+    return cb.trace(problem, "a", towards="up", within={"a": (0.4, 1.2)}, events=grazing)
+
+
+@cache
 def shot() -> Branch:
     start = shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8)
     return cb.trace(start, "a", within={"a": (0.05, 0.99)})
@@ -95,6 +112,8 @@ PLACES: list[Place] = [
     (arm, "GR", ("k", "a")),
     (arm_of_one, "PD", ("k", "a")),
     (general, "GR", ("gamma", "a")),
+    (two_sites, "GR", ("gamma", "a")),
+    (two_sites, "GR", ("k", "a")),
     (shot, "PF", ("gamma", "a")),
     (shot, "LP", ("k", "a")),
     (shot, "GR", ("gamma", "a")),

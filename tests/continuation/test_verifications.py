@@ -345,6 +345,25 @@ def test_a_neimark_sacker_curve_is_chenciner_only_where_the_real_part_vanishes()
     assert "Re d = " in reason(looked_for(curve, "CH"), curve[0])
 
 
+@pytest.mark.parametrize("third", [1.0002, -0.9999, 0.99999])
+def test_the_pair_is_followed_though_a_real_multiplier_is_nearer_to_the_circle(third) -> None:
+    c, s = np.cos(1.1), np.sin(1.1)
+
+    def image(u: Array, p: Mapping[str, float]) -> Any:
+        x, y, z = u
+        grow = 1 + p["m"] + 0.1 * z
+        return [grow * (c * x - s * y), grow * (s * x + c * y), third * z + x * x]
+
+    mine = of_map(image, {"x": 0.0, "y": 0.0, "z": 0.0}, -0.31)
+    events = [event_of(mine, "NS")]
+    branch = trace(mine, "m", within={"m": (-0.4, 0.35)}, events=events)
+    (point,) = (p for p in branch.special if p.kind == "NS")
+    assert point["m"] == pytest.approx(0.0, abs=1e-10)
+    assert point.detail["angle"] == pytest.approx(1.1, abs=1e-9)
+    located = event_of(mine, "NS").locus(middle(branch))
+    assert located.extra["cosine"] == pytest.approx(c, abs=1e-9)
+
+
 def test_two_multipliers_one_with_two_eigenvectors_are_no_resonance() -> None:
     point = linear(1.0, 1.0)
     words = reason(looked_for(henon_curve("LP"), "R1"), point)
