@@ -120,6 +120,15 @@ def test_poles_are_taken_off_alike_whatever_sites_are_hit(sites: int | None) -> 
         assert ratio[1] == pytest.approx(ratio[0], rel=1e-9)
 
 
+@pytest.mark.parametrize("gamma", [0.01, 0.05, 0.0624, 0.09, 0.2])
+def test_the_scalar_at_minus_one_is_the_determinant_over_the_size_of_the_resolvent(gamma) -> None:
+    """``D(-1)/(1 + |g|^2)`` with ``|g|^-2 = s^2 |s^2 - 4 gamma|`` at s = 1/2."""
+    map = OrbitMap(gamma, 0.8, [(0, 0.0, 0.5), (0, 2.7, 0.3)])
+    size = 0.25 * abs(0.25 - 4 * gamma)
+    whole = complex(map.D(np.array([0.5 - 1e-13j]))[0])
+    assert map.minus_one() == pytest.approx(whole.real * size / (1 + size), rel=1e-6)
+
+
 @pytest.mark.parametrize("wrong", [-1, 1])
 def test_multipliers_of_an_orbit_are_held_to_its_winding_number(monkeypatch, wrong: int) -> None:
     """Newton's method that loses one, or finds one that is none, is not believed."""
