@@ -210,3 +210,109 @@ def test_columns_of_a_branch_are_those_of_the_breathers_on_it(run) -> None:
 
 def test_sweep_of_the_library_goes_there_and_back() -> None:
     assert there_and_back([1.0, 2.0, 4.0]).tolist() == [1.0, 2.0, 4.0, 2.0, 1.0]
+
+
+# --- titles, and pictures that commands write -----------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("line", "title"),
+    [
+        ("point --a 0.5 --gamma 0.05 --k 0.8", "Symmetric breather"),
+        ("branch --free a --gamma 0.1 --k 0.8", "symmetric breather in a"),
+        ("boundary PF --k 0.8", "PF boundary"),
+        ("zones --k 0.8 --csv z.csv", "Where the curves meet"),
+        ("switch --free a --gamma 0.04 --k 0.8", "asymmetric breather in a"),
+    ],
+)
+def test_tables_have_their_title(run, line: str, title: str) -> None:
+    status, out, _ = run(line)
+    assert status == DONE
+    assert any(re.match(rf"{title}(| .*)$", one.strip()) for one in out.splitlines()), out
+
+
+def test_table_of_arms_holds_the_special_points_of_each(run) -> None:
+    line = "switch --free a --gamma 0.04 --k 0.8"
+    arms = json.loads(run(f"{line} --json")[1])["arms"]
+    table_lines = [one for one in run(line)[1].splitlines() if one.startswith(("┃", "│"))]
+    heading, *rows = ([cell.strip() for cell in re.split("[┃│]", one)[1:-1]] for one in table_lines)
+    assert heading[:3] == ["arm", "label", "a"]
+    special = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm["special"]]
+    assert len(rows) == len(special)
+    for row, (number, point) in zip(rows, special, strict=True):
+        shown = dict(zip(heading, row, strict=True))
+        assert shown["arm"] == str(number)
+        assert shown["label"] == point.get("parent", point["label"])
+        if "asymmetry" in heading:
+            asymmetry = point["t2"] - point["t1"] - math.pi
+            assert float(shown["asymmetry"]) == pytest.approx(asymmetry, abs=1e-11)
+        assert {"p", "t1", "t2"} <= set(heading)
+        for name in set(heading) & {"a", "p", "t1", "t2", "c"}:
+            assert float(shown[name]) == pytest.approx(point[name], rel=1e-11, abs=1e-11)
+
+
+@pytest.fixture
+def pictures(monkeypatch) -> list:
+    """Figures that commands would have written."""
+    from contbreather.plotting import canvas
+
+    drawn: list = []
+
+    def keep(figure, path):
+        drawn.append(figure.get_figure(root=True))
+        return Path(path)
+
+    monkeypatch.setattr(canvas, "save_figure", keep)
+    return drawn
+
+
+def data_of(ax) -> np.ndarray:
+    return np.concatenate([np.stack(line.get_data(), 1) for line in ax.get_lines()])
+
+
+def test_picture_of_a_branch_is_that_of_its_columns(run, pictures) -> None:
+    out = run("branch --free gamma --a 0.2 --k 0.8 -o b.png --json")[1]
+    columns = json.loads(out)["columns"]
+    (ax,) = pictures[0].axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\gamma$", "$p$")
+    for gamma, p in list(zip(columns["gamma"], columns["p"], strict=True))[::5]:
+        assert np.abs(data_of(ax) - (gamma, p)).max(axis=1).min() < 1e-9
+
+
+def test_picture_of_a_boundary_is_in_its_pair(run, pictures) -> None:
+    columns = json.loads(run("boundary PF --k 0.8 -o b.png --json")[1])["columns"]
+    (ax,) = pictures[0].axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\gamma$", "$a$")
+    for gamma, a in list(zip(columns["gamma"], columns["a"], strict=True))[::7]:
+        assert np.abs(data_of(ax) - (gamma, a)).max(axis=1).min() < 1e-9
+
+
+def test_picture_of_a_switch_shows_momentum_above_and_asymmetry_below(run, pictures) -> None:
+    arms = json.loads(run("switch --free a --gamma 0.04 --k 0.8 -o s.png --json")[1])["arms"]
+    above, below = pictures[0].axes
+    assert [ax.get_xlabel() for ax in (above, below)] == ["$a$", "$a$"]
+    assert (above.get_ylabel(), below.get_ylabel()) == ("$p$", "asymmetry")
+    for arm in arms:
+        end = arm["special"][-1]
+        assert np.abs(data_of(above) - (end["a"], end["p"])).max(axis=1).min() < 1e-9
+        there = (end["a"], end["t2"] - end["t1"] - math.pi)
+        assert np.abs(data_of(below) - there).max(axis=1).min() < 1e-9
+    flat = [line for line in below.get_lines() if len(line.get_xdata()) > 1]
+    assert any(np.abs(line.get_ydata()).max() == 0.0 for line in flat)  # the symmetric breather
+
+
+def test_picture_of_zones_has_a_panel_for_each_value(run, pictures) -> None:
+    run("zones --k 0.8 --k 0.6 --gamma-window 0 0.03 -o z.png")
+    titles = [ax.get_title(loc="left") for ax in pictures[0].axes]
+    assert titles == ["(a) $k$ = 0.8", "(b) $k$ = 0.6"]
+
+
+def test_picture_of_a_diagram_shows_every_branch_by_its_first_impact(run, pictures) -> None:
+    run("diagram --free a --gamma 0.04 --k 0.8 -o d.png --csv d.csv")
+    (ax,) = pictures[0].axes
+    assert ax.get_xlabel() == "$a$"
+    rows = table("d.csv")
+    assert {row["branch"] for row in rows} == {"0", "1", "2"}
+    for row in rows[::9]:
+        t = float(row["t1"] or row["phi"])
+        assert np.abs(data_of(ax) - (float(row["a"]), t)).max(axis=1).min() < 0.02

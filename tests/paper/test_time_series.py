@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 
+import numpy as np
 import pytest
 
 from contbreather.errors import BadInput
@@ -69,6 +70,16 @@ def test_figure_7_is_asymmetric_and_needs_hard_walls(figures):
     soft = time_series.figure7(m=6)
     assert soft.numbers["delocalised"] == 1.0
     assert "delocalised" in soft.caption
+
+
+def test_figure_7_shows_the_ring_on_the_asymmetric_breather_of_its_own_side(figures):
+    """At the times of the exact line, and nearer to the circles than that."""
+    for panel in figures(7).panels:
+        exact, arm, ring = panel.curves
+        assert [curve.style for curve in panel.curves] == ["line", "dashed", "circles"]
+        assert np.array_equal(arm.t, exact.t)
+        off = [np.abs(np.interp(ring.t, one.t, one.u) - ring.u).mean() for one in (exact, arm)]
+        assert off[1] < 0.5 * off[0]
 
 
 def test_figure_8_is_a_transient_beside_a_genuine_torus(figures):
