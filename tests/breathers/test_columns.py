@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import contbreather as cb
 from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.doubling import twice
 from contbreather.breathers.orbit_problem import impact_problem
 from contbreather.breathers.orbits import orbit_of
 from contbreather.breathers.shooting import shooting
@@ -86,3 +88,16 @@ def test_no_orbit_is_shot_with_a_restitution_that_cannot_be(k: float) -> None:
     assert cb.trace(problem.at(k=1.0), "a", within={"a": (0.45, 0.55)})["k"].tolist()[0] == 1.0
     with pytest.raises(cb.BadInput, match=r"restitution coefficient must be in \[0, 1\]"):
         cb.trace(problem.at(k=k), "a", within={"a": (0.45, 0.55)})
+
+
+def test_two_impacts_are_one_on_each_wall_in_a_period_of_the_forcing() -> None:
+    one = orbit_of(cb.symmetric(0.5, 0.05, 0.8))
+    assert one.two_impacts
+    assert not twice(one).two_impacts
+    first, second = one.impacts
+    swapped = (second._replace(time=first.time), first._replace(time=second.time))
+    assert not replace(one, impacts=swapped).two_impacts
+    again = tuple(each._replace(time=each.time + 0.5) for each in one.impacts)
+    assert not replace(one, impacts=(first, again[0], second, again[1])).two_impacts
+    other = replace(one, impacts=(first, second._replace(site=2)), offsets=(0.0, 0.0))
+    assert not other.two_impacts

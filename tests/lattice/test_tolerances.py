@@ -156,6 +156,17 @@ def test_slow_and_fast_modes_of_a_resonant_ring_join_without_a_seam(gamma: float
     assert slope == pytest.approx((up - down) / (2 * h), rel=1e-5)
 
 
+@pytest.mark.parametrize("gamma", [0.0, 0.01, 0.2, 0.2499, 0.25 - 1e-6])
+@pytest.mark.parametrize("n", [0, 1, 9])
+def test_means_over_the_nodes_are_right_to_rounding_up_to_the_edge(gamma: float, n: int) -> None:
+    """``<cos(n theta)/(1 - w^2)>``, whose pole comes near: in closed form by residues."""
+    theta, weight, w = CHAIN.nodes(gamma, n)
+    root = math.sqrt(1 - 4 * gamma)
+    exact = (-2 * gamma / (1 - 2 * gamma + root)) ** n / root
+    assert weight.sum() == pytest.approx(1.0, rel=1e-13)
+    assert weight @ (np.cos(n * theta) / (1 - w * w)) == pytest.approx(exact, abs=1e-12 / root**2)
+
+
 # --- the closure ----------------------------------------------------------------------------------
 
 SAME = Fourier(cos={1: -1.0, 3: 0.0})  # the harmonic one, by the general road

@@ -119,6 +119,6 @@ def test_no_pitchfork_no_normal_form():
     q, c = 1 / 9, math.pi**2 - 4
     a, p = 2 * math.sqrt(4 + (math.pi * q) ** 2) / c, 2 * math.pi / c
     at = (a, 0.0, 0.8, p, -math.pi + math.atan(math.pi * q / 2))
-    with pytest.raises(BadInput, match="unknown parameter 'c3'"):
+    with pytest.raises(BadInput, match="unknown parameter 'c3': this breather has a, gamma, k"):
         pitchfork_form(*at, Harmonic(), InfiniteChain(), free="c3")
     assert np.isfinite(pitchfork_form(*at, Harmonic(), InfiniteChain(), free="k").coefficient)
