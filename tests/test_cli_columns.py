@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.cli import BAD_INPUT, DONE, main
-from contbreather.cli.output import to_csv, to_json
-from contbreather.dynamics import there_and_back
+from contbreather.cli import BAD_INPUT, DONE, main, seen
+from contbreather.cli.output import say, to_csv, to_json
+from contbreather.dynamics import open_recording, there_and_back
 
 Output = tuple[int, str, str]
 RUN = "simulate --a 0.2 --gamma 0.04 --k 0.8 --damping 0.02 --sites 4"
@@ -191,6 +191,35 @@ def test_table_of_a_point_gives_each_name_its_own_number(run) -> None:
     assert {name: float(shown[name]) for name in own} == pytest.approx(own, rel=1e-14)
     assert float(shown["max |u_1|"]) == pytest.approx(b.admissibility().max_neighbour, rel=1e-14)
     assert complex(shown["isolated multiplier of QS"]) == pytest.approx(1.06275000638, abs=1e-11)
+
+
+def test_json_of_a_point_says_what_drives_it(run) -> None:
+    content = json.loads(run("point --a 0.5 --gamma 0.05 --k 0.8 --forcing=-cos(t) --json")[1])
+    assert "cos" in content["forcing"]
+    assert (content["root"], content["other_roots"][0]["p"] > 0) == (1, True)
+
+
+def test_sentences_in_a_pipe_are_wrapped(capsys) -> None:
+    say("word " * 100)
+    lines = capsys.readouterr().out.splitlines()
+    assert 150 < max(map(len, lines)) <= 160
+
+
+def test_the_end_of_a_long_stream_is_a_run_of_its_own(run, monkeypatch) -> None:
+    """Its periods are counted from where it begins, its times from the start of the stream."""
+    run(f"{ELASTIC} --periods 30 --stream kept")
+    monkeypatch.setattr(seen, "JUDGED", 5)
+    shown = seen.seen_in(open_recording("kept"), 30).run
+    whole = cb.simulate(
+        cb.symmetric(0.2, 0.08, 1.0, lattice=cb.Ring(3)).state(3, 0.5 * math.pi),
+        a=0.2, gamma=0.08, k=1.0, periods=30, t0=0.5 * math.pi,
+    )  # fmt: skip
+    assert shown.periods == 10
+    np.testing.assert_allclose(shown.times, whole.times[20:], atol=1e-9)
+    np.testing.assert_allclose(shown.strobe.u, whole.strobe.u[20:], atol=1e-9)
+    late = whole.impacts[whole.impacts["period"] >= 20]
+    assert shown.impacts["period"].tolist() == (late["period"] - 20).tolist()
+    np.testing.assert_allclose(shown.impacts["time"], late["time"], atol=1e-9)
 
 
 def test_columns_of_a_branch_are_those_of_the_breathers_on_it(run) -> None:

@@ -14,7 +14,7 @@ from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.doubling import twice
 from contbreather.breathers.orbit_problem import impact_problem
 from contbreather.breathers.orbits import orbit_of
-from contbreather.breathers.shooting import shooting
+from contbreather.breathers.shooting import shooting, shot_orbit
 from contbreather.breathers.shooting_lifts import unfolded
 from contbreather.continuation import Problem
 from contbreather.errors import NotConverged
@@ -101,3 +101,42 @@ def test_two_impacts_are_one_on_each_wall_in_a_period_of_the_forcing() -> None:
     assert not replace(one, impacts=(first, again[0], second, again[1])).two_impacts
     other = replace(one, impacts=(first, second._replace(site=2)), offsets=(0.0, 0.0))
     assert not other.two_impacts
+
+
+def test_what_belongs_to_two_impacts_is_refused_for_more() -> None:
+    four = twice(orbit_of(cb.symmetric(0.5, 0.05, 0.8)))
+    for name in ("p", "asymmetry"):
+        with pytest.raises(cb.BadInput, match=f"{name} belongs to orbits with two impacts"):
+            getattr(four, name)
+
+
+def test_acceleration_of_a_shot_orbit_is_the_slope_of_its_velocity() -> None:
+    orbit = shot_orbit(shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8))
+    h = 1e-4
+    for site in (0, 1, 4):
+        for t in (0.3, 1.7, 4.4):
+            ahead, behind = (orbit.velocity(site, t + s) for s in (h, -h))
+            assert orbit.acceleration(site, t) == pytest.approx(
+                (ahead - behind) / (2 * h), abs=1e-6
+            )
+
+
+@pytest.mark.parametrize(("a", "gamma", "k"), [(0.5, 0.05, 0.8), (0.4, 0.1, 0.2), (0.9, 0.0, 0.5)])
+def test_the_margin_of_the_site_itself_is_in_units_of_mid_flight(a, gamma, k) -> None:
+    """The least of ``(1 - u^2)/((s + k) s (pi - s))``, times its denominator at s = pi/2."""
+    b = cb.symmetric(a, gamma, k)
+    s = np.linspace(1e-3, math.pi - 1e-3, 4001)
+    u = b.displacement(0, b.phi + s)
+    ratio = (1 - u**2) / ((s + k) * s * (math.pi - s))
+    middle = (math.pi / 2 + k) * (math.pi / 2) ** 2
+    assert b.admissibility().centre == pytest.approx(ratio.min() * middle, rel=2e-3)
+
+
+def test_what_is_followed_from_where_two_crests_graze_is_grazing() -> None:
+    start = cb.symmetric(0.6, 0.1, 0.05)
+    point = cb.trace(start, "a", towards="up", within={"a": (0.0, 1.2)}).first("GR")
+    line = cb.boundary(point, ("gamma", "a"), within={"gamma": (0.0, 0.24)})
+    met = next(p for p in line.special if p.kind == "GR-GR")
+    assert cb.boundary(met, ("gamma", "a"), within={"gamma": (0.0, 0.24)}).problem.label == (
+        "GR boundary"
+    )

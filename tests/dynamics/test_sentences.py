@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from typing import Any
 
 import pytest
 
 import contbreather as cb
-from contbreather.dynamics import record, simulate_smooth, sweep, verdict
+from contbreather.dynamics import (
+    attraction,
+    localisation,
+    lyapunov,
+    periodic,
+    record,
+    simulate_smooth,
+    smooth_orbit,
+    sweep,
+    verdict,
+)
 from contbreather.errors import BadInput
 
 STATE = cb.symmetric(0.2, 0.04, 0.8).state(4)
@@ -51,3 +62,27 @@ def run(kind: str, folder: Any, **given: Any) -> Any:
 def test_a_wrong_number_is_named_with_its_value(kind, name, value, tmp_path) -> None:
     with pytest.raises(BadInput, match=rf"^{name} = {value!r}\b"):
         run(kind, tmp_path, **{name: value})
+
+
+def defaults(of: Any) -> dict[str, Any]:
+    found = inspect.signature(of).parameters.values()
+    return {one.name: one.default for one in found if one.default is not inspect.Parameter.empty}
+
+
+def test_a_name_has_one_default_wherever_it_is_given() -> None:
+    """No damping, from t = 0, driven by a cosine: what is not said is not there."""
+    plain = {"damping": 0.0, "t0": 0.0, "forcing": None, "sample": None, "progress": None}
+    seen = set()
+    makers = (cb.simulate, simulate_smooth, record, verdict, sweep, attraction, periodic, lyapunov,
+              smooth_orbit, localisation)  # fmt: skip
+    for of in makers:
+        own = defaults(of)
+        seen |= set(own)
+        for name in set(own) & set(plain):
+            assert own[name] == plain[name], (of.__name__, name)
+    assert set(plain) <= seen
+    walks = {"within": None, "towards": "both", "events": None, "steps": None, "progress": None}
+    for of in (cb.trace, cb.boundary, cb.switch, cb.diagram):
+        own = defaults(of)
+        for name in set(own) & set(walks):
+            assert own[name] == walks[name], (of.__name__, name)

@@ -108,6 +108,13 @@ def test_a_formula_that_vanishes_is_refused_with_the_values_of_its_letters() -> 
         Symbolic("c*cos(t) + d*cos(t)", c=1.0, d=-1.0)
 
 
+def test_a_letter_without_a_value_is_asked_for_and_the_time_named() -> None:
+    with pytest.raises(BadInput, match=r"needs a value for c\.$"):
+        Symbolic("-c*cos(t)")
+    with pytest.raises(BadInput, match=r"needs a value for x; the time is t\.$"):
+        Symbolic("-cos(x)")
+
+
 def test_powers_up_to_99_are_taken() -> None:
     assert Symbolic("-cos(t)**9").highest == 9
     with pytest.raises(BadInput, match="powers up to 99 are taken"):
