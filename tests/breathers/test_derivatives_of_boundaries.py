@@ -196,3 +196,33 @@ def test_a_locus_lifted_onto_another_boundary_has_its_columns_in_their_places(me
 
 def place_extra(curve: Curve) -> list[str]:
     return [name for name in curve.problem.start if name in ("nu", "t", "kappa")]
+
+
+# --- what ends the grazing of a crest -------------------------------------------------------------
+
+
+def crests(orbit, n: int) -> list[tuple[float, float]]:
+    """Time and height of every local maximum of |u_n| in a period."""
+    t = np.linspace(0.0, 2 * math.pi, 20001)[:-1]
+    u = np.abs(orbit.displacement(n, t))
+    top = (u > np.roll(u, 1)) & (u >= np.roll(u, -1))
+    return list(zip(t[top].tolist(), u[top].tolist(), strict=True))
+
+
+def test_beside_the_crest_that_grazes_all_others_are_watched() -> None:
+    """On the line of an arm: the next highest crest, per asymmetry, by brute force."""
+    first = next(p for p in arm().special[::-1] if p.kind == "GR")
+    line = cb.boundary(first, ("gamma", "a"), within={"gamma": (0.035, 0.045)})
+    (event,) = (event for event in line.problem.events if event.kind == "GR-GR")
+    for point in [p for p in line if not p.kind][::4]:
+        orbit, t = point.solution, point["t"] % (2 * math.pi)
+        heights = [
+            height
+            for n in (1, 2, 3)
+            for time, height in crests(orbit, n)
+            if n > 1 or abs(math.remainder(time - t, 2 * math.pi)) > 0.01
+        ]
+        grazing = max(height for _, height in crests(orbit, 1))
+        assert grazing == pytest.approx(1.0, abs=1e-6)
+        wanted = (1.0 - max(heights)) / abs(orbit.asymmetry)
+        assert event.test(point) == pytest.approx(wanted, rel=1e-4)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.dynamics import smooth_orbit
+from contbreather.dynamics import Fate, smooth_orbit
 
 
 @pytest.mark.parametrize("symmetric", [True, False])
@@ -21,3 +21,9 @@ def test_columns_of_a_smooth_orbit_are_about_its_whole_period(symmetric: bool) -
         assert point["largest"] == pytest.approx(moduli.max(), rel=1e-9)
         assert np.prod(moduli) < np.exp(-8 * np.pi * 0.01) * 1.0001  # damping of all sites
         assert point["unstable"] == np.sum(moduli > 1.0 + 1e-6)
+
+
+def test_fates_are_small_numbers_without_gaps() -> None:
+    """They are kept in one byte each, and coloured by steps of one."""
+    assert sorted(int(fate) for fate in Fate) == list(range(-1, 5))
+    assert Fate.PENDING < Fate.OUTSIDE
