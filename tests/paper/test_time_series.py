@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 
+import numpy as np
 import pytest
 
 from contbreather.errors import BadInput
@@ -69,6 +70,18 @@ def test_figure_7_is_asymmetric_and_needs_hard_walls(figures):
     soft = time_series.figure7(m=6)
     assert soft.numbers["delocalised"] == 1.0
     assert "delocalised" in soft.caption
+
+
+def test_figure_7_shows_the_ring_on_the_asymmetric_breather_of_its_own_side(figures):
+    """At the times of the exact line, and off centre to the same side as the circles."""
+    for panel in figures(7).panels:
+        exact, arm, ring = panel.curves
+        assert [curve.style for curve in panel.curves] == ["line", "dashed", "circles"]
+        assert np.array_equal(arm.t, exact.t)
+        centre, lopsided, own = (curve.u[:-1].mean() for curve in (exact, arm, ring))
+        assert abs(centre) < 1e-5
+        assert lopsided * own > 0.0
+        assert np.corrcoef(exact.u, arm.u)[0, 1] > 0.9  # in phase
 
 
 def test_figure_8_is_a_transient_beside_a_genuine_torus(figures):

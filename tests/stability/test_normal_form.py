@@ -93,6 +93,24 @@ def test_the_word_says_whether_the_arms_take_over_stability(c3, word, gamma):
     assert arm == (min(counts) if word == "supercritical" else max(counts))
 
 
+@pytest.mark.parametrize(("c3", "word"), [(-1.0, "supercritical"), (0.3, "subcritical")])
+def test_the_word_does_not_depend_on_the_parameter_that_is_varied(c3, word):
+    """Stability is lost towards larger a and smaller gamma: one pitchfork all the same."""
+    forcing = Fourier(cos={1: -1.0, 3: c3})
+    start = symmetric(0.9, 0.02, 0.8, forcing=forcing)
+    point = trace(start, "a", within={"a": (0.05, 3)}, events=[pitchfork()]).first("PF")
+    forms = {free: form_at(point.solution, free) for free in ("a", "gamma", "k", "c1", "c3")}
+    assert {form.criticality for form in forms.values()} == {word}
+    assert {form.coefficient > 0 for form in forms.values()} == {True, False}
+
+
+@pytest.mark.parametrize("off", [1e-4, -1e-3])
+def test_a_breather_next_to_a_pitchfork_is_none(off):
+    b = symmetric(0.777632425944 * (1 + off), 0.04, 0.8)
+    with pytest.raises(BadInput, match="is no pitchfork"):
+        pitchfork_form(b.a, b.gamma, b.k, b.p, b.phi, Harmonic(), InfiniteChain())
+
+
 def test_no_pitchfork_no_normal_form():
     b = symmetric(0.5, 0.04, 0.8)
     numbers = (b.a, b.gamma, b.k, b.p, b.phi, Harmonic(), InfiniteChain())
@@ -101,6 +119,6 @@ def test_no_pitchfork_no_normal_form():
     q, c = 1 / 9, math.pi**2 - 4
     a, p = 2 * math.sqrt(4 + (math.pi * q) ** 2) / c, 2 * math.pi / c
     at = (a, 0.0, 0.8, p, -math.pi + math.atan(math.pi * q / 2))
-    with pytest.raises(BadInput, match="unknown parameter 'c3'"):
+    with pytest.raises(BadInput, match="unknown parameter 'c3': this breather has a, gamma, k"):
         pitchfork_form(*at, Harmonic(), InfiniteChain(), free="c3")
     assert np.isfinite(pitchfork_form(*at, Harmonic(), InfiniteChain(), free="k").coefficient)

@@ -1,0 +1,142 @@
+"""Every column of every problem of breathers and orbits: there, and what its name says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.doubling import twice
+from contbreather.breathers.orbit_problem import impact_problem
+from contbreather.breathers.orbits import orbit_of
+from contbreather.breathers.shooting import shooting, shot_orbit
+from contbreather.breathers.shooting_lifts import unfolded
+from contbreather.continuation import Problem
+from contbreather.errors import NotConverged
+
+BASE = {"a", "gamma", "k", "arclength", "residual", "unstable"}
+
+
+def unfolded_arm() -> Problem:
+    start = shooting(cb.symmetric(0.7, 0.04, 0.8), sites=8)
+    point = cb.trace(start, "a", towards="up", within={"a": (0.0, 0.8)}).first("PF")
+    return unfolded(point).arm(0.05)
+
+
+CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
+    "breather": (lambda: cb.symmetric(0.5, 0.05, 0.8).problem, {"p", "phi"}),
+    "arm": (
+        lambda: asymmetric(0.8, 0.04, 0.8).problem,
+        {"p", "t1", "t2", "c", "asymmetry"},
+    ),
+    "general": (
+        lambda: impact_problem(orbit_of(cb.symmetric(0.5, 0.05, 0.8))),
+        {"t1", "t2", "J1", "J2", "c", "p", "asymmetry"},
+    ),
+    "shot": (
+        lambda: shooting(cb.symmetric(0.5, 0.05, 0.8), sites=8),
+        {"t1", "p", "q", "r", "condition"},
+    ),
+    "shot, open": (
+        unfolded_arm,
+        {"t1", "t2", "p", "q", "r", "c", "asymmetry", "condition"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_columns_are_those_of_the_kind_of_orbit_and_each_can_be_read(name: str) -> None:
+    make, own = CASES[name]
+    problem = make()
+    a = problem.params["a"]
+    branch = cb.trace(problem, "a", within={"a": (a - 0.004, a + 0.004)}, events=())
+    shown = set(branch.names)
+    assert own <= shown
+    extra = shown - own - BASE
+    assert not {"asymmetry", "c", "t2", "p1", "p2", "J1"} & extra, extra
+    for column in branch.names:
+        assert np.isfinite(branch[column]).all(), column
+    if "asymmetry" in own:
+        np.testing.assert_allclose(
+            branch["asymmetry"], branch["t2"] - branch["t1"] - math.pi, atol=1e-13
+        )
+    if "J1" in own:
+        np.testing.assert_allclose(branch["p"], -branch["J1"] / 2, atol=1e-13)
+    solutions = [point.solution for point in branch]
+    if "c" in own:
+        np.testing.assert_allclose(branch["c"], [one.c for one in solutions], atol=1e-13)
+    np.testing.assert_array_equal(branch["gamma"], problem.params["gamma"])
+
+
+def test_an_arm_that_is_left_too_far_out_is_refused() -> None:
+    """The equations have solutions there, but the impacts come in another order."""
+    start = shooting(cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(8)))
+    point = cb.trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF")
+    for amplitude in (4.0, 5.0):
+        with pytest.raises(NotConverged, match=r"is no orbit of ring of 8.* out of order"):
+            unfolded(point).arm(amplitude)
+
+
+@pytest.mark.parametrize("k", [-0.01, 1.01, 2.0])
+def test_no_orbit_is_shot_with_a_restitution_that_cannot_be(k: float) -> None:
+    problem = shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8)
+    assert cb.trace(problem.at(k=1.0), "a", within={"a": (0.45, 0.55)})["k"].tolist()[0] == 1.0
+    with pytest.raises(cb.BadInput, match=r"restitution coefficient must be in \[0, 1\]"):
+        cb.trace(problem.at(k=k), "a", within={"a": (0.45, 0.55)})
+
+
+def test_two_impacts_are_one_on_each_wall_in_a_period_of_the_forcing() -> None:
+    one = orbit_of(cb.symmetric(0.5, 0.05, 0.8))
+    assert one.two_impacts
+    assert not twice(one).two_impacts
+    first, second = one.impacts
+    swapped = (second._replace(time=first.time), first._replace(time=second.time))
+    assert not replace(one, impacts=swapped).two_impacts
+    again = tuple(each._replace(time=each.time + 0.5) for each in one.impacts)
+    assert not replace(one, impacts=(first, again[0], second, again[1])).two_impacts
+    other = replace(one, impacts=(first, second._replace(site=2)), offsets=(0.0, 0.0))
+    assert not other.two_impacts
+
+
+def test_what_belongs_to_two_impacts_is_refused_for_more() -> None:
+    four = twice(orbit_of(cb.symmetric(0.5, 0.05, 0.8)))
+    for name in ("p", "asymmetry"):
+        with pytest.raises(cb.BadInput, match=f"{name} belongs to orbits with two impacts"):
+            getattr(four, name)
+
+
+def test_acceleration_of_a_shot_orbit_is_the_slope_of_its_velocity() -> None:
+    orbit = shot_orbit(shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8))
+    h = 1e-4
+    for site in (0, 1, 4):
+        for t in (0.3, 1.7, 4.4):
+            ahead, behind = (orbit.velocity(site, t + s) for s in (h, -h))
+            assert orbit.acceleration(site, t) == pytest.approx(
+                (ahead - behind) / (2 * h), abs=1e-6
+            )
+
+
+@pytest.mark.parametrize(("a", "gamma", "k"), [(0.5, 0.05, 0.8), (0.4, 0.1, 0.2), (0.9, 0.0, 0.5)])
+def test_the_margin_of_the_site_itself_is_in_units_of_mid_flight(a, gamma, k) -> None:
+    """The least of ``(1 - u^2)/((s + k) s (pi - s))``, times its denominator at s = pi/2."""
+    b = cb.symmetric(a, gamma, k)
+    s = np.linspace(1e-3, math.pi - 1e-3, 4001)
+    u = b.displacement(0, b.phi + s)
+    ratio = (1 - u**2) / ((s + k) * s * (math.pi - s))
+    middle = (math.pi / 2 + k) * (math.pi / 2) ** 2
+    assert b.admissibility().centre == pytest.approx(ratio.min() * middle, rel=2e-3)
+
+
+def test_what_is_followed_from_where_two_crests_graze_is_grazing() -> None:
+    start = cb.symmetric(0.6, 0.1, 0.05)
+    point = cb.trace(start, "a", towards="up", within={"a": (0.0, 1.2)}).first("GR")
+    line = cb.boundary(point, ("gamma", "a"), within={"gamma": (0.0, 0.24)})
+    met = next(p for p in line.special if p.kind == "GR-GR")
+    assert cb.boundary(met, ("gamma", "a"), within={"gamma": (0.0, 0.24)}).problem.label == (
+        "GR boundary"
+    )

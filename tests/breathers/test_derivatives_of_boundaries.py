@@ -1,0 +1,228 @@
+"""The derivative of every boundary, column by column, against differences of its own equations.
+
+Newton's iteration forgives a wrong column: it only takes longer, or ends where the step is small.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.breathers import pitchfork
+from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.orbit_problem import impact_problem, orbit_problem
+from contbreather.breathers.orbits import orbit_of
+from contbreather.breathers.shooting import shooting
+from contbreather.continuation import Branch, Locus, Point
+from contbreather.continuation.boundary import boundary_problem, met
+from contbreather.continuation.problem import Curve
+
+RICH = cb.Fourier(cos={1: -1.0, 3: -0.2}, sin={5: 0.1})
+LETTERS = cb.Symbolic("-cos(t) - c*cos(3*t)", c=0.2)
+
+
+@cache
+def breathers() -> Branch:
+    return cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.0, 0.99)})
+
+
+@cache
+def with_letters() -> Branch:
+    start = cb.symmetric(0.5, 0.04, 0.8, forcing=LETTERS)
+    return cb.trace(start, "a", within={"a": (0.05, 0.99)})
+
+
+@cache
+def in_gamma() -> Branch:
+    return cb.trace(cb.symmetric(0.2, 0.08, 0.8), "gamma", within={"gamma": (0.0, 0.12)})
+
+
+@cache
+def on_ring() -> Branch:
+    start, events = cb.symmetric(0.2, 0.08, 0.8), [cb.neimark_sacker(on=cb.Ring(30))]
+    return cb.trace(start, "gamma", within={"gamma": (0.0, 0.12)}, events=events)
+
+
+@cache
+def at_small_k() -> Branch:
+    """Ends where site 0 grazes between its impacts, and where its impact vanishes."""
+    return cb.trace(cb.symmetric(0.6, 0.1, 0.01), "a", within={"a": (0.0, 1.0)})
+
+
+@cache
+def arm() -> Branch:
+    return cb.trace(asymmetric(0.82, 0.04, 0.8).problem, "a", within={"a": (0.7, 0.95)})
+
+
+@cache
+def arm_of_one() -> Branch:
+    start = asymmetric(0.85, 0.0, 0.8, lattice=cb.Ring(1)).problem
+    return cb.trace(start, "a", towards="up", within={"a": (0.8, 0.95)})
+
+
+@cache
+def general() -> Branch:
+    start = impact_problem(orbit_of(cb.symmetric(0.5, 0.05, 0.8)))
+    return cb.trace(start, "a", towards="up", within={"a": (0.4, 0.95)})
+
+
+@cache
+def two_sites() -> Branch:
+    """Sites 0 and 3 hit alike, each off centre by an offset of its own."""
+    b = cb.symmetric(0.5, 0.03, 0.8)
+    problem = orbit_problem(
+        [(0, 1), (3, 1), (0, -1), (3, -1)],
+        times=[b.phi - 1e-6, b.phi + 1e-6, b.phi + math.pi - 1e-6, b.phi + math.pi + 1e-6],
+        impulses=[-2 * b.p, -2 * b.p, 2 * b.p, 2 * b.p],
+        a=0.5,
+        gamma=0.03,
+        k=0.8,
+    )
+    grazing = [event for event in problem.events if event.kind == "GR"]
+    return cb.trace(problem, "a", towards="up", within={"a": (0.4, 1.2)}, events=grazing)
+
+
+@cache
+def shot() -> Branch:
+    start = shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8)
+    return cb.trace(start, "a", within={"a": (0.05, 0.99)})
+
+
+Place = tuple[Callable[[], Branch], str, tuple[str, str]]
+PLACES: list[Place] = [
+    (breathers, "LP", ("gamma", "a")),
+    (breathers, "GR", ("k", "a")),
+    (with_letters, "PF", ("gamma", "a")),
+    (with_letters, "PF", ("k", "a")),
+    (with_letters, "PF", ("c", "a")),
+    (with_letters, "LP", ("c", "k")),
+    (with_letters, "GR", ("c", "gamma")),
+    (in_gamma, "NS", ("a", "gamma")),
+    (in_gamma, "NS", ("k", "gamma")),
+    (on_ring, "NS", ("a", "gamma")),
+    (on_ring, "NS", ("k", "gamma")),
+    (at_small_k, "GR", ("gamma", "a")),
+    (arm, "PF", ("gamma", "a")),
+    (arm, "GR", ("gamma", "a")),
+    (arm, "GR", ("k", "a")),
+    (arm_of_one, "PD", ("k", "a")),
+    (general, "GR", ("gamma", "a")),
+    (two_sites, "GR", ("gamma", "a")),
+    (two_sites, "GR", ("k", "a")),
+    (shot, "PF", ("gamma", "a")),
+    (shot, "LP", ("k", "a")),
+    (shot, "GR", ("gamma", "a")),
+]
+
+
+def named(place: Place) -> str:
+    source, kind, pair = place
+    return f"{source.__name__} {kind} in {' '.join(pair)}"
+
+
+def special(place: Place) -> Point:
+    source, kind, _ = place
+    return next(p for p in source().special[::-1] if p.kind == kind and p.event.locus is not None)
+
+
+def differences(of: Callable[[np.ndarray], np.ndarray], z: np.ndarray, h: float) -> np.ndarray:
+    columns = []
+    for i in range(z.size):
+        e = h * np.eye(z.size)[i]
+        columns.append((8 * (of(z + e) - of(z - e)) - (of(z + 2 * e) - of(z - 2 * e))) / (12 * h))
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize("place", PLACES, ids=named)
+def test_the_derivative_of_a_boundary_is_that_of_its_equations(place: Place) -> None:
+    point = special(place)
+    longer = boundary_problem(point.ground, point.event, place[2], events=())
+    curve = Curve(longer, place[2][:1])
+    z = curve.start
+    wanted = differences(curve.equations, z, 2e-5)
+    found = curve.jacobian(z)
+    assert found.shape == wanted.shape
+    off = np.abs(found - wanted).max(axis=0)
+    assert off.max() < 2e-6 * np.abs(wanted).max(), dict(zip(longer.names, off, strict=False))
+
+
+def of_locus(locus: Locus, curve: Curve, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Its derivative as given, and by differences."""
+    extra = np.concatenate([np.atleast_1d(value) for value in locus.extra.values()] or [[]])
+    size = z.size
+    wanted = differences(
+        lambda both: np.asarray(locus.conditions(curve, both[:size], both[size:])),
+        np.append(z, extra),
+        2e-5,
+    )
+    assert locus.derivative is not None
+    return np.asarray(locus.derivative(curve, z, extra)), wanted
+
+
+MEETINGS = [
+    (with_letters, "LP", ("gamma", "a"), pitchfork),
+    (in_gamma, "NS", ("a", "gamma"), pitchfork),
+    (with_letters, "GR", ("gamma", "a"), pitchfork),
+    (with_letters, "PF", ("gamma", "a"), cb.grazing),
+    (with_letters, "GR", ("c", "gamma"), cb.neimark_sacker),
+]
+
+
+@pytest.mark.parametrize(
+    "meeting", MEETINGS, ids=lambda m: f"{m[1]}-{m[3].__name__} in {' '.join(m[2])}"
+)
+def test_a_locus_lifted_onto_another_boundary_has_its_columns_in_their_places(meeting) -> None:
+    """Unknowns of the boundary, its angle or time among them, come between those of both."""
+    *place, make = meeting
+    point = special((*place,))
+    longer = boundary_problem(point.ground, point.event, place[2], events=())
+    curve = Curve(longer, place[2][:1])
+    z = curve.start
+    there = Point(curve, z, np.empty(0), 0.0, 0.0)
+    event = met(point.kind, make())
+    locus = event.locus(there)
+    assert all(name.endswith(f" of {make().kind}") for name in locus.extra)
+    found, wanted = of_locus(locus, curve, z)
+    assert np.abs(found - wanted).max() < 2e-6 * np.abs(wanted).max()
+    # what the boundary brought itself is no matter of the other's conditions
+    slots = [curve.slots[name] for name in place_extra(curve)]
+    assert np.all(found[:, slots] == 0.0)
+
+
+def place_extra(curve: Curve) -> list[str]:
+    return [name for name in curve.problem.start if name in ("nu", "t", "kappa")]
+
+
+# --- what ends the grazing of a crest -------------------------------------------------------------
+
+
+def crests(orbit, n: int) -> list[tuple[float, float]]:
+    """Time and height of every local maximum of |u_n| in a period."""
+    t = np.linspace(0.0, 2 * math.pi, 20001)[:-1]
+    u = np.abs(orbit.displacement(n, t))
+    top = (u > np.roll(u, 1)) & (u >= np.roll(u, -1))
+    return list(zip(t[top].tolist(), u[top].tolist(), strict=True))
+
+
+def test_beside_the_crest_that_grazes_all_others_are_watched() -> None:
+    """On the line of an arm: the next highest crest, per asymmetry, by brute force."""
+    first = next(p for p in arm().special[::-1] if p.kind == "GR")
+    line = cb.boundary(first, ("gamma", "a"), within={"gamma": (0.035, 0.045)})
+    (event,) = (event for event in line.problem.events if event.kind == "GR-GR")
+    for point in [p for p in line if not p.kind][::4]:
+        orbit, t = point.solution, point["t"] % (2 * math.pi)
+        heights = [
+            height
+            for n in (1, 2, 3)
+            for time, height in crests(orbit, n)
+            if n > 1 or abs(math.remainder(time - t, 2 * math.pi)) > 0.01
+        ]
+        grazing = max(height for _, height in crests(orbit, 1))
+        assert grazing == pytest.approx(1.0, abs=1e-6)
+        wanted = (1.0 - max(heights)) / abs(orbit.asymmetry)
+        assert event.test(point) == pytest.approx(wanted, rel=1e-4)

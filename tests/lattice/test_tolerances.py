@@ -1,0 +1,227 @@
+"""How close is close: on either side of every tolerance of forcings, waves and the closure.
+
+What is well beyond one is refused or told apart, what is well within is taken: neither may be ten
+thousand times larger or smaller.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.breathers import smallest_amplitude
+from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples, Symbolic
+from contbreather.lattice.periodic import wave, wave_slope
+
+GRID = 2 * np.pi * np.arange(64) / 64
+CHAIN = InfiniteChain()
+
+
+# --- samples --------------------------------------------------------------------------------------
+
+
+def test_samples_are_antisymmetric_to_nine_digits() -> None:
+    assert Samples(np.cos(GRID) + 1e-11).highest == 1
+    with pytest.raises(BadInput, match=r"not antisymmetric: .* reaches 2e-08"):
+        Samples(np.cos(GRID) + 1e-8)
+
+
+def test_samples_resolve_their_harmonics_to_ten_digits() -> None:
+    assert Samples(np.cos(GRID) + 1e-12 * np.cos(21 * GRID)).highest == 21
+    with pytest.raises(BadInput, match=r"above 16 still reach 1\.0e-08 of the largest"):
+        Samples(np.cos(GRID) + 1e-8 * np.cos(21 * GRID))
+
+
+def test_a_small_harmonic_of_samples_is_no_rounding() -> None:
+    found = {m: (a, b) for m, a, b in Samples(-np.cos(GRID) - 1e-13 * np.cos(3 * GRID)).harmonics}
+    assert found[3][0] == pytest.approx(1e-13 / 9, rel=0.01, abs=0)
+
+
+def test_harmonics_up_to_1001_are_taken() -> None:
+    assert Fourier(cos={1: -1.0, 1001: 1e-3}).highest == 1001
+    with pytest.raises(BadInput, match="harmonics up to 1001 are resolved"):
+        Fourier(cos={1: -1.0, 1003: 1e-3})
+
+
+@pytest.mark.parametrize("many", [11, 12, 13])
+def test_few_and_many_harmonics_are_summed_alike(many: int) -> None:
+    rng = np.random.default_rng(many)
+    cos = {2 * i + 1: float(x) for i, x in enumerate(rng.normal(size=many))}
+    forcing, t = Fourier(cos=cos), 0.7
+    for order, of in enumerate((forcing.f, forcing.df, forcing.d2f, forcing.d3f)):
+        exact = mp.fsum(
+            -mp.mpf(c) * mp.mpf(m) ** (order - 2) * mp.cos(m * mp.mpf(t) + order * mp.pi / 2)
+            for m, c in cos.items()
+        )
+        assert of(t) == pytest.approx(float(exact), rel=1e-12)
+        assert of(np.array([t]))[0] == pytest.approx(float(exact), rel=1e-12)
+
+
+def test_the_peak_between_two_crests_of_nearly_equal_height_is_the_higher_one() -> None:
+    """The grid sees the lower crest better; both are polished."""
+    for phase in (0.0, 0.013, 0.029, 0.045):
+        forcing = Fourier.from_response(cos={1: 1.0}, sin={3: 0.3 + 0.01 * phase, 1: phase})
+        t = np.linspace(0, math.pi, 400001)
+        assert forcing.peak() == pytest.approx(np.abs(forcing.f(t)).max(), abs=1e-10)
+
+
+# --- formulas -------------------------------------------------------------------------------------
+
+
+def test_a_formula_is_antisymmetric_to_twelve_digits() -> None:
+    with pytest.raises(BadInput, match="is not antisymmetric"):
+        Symbolic("-cos(t)/(1 + cos(2*t)/2) + 1e-9*cos(2*t)/(1 + cos(2*t)/2)")
+
+
+@pytest.mark.parametrize("e", [0.3, 0.62, 0.8, 0.9])
+def test_a_formula_without_an_end_to_its_harmonics_is_resolved_to_rounding(e: float) -> None:
+    forcing = Symbolic("-cos(t)/(1 + e*cos(2*t))", e=e)
+    t = np.linspace(0.05, 3.1, 40)
+    exact = -np.cos(t) / (1 + e * np.cos(2 * t))
+    assert np.abs(forcing.d2f(t) - exact).max() < 3e-14 * np.abs(exact).max() / (1 - e)
+
+
+def test_a_small_term_of_a_formula_is_kept() -> None:
+    found = {m: a for m, a, _ in Symbolic("-cos(t) - s*cos(3*t)", s=1e-14).harmonics}
+    assert found[3] == pytest.approx(1e-14 / 9, rel=1e-9, abs=0)
+
+
+def test_a_small_slope_of_a_formula_is_kept() -> None:
+    own = Symbolic("-cos(t) - s*cos(3*t)*1e-14", s=1.0)
+    assert own.f_param("s", 0.0) == pytest.approx(1e-14 / 9, rel=1e-9, abs=0)
+
+
+def test_a_harmonic_that_hides_on_the_first_grid_is_found() -> None:
+    """On 32 samples cos(33 t) looks like cos(t)."""
+    own = Symbolic("(-cos(t) - 1e-11*cos(33*t))/(1 + 1e-5*cos(2*t))")
+    found = {m: a for m, a, _ in own.harmonics}
+    assert found[33] == pytest.approx(1e-11 / 33**2, rel=1e-3, abs=0)
+
+
+def test_a_formula_that_vanishes_is_refused_with_the_values_of_its_letters() -> None:
+    with pytest.raises(BadInput, match=r"is zero at c = 1, d = -1; a breather needs one"):
+        Symbolic("c*cos(t) + d*cos(t)", c=1.0, d=-1.0)
+
+
+def test_a_letter_without_a_value_is_asked_for_and_the_time_named() -> None:
+    with pytest.raises(BadInput, match=r"needs a value for c\.$"):
+        Symbolic("-c*cos(t)")
+    with pytest.raises(BadInput, match=r"needs a value for x; the time is t\.$"):
+        Symbolic("-cos(x)")
+
+
+def test_powers_up_to_99_are_taken() -> None:
+    assert Symbolic("-cos(t)**9").highest == 9
+    with pytest.raises(BadInput, match="powers up to 99 are taken"):
+        Symbolic("-cos(t)**101")
+
+
+def test_slopes_of_a_formula_in_its_letters_are_resolved_too() -> None:
+    e, t, h = 0.7, 0.4, 1e-5
+    own = Symbolic("-cos(t)/(1 + e*cos(2*t))", e=e)
+    assert own.f_param("e", t, 2) == pytest.approx(
+        math.cos(t) * math.cos(2 * t) / (1 + e * math.cos(2 * t)) ** 2, rel=1e-11
+    )
+    up, down = own.at(e=e + h), own.at(e=e - h)
+    assert own.f_param("e", t) == pytest.approx((up.f(t) - down.f(t)) / (2 * h), rel=1e-6)
+
+
+# --- the periodic Green's function ----------------------------------------------------------------
+
+
+def test_a_mode_next_to_a_harmonic_is_summed_and_one_on_it_refused() -> None:
+    """On a ring of 8 the shortest wave has w = 2 sqrt(gamma), here next to 1/2."""
+    near = 0.0625 * (1 + 4e-7)  # 2 w - 1 = 2e-7
+    W = 4 * math.sqrt(near)
+    s = 1.3
+    own = math.cos(W / 2 * (2 * math.pi - s)) / (W * math.sin(W * math.pi))
+    assert wave(Ring(8), near, 0, 2).at(s)[0] == pytest.approx(own / 8, rel=1e-5)
+    with pytest.raises(BadInput, match="is in resonance with an orbit of 2 forcing periods"):
+        wave(Ring(8), 0.0625 * (1 + 4e-10), 0, 2)
+
+
+@pytest.mark.parametrize("gamma", [0.0626, 0.07, 0.16, 0.2])
+def test_slow_and_fast_modes_of_a_resonant_ring_join_without_a_seam(gamma: float) -> None:
+    """Some of them go by polynomials, some one by one; the sum is over all."""
+    sites, n, s = 10, 2, 2.2
+    T, total = 2 * math.pi * n, 0.0
+    for j in range(sites):
+        w = 2 * math.sqrt(gamma) * math.sin(math.pi * j / sites)
+        if j == 0:
+            total += T / 24 - (T / 2 - s) ** 2 / (2 * T)
+        else:
+            total += math.cos(w * (T / 2 - s)) / (2 * w * math.sin(w * T / 2)) - 1 / (w * w * T)
+    assert wave(Ring(sites), gamma, 0, n).at(s)[0] == pytest.approx(total / sites, rel=1e-12)
+    h = 1e-8
+    up, down = (wave(Ring(sites), gamma + x, 1, n).at(s)[0] for x in (h, -h))
+    slope = wave_slope(Ring(sites), gamma, 1, n).at(s)[0]
+    assert slope == pytest.approx((up - down) / (2 * h), rel=1e-5)
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.01, 0.2, 0.2499, 0.25 - 1e-6])
+@pytest.mark.parametrize("n", [0, 1, 9])
+def test_means_over_the_nodes_are_right_to_rounding_up_to_the_edge(gamma: float, n: int) -> None:
+    """``<cos(n theta)/(1 - w^2)>``, whose pole comes near: in closed form by residues."""
+    theta, weight, w = CHAIN.nodes(gamma, n)
+    root = math.sqrt(1 - 4 * gamma)
+    exact = (-2 * gamma / (1 - 2 * gamma + root)) ** n / root
+    assert weight.sum() == pytest.approx(1.0, rel=1e-13)
+    assert weight @ (np.cos(n * theta) / (1 - w * w)) == pytest.approx(exact, abs=1e-12 / root**2)
+
+
+# --- the closure ----------------------------------------------------------------------------------
+
+SAME = Fourier(cos={1: -1.0, 3: 0.0})  # the harmonic one, by the general road
+
+
+@pytest.mark.parametrize("forcing", [Harmonic(), SAME, Fourier(cos={1: -1.0, 3: -0.9})])
+@pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.1, 0.8), (0.2, 0.3)])
+def test_the_smallest_amplitude_is_a_limit_to_twelve_digits(forcing, gamma, k) -> None:
+    least = smallest_amplitude(gamma, k, forcing)
+    assert cb.symmetric(least * (1 + 1e-12), gamma, k, forcing=forcing).p > 0
+    with pytest.raises(NoSolution, match="below the fold"):
+        cb.symmetric(least * (1 - 1e-12), gamma, k, forcing=forcing)
+
+
+@pytest.mark.parametrize("above", [1e-11, 1e-8, 1e-5])
+def test_next_to_the_fold_there_are_two_roots_and_each_solves_the_closure(above: float) -> None:
+    """In either road; their distance is that of a parabola."""
+    least = smallest_amplitude(0.1, 0.8)
+    apart = []
+    for forcing in (Harmonic(), SAME):
+        found = cb.symmetric_roots(least * (1 + above), 0.1, 0.8, forcing=forcing)
+        assert len(found) == 2
+        assert max(b.residual for b in found) < 4e-16
+        apart.append(found[0].p - found[1].p)
+    chi, q = CHAIN.chi(0.1), 1 / 9
+    wanted = 2 * q * math.sqrt(2 * above) / (chi**2 + q * q)
+    assert apart == pytest.approx([wanted] * 2, rel=1e-4)
+
+
+def test_roots_of_both_roads_are_the_same_to_rounding() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(60):
+        a, gamma, k = rng.uniform(0.1, 3), rng.uniform(0, 0.249), rng.uniform(0.3, 1)
+        try:
+            one = cb.symmetric_roots(a, gamma, k)
+        except NoSolution:
+            continue
+        two = cb.symmetric_roots(a, gamma, k, forcing=SAME)
+        assert [b.p for b in one] == pytest.approx([b.p for b in two], rel=1e-12)
+        assert [math.cos(b.phi) for b in one] == pytest.approx(
+            [math.cos(b.phi) for b in two], abs=1e-12
+        )
+
+
+def test_a_forcing_with_a_tiny_highest_harmonic_has_all_its_roots() -> None:
+    """A last coefficient of 1e-11 spoils no companion matrix."""
+    tiny = Fourier(cos={1: -1.0, 3: -2.7, 31: 1e-11})
+    plain = Fourier(cos={1: -1.0, 3: -2.7})
+    one, two = (cb.symmetric_roots(0.3, 0.12, 0.7, forcing=f) for f in (tiny, plain))
+    assert len(one) == len(two) == 4
+    assert [b.p for b in one] == pytest.approx([b.p for b in two], abs=1e-12)

@@ -1,0 +1,347 @@
+"""Every column and row that a command writes is the quantity that its name says."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.cli import BAD_INPUT, DONE, main, seen
+from contbreather.cli.output import say, to_csv, to_json
+from contbreather.dynamics import open_recording, there_and_back
+
+Output = tuple[int, str, str]
+RUN = "simulate --a 0.2 --gamma 0.04 --k 0.8 --damping 0.02 --sites 4"
+ELASTIC = "simulate --a 0.2 --gamma 0.08 --k 1 --sites 3"  # sets out a quarter of a period late
+
+
+@pytest.fixture
+def run(capsys, tmp_path, monkeypatch) -> Callable[[str], Output]:
+    """Run a command line in an empty directory."""
+    monkeypatch.chdir(tmp_path)
+
+    def line(words: str) -> Output:
+        status = main(shlex.split(words))
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return line
+
+
+def table(path: str) -> list[dict[str, str]]:
+    with Path(path).open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def cells(out: str) -> dict[str, str]:
+    """The rows of a table for people: words and number."""
+    rows = (row.split("│") for row in out.splitlines() if row.startswith("│"))
+    return {row[1].strip(): row[2].strip() for row in rows}
+
+
+def column(rows: list[dict[str, str]], name: str) -> list[float]:
+    return [float(row[name]) for row in rows]
+
+
+# --- simulate -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stream", ["", "--stream kept"])
+def test_states_are_at_their_own_times_once_in_a_period(run, stream: str) -> None:
+    """Of a run that sets out at t0 = pi/2, whole or from a folder."""
+    assert run(f"{ELASTIC} --periods 6 --csv s.csv {stream}")[0] == DONE
+    rows, b = table("s.csv"), cb.symmetric(0.2, 0.08, 1.0)
+    assert column(rows, "period") == list(range(7))
+    assert column(rows, "time") == pytest.approx(
+        [0.5 * math.pi + 2 * math.pi * i for i in range(7)], abs=1e-12
+    )
+    u, v = b.state(3, 0.5 * math.pi)
+    assert [float(rows[0][f"u_{n}"]) for n in range(3)] == pytest.approx(u.tolist(), abs=1e-12)
+    assert [float(rows[0][f"v_{n}"]) for n in range(3)] == pytest.approx(v.tolist(), abs=1e-12)
+
+
+@pytest.mark.parametrize("stream", ["", "--stream kept"])
+def test_every_column_of_the_impacts_is_what_it_says(run, stream: str) -> None:
+    """By what impacts are: the wall at the place, the law of restitution, time and phase."""
+    assert run(f"{ELASTIC} --periods 6 --impacts i.csv {stream}")[0] == DONE
+    rows, b = table("i.csv"), cb.symmetric(0.2, 0.08, 1.0, lattice=cb.Ring(3))
+    assert list(rows[0]) == [
+        "time", "period", "phase", "site", "wall", "before", "after", "acceleration",
+    ]  # fmt: skip
+    assert len(rows) == 12
+    time, before, wall = (np.array(column(rows, name)) for name in ("time", "before", "wall"))
+    first = b.phi % math.pi
+    first += math.pi * (first < 0.5 * math.pi)
+    assert time == pytest.approx(first + math.pi * np.arange(12), abs=1e-9)
+    assert column(rows, "period") == (np.floor((time - 0.5 * math.pi) / (2 * math.pi)).tolist())
+    assert np.cos(column(rows, "phase")) == pytest.approx(np.cos(time), abs=1e-9)
+    assert set(column(rows, "site")) == {0.0}
+    assert wall.tolist() == np.sign(before).tolist()
+    assert abs(before) == pytest.approx(np.full(12, b.p), abs=1e-9)
+    assert column(rows, "after") == pytest.approx((-before).tolist(), abs=1e-12)
+    h = 1e-4  # the velocity in the flight before the impact at b.phi
+    v = [float(b.velocity(0, b.phi - i * h)) for i in (1, 2, 3)]
+    bend = (2.5 * v[0] - 4 * v[1] + 1.5 * v[2]) / h
+    assert abs(float(rows[0]["acceleration"])) == pytest.approx(abs(bend), abs=1e-5)
+
+
+def test_table_of_a_run_gives_each_word_its_own_number(run) -> None:
+    _, out, _ = run(f"{RUN} --periods 400")
+    content = json.loads(run(f"{RUN} --periods 400 --json")[1])
+    evidence, shown = content["verdict"]["evidence"], cells(out)
+    assert content["verdict"]["kind"] == "PERIODIC"
+    assert int(shown["impacts"]) == content["impacts"]["total"] == 800
+    assert int(shown["of them at site 0"]) == content["impacts"]["by_site"]["0"]
+    assert shown["breather kept for"] == "to the end"
+    assert float(shown["largest multiplier"]) == pytest.approx(evidence["multiplier"], rel=1e-8)
+    assert float(shown["participation ratio"]) == pytest.approx(evidence["participation"], rel=1e-3)
+    assert float(shown["returns after a period to"]) == pytest.approx(evidence["return"], rel=0.06)
+
+
+def test_json_of_a_run_repeats_what_was_asked(run) -> None:
+    content = json.loads(run(f"{RUN} --periods 3 --json --forcing=-cos(t)")[1])
+    asked = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.02, "sites": 4, "periods": 3}
+    assert {name: content[name] for name in asked} == asked
+    assert content["m"] is None
+    assert "cos" in content["forcing"]
+    smooth = json.loads(run(f"{RUN} --periods 3 --smooth 6 --json")[1])
+    assert (smooth["m"], smooth["damping"]) == (6.0, 0.02)
+
+
+def test_picture_of_a_run_shows_the_last_periods_of_three_sites(run) -> None:
+    from contbreather.cli.simulate import draw
+
+    state = cb.symmetric(0.2, 0.04, 0.8).state(6)
+    own = cb.simulate(state, a=0.2, gamma=0.04, k=0.8, damping=0.02, periods=20)
+    motion, section, where = draw(own).axes
+    names = [text.get_text() for text in motion.get_legend().get_texts()]
+    assert names == ["$u_{0}$", "$u_{1}$", "$u_{3}$"]
+    times = motion.get_lines()[0].get_xdata()
+    assert (times[0], times[-1]) == pytest.approx((14.0, 20.0), abs=0.02)
+    shown = motion.get_lines()[2].get_ydata()
+    assert shown[0] == pytest.approx(own.strobe.u[14, 3], abs=1e-12)
+    np.testing.assert_array_equal(section.get_lines()[0].get_xdata(), own.strobe.u[10:, 0])
+    assert len(where.get_lines()[0].get_xdata()) == 21
+    titles = [ax.get_title(loc="left") for ax in (motion, section, where)]
+    assert titles == [
+        "(a) the last periods",
+        "(b) once in a period, later half",
+        "(c) where the energy is",
+    ]
+
+
+# --- numbers that are none ------------------------------------------------------------------------
+
+
+def test_what_is_not_finite_is_null_in_json_and_never_a_number(capsys) -> None:
+    content = {
+        "one": math.nan,
+        "row": np.array([1.5, math.inf, -math.inf]),
+        "pair": 1 + 2j,
+        "deep": {"here": [np.float64("nan"), 0.0]},
+        "whole": np.int64(3),
+    }
+    to_json(content)
+    assert json.loads(capsys.readouterr().out) == {
+        "one": None,
+        "row": [1.5, None, None],
+        "pair": [1.0, 2.0],
+        "deep": {"here": [None, 0.0]},
+        "whole": 3,
+    }
+
+
+def test_what_is_absent_is_an_empty_cell_and_infinity_a_word(tmp_path: Path) -> None:
+    rows = [{"a": 0.1, "b": math.nan, "c": None}, {"a": math.inf, "b": 0.0, "c": 7}, {"b": 1 / 3}]
+    made = to_csv(str(tmp_path / "t.csv"), rows, ["c", "a", "b"])
+    lines = made.read_text().split("\n")
+    assert lines[0] == "c,a,b"
+    first, second, third = (line.split(",") for line in lines[1:4])
+    assert (first[0], float(first[1]), first[2]) == ("", 0.1, "")
+    assert (second[0], second[1], float(second[2])) == ("7", "inf", 0.0)
+    assert (third[0], third[1], float(third[2])) == ("", "", 1 / 3)
+
+
+# --- boundary, point, branch ----------------------------------------------------------------------
+
+
+def test_boundary_finds_no_pitchfork_of_solutions_that_go_through_a_wall(run) -> None:
+    """At gamma = 0.1 that of the closed form lies above grazing, which ends the branch."""
+    chain = cb.InfiniteChain()
+    p = 1 / (chain.chi(0.1) - 2 * chain.sigma(0.1))
+    beyond = cb.symmetric(p * math.hypot(1 / 9, 2 * chain.sigma(0.1)), 0.1, 0.8)
+    assert not beyond.admissibility().ok
+    status, _, err = run("boundary PF --k 0.8 --gamma 0.1")
+    assert status == BAD_INPUT
+    assert re.search(r"no PF found .*GR\d", err)
+
+
+def test_table_of_a_point_gives_each_name_its_own_number(run) -> None:
+    b = cb.symmetric(0.8, 0.045, 0.8)
+    shown = cells(run("point --a 0.8 --gamma 0.045 --k 0.8")[1])
+    own = {"a": b.a, "gamma": b.gamma, "k": b.k, "p": b.p, "phi": b.phi, "chi": b.chi}
+    assert {name: float(shown[name]) for name in own} == pytest.approx(own, rel=1e-14)
+    assert float(shown["max |u_1|"]) == pytest.approx(b.admissibility().max_neighbour, rel=1e-14)
+    assert complex(shown["isolated multiplier of QS"]) == pytest.approx(1.06275000638, abs=1e-11)
+
+
+def test_json_of_a_point_says_what_drives_it(run) -> None:
+    content = json.loads(run("point --a 0.5 --gamma 0.05 --k 0.8 --forcing=-cos(t) --json")[1])
+    assert "cos" in content["forcing"]
+    assert (content["root"], content["other_roots"][0]["p"] > 0) == (1, True)
+
+
+def test_sentences_in_a_pipe_are_wrapped(capsys) -> None:
+    say("word " * 100)
+    lines = capsys.readouterr().out.splitlines()
+    assert 150 < max(map(len, lines)) <= 160
+
+
+def test_the_end_of_a_long_stream_is_a_run_of_its_own(run, monkeypatch) -> None:
+    """Its periods are counted from where it begins, its times from the start of the stream."""
+    run(f"{ELASTIC} --periods 30 --stream kept")
+    monkeypatch.setattr(seen, "JUDGED", 5)
+    shown = seen.seen_in(open_recording("kept"), 30).run
+    whole = cb.simulate(
+        cb.symmetric(0.2, 0.08, 1.0, lattice=cb.Ring(3)).state(3, 0.5 * math.pi),
+        a=0.2, gamma=0.08, k=1.0, periods=30, t0=0.5 * math.pi,
+    )  # fmt: skip
+    assert shown.periods == 10
+    np.testing.assert_allclose(shown.times, whole.times[20:], atol=1e-9)
+    np.testing.assert_allclose(shown.strobe.u, whole.strobe.u[20:], atol=1e-9)
+    late = whole.impacts[whole.impacts["period"] >= 20]
+    assert shown.impacts["period"].tolist() == (late["period"] - 20).tolist()
+    np.testing.assert_allclose(shown.impacts["time"], late["time"], atol=1e-9)
+
+
+def test_columns_of_a_branch_are_those_of_the_breathers_on_it(run) -> None:
+    run("branch --free gamma --a 0.3 --k 0.6 --csv b.csv --window 0.02 0.1")
+    rows = table("b.csv")
+    assert len(rows) > 3
+    for row in rows:
+        b = cb.symmetric(0.3, float(row["gamma"]), 0.6)
+        assert (float(row["a"]), float(row["k"])) == (0.3, 0.6)
+        assert float(row["p"]) == pytest.approx(b.p, abs=1e-12)
+        assert float(row["phi"]) == pytest.approx(b.phi, abs=1e-12)
+        assert row["label"] or int(row["unstable"]) == b.stability().unstable
+    along = column(rows, "arclength")
+    assert along == sorted(along)
+    assert max(column(rows, "residual")) < 1e-12
+
+
+def test_sweep_of_the_library_goes_there_and_back() -> None:
+    assert there_and_back([1.0, 2.0, 4.0]).tolist() == [1.0, 2.0, 4.0, 2.0, 1.0]
+
+
+# --- titles, and pictures that commands write -----------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("line", "title"),
+    [
+        ("point --a 0.5 --gamma 0.05 --k 0.8", "Symmetric breather"),
+        ("branch --free a --gamma 0.1 --k 0.8", "symmetric breather in a"),
+        ("boundary PF --k 0.8", "PF boundary"),
+        ("zones --k 0.8 --csv z.csv", "Where the curves meet"),
+        ("switch --free a --gamma 0.04 --k 0.8", "asymmetric breather in a"),
+    ],
+)
+def test_tables_have_their_title(run, line: str, title: str) -> None:
+    status, out, _ = run(line)
+    assert status == DONE
+    assert any(re.match(rf"{title}(| .*)$", one.strip()) for one in out.splitlines()), out
+
+
+def test_table_of_arms_holds_the_special_points_of_each(run) -> None:
+    line = "switch --free a --gamma 0.04 --k 0.8"
+    arms = json.loads(run(f"{line} --json")[1])["arms"]
+    table_lines = [one for one in run(line)[1].splitlines() if one.startswith(("┃", "│"))]
+    heading, *rows = ([cell.strip() for cell in re.split("[┃│]", one)[1:-1]] for one in table_lines)
+    assert heading[:3] == ["arm", "label", "a"]
+    special = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm["special"]]
+    assert len(rows) == len(special)
+    for row, (number, point) in zip(rows, special, strict=True):
+        shown = dict(zip(heading, row, strict=True))
+        assert shown["arm"] == str(number)
+        assert shown["label"] == point.get("parent", point["label"])
+        if "asymmetry" in heading:
+            asymmetry = point["t2"] - point["t1"] - math.pi
+            assert float(shown["asymmetry"]) == pytest.approx(asymmetry, abs=1e-11)
+        assert {"p", "t1", "t2"} <= set(heading)
+        for name in set(heading) & {"a", "p", "t1", "t2", "c"}:
+            assert float(shown[name]) == pytest.approx(point[name], rel=1e-11, abs=1e-11)
+
+
+@pytest.fixture
+def pictures(monkeypatch) -> list:
+    """Figures that commands would have written."""
+    from contbreather.plotting import canvas
+
+    drawn: list = []
+
+    def keep(figure, path):
+        drawn.append(figure.get_figure(root=True))
+        return Path(path)
+
+    monkeypatch.setattr(canvas, "save_figure", keep)
+    return drawn
+
+
+def data_of(ax) -> np.ndarray:
+    return np.concatenate([np.stack(line.get_data(), 1) for line in ax.get_lines()])
+
+
+def test_picture_of_a_branch_is_that_of_its_columns(run, pictures) -> None:
+    out = run("branch --free gamma --a 0.2 --k 0.8 -o b.png --json")[1]
+    columns = json.loads(out)["columns"]
+    (ax,) = pictures[0].axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\gamma$", "$p$")
+    for gamma, p in list(zip(columns["gamma"], columns["p"], strict=True))[::5]:
+        assert np.abs(data_of(ax) - (gamma, p)).max(axis=1).min() < 1e-9
+
+
+def test_picture_of_a_boundary_is_in_its_pair(run, pictures) -> None:
+    columns = json.loads(run("boundary PF --k 0.8 -o b.png --json")[1])["columns"]
+    (ax,) = pictures[0].axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\gamma$", "$a$")
+    for gamma, a in list(zip(columns["gamma"], columns["a"], strict=True))[::7]:
+        assert np.abs(data_of(ax) - (gamma, a)).max(axis=1).min() < 1e-9
+
+
+def test_picture_of_a_switch_shows_momentum_above_and_asymmetry_below(run, pictures) -> None:
+    arms = json.loads(run("switch --free a --gamma 0.04 --k 0.8 -o s.png --json")[1])["arms"]
+    above, below = pictures[0].axes
+    assert [ax.get_xlabel() for ax in (above, below)] == ["$a$", "$a$"]
+    assert (above.get_ylabel(), below.get_ylabel()) == ("$p$", "asymmetry")
+    for arm in arms:
+        end = arm["special"][-1]
+        assert np.abs(data_of(above) - (end["a"], end["p"])).max(axis=1).min() < 1e-9
+        there = (end["a"], end["t2"] - end["t1"] - math.pi)
+        assert np.abs(data_of(below) - there).max(axis=1).min() < 1e-9
+    flat = [line for line in below.get_lines() if len(line.get_xdata()) > 1]
+    assert any(np.abs(line.get_ydata()).max() == 0.0 for line in flat)  # the symmetric breather
+
+
+def test_picture_of_zones_has_a_panel_for_each_value(run, pictures) -> None:
+    run("zones --k 0.8 --k 0.6 --gamma-window 0 0.03 -o z.png")
+    titles = [ax.get_title(loc="left") for ax in pictures[0].axes]
+    assert titles == ["(a) $k$ = 0.8", "(b) $k$ = 0.6"]
+
+
+def test_picture_of_a_diagram_shows_every_branch_by_its_first_impact(run, pictures) -> None:
+    run("diagram --free a --gamma 0.04 --k 0.8 -o d.png --csv d.csv")
+    (ax,) = pictures[0].axes
+    assert ax.get_xlabel() == "$a$"
+    rows = table("d.csv")
+    assert {row["branch"] for row in rows} == {"0", "1", "2"}
+    for row in rows[::9]:
+        t = float(row["t1"] or row["phi"])
+        assert np.abs(data_of(ax) - (float(row["a"]), t)).max(axis=1).min() < 0.02

@@ -1,0 +1,402 @@
+"""What pictures draw, looked at as a reader does: colours, legends, words and units, and data."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex, to_rgb
+
+import contbreather as cb
+from contbreather.breathers.zones import Zones, zones
+from contbreather.continuation import Branch
+from contbreather.dynamics import (
+    Axis,
+    Basin,
+    Fate,
+    Sample,
+    Sweep,
+    localisation,
+    simulate_smooth,
+    sweep,
+    there_and_back,
+)
+from contbreather.plotting import (
+    new_figure,
+    plot,
+    plot_basin,
+    plot_localisation,
+    plot_motion,
+    plot_multipliers,
+    plot_section,
+    plot_sweep,
+    plot_zones,
+    save_figure,
+)
+from contbreather.plotting.canvas import CYCLE
+
+SET = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.01}
+TURN = 2 * math.pi
+REDDISH, BLUISH = "reddish", "bluish"
+
+
+def hue(colour) -> str:
+    red, _, blue = to_rgb(colour)
+    return REDDISH if red > blue else BLUISH if blue > red else "grey"
+
+
+def pixel(ax, x: float, y: float) -> tuple[float, float, float]:
+    """The colour that a reader sees at a place of the axes."""
+    image = np.asarray(ax.figure.canvas.buffer_rgba())
+    column, row = ax.transData.transform((x, y))
+    return tuple(image[image.shape[0] - 1 - int(row), int(column), :3] / 255)
+
+
+def legend_of(ax) -> dict[str, tuple[str, object]]:
+    """Colour and dashes that the legend gives to each of its words."""
+    legend = ax.get_legend() or ax.figure.legends[0]
+    return {
+        text.get_text(): (to_hex(handle.get_color()), handle._unscaled_dash_pattern)
+        for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
+    }
+
+
+# --- zones --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def diagram() -> Zones:
+    return zones(k=0.8)
+
+
+@pytest.fixture(scope="module")
+def panel(diagram: Zones):
+    ax = plot_zones(diagram)
+    ax.figure.canvas.draw()
+    return ax
+
+
+@pytest.mark.parametrize(
+    ("gamma", "a", "seen"),
+    [
+        (0.1, 0.5, BLUISH),  # stable
+        (0.02, 0.4, BLUISH),
+        (0.02, 0.9, REDDISH),  # above the pitchfork
+        (0.2, 0.3, REDDISH),  # beyond the Neimark-Sacker line
+        (0.1, 0.92, "grey"),  # behind grazing there is no breather,
+        (0.1, 0.03, "grey"),  # nor below the fold
+    ],
+)
+def test_stable_is_blue_unstable_red_and_no_breather_white(panel, gamma, a, seen) -> None:
+    colour = pixel(panel, gamma, a)
+    assert hue(colour) == seen
+    assert (min(colour) == 1.0) == (seen == "grey")
+
+
+def test_letters_stand_where_a_breather_is_what_they_say(panel) -> None:
+    letters = [t for t in panel.texts if t.get_text() in ("S", "US")]
+    assert len(letters) == 3
+    for text in letters:
+        gamma, a = text.get_position()
+        stable = cb.symmetric(a, gamma, 0.8).stability().stable
+        assert text.get_text() == ("S" if stable else "US")
+
+
+def test_legend_of_zones_gives_each_name_the_looks_of_its_curve(panel, diagram: Zones) -> None:
+    names = {"LP": "fold", "GR": "grazing", "PF": "pitchfork", "NS": "Neimark–Sacker"}
+    shown = legend_of(panel)
+    assert list(shown) == [f"{names[kind]} ({kind})" for kind in ("LP", "GR", "PF", "NS")]
+    for kind, branch in diagram:
+        (line,) = [
+            line for line in panel.get_lines() if np.array_equal(line.get_xdata(), branch["gamma"])
+        ]
+        np.testing.assert_array_equal(line.get_ydata(), branch["a"])
+        looks = to_hex(line.get_color()), line._unscaled_dash_pattern
+        assert looks == shown[f"{names[kind]} ({kind})"]
+        # limits of existence are black, those of stability have colours
+        assert (hue(line.get_color()) == "grey") == (kind in ("LP", "GR"))
+
+
+def test_zones_are_named_by_their_axes_and_the_fixed_parameter(panel) -> None:
+    assert (panel.get_xlabel(), panel.get_ylabel()) == (r"$\gamma$", "$a$")
+    assert panel.get_title(loc="left") == "$k$ = 0.8"
+
+
+def test_meetings_are_named_by_the_curves_that_meet_there(panel, diagram: Zones) -> None:
+    """Stability first; the word belongs to the point that it is tied to."""
+    wanted = {"GR-PF": "PF–GR", "GR-NS": "NS–GR", "LP-NS": "NS–LP"}
+    for point in diagram.special:
+        (word,) = [
+            text
+            for text in panel.texts
+            if text.get_text()
+            and np.allclose(getattr(text, "xy", (0, 0)), (point["gamma"], point["a"]))
+        ]
+        assert word.get_text() == wanted["-".join(sorted(point.kind.split("-")))]
+
+
+def test_axes_of_zones_begin_at_zero_and_leave_a_rim(panel, diagram: Zones) -> None:
+    assert panel.get_xlim()[0] == panel.get_ylim()[0] == 0.0
+    reach = max(branch["gamma"].max() for _, branch in diagram)
+    assert panel.get_xlim()[1] == pytest.approx(min(1.04 * reach, 0.25), rel=1e-3)
+
+
+def test_second_panel_has_the_next_letter_and_its_own_value() -> None:
+    narrow = {"gamma": (0, 0.03)}
+    panels = plot_zones([zones(k=value, within=narrow) for value in (0.8, 0.6)])
+    titles = [ax.get_title(loc="left") for ax in panels]
+    assert titles == ["(a) $k$ = 0.8", "(b) $k$ = 0.6"]
+
+
+# --- branches -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def in_a() -> Branch:
+    return cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.0, 0.99)})
+
+
+def test_legend_of_a_branch_calls_solid_stable_and_dashed_unstable(in_a: Branch) -> None:
+    shown = {name: dashes[1] for name, (_, dashes) in legend_of(plot(in_a)).items()}
+    assert shown["stable"] is None
+    assert shown["unstable"] is not None
+
+
+def test_special_points_have_the_colour_of_their_branch_and_ends_are_small_and_grey(in_a) -> None:
+    ax = plot(in_a)
+    line = next(line for line in ax.get_lines() if line.get_linestyle() != "None")
+    dots = {line.get_marker(): line for line in ax.get_lines() if line.get_linestyle() == "None"}
+    assert dots["^"].get_color() == dots["s"].get_color() == line.get_color()
+    assert hue(dots["."].get_color()) == "grey"
+    assert dots["."].get_zorder() > line.get_zorder()
+
+
+def test_axes_of_a_branch_are_named_with_greek_letters(in_a: Branch) -> None:
+    ax = plot(in_a, x="a", y="phi")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$a$", r"$\varphi$")
+
+
+# --- multipliers --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def unstable_pair():
+    """One complex pair outside the circle, drawn for the half map."""
+    return cb.symmetric(0.2, 0.11, 0.8)
+
+
+def dots_of(ax) -> list[tuple[complex, str]]:
+    return [
+        (complex(x, y), to_hex(line.get_color()))
+        for line in ax.get_lines()
+        if line.get_marker() == "o"
+        for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)
+    ]
+
+
+def test_multipliers_outside_the_circle_are_red_and_all_others_blue() -> None:
+    dots = dots_of(plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True, sites=400))
+    red = [mu for mu, colour in dots if hue(colour) == REDDISH]
+    assert red == pytest.approx([1.0628], abs=1e-3)
+    assert len(dots) == 800
+
+
+def test_words_have_the_colour_of_their_multiplier(unstable_pair) -> None:
+    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True)
+    words = {text.get_text(): text.get_color() for text in ax.texts if text.get_text()}
+    assert hue(words["1.0628"]) == REDDISH
+    assert hue(words["0.6158"]) == "grey"
+
+
+def test_axes_name_the_map_whose_multipliers_are_shown(unstable_pair) -> None:
+    for half, name in ((True, r"$\mu$"), (False, r"$\mu^2$")):
+        ax = plot_multipliers(unstable_pair, half=half, sites=40)
+        assert (ax.get_xlabel(), ax.get_ylabel()) == (f"Re {name}", f"Im {name}")
+
+
+def test_a_pair_is_written_once_with_its_signs(unstable_pair) -> None:
+    ax = plot_multipliers(unstable_pair, half=True, sites=400, digits=3)
+    mu = unstable_pair.multipliers(sites=400, half=True)
+    top = mu[np.abs(mu).argmax()]
+    wanted = f"{top.real:.3f} ± {abs(top.imag):.3f}i".replace("-", "−")
+    assert wanted in {text.get_text() for text in ax.texts}
+    negative = cb.symmetric(0.0572, 0.1, 0.8)  # next to its fold: near -1
+    words = {text.get_text() for text in plot_multipliers(negative, half=True).texts}
+    assert any(word.startswith("−0.") for word in words), words
+
+
+def test_the_circle_has_radius_one_and_everything_is_inside_the_frame(unstable_pair) -> None:
+    ax = plot_multipliers(unstable_pair, half=True, sites=40)
+    circle = ax.get_lines()[0]
+    np.testing.assert_allclose(np.hypot(*circle.get_data()), 1.0, rtol=1e-14)
+    assert ax.get_xlim() == ax.get_ylim() == tuple(-x for x in ax.get_xlim()[::-1])
+    assert max(abs(mu) for mu, _ in dots_of(ax)) < ax.get_xlim()[1]
+    assert ax.get_xticks().tolist() == ax.get_yticks().tolist() == [-1, 0, 1]
+
+
+def test_the_band_of_the_period_map_turns_twice_as_far() -> None:
+    breather = cb.symmetric(0.5, 0.02, 0.8)
+    for half, turns in ((True, 1), (False, 2)):
+        ax = plot_multipliers(breather, half=half, sites=40)
+        arcs = [line for line in ax.get_lines() if line.get_linewidth() > 3]
+        ends = sorted(np.angle(a.get_xdata()[-1] + 1j * a.get_ydata()[-1]) / np.pi for a in arcs)
+        assert ends == pytest.approx([-2 * turns * 0.02**0.5, 2 * turns * 0.02**0.5])
+
+
+# --- runs ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def state():
+    return cb.symmetric(a=0.2, gamma=0.04, k=0.8).state(10)
+
+
+@pytest.fixture(scope="module")
+def run(state):
+    return cb.simulate(state, periods=12, sample=Sample((0, 1, -1), 20), t0=TURN, **SET)
+
+
+def test_motion_has_time_in_periods_and_a_colour_for_each_name(run) -> None:
+    ax = plot_motion(run.record)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$t/2\pi$", "$u_n$")
+    shown = {name: colour for name, (colour, _) in legend_of(ax).items()}
+    for i, site in enumerate((0, 1, 9)):
+        (line,) = [
+            one for one in ax.get_lines() if to_hex(one.get_color()) == shown[f"$u_{{{site}}}$"]
+        ]
+        np.testing.assert_allclose(line.get_xdata(), run.record.times / TURN, rtol=1e-14)
+        np.testing.assert_array_equal(line.get_ydata(), run.record.u[:, i])
+    assert ax.get_xlim() == pytest.approx((1.0, 12.95))  # no margin beyond the first and last
+
+
+def test_section_is_velocity_over_displacement(run) -> None:
+    ax = plot_section(run, site=1)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{1}$", r"$\dot u_{1}$")
+    (line,) = ax.get_lines()
+    np.testing.assert_array_equal(line.get_data(), (run.strobe.u[:, 1], run.strobe.v[:, 1]))
+
+
+@pytest.mark.parametrize("walls", ["rigid", "smooth"])
+def test_localisation_is_the_ratio_over_periods(run, state, walls) -> None:
+    one = run if walls == "rigid" else simulate_smooth(state, m=6, periods=8, t0=TURN, **SET)
+    ax = plot_localisation(one)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$t/2\pi$", "participation ratio")
+    (line,) = ax.get_lines()
+    own = localisation(*one.strobe, one.times, a=0.2, gamma=0.04, damping=0.01)
+    np.testing.assert_allclose(line.get_ydata(), own.participation, rtol=1e-12)
+    np.testing.assert_allclose(line.get_xdata(), 1 + np.arange(one.periods + 1), rtol=1e-12)
+    assert ax.get_ylim()[0] == 0.0
+    assert ax.get_ylim()[1] >= max(4.0, own.participation.max())
+
+
+@pytest.fixture(scope="module")
+def loop(state) -> Sweep:
+    return sweep(state, "a", there_and_back([0.2, 0.1, 0.05]), periods=20, **SET)
+
+
+def test_sweep_names_its_ways_by_what_the_parameter_did(loop: Sweep) -> None:
+    """Upwards the parameter grows, drawn with triangles that point up."""
+    ax = plot_sweep(loop)
+    for line in ax.get_lines():
+        up = line.get_xdata()[-1] > line.get_xdata()[0]
+        assert line.get_label() == ("sweep up" if up else "sweep down")
+        assert line.get_marker() == ("^" if up else "v")
+    assert set(legend_of(ax)) == {"sweep up", "sweep down"}
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$a$", "$p$")
+
+
+@pytest.mark.parametrize(
+    ("column", "word"),
+    [
+        ("p", "$p$"),
+        ("amplitude", "speed of the centre"),
+        ("participation", "participation ratio"),
+        ("tilt", r"$t_2 - t_1 - \pi$"),
+        ("centre", "site with most energy"),
+        ("others", "impacts elsewhere, a period"),
+    ],
+)
+def test_every_column_of_a_sweep_is_drawn_under_its_own_name(loop, column, word) -> None:
+    ax = plot_sweep(loop, y=column)
+    assert ax.get_ylabel() == word
+    drawn = np.concatenate([line.get_ydata() for line in ax.get_lines()])
+    own = np.asarray(getattr(loop, column), dtype=float)
+    np.testing.assert_array_equal(drawn, [*own[:3], *own[2:]])
+
+
+def test_each_fate_has_the_colour_that_the_legend_says() -> None:
+    fates = np.array([[4, 1, 0], [2, 3, -1]], np.int8)
+    u, v = Axis("u", 1, [-0.5, 0.0, 0.5]), Axis("v", 0, [-1.0, 1.0])
+    ax = plot_basin(Basin(u, v, fates, np.zeros((2, 3)), False))
+    ax.set_axis_off()  # ticks stand in the cells at the rim
+    ax.figure.canvas.draw()
+    legend = ax.get_legend()
+    shown = {
+        text.get_text(): patch.get_facecolor()[:3]
+        for text, patch in zip(legend.get_texts(), legend.get_patches(), strict=True)
+    }
+    named = {
+        Fate.RETURNED: "comes back",
+        Fate.OTHER: "another breather",
+        Fate.SPREAD: "impacts, no breather",
+        Fate.QUIET: "no impacts",
+        Fate.OUTSIDE: "behind a wall",
+        Fate.PENDING: "not computed",
+    }
+    assert set(shown) == set(named.values())
+    for row, speed in enumerate(v.values):
+        for column, place in enumerate(u.values):
+            want = shown[named[Fate(fates[row, column])]]
+            assert pixel(ax, place, speed) == pytest.approx(want, abs=0.005)
+    assert ax.get_xlabel() == "$u_{1}$"
+
+
+# --- canvas -------------------------------------------------------------------------------------
+
+
+def test_colours_are_those_of_okabe_and_ito() -> None:
+    """Color Universal Design, 2008: told apart by colour-blind readers."""
+    theirs = {
+        (0, 0, 0), (230, 159, 0), (86, 180, 233), (0, 158, 115), (0, 114, 178), (213, 94, 0),
+        (204, 121, 167),
+    }  # fmt: skip
+    assert {tuple(round(255 * x) for x in to_rgb(colour)) for colour in CYCLE} == theirs
+
+
+def test_a_figure_is_a_column_wide_and_has_300_dots_to_the_inch(tmp_path: Path) -> None:
+    from matplotlib.image import imread
+
+    figure, panels = new_figure(2)
+    assert len(panels) == 2
+    assert (2.54 * figure.get_size_inches()).tolist() == pytest.approx([8.5, 13.0])
+    height, width, _ = imread(save_figure(figure, tmp_path / "x.png")).shape
+    assert (width, height) == pytest.approx((8.5 / 2.54 * 300, 13 / 2.54 * 300), abs=1)
+
+
+def test_ticks_are_inside_on_all_four_sides() -> None:
+    _, (ax,) = new_figure()
+    for axis in (ax.xaxis, ax.yaxis):
+        assert {tick.get_tickdir() for tick in axis.get_major_ticks()} == {"in"}
+    assert ax.xaxis.get_tick_params()["top"]
+    assert ax.yaxis.get_tick_params()["right"]
+
+
+def test_text_stays_text_in_vector_files(tmp_path: Path) -> None:
+    figure, (ax,) = new_figure()
+    ax.set_xlabel("amplitude")
+    assert ">amplitude<" in save_figure(figure, tmp_path / "x.svg").read_text()
+    assert b"/FontFile2" in save_figure(figure, tmp_path / "x.pdf").read_bytes()  # TrueType
+
+
+def test_a_picture_made_in_the_caller_s_axes_has_the_caller_s_type() -> None:
+    import matplotlib
+
+    with matplotlib.rc_context({"axes.labelsize": 17.0}):
+        from matplotlib.figure import Figure
+
+        ax = Figure().subplots()
+    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.45, 0.55)})
+    assert plot(branch, ax=ax).xaxis.label.get_fontsize() == 17.0
+    assert plot(branch).xaxis.label.get_fontsize() == 8.0
