@@ -72,6 +72,9 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.lattice import Ring as Ring
     from contbreather.lattice import Samples as Samples
     from contbreather.lattice import Symbolic as Symbolic
+    from contbreather.lattice.finite import Grid as Grid
+    from contbreather.lattice.finite import Lattice as Lattice
+    from contbreather.lattice.finite import OpenChain as OpenChain
     from contbreather.plotting import plot as plot
     from contbreather.plotting import plot_basin as plot_basin
     from contbreather.plotting import plot_diagram as plot_diagram
@@ -96,6 +99,9 @@ _HOME = {
     "symmetric_roots": "contbreather.breathers",
     "InfiniteChain": "contbreather.lattice",
     "Ring": "contbreather.lattice",
+    "Lattice": "contbreather.lattice.finite",
+    "OpenChain": "contbreather.lattice.finite",
+    "Grid": "contbreather.lattice.finite",
     "Harmonic": "contbreather.lattice",
     "Fourier": "contbreather.lattice",
     "Symbolic": "contbreather.lattice",

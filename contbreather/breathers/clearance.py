@@ -53,8 +53,7 @@ def clearance(orbit: RingOrbit) -> Admissibility:
     """
     flights, others = list(gaps_of_flights(orbit)), gaps_of_others(orbit)
     worst = min(flights + others, key=lambda gap: gap.margin)
-    sites = orbit.lattice.sites
-    beside = {(n + d) % sites for n in orbit.itinerary.hit for d in (-1, 1)}
+    beside = _beside(orbit)
     heights = [1.0 - gap.margin for gap in others if gap.site in beside]
     return Admissibility(
         ok=worst.margin > 0.0,
@@ -186,7 +185,7 @@ def gaps_of_others(orbit: RingOrbit, besides: tuple[int, float] | None = None) -
 
     ``besides`` names a crest, by its site and time, that is not to be counted.
     """
-    watched = _watched(orbit)
+    watched = orbit.lattice.idle(orbit.itinerary.hit)
     if watched.size == 0:
         return []
     T = orbit.itinerary.length
@@ -203,7 +202,7 @@ def gaps_of_others(orbit: RingOrbit, besides: tuple[int, float] | None = None) -
         tops[np.ix_(np.abs(apart) < 2.5 * T / size, watched == besides[0])] = 0.0
     high = tops.max(axis=0)
     enough = high.max() - CLOSE * max(1.0, float(high.max()))
-    beside = {(n + d) % orbit.lattice.sites for n in orbit.itinerary.hit for d in (-1, 1)}
+    beside = _beside(orbit)
     chosen = [i for i, n in enumerate(watched.tolist()) if n in beside or high[i] >= enough]
     found = []
     for i in chosen:
@@ -215,11 +214,9 @@ def gaps_of_others(orbit: RingOrbit, besides: tuple[int, float] | None = None) -
     return found
 
 
-def _watched(orbit: RingOrbit) -> NDArray[np.int64]:
-    sites = orbit.lattice.sites
-    if orbit.itinerary.local:
-        return (orbit.itinerary.hit[0] + np.arange(1, sites // 2 + 1)) % sites
-    return np.setdiff1d(np.arange(sites), orbit.itinerary.hit)
+def _beside(orbit: RingOrbit) -> set[int]:
+    """Sites coupled to one that hits a wall."""
+    return {n for hit in orbit.itinerary.hit for n in orbit.lattice.beside(hit)}
 
 
 def _crest(orbit: RingOrbit, n: int, time: float, step: float) -> tuple[float, float]:

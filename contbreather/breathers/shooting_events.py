@@ -179,8 +179,8 @@ def determinant(orbit: RingOrbit, mu: float) -> float:
 
 def _in_units_of_flight(section: Section, matrix: FloatArray, mu: float) -> float:
     sign, size = np.linalg.slogdet(matrix)
-    free = np.abs(np.exp(1j * section.free()) - mu) ** 2
-    return float(sign * math.exp(min(size - np.log(np.maximum(free, DAMPED)).sum(), 700.0)))
+    free = np.maximum(abs(section.free(mu)), DAMPED)
+    return float(sign * math.exp(min(size - np.log(free).sum(), 700.0)))
 
 
 def _null_locus(mu: float) -> Callable[[Point], Locus]:

@@ -60,9 +60,9 @@ def simpler_than(section: Section) -> Section | None:
     if rest != tuple((n, sign * wall) for n, wall in half):
         return None
     own = (
-        Itinerary(itinerary.sites, half, turns, symmetric=True)
+        Itinerary(itinerary.lattice, half, turns, symmetric=True)
         if sign < 0
-        else Itinerary(itinerary.sites, half, turns // 2)
+        else Itinerary(itinerary.lattice, half, turns // 2)
     )
     leg = section.legs[m // 2]
     gaps = (

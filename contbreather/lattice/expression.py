@@ -114,6 +114,11 @@ class Symbolic(Periodic):
             raise self._unknown([name])
         return float(self._slopes[name].at(t, order))  # type: ignore[attr-defined]
 
+    def slope_harmonics(self, name: str) -> Harmonics:
+        """The series of the derivative of f with respect to one parameter."""
+        slopes: dict[str, Series] = self._slopes  # type: ignore[attr-defined]
+        return slopes[name].harmonics
+
     def describe(self) -> str:
         values = "".join(f", {n} = {v:.6g}" for n, v in self.values)
         return f"F = a ({self.expression}){values}; antisymmetry verified {self._proof}"  # type: ignore[attr-defined]

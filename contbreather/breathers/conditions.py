@@ -1,0 +1,71 @@
+"""What a lattice moves under: forcing, coupling, losses, springs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+from contbreather.breathers.closure import check_amplitude, restitution_ratio
+from contbreather.errors import BadInput
+from contbreather.lattice import Forcing, Harmonic
+
+OWN = ("a", "gamma", "k", "damping", "spring")
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Every parameter of the motion, and its forcing.
+
+    Attributes
+    ----------
+    a : float
+        Amplitude of the forcing.
+    gamma : float
+        Coupling, at least 0.
+    k : float
+        Restitution coefficient in [0, 1].
+    damping, spring : float
+        ``u'' + damping u' + spring u + ...``: per unit mass, at least 0.
+    forcing : Forcing
+    """
+
+    a: float
+    gamma: float
+    k: float
+    damping: float = 0.0
+    spring: float = 0.0
+    forcing: Forcing = field(default_factory=Harmonic)
+
+    def __post_init__(self) -> None:
+        check_amplitude(self.a)
+        restitution_ratio(self.k)
+        for name in ("gamma", "damping", "spring"):
+            value = getattr(self, name)
+            try:
+                number = float(value)
+            except (TypeError, ValueError):
+                number = math.nan
+            if not 0.0 <= number < math.inf:
+                raise BadInput(f"{name} = {value!r}: a finite number, at least 0, is wanted.")
+        for name in OWN:
+            object.__setattr__(self, name, float(getattr(self, name)))
+
+    @property
+    def params(self) -> dict[str, float]:
+        """All parameters by name, those of the forcing last."""
+        return {**{name: getattr(self, name) for name in OWN}, **self.forcing.params}
+
+    def at(self, params: Mapping[str, float]) -> Conditions:
+        """The same with other values of its parameters."""
+        own = tuple(float(params.get(name, value)) for name, value in self.params.items())
+        return _moved(self.forcing, own)
+
+
+@lru_cache(maxsize=256)
+def _moved(forcing: Forcing, values: tuple[float, ...]) -> Conditions:
+    names = tuple(forcing.params)
+    if names:
+        forcing = forcing.at(**dict(zip(names, values[len(OWN) :], strict=True)))
+    return Conditions(*values[: len(OWN)], forcing=forcing)
