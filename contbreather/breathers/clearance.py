@@ -190,7 +190,7 @@ def gaps_of_others(orbit: RingOrbit, besides: tuple[int, float] | None = None) -
         return []
     T = orbit.itinerary.length
     size = _points(orbit, T)
-    times: FloatArray = orbit.t[0] + T / size * np.arange(size, dtype=float)
+    times: FloatArray = orbit.times[0] + T / size * np.arange(size, dtype=float)
     u = abs(orbit.motion(times)[:, watched])  # of period T, by symmetry
     before, after = np.roll(u, 1, axis=0), np.roll(u, -1, axis=0)
     crest = (u >= before) & (u >= after)

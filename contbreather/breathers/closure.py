@@ -158,7 +158,7 @@ def roots(
     if isinstance(forcing, Harmonic):
         found = _harmonic_roots(a, chi, q)
     else:
-        found = _general_roots(a, chi, q, forcing)
+        found = general_roots(a, chi, q, forcing)
     if found:
         return tuple(sorted(found, reverse=True))
     # above the fold there is always one: on the way of a f from its minimum up to 1 the reduced
@@ -209,7 +209,7 @@ def _harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]
     return found
 
 
-def _general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tuple[float, float]]:
+def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tuple[float, float]]:
     """Between two neighbouring extrema the reduced equation is monotone: one root or none."""
 
     def reduced(phi: float) -> float:

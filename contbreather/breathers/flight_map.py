@@ -1,8 +1,8 @@
 """A lattice flown from impact to impact: states, and their slopes, through flows and impacts.
 
-Between impacts the free part of the motion, ``u_n - a f_n(t)``, turns mode by mode, exactly
-(18). At an impact of site n one velocity jumps, ``u_n' -> -k u_n'``. So the state after a section is
-a closed form of the state before it and of the impact times, and so is its derivative. Where times
+Between impacts the free part of the motion, ``u_n - a f_n(t)``, turns mode by mode, exactly (18).
+At an impact of site n one velocity jumps, ``u_n' -> -k u_n'``. So the state after a section is a
+closed form of the state before it and of the impact times, and so is its derivative. Where times
 are not set but follow from the impacts, each impact acts on small perturbations by its own
 saltation matrix (19): those make the monodromy matrix.
 """

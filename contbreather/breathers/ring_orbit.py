@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 EPS = float(np.finfo(float).eps)
+SAME = 1e-9  # momenta that differ by less, relative to the largest, are equal
 
 
 class Hit(NamedTuple):
@@ -84,9 +85,8 @@ class RingOrbit:
     conditions : Conditions
     lattice : Ring, Lattice
     itinerary : Itinerary
-    t, p : tuple of float
-        Times of the impacts of a section, and half their momenta, ``(1 + k)/2`` times the
-        velocity towards the wall.
+    times, impulses : ndarray
+        Of the impacts of a section: when, and by how much a velocity changes.
     c : float
         By how much the lattice as a whole sits off centre, its mean over sites and time.
     """
@@ -141,14 +141,34 @@ class RingOrbit:
         return self.itinerary.symmetric
 
     @property
-    def t(self) -> tuple[float, ...]:
-        return tuple(self.section.t.tolist())
+    def times(self) -> FloatArray:
+        return self.section.t
+
+    @property
+    def sequence(self) -> tuple[tuple[int, int], ...]:
+        """(site, wall) of each impact of a section, in order."""
+        return self.itinerary.impacts
 
     @cached_property
-    def p(self) -> tuple[float, ...]:
-        half = 0.5 * (1.0 + self.k)
-        found = {one.which: half * one.velocity * one.wall for one in self.section.impacts}
-        return tuple(found[j] for j in range(len(found)))
+    def impulses(self) -> FloatArray:
+        found = {one.which: -(1.0 + self.k) * one.velocity for one in self.section.impacts}
+        return np.array([found[j] for j in range(len(found))])
+
+    @property
+    def p(self) -> float:
+        """Half the momentum of each impact, where all are the same."""
+        sizes = 0.5 * abs(self.impulses)
+        if np.ptp(sizes) > SAME * sizes.max():
+            raise BadInput(f"the impacts have different momenta: half of them are {sizes}.")
+        return float(sizes[0])
+
+    @property
+    def phi(self) -> float:
+        """Time of the impact of a symmetric orbit of one site, on the wall at +1."""
+        if not (self.symmetric and self.itinerary.count == 1):
+            raise BadInput("phi belongs to symmetric orbits with one impact in half a period.")
+        late = 0.0 if self.sequence[0][1] > 0 else self.itinerary.length
+        return math.remainder(float(self.times[0]) + late, self.period)
 
     @cached_property
     def c(self) -> float:
@@ -402,7 +422,7 @@ class RingOrbit:
         return problem_of(self)
 
     def __repr__(self) -> str:
-        times = ", ".join(f"{t:.8g}" for t in self.t)
+        times = ", ".join(f"{t:.8g}" for t in self.times)
         margins = self.admissibility()
         mark = "" if margins.ok or abs(margins.margin) < 1e-9 else f"; {margins.reason}"
         return (

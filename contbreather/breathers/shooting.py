@@ -160,7 +160,7 @@ def _columns(itinerary: Itinerary, threshold: float) -> dict[str, Any]:
     """What is recorded besides the unknowns."""
 
     def momentum(j: int) -> Any:
-        return lambda point: point.solution.p[j]
+        return lambda point: 0.5 * abs(float(point.solution.impulses[j]))
 
     count = itinerary.count
     same = count == 1 or (count == 2 and itinerary.local and not itinerary.symmetric)

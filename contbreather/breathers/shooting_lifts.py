@@ -110,7 +110,7 @@ def unfolded(point: Point) -> Lift:
     >>> branch = cb.trace(shooting(cb.symmetric(0.7, 0.04, 0.8), sites=20), "a", towards="up",
     ...                   within={"a": (0, 0.8)})
     >>> tilted = shot_orbit(unfolded(branch.first("PF")).arm(0.02))
-    >>> abs(tilted.t[1] - tilted.t[0] - math.pi) > 1e-3
+    >>> abs(tilted.times[1] - tilted.times[0] - math.pi) > 1e-3
     True
     """
     orbit = _orbit_at(point, "PF")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,12 +23,15 @@ from contbreather.breathers.closure import (
     roots,
     smallest_amplitude,
 )
+from contbreather.breathers.conditions import Conditions
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, Ring, check_gamma
+from contbreather.lattice.finite import Finite
 from contbreather.lattice.green import Flight, flight, flight_slope
 
 if TYPE_CHECKING:
     from contbreather.breathers.admissibility import Admissibility
+    from contbreather.breathers.ring_orbit import RingOrbit
     from contbreather.continuation import Problem
     from contbreather.stability import ChainVerdict, RingVerdict
 
@@ -320,9 +323,12 @@ def symmetric(
     k: float,
     *,
     forcing: Forcing | None = None,
-    lattice: Lattice | None = None,
-) -> Breather:
-    """The symmetric on-site breather, eqs. (11) to (13).
+    lattice: Lattice | Finite | None = None,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float = 0.0,
+) -> Breather | RingOrbit:
+    """The symmetric breather of one impacting site, eqs. (11) to (13).
 
     Of several solutions the one with the largest p: for `Harmonic` forcing the upper sign of
     (13), the only one that can be stable.
@@ -337,12 +343,16 @@ def symmetric(
         Restitution coefficient in [0, 1].
     forcing : Forcing, optional
         `Harmonic` unless given.
-    lattice : Lattice, optional
+    lattice : InfiniteChain, Ring or Lattice, optional
         `InfiniteChain` unless given.
+    site : int
+        The one that impacts.
+    damping, spring : float
+        ``u'' + damping u' + spring u + ...``; on finite lattices.
 
     Returns
     -------
-    Breather
+    Breather, or the orbit of a finite lattice
         A solution of (11). Whether it keeps off the walls between its impacts is a question of
         its own: `admissibility`.
 
@@ -359,7 +369,8 @@ def symmetric(
     >>> round(b.p, 12), round(b.phi, 12)
     (0.680056001966, -2.519293143359)
     """
-    return symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice)[0]
+    more: dict[str, Any] = {"site": site, "damping": damping, "spring": spring}
+    return symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more)[0]
 
 
 def symmetric_roots(
@@ -368,8 +379,11 @@ def symmetric_roots(
     k: float,
     *,
     forcing: Forcing | None = None,
-    lattice: Lattice | None = None,
-) -> tuple[Breather, ...]:
+    lattice: Lattice | Finite | None = None,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float = 0.0,
+) -> tuple[Breather, ...] | tuple[RingOrbit, ...]:
     """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
 
     Examples
@@ -381,6 +395,16 @@ def symmetric_roots(
     """
     forcing = Harmonic() if forcing is None else forcing
     lattice = InfiniteChain() if lattice is None else lattice
+    if lattice.sites is not None and (site or damping or spring or not isinstance(lattice, Ring)):
+        from contbreather.breathers.one_site import symmetric_orbits
+
+        on = Conditions(a, gamma, k, damping, spring, forcing)
+        return symmetric_orbits(cast(Finite, lattice), site, on)
+    if site or damping or spring:
+        raise BadInput(
+            f"site = {site!r}, damping = {damping!r}, spring = {spring!r}: on the infinite chain "
+            "site 0 impacts, without damping or springs; take Ring(N) or another finite lattice."
+        )
     gamma, a = check_gamma(gamma), check_amplitude(a)
     restitution_ratio(k)
     found = roots(a, gamma, float(k), forcing, lattice)

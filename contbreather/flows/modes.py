@@ -162,6 +162,14 @@ class Driven:
             return f.f(t), f.df(t), f.d2f(t)
         return self._spectrum.at(site, t)
 
+    def harmonics(self, site: int) -> Harmonics:
+        """The motion of one site as a series (m, A, B), ``A cos mt + B sin mt``."""
+        if self.alike:
+            return self.forcing.harmonics
+        m, table = self._spectrum
+        row = table[0 if len(table) == 1 else site]
+        return tuple((int(o), c.real, -c.imag) for o, c in zip(m, row.tolist(), strict=True))
+
     def everywhere(self, t: Any, order: int) -> FloatArray:
         """The order-th derivative for all sites, shape ``(*t.shape, N)``, or 1 for N where all
         move alike."""

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     import sympy
 
 LARGEST_POWER = 99
-RESERVED = ("a", "gamma", "k", "p", "phi", "t")  # names that already mean something
+# names that already mean something
+RESERVED = ("a", "gamma", "k", "damping", "spring", "p", "phi", "t")
 
 
 @dataclass(frozen=True, init=False, repr=False)
