@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from contbreather.breathers.closure import check_amplitude, restitution_ratio
@@ -20,14 +20,10 @@ class Conditions:
 
     Attributes
     ----------
-    a : float
-        Amplitude of the forcing.
-    gamma : float
-        Coupling, at least 0.
-    k : float
-        Restitution coefficient in [0, 1].
+    a, gamma, k : float
+        Amplitude of the forcing, coupling, restitution coefficient.
     damping, spring : float
-        ``u'' + damping u' + spring u + ...``: per unit mass, at least 0.
+        ``u'' + damping u' + spring u + ...``, per unit mass.
     forcing : Forcing
     """
 
@@ -38,7 +34,9 @@ class Conditions:
     spring: float = 0.0
     forcing: Forcing = field(default_factory=Harmonic)
 
-    def __post_init__(self) -> None:
+    def checked(self) -> Conditions:
+        """The same, or what is wrong with it. Derivatives by differences look beyond the edges of
+        the domain, where everything is defined still: so this is asked where numbers come in."""
         check_amplitude(self.a)
         restitution_ratio(self.k)
         for name in ("gamma", "damping", "spring"):
@@ -49,8 +47,7 @@ class Conditions:
                 number = math.nan
             if not 0.0 <= number < math.inf:
                 raise BadInput(f"{name} = {value!r}: a finite number, at least 0, is wanted.")
-        for name in OWN:
-            object.__setattr__(self, name, float(getattr(self, name)))
+        return replace(self, **{name: float(getattr(self, name)) for name in OWN})
 
     @property
     def params(self) -> dict[str, float]:

@@ -109,7 +109,6 @@ def check_coupling(itinerary: Itinerary, on: Conditions) -> None:
 def _flown(itinerary: Itinerary, on: Conditions, unknowns: bytes) -> Section:
     x, m = np.frombuffer(unknowns), itinerary.count
     K = (x.size - m) // 2
-    check_coupling(itinerary, on)
     return Section(itinerary, x[:m], x[m : m + K], x[m + K :], on)
 
 
@@ -358,7 +357,7 @@ def _conditions(given: Mapping[str, Any], seed: Any) -> Conditions:
     if missing:
         raise BadInput(f"this seed does not know {', '.join(missing)}: give them by name.")
     known = {name: values[name] for name in OWN if values[name] is not None}
-    return Conditions(**known, forcing=values["forcing"] or Harmonic())
+    return Conditions(**known, forcing=values["forcing"] or Harmonic()).checked()
 
 
 def _from_orbit(

@@ -398,7 +398,7 @@ def symmetric_roots(
     if lattice.sites is not None and (site or damping or spring or not isinstance(lattice, Ring)):
         from contbreather.breathers.one_site import symmetric_orbits
 
-        on = Conditions(a, gamma, k, damping, spring, forcing)
+        on = Conditions(a, gamma, k, damping, spring, forcing).checked()
         return symmetric_orbits(cast(Finite, lattice), site, on)
     if site or damping or spring:
         raise BadInput(

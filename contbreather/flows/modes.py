@@ -48,7 +48,7 @@ class Turn(NamedTuple):
 
 
 def turn(z: FloatArray, time: Any, damping: float = 0.0) -> Turn:
-    """The flight over a time (or times, shape ``(..., 1)``) of modes with stiffness z >= 0.
+    """The flight over a time (or times, shape ``(..., 1)``) of modes with stiffness z.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def turn(z: FloatArray, time: Any, damping: float = 0.0) -> Turn:
     >>> quarter(np.ones(2), np.zeros(2))[0].round(12) + 0.0
     array([1., 0.])
     """
-    if damping:
+    if damping or z.min() < 0.0:
         return _damped(z, time, damping)
     w = np.sqrt(z)
     angle = w * time
