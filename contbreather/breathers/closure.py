@@ -210,7 +210,10 @@ def _harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]
 
 
 def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tuple[float, float]]:
-    """Between two neighbouring extrema the reduced equation is monotone: one root or none."""
+    """``p chi = 1 - a f``, ``p q = a f'`` with p > 0, for any f that is a series.
+
+    Between two neighbouring extrema the reduced equation is monotone: one root or none.
+    """
 
     def reduced(phi: float) -> float:
         return a * (chi * forcing.df(phi) + q * forcing.f(phi)) - q

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 from contbreather.breathers.closure import check_amplitude, restitution_ratio
@@ -47,7 +47,7 @@ class Conditions:
                 number = math.nan
             if not 0.0 <= number < math.inf:
                 raise BadInput(f"{name} = {value!r}: a finite number, at least 0, is wanted.")
-        return replace(self, **{name: float(getattr(self, name)) for name in OWN})
+        return self.at({})
 
     @property
     def params(self) -> dict[str, float]:
@@ -65,4 +65,5 @@ def _moved(forcing: Forcing, values: tuple[float, ...]) -> Conditions:
     names = tuple(forcing.params)
     if names:
         forcing = forcing.at(**dict(zip(names, values[len(OWN) :], strict=True)))
-    return Conditions(*values[: len(OWN)], forcing=forcing)
+    a, gamma, k, damping, spring = values[: len(OWN)]
+    return Conditions(a, gamma, k, damping, spring, forcing)

@@ -234,12 +234,12 @@ class Section:
         damping = self.conditions.damping
         for column, name in enumerate(names, start=Y.shape[1] - len(names)):
             if name == "damping":
-                slope, rise = turn_slope_in_damping(self.z, leg.flight, fly, damping), 1.0
+                slope = turn_slope_in_damping(self.z, leg.flight, fly, damping)
             elif name in ("gamma", "spring"):
                 slope = turn_slope(self.z, leg.flight, fly, damping)
-                rise = self.basis.lam if name == "gamma" else 1.0
             else:
                 continue
+            rise = self.basis.lam if name == "gamma" else 1.0
             y, v = slope(leg.q, leg.r)
             Y[:, column] += rise * y
             R[:, column] += rise * v

@@ -12,8 +12,6 @@ f being the forced motion of that site.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,18 +23,11 @@ from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.errors import BadInput, NoSolution
 from contbreather.flows.modes import turn
 from contbreather.lattice.finite import Finite
-from contbreather.lattice.forcing import Periodic, Series
+from contbreather.lattice.forcing import Fourier
 
 FloatArray = NDArray[np.float64]
 
 RESONANT = 1e-12  # 2 + trace of a mode that is its own mirror image after half a period
-
-
-@dataclass(frozen=True)
-class SiteForcing(Periodic):
-    """The forced motion of one site, as a forcing is asked for it."""
-
-    _f: Series
 
 
 def symmetric_orbits(lattice: Finite, site: int, on: Conditions) -> tuple[RingOrbit, ...]:
@@ -63,8 +54,11 @@ def symmetric_orbits(lattice: Finite, site: int, on: Conditions) -> tuple[RingOr
     q, r = _answer(rest)
     e = rest.shapes[0]
     chi, excess = -2.0 * float(e.dot(q)), float(e.dot(r)) + 0.5
-    forced = SiteForcing(Series(rest.forced.harmonics(site)))
-    found = general_roots(on.a, chi, restitution_ratio(on.k) + 2.0 * excess, forced)
+    own = rest.forced.harmonics(site)
+    found = []
+    if any(A or B for _, A, B in own):  # else nothing moves this site
+        forced = Fourier.from_response({m: A for m, A, _ in own}, {m: B for m, _, B in own})
+        found = general_roots(on.a, chi, restitution_ratio(on.k) + 2.0 * excess, forced)
     if not found:
         raise NoSolution(
             f"no symmetric orbit of site {site} on the {lattice.describe()} at a = {on.a!r} (gamma "

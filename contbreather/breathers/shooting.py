@@ -259,8 +259,9 @@ def shooting(
     <ring of 20: unstable, 2 multipliers; largest |multiplier| over 2 pi 1.00607444 > threshold \
 1.005>
     """
-    given = {"a": a, "gamma": gamma, "k": k, "damping": damping, "spring": spring}
-    given["forcing"] = forcing
+    given: dict[str, Any] = {
+        "a": a, "gamma": gamma, "k": k, "damping": damping, "spring": spring, "forcing": forcing,
+    }  # fmt: skip
     turns = _turns(period)
     where = _lattice(lattice, sites)
     section = _section(seed, given, where, sequence, turns, symmetric, float(t))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -317,6 +317,27 @@ def _whole(n: ArrayLike) -> NDArray[np.int64]:
     return sites.astype(np.int64)
 
 
+@overload
+def symmetric(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | None = None,
+    lattice: Lattice | None = None,
+) -> Breather: ...
+@overload
+def symmetric(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | None = None,
+    lattice: Finite,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float = 0.0,
+) -> RingOrbit: ...
 def symmetric(
     a: float,
     gamma: float,
@@ -370,9 +391,32 @@ def symmetric(
     (0.680056001966, -2.519293143359)
     """
     more: dict[str, Any] = {"site": site, "damping": damping, "spring": spring}
-    return symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more)[0]
+    found: tuple[Any, ...] = symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more)
+    own: Breather | RingOrbit = found[0]
+    return own
 
 
+@overload
+def symmetric_roots(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | None = None,
+    lattice: Lattice | None = None,
+) -> tuple[Breather, ...]: ...
+@overload
+def symmetric_roots(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | None = None,
+    lattice: Finite,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float = 0.0,
+) -> tuple[RingOrbit, ...]: ...
 def symmetric_roots(
     a: float,
     gamma: float,

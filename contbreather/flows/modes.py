@@ -195,7 +195,8 @@ class Driven:
             return Spectrum(m, self._filtered(m, F))
         m, F = _force(self.forcing.harmonics)
         lam = self._modes[0][:, None]
-        rise = {"gamma": lam, "spring": 1.0, "damping": 1j * m}[name]
+        rises: dict[str, Any] = {"gamma": lam, "spring": 1.0, "damping": 1j * m}
+        rise = rises[name]
         return Spectrum(m, self._filtered(m, F, -rise / self._gap(m, F)))
 
     @cached_property

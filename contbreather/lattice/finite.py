@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg, sparse
+from scipy import linalg
 
 from contbreather.errors import BadInput
 
@@ -261,8 +261,7 @@ def _seen(lattice: Lattice, hit: tuple[int, ...]) -> Modes:
 def _matrix(given: Any) -> FloatArray:
     """The stiffness as a dense matrix, or what is wrong with it."""
     try:
-        dense = given.toarray() if sparse.issparse(given) else given
-        matrix = np.array(dense, dtype=float)
+        matrix = np.array(given.toarray() if hasattr(given, "toarray") else given, dtype=float)
     except (TypeError, ValueError) as error:
         raise BadInput(f"the stiffness is no matrix of numbers: {error}.") from error
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
