@@ -88,21 +88,30 @@ def check_coupling(itinerary: Itinerary, on: Conditions) -> None:
     lattice = itinerary.lattice
     if lattice.highest_gamma <= on.gamma:
         check_gamma(on.gamma)  # says why
-    if on.spring >= WEAK:
-        return
-    if on.gamma < WEAK and itinerary.sites > 1:
+    if on.gamma < WEAK and _loose(itinerary, on):
         raise BadInput(
             f"gamma = {on.gamma!r} on a {lattice.describe()}: sites that do not feel each other "
             "may rest anywhere, so there is no one orbit; take sites=1, or a spring."
         )
     walls = {wall for _, wall in itinerary.impacts}
-    if not itinerary.symmetric and len(walls) == 1 and itinerary.basis.lam.min() < WEAK:
+    if (
+        on.spring < WEAK
+        and not itinerary.symmetric
+        and len(walls) == 1
+        and itinerary.basis.lam.min() < WEAK
+    ):
         raise ImpossibleSequence(
             f"the sequence {itinerary.impacts} hits the wall at {walls.pop():+d} only: every "
             "impact pushes a lattice that nothing holds the same way and it never comes back; let "
             "it hit both, or give it a spring.",
             sequence=itinerary.impacts,
         )
+
+
+def _loose(itinerary: Itinerary, on: Conditions) -> bool:
+    """Whether idle sites may rest anywhere without coupling; an orbit that comes back with the
+    opposite sign has them rest at 0."""
+    return on.spring < WEAK and itinerary.sites > 1 and not itinerary.symmetric
 
 
 @lru_cache(maxsize=64)
@@ -140,7 +149,7 @@ def problem_of(orbit: RingOrbit, *, threshold: float = PAPER) -> Problem:
         record=_columns(itinerary, threshold),
         domain={
             "gamma": (
-                0.0 if itinerary.sites == 1 or section.conditions.spring else WEAK,
+                WEAK if _loose(itinerary, section.conditions) else 0.0,
                 itinerary.lattice.highest_gamma,
             ),
             "k": (0.0, 1.0),

@@ -356,6 +356,13 @@ def waves(sites: int, hit: tuple[int, ...]) -> Waves:
     )
 
 
+def stiffness_of(lattice: Finite) -> FloatArray:
+    """The stiffness matrix of any finite lattice, rings too."""
+    if isinstance(lattice, Lattice):
+        return np.asarray(lattice.stiffness, dtype=float)
+    return _closed(_path(lattice.sites), True)
+
+
 # --- the usual ones -----------------------------------------------------------------------------
 
 
