@@ -322,6 +322,11 @@ class Section:
         """``Q S_m ... Q S_1`` over one section in the modes that impacts see, (2K, 2K)."""
         return self.applied(np.eye(2 * self.q.size))
 
+    @cached_property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Eigenvalues of `monodromy`; kept, because events and columns ask for them in turn."""
+        return np.linalg.eigvals(self.monodromy).astype(complex)
+
     def free(self, mu: float) -> FloatArray:
         """``det(flight - mu)`` of each mode over a section without impacts."""
         one, other = free_multipliers(self.z, self.conditions.damping, self.itinerary.length)

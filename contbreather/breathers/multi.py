@@ -100,11 +100,10 @@ def _refusal(choice: Any, branch: Branch | None, on: Conditions) -> str:
         return f"{choice!r}: without coupling these impacts are no orbit of the lattice already."
     end = branch[-1]
     why = {
-        "GR": lambda: end.solution.admissibility().reason,
         # at EP it has come back to where it set out, through a point where it doubles or unfolds
-        "LP": lambda: "it turns back, into an orbit of another choice",
-        "EP": lambda: "it turns back, into an image of itself",
-    }.get(end.kind, branch.describe)()
+        "LP": "it turns back, into an orbit of another choice",
+        "EP": "it turns back, into an image of itself",
+    }.get(end.kind) or str(end.solution.admissibility().reason)
     return (
         f"{choice!r}: this orbit reaches gamma = {branch['gamma'].max():.9g}, not {on.gamma:.9g}; "
         f"there {why.removesuffix('.')}."

@@ -372,10 +372,10 @@ class RingOrbit:
         found = np.concatenate([self.coupled, self._unseen()])
         return found if half or not self.symmetric else found * found
 
-    @cached_property
+    @property
     def coupled(self) -> ComplexArray:
         """Multipliers over a section of the modes that impacts see."""
-        return np.linalg.eigvals(self.section.monodromy).astype(complex)
+        return self.section.multipliers
 
     def _unseen(self) -> ComplexArray:
         z = self.gamma * self.section.basis.unseen + self.spring
