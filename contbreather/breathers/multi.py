@@ -225,7 +225,11 @@ class Multibreather:
 
     def stable(self, threshold: float = 1.005) -> bool:
         """Whether it exists, and no multiplier of it is beyond the threshold."""
-        return self.exists and self.orbit is not None and self.orbit.stability(threshold).stable
+        return (
+            self.exists
+            and self.orbit is not None
+            and self.orbit.stability(threshold=threshold).stable
+        )
 
 
 def multibreathers(

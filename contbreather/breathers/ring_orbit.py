@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ from contbreather.breathers.flight_map import Section, free_multipliers
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.errors import BadInput
 from contbreather.flows.modes import turn
-from contbreather.lattice import Forcing
+from contbreather.lattice import Forcing, Lattice, Ring
 from contbreather.lattice.finite import Finite
 
 if TYPE_CHECKING:
@@ -349,11 +349,59 @@ class RingOrbit:
 
     # ----------------------------------------------------------------------- what it is asked
 
-    def multipliers(self, *, half: bool = False) -> ComplexArray:
+    def on(self, lattice: Lattice | Finite) -> Any:
+        """The orbit with the same impacts and parameters on another lattice, found by Newton's
+        method from this one: a `RingOrbit` of a finite lattice, an `Orbit` of the infinite chain.
+
+        Raises
+        ------
+        NotConverged
+            If there is none close by.
+        BadInput
+            If an impacting site is not on that lattice, or springs and damping are not.
+        """
+        if lattice == self.lattice:
+            return self
+        if lattice.sites is not None:
+            from contbreather.breathers.shooting import shooting, shot_orbit
+
+            return shot_orbit(shooting(self, lattice=cast(Finite, lattice), inadmissible=True))
+        return self._on_the_chain(lattice)
+
+    def _on_the_chain(self, lattice: Lattice) -> Any:
+        from contbreather.breathers.impacts import Impact
+        from contbreather.breathers.orbits import Orbit, orbit_at
+
+        if self.damping or self.spring:
+            raise BadInput(
+                f"damping = {self.damping}, spring = {self.spring}: orbits of the infinite chain "
+                "have neither yet; take a long ring, Ring(200) for instance."
+            )
+        p = 0.5 * (1.0 + self.k)
+        impacts = tuple(
+            Impact(hit.site, hit.wall, hit.time, -2.0 * p * hit.before) for hit in self.hits
+        )
+        offsets = (self.c,) * len(self.itinerary.hit)
+        guess = Orbit(
+            self.a,
+            self.gamma,
+            self.k,
+            impacts,
+            offsets,
+            self.itinerary.turns,
+            self.forcing,
+            lattice,
+        )
+        solved, _ = guess.problem.solve(tolerance=1e-11)
+        return orbit_at(solved)
+
+    def multipliers(self, sites: int | None = None, *, half: bool = False) -> ComplexArray:
         """All 2N multipliers over the period, from flows and saltation matrices.
 
         Parameters
         ----------
+        sites : int, optional
+            Those of the orbit on a ring of so many sites; of its own lattice unless given.
         half : bool
             Of a symmetric orbit those over half its period: +1 at a pitchfork, -1 at a fold.
 
@@ -367,6 +415,9 @@ class RingOrbit:
         BadInput
             With `half`, if the orbit is not symmetric.
         """
+        if sites is not None and self.lattice != Ring(sites):
+            found: ComplexArray = self.on(Ring(sites)).multipliers(half=half)
+            return found
         if half and not self.symmetric:
             raise BadInput("this orbit was not shot on half its period: it has no half map.")
         found = np.concatenate([self.coupled, self._unseen()])
@@ -381,11 +432,13 @@ class RingOrbit:
         z = self.gamma * self.section.basis.unseen + self.spring
         return np.concatenate(free_multipliers(z, self.damping, self.itinerary.length))
 
-    def stability(self, threshold: float = 1.005) -> OrbitVerdict:
+    def stability(self, sites: int | None = None, threshold: float = 1.005) -> OrbitVerdict:
         """Is it stable on its lattice? Multipliers over the whole period against a threshold.
 
         Parameters
         ----------
+        sites : int, optional
+            Ask about a ring of so many sites; about its own lattice unless given.
         threshold : float
             At least 1. A ring always has multipliers on the unit circle and others, of waves that
             run around it, within O(1/N) of it; the paper takes 1.005.
@@ -399,6 +452,9 @@ class RingOrbit:
                 f"threshold = {threshold}: moduli on the unit circle are neutral, so a finite "
                 "threshold of at least 1 is wanted (the paper takes 1.005)."
             )
+        if sites is not None and self.lattice != Ring(sites):
+            verdict: OrbitVerdict = self.on(Ring(sites)).stability(threshold=threshold)
+            return verdict
         size = np.abs(self.multipliers())
         return OrbitVerdict(
             self.lattice.describe(),

@@ -178,7 +178,7 @@ def _columns(itinerary: Itinerary, threshold: float) -> dict[str, Any]:
         columns["c"] = lambda point: point.solution.c
     if same and count == 2:
         columns["asymmetry"] = lambda point: point["t2"] - point["t1"] - 0.5 * itinerary.period
-    columns["unstable"] = lambda point: point.solution.stability(threshold).unstable
+    columns["unstable"] = lambda point: point.solution.stability(threshold=threshold).unstable
     return {**columns, "condition": lambda point: point.solution.condition}
 
 

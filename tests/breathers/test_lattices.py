@@ -371,3 +371,25 @@ def test_orbit_is_asked_for_its_own_sites_only() -> None:
     assert orbit.displacement([0, 1], [0.1, 0.2]) == pytest.approx(
         [orbit.displacement(0, 0.1), orbit.displacement(1, 0.2)]
     )
+
+
+# --- from one lattice to another ------------------------------------------------------------------
+
+
+def test_orbit_goes_to_any_lattice_and_back() -> None:
+    start = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(24), damping=0.0)
+    branch = cb.trace(cb.shooting(start), "a", within={"a": (0.6, 0.85)})
+    arm = cb.switch(branch.first("PF"), within={"a": (0.6, 0.85)})[0][-1].solution
+    for there in (cb.Ring(40), cb.OpenChain(24), cb.InfiniteChain()):
+        back = arm.on(there).on(cb.Ring(24))
+        t = np.linspace(0, 6, 9)
+        assert back.displacement(0, t) == pytest.approx(arm.displacement(0, t), abs=1e-9)
+    chain = arm.on(cb.InfiniteChain())
+    assert chain.c == pytest.approx(arm.c, abs=1e-6)
+    assert abs(chain.impulses) == pytest.approx(abs(arm.impulses), abs=1e-6)
+    damped = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(24), damping=0.1)
+    with pytest.raises(cb.BadInput, match="infinite chain have neither"):
+        damped.on(cb.InfiniteChain())
+    own = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(40), damping=0.1)
+    assert damped.stability(sites=40).largest == pytest.approx(own.stability().largest)
+    assert damped.multipliers(sites=40).size == 80
