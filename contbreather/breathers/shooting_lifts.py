@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.ring_orbit import RingOrbit
-from contbreather.breathers.shooting import opened, problem_of, shot_orbit
+from contbreather.breathers.shooting import check_coupling, opened, problem_of, shot_orbit
 from contbreather.breathers.shooting_seeds import checked
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.newton import newton
@@ -147,6 +147,7 @@ def _orbit_at(point: Point, kind: str) -> RingOrbit:
 
 
 def _lift(point: Point, section: Section, what: str) -> Lift:
+    check_coupling(section.itinerary, section.conditions)
     sizes, vectors = np.linalg.svd(section.jacobian())[1:]
     if sizes[-1] > SINGULAR * sizes[0]:
         raise BadInput(
