@@ -185,7 +185,8 @@ class Section:
         for leg, one in zip(self.legs, self.impacts, strict=False):
             own = float(self.shapes[one.which].dot(leg.q_end))
             forced = self.conditions.a * self.forced.at(one.site, one.time)[0]
-            value[one.which] = own + forced - one.wall
+            wall = self.conditions.walls.position(one.site, one.wall)
+            value[one.which] = own + forced - wall
         value[m : m + K] = last.q_end - sign * self.q
         value[m + K :] = last.r_end - sign * self.r
         return value

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from contbreather.breathers.conditions import Walls
 from contbreather.breathers.refusals import ImpossibleSequence
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Basis, Finite
@@ -121,6 +122,23 @@ class Itinerary:
         told = " ".join(f"{n}{'+' if wall > 0 else '-'}" for n, wall in self.impacts)
         half = ", half of a symmetric orbit" if self.symmetric else ""
         return f"{self.lattice.describe()}, period {2 * self.turns} pi, impacts {told}{half}"
+
+
+def check_walls(itinerary: Itinerary, walls: Walls) -> None:
+    """`BadInput` where a site hits a wall that is not there, or half an orbit cannot stand for the
+    other half."""
+    for site, wall in itinerary.impacts:
+        if math.isinf(walls.position(site, wall)):
+            raise ImpossibleSequence(
+                f"impact ({site}, {wall:+d}): site {site} has no wall on that side.",
+                sequence=itinerary.impacts,
+            )
+    if itinerary.symmetric and not walls.symmetric:
+        raise BadInput(
+            "the walls are not symmetric, so no orbit is its own mirror image half a period "
+            "later: there is no half section and no pitchfork; shoot the whole period, "
+            "symmetric=False."
+        )
 
 
 def checked_impacts(lattice: Finite, impacts: Sequence[Any]) -> Sequenced:

@@ -16,7 +16,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
-from contbreather.breathers.conditions import Conditions
+from contbreather.breathers.conditions import Conditions, Walls
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.one_site import symmetric_orbits
 from contbreather.breathers.refusals import Inadmissible
@@ -55,6 +55,7 @@ def multibreather(
     lattice: Finite,
     damping: float = 0.0,
     spring: float = 0.0,
+    walls: Any = None,
     forcing: Forcing | None = None,
 ) -> RingOrbit:
     """An orbit of several impacting sites, continued from gamma = 0 to the coupling asked for.
@@ -65,7 +66,7 @@ def multibreather(
         The sites that impact; or for each the orbit it has without coupling: ``"upper"`` or
         ``"lower"``, the root of the closure with the larger or the smaller p, or any orbit of the
         single oscillator (symmetric, asymmetric or doubled) under the same forcing.
-    a, gamma, k, damping, spring, forcing
+    a, gamma, k, damping, spring, walls, forcing
         As for `symmetric`.
     lattice : Ring or Lattice
 
@@ -87,7 +88,8 @@ def multibreather(
     >>> two.sequence, bool(two.admissibility())
     (((0, 1), (6, 1)), True)
     """
-    on = Conditions(a, gamma, k, damping, spring, forcing or Harmonic()).checked()
+    at = Walls.given(walls)
+    on = Conditions(a, gamma, k, damping, spring, forcing or Harmonic(), at).checked()
     branch = _from_the_limit(_singles(choice, lattice, on), lattice, on)
     if branch is None or branch[-1]["gamma"] < on.gamma:
         raise NoSolution(_refusal(choice, branch, on))
@@ -241,6 +243,7 @@ def multibreathers(
     most: int = 3,
     damping: float = 0.0,
     spring: float = 0.0,
+    walls: Any = None,
     forcing: Forcing | None = None,
 ) -> tuple[Multibreather, ...]:
     """All choices of up to `most` sites that impact on their upper root, one for each class of
@@ -255,7 +258,8 @@ def multibreathers(
     """
     if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= lattice.sites:
         raise BadInput(f"most = {most!r}: a whole number of sites, 1 to {lattice.sites}.")
-    on = Conditions(a, gamma, k, damping, spring, forcing or Harmonic()).checked()
+    at = Walls.given(walls)
+    on = Conditions(a, gamma, k, damping, spring, forcing or Harmonic(), at).checked()
     return tuple(
         _entry(sites, copies, lattice, on)
         for count in range(1, most + 1)

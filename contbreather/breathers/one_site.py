@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.closure import general_roots, restitution_ratio
 from contbreather.breathers.conditions import Conditions
 from contbreather.breathers.flight_map import Section
-from contbreather.breathers.itinerary import Itinerary
+from contbreather.breathers.itinerary import Itinerary, check_walls
 from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.errors import BadInput, NoSolution
 from contbreather.flows.modes import turn
@@ -49,6 +49,8 @@ def symmetric_orbits(lattice: Finite, site: int, on: Conditions) -> tuple[RingOr
     """
     itinerary = Itinerary(lattice, ((site, 1),), symmetric=True)
     (site, _) = itinerary.impacts[0]
+    check_walls(itinerary, on.walls)
+    width = on.walls.position(site, 1)  # everything scales with it
     still = np.zeros(itinerary.basis.lam.size)
     rest = Section(itinerary, np.zeros(1), still, still, on)
     q, r = _answer(rest)
@@ -58,7 +60,7 @@ def symmetric_orbits(lattice: Finite, site: int, on: Conditions) -> tuple[RingOr
     found = []
     if any(A or B for _, A, B in own):  # else nothing moves this site
         forced = Fourier.from_response({m: A for m, A, _ in own}, {m: B for m, _, B in own})
-        found = general_roots(on.a, chi, restitution_ratio(on.k) + 2.0 * excess, forced)
+        found = general_roots(on.a / width, chi, restitution_ratio(on.k) + 2.0 * excess, forced)
     if not found:
         raise NoSolution(
             f"no symmetric orbit of site {site} on the {lattice.describe()} at a = {on.a!r} (gamma "
@@ -67,7 +69,7 @@ def symmetric_orbits(lattice: Finite, site: int, on: Conditions) -> tuple[RingOr
         )
     return tuple(
         RingOrbit(Section(itinerary, np.array([phi]), -2.0 * p * q, -2.0 * p * r, on))
-        for p, phi in sorted(found, reverse=True)
+        for p, phi in sorted(((width * p, phi) for p, phi in found), reverse=True)
     )
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.breathers.conditions import Conditions
+from contbreather.breathers.conditions import Conditions, Walls
 from contbreather.breathers.flight_map import Section, free_multipliers
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.errors import BadInput
@@ -118,6 +118,10 @@ class RingOrbit:
     @property
     def spring(self) -> float:
         return self.conditions.spring
+
+    @property
+    def walls(self) -> Walls:
+        return self.conditions.walls
 
     @property
     def forcing(self) -> Forcing:

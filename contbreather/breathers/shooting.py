@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import LIMIT
-from contbreather.breathers.conditions import OWN, Conditions
+from contbreather.breathers.conditions import OWN, Conditions, Walls
 from contbreather.breathers.flight_map import Section
-from contbreather.breathers.itinerary import Itinerary
+from contbreather.breathers.itinerary import Itinerary, check_walls
 from contbreather.breathers.refusals import ImpossibleSequence, Inadmissible
 from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.breathers.shooting_events import PAPER, events_of
@@ -86,6 +86,7 @@ class Shooting:
 def check_coupling(itinerary: Itinerary, on: Conditions) -> None:
     """`BadInput` where nothing brings the sites back: then no one state belongs to an orbit."""
     lattice = itinerary.lattice
+    check_walls(itinerary, on.walls)
     if lattice.highest_gamma <= on.gamma:
         check_gamma(on.gamma)  # says why
     if on.gamma < WEAK and _loose(itinerary, on):
@@ -205,6 +206,7 @@ def shooting(
     k: float | None = None,
     damping: float | None = None,
     spring: float | None = None,
+    walls: Any = None,
     forcing: Forcing | None = None,
     t: float = 0.0,
     threshold: float = PAPER,
@@ -234,6 +236,8 @@ def shooting(
         asymmetric.
     a, gamma, k, forcing, damping, spring : optional
         The first three are needed for states and times; all overrule those of other seeds.
+    walls : (low, high) or dict of site and (low, high), optional
+        -1 and 1 unless given; None in place of a wall that is not there.
     t : float
         Time of a state.
     threshold : float
@@ -270,6 +274,7 @@ def shooting(
     """
     given: dict[str, Any] = {
         "a": a, "gamma": gamma, "k": k, "damping": damping, "spring": spring, "forcing": forcing,
+        "walls": walls,
     }  # fmt: skip
     turns = _turns(period)
     where = _lattice(lattice, sites)
@@ -367,7 +372,8 @@ def _conditions(given: Mapping[str, Any], seed: Any) -> Conditions:
     if missing:
         raise BadInput(f"this seed does not know {', '.join(missing)}: give them by name.")
     known = {name: values[name] for name in OWN if values[name] is not None}
-    return Conditions(**known, forcing=values["forcing"] or Harmonic()).checked()
+    walls = Walls.given(values["walls"])
+    return Conditions(**known, forcing=values["forcing"] or Harmonic(), walls=walls).checked()
 
 
 def _from_orbit(

@@ -56,10 +56,13 @@ class Motion:
         walls: bool = True,
     ) -> None:
         u, v = _rows(state)
-        high = int(abs(u).argmax())
-        if walls and abs(u[high]) > 1.0 + OUTSIDE:
+        self.walls = np.array([on.walls.at(n) for n in range(u.size)]).T
+        beyond = np.maximum(u - self.walls[1], self.walls[0] - u)
+        n = int(beyond.argmax())
+        if walls and beyond[n] > OUTSIDE:
+            low, high = on.walls.at(n)
             raise BadInput(
-                f"u[{high}] = {u[high]:.9g} of the seed is outside the walls at -1 and 1."
+                f"u[{n}] = {u[n]:.9g} of the seed is outside the walls at {low:g} and {high:g}."
             )
         if not math.isfinite(time):
             raise BadInput(f"t = {time!r}: the time of a state must be a finite number.")
@@ -78,7 +81,8 @@ class Motion:
         """Distance of a site from a wall some time ahead."""
         q = self.turned(ahead)(self.q, self.r)[0]
         forced = self.on.a * self.forced.at(site, self.time + ahead)[0]
-        return 1.0 - wall * (float(self.basis.at(site).dot(q)) + forced)
+        place = self.on.walls.position(site, wall)
+        return wall * (place - float(self.basis.at(site).dot(q)) - forced)
 
     def next(self, limit: float) -> Contact | None:
         """Fly to the first contact of any site within a time ahead."""
@@ -87,7 +91,8 @@ class Motion:
         flown = self.turned(ahead[:, None])
         u = self.basis.to_sites(flown.cosine * self.q + flown.reach * self.r)
         u += self.on.a * self.forced.everywhere(self.time + ahead, 0)
-        beyond = abs(u) > 1.0
+        low, high = self.walls
+        beyond = (u > high) | (u < low)
         # a site that has just been reset, or starts on its wall, leaves it
         inside = np.logical_or.accumulate(~beyond, axis=0)
         hit = np.argwhere(beyond[1:] & inside[:-1])
@@ -96,7 +101,7 @@ class Motion:
         i = int(hit[0, 0])
         found = []
         for site in hit[hit[:, 0] == i, 1].tolist():
-            wall = int(np.sign(u[i + 1, site]))
+            wall = 1 if u[i + 1, site] > high[site] else -1
             found.append((self._touch(site, wall, ahead[i], ahead[i + 1]), site, wall))
         moment, site, wall = min(found)
         self.q, self.r = self.turned(moment)(self.q, self.r)

@@ -23,7 +23,7 @@ from contbreather.breathers.closure import (
     roots,
     smallest_amplitude,
 )
-from contbreather.breathers.conditions import Conditions
+from contbreather.breathers.conditions import Conditions, Walls
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, Ring, check_gamma
 from contbreather.lattice.finite import Finite
@@ -337,6 +337,7 @@ def symmetric(
     site: int = 0,
     damping: float = 0.0,
     spring: float = 0.0,
+    walls: Any = None,
 ) -> RingOrbit: ...
 def symmetric(
     a: float,
@@ -348,6 +349,7 @@ def symmetric(
     site: int = 0,
     damping: float = 0.0,
     spring: float = 0.0,
+    walls: Any = None,
 ) -> Breather | RingOrbit:
     """The symmetric breather of one impacting site, eqs. (11) to (13).
 
@@ -370,6 +372,8 @@ def symmetric(
         The one that impacts.
     damping, spring : float
         ``u'' + damping u' + spring u + ...``; on finite lattices.
+    walls : (low, high) or dict of site and (low, high), optional
+        -1 and 1 unless given, ``low = -high``; on finite lattices.
 
     Returns
     -------
@@ -390,7 +394,7 @@ def symmetric(
     >>> round(b.p, 12), round(b.phi, 12)
     (0.680056001966, -2.519293143359)
     """
-    more: dict[str, Any] = {"site": site, "damping": damping, "spring": spring}
+    more: dict[str, Any] = {"site": site, "damping": damping, "spring": spring, "walls": walls}
     found: tuple[Any, ...] = symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more)
     own: Breather | RingOrbit = found[0]
     return own
@@ -416,6 +420,7 @@ def symmetric_roots(
     site: int = 0,
     damping: float = 0.0,
     spring: float = 0.0,
+    walls: Any = None,
 ) -> tuple[RingOrbit, ...]: ...
 def symmetric_roots(
     a: float,
@@ -427,6 +432,7 @@ def symmetric_roots(
     site: int = 0,
     damping: float = 0.0,
     spring: float = 0.0,
+    walls: Any = None,
 ) -> tuple[Breather, ...] | tuple[RingOrbit, ...]:
     """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
 
@@ -439,15 +445,17 @@ def symmetric_roots(
     """
     forcing = Harmonic() if forcing is None else forcing
     lattice = InfiniteChain() if lattice is None else lattice
-    if lattice.sites is not None and (site or damping or spring or not isinstance(lattice, Ring)):
+    more = bool(site or damping or spring or walls is not None)
+    if lattice.sites is not None and (more or not isinstance(lattice, Ring)):
         from contbreather.breathers.one_site import symmetric_orbits
 
-        on = Conditions(a, gamma, k, damping, spring, forcing).checked()
+        on = Conditions(a, gamma, k, damping, spring, forcing, Walls.given(walls)).checked()
         return symmetric_orbits(cast(Finite, lattice), site, on)
-    if site or damping or spring:
+    if more:
         raise BadInput(
-            f"site = {site!r}, damping = {damping!r}, spring = {spring!r}: on the infinite chain "
-            "site 0 impacts, without damping or springs; take Ring(N) or another finite lattice."
+            f"site = {site!r}, damping = {damping!r}, spring = {spring!r}, walls = {walls!r}: on "
+            "the infinite chain site 0 impacts, between walls at -1 and 1, without damping or "
+            "springs; take Ring(N) or another finite lattice."
         )
     gamma, a = check_gamma(gamma), check_amplitude(a)
     restitution_ratio(k)

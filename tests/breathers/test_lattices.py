@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from types import SimpleNamespace
 
 import networkx as nx
 import numpy as np
@@ -12,6 +13,7 @@ from scipy import sparse
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
+from contbreather.breathers.conditions import Conditions, Walls
 from contbreather.breathers.shooting import shot_orbit
 from contbreather.flows.modes import (
     driven,
@@ -42,7 +44,8 @@ class Integrated:
         events = []
         for n in range(self.sites):
             for wall in (-1, 1):
-                events.append(lambda t, y, n=n, wall=wall: wall * y[n] - 1.0)
+                place = orbit_wall(self.on, n, wall)
+                events.append(lambda t, y, n=n, wall=wall, at=place: wall * (y[n] - at))
                 events[-1].terminal, events[-1].direction = True, 1.0
         hits, t = [], start
         while t < stop:
@@ -53,10 +56,18 @@ class Integrated:
             t, x = float(run.t[-1]), run.y[:, -1].copy()
             for i, when in enumerate(run.t_events):
                 if when.size and t < stop:
-                    n, wall = divmod(i, 2)
-                    x[n], x[self.sites + n] = 2 * wall - 1, -self.on.k * x[self.sites + n]
-                    hits.append((n, 2 * wall - 1, t))
+                    n, wall = i // 2, 2 * (i % 2) - 1
+                    x[n], x[self.sites + n] = (
+                        orbit_wall(self.on, n, wall),
+                        -self.on.k * x[self.sites + n],
+                    )
+                    hits.append((n, wall, t))
         return x, hits
+
+
+def orbit_wall(on, n: int, wall: int) -> float:
+    """Where a wall is; far away if it is not there."""
+    return min(max(on.walls.position(n, wall), -1e9), 1e9)
 
 
 def random_lattice(seed: int) -> cb.Lattice:
@@ -371,6 +382,102 @@ def test_orbit_is_asked_for_its_own_sites_only() -> None:
     assert orbit.displacement([0, 1], [0.1, 0.2]) == pytest.approx(
         [orbit.displacement(0, 0.1), orbit.displacement(1, 0.2)]
     )
+
+
+# --- walls ----------------------------------------------------------------------------------------
+
+
+def test_everything_scales_with_the_distance_of_the_walls() -> None:
+    near = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(5), site=1)
+    far = cb.symmetric(1.5, 0.05, 0.8, lattice=cb.OpenChain(5), site=1, walls=(-2.5, 2.5))
+    assert (far.p, far.phi) == pytest.approx((2.5 * near.p, near.phi), abs=1e-12)
+    assert far.multipliers() == pytest.approx(near.multipliers(), abs=1e-9)
+    assert far.admissibility().max_neighbour == pytest.approx(
+        1 - 2.5 * (1 - near.admissibility().max_neighbour)
+    )
+    found = special(far, 1.2, 2.4)
+    assert found == pytest.approx(
+        {label: 2.5 * a for label, a in special(near, 0.48, 0.96).items()}, abs=1e-9
+    )
+
+
+ONE_WALL = {"gamma": 0.03, "k": 0.7, "spring": 2.3, "damping": 0.1}
+
+
+def settled(walls, a: float):
+    """The orbit that a motion from rest settles on, shot from its state."""
+    on = Conditions(a, forcing=cb.Harmonic(), walls=Walls.given(walls), **ONE_WALL)
+    road = Integrated(SimpleNamespace(lattice=cb.OpenChain(3), conditions=on))
+    x = np.zeros(6)
+    for _ in range(12):
+        x, _ = road.run(x, 0.3, 0.3 + 2 * math.pi)
+    state = np.split(x, 2)
+    return shot_orbit(
+        cb.shooting(state, t=0.3, lattice=cb.OpenChain(3), a=a, walls=walls, **ONE_WALL)
+    )
+
+
+@pytest.mark.parametrize(
+    ("walls", "impacts"),
+    [
+        ((None, 0.6), 3),  # one wall for each site
+        ({0: (None, 0.6), 1: None, 2: (-4, 4)}, 1),  # one in all
+        ((-3.0, 0.6), 3),  # two, one of them out of reach
+        ({0: (-0.55, 0.7), 1: None, 2: (-4, 4)}, 2),
+    ],
+)
+def test_orbits_between_any_walls_return_under_the_integrator(walls, impacts: int) -> None:
+    orbit = settled(walls, 0.9)
+    assert orbit.residual < 1e-12
+    start = float(orbit.times.min()) - 0.05
+    x = np.concatenate(orbit.state(t=start))
+    back, hits = Integrated(orbit).run(x, start, start + 2 * math.pi)
+    assert len(hits) == len(orbit.hits) == impacts
+    named = sorted((hit.site, hit.wall, hit.time) for hit in orbit.hits)
+    assert [hit[:2] for hit in sorted(hits)] == [hit[:2] for hit in named]
+    assert [t for *_, t in sorted(hits)] == pytest.approx([t for *_, t in named], abs=1e-11)
+    assert back == pytest.approx(x, abs=1e-11)
+    verdict, t = orbit.admissibility(), np.linspace(0, 2 * math.pi, 20001)
+    assert verdict.ok
+    idle = {0, 1, 2} - {hit.site for hit in orbit.hits}
+    gaps = [
+        min((high - u).min(), (u - low).min())
+        for (low, high), u in ((orbit.walls.at(n), orbit.displacement(n, t)) for n in idle)
+    ]
+    nearest = min((gap for gap in gaps if math.isfinite(gap)), default=1.0)
+    assert verdict.neighbours == pytest.approx(nearest, abs=1e-6)
+
+
+def test_one_wall_ends_where_the_other_is_touched() -> None:
+    start = settled({0: (-1.2, 0.6), 1: (-2, 2), 2: (-2, 2)}, 0.9)
+    assert start.sequence == ((0, 1),)
+    branch = cb.trace(start, "a", within={"a": (0.9, 3.0)}, towards="up")
+    assert branch[-1].kind == "GR"
+    end, t = branch[-1].solution, np.linspace(0, 2 * math.pi, 40001)
+    reached = [abs(end.displacement(n, t) - end.walls.at(n)[0]).min() for n in range(3)]
+    assert min(reached) < 1e-7
+    free = cb.trace(
+        settled({0: (None, 0.6), 1: (-2, 2), 2: (-2, 2)}, 0.9), "a",
+        within={"a": (0.9, end.a + 0.01)}, towards="up",
+    )  # fmt: skip
+    assert free[-1]["a"] == end.a + 0.01  # without that wall it goes on
+    assert free[-1].solution.displacement(0, t).min() < -1.2
+
+
+def test_impossible_walls_are_refused() -> None:
+    on = {"a": 0.75, "gamma": 0.03, "k": 0.7, "spring": 0.3}
+    for walls, sequence, more, says in (
+        ((1, -1), [(0, 1)], {}, "low < high"),
+        ("ab", [(0, 1)], {}, "low < high"),
+        ((-1, None), [(0, 1)], {}, "has no wall on that side"),
+        ((-1, 2), [(0, 1)], {"symmetric": True}, "no half section and no pitchfork"),
+    ):
+        with pytest.raises(cb.BadInput, match=says):
+            cb.shooting(
+                {"t1": -2.8}, lattice=cb.OpenChain(3), sequence=sequence, walls=walls, **on, **more
+            )
+    with pytest.raises(cb.BadInput, match="no half section"):
+        cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(5), walls=(-1, 2))
 
 
 # --- from one lattice to another ------------------------------------------------------------------
