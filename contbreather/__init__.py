@@ -21,6 +21,8 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.breathers import symmetric as symmetric
     from contbreather.breathers import symmetric_roots as symmetric_roots
     from contbreather.breathers import zones as zones
+    from contbreather.breathers.multi import multibreather as multibreather
+    from contbreather.breathers.multi import multibreathers as multibreathers
     from contbreather.breathers.shooting import shooting as shooting
     from contbreather.continuation import Branch as Branch
     from contbreather.continuation import Event as Event
@@ -73,6 +75,9 @@ if TYPE_CHECKING:  # the same table again, for type checkers and editors; a test
     from contbreather.lattice import Ring as Ring
     from contbreather.lattice import Samples as Samples
     from contbreather.lattice import Symbolic as Symbolic
+    from contbreather.lattice.finite import Grid as Grid
+    from contbreather.lattice.finite import Lattice as Lattice
+    from contbreather.lattice.finite import OpenChain as OpenChain
     from contbreather.plotting import plot as plot
     from contbreather.plotting import plot_basin as plot_basin
     from contbreather.plotting import plot_diagram as plot_diagram
@@ -97,6 +102,11 @@ _HOME = {
     "symmetric_roots": "contbreather.breathers",
     "InfiniteChain": "contbreather.lattice",
     "Ring": "contbreather.lattice",
+    "multibreather": "contbreather.breathers.multi",
+    "multibreathers": "contbreather.breathers.multi",
+    "Lattice": "contbreather.lattice.finite",
+    "OpenChain": "contbreather.lattice.finite",
+    "Grid": "contbreather.lattice.finite",
     "Harmonic": "contbreather.lattice",
     "Fourier": "contbreather.lattice",
     "Symbolic": "contbreather.lattice",

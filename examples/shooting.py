@@ -60,8 +60,8 @@ def main(folder: Path = Path()) -> list[Path]:
     for branch in (refined(branch, 60) for branch in cascade()):
         # half the momentum of every impact on the wall at +1
         p = [
-            [p for hit, p in zip(o.hits, o.p * 2, strict=False) if hit.wall > 0]
-            for o in (point.solution for point in branch)
+            [0.5 * (hit.before - hit.after) for hit in point.solution.hits if hit.wall > 0]
+            for point in branch
         ]
         below.plot(branch["a"], p, "-", color=f"C{branch[0].solution.itinerary.turns % 10}", lw=1)
     below.set(xlabel="$a$", ylabel="$p$ of impacts on +1", xlim=(0.9, 1.0), ylim=(1.28, 1.48))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ FloatArray = NDArray[np.float64]
 FINE = 64  # points to a half period of the forcing; sixteen to that of its highest harmonic
 CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
 LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
+NO_WALLS = (-math.inf, math.inf)
 ENDS = 1e-9  # relative distance from its impacts at which a flight counts as at them
 
 
@@ -49,12 +50,12 @@ def clearance(orbit: RingOrbit) -> Admissibility:
     -------
     Admissibility
         ``centre`` is the least margin of the sites that hit a wall, ``neighbours`` that of all
-        others, ``max_neighbour`` the largest displacement of those next to a site that does.
+        others, ``max_neighbour`` the largest displacement of those next to a site that does (1 less
+        its distance from the nearer wall).
     """
     flights, others = list(gaps_of_flights(orbit)), gaps_of_others(orbit)
     worst = min(flights + others, key=lambda gap: gap.margin)
-    sites = orbit.lattice.sites
-    beside = {(n + d) % sites for n in orbit.itinerary.hit for d in (-1, 1)}
+    beside = _beside(orbit)
     heights = [1.0 - gap.margin for gap in others if gap.site in beside]
     return Admissibility(
         ok=worst.margin > 0.0,
@@ -92,6 +93,38 @@ def _reason(orbit: RingOrbit, worst: Gap) -> str:
 # --- sites that hit a wall ------------------------------------------------------------------
 
 
+class Room(NamedTuple):
+    """Product of the distances of a site from its walls, ``1 - u^2`` between -1 and 1; a wall that
+    is not there does not count."""
+
+    low: float
+    high: float
+
+    @property
+    def one(self) -> bool:
+        """Whether there is one wall only."""
+        return math.isinf(self.low) or math.isinf(self.high)
+
+    @property
+    def width(self) -> float:
+        """Size of the slope at a wall."""
+        return 1.0 if self.one else self.high - self.low
+
+    @property
+    def bend(self) -> float:
+        return 0.0 if self.one else -2.0
+
+    def of(self, u: Any) -> Any:
+        if math.isinf(self.low):
+            return self.high - u
+        return u - self.low if math.isinf(self.high) else (self.high - u) * (u - self.low)
+
+    def slope(self, u: float) -> float:
+        if math.isinf(self.low):
+            return -1.0
+        return 1.0 if math.isinf(self.high) else self.high + self.low - 2.0 * u
+
+
 def flights_of(orbit: RingOrbit) -> list[tuple[Hit, Hit]]:
     """Impacts of one site and the next ones of the same site, over one section."""
     count = orbit.itinerary.count
@@ -114,12 +147,15 @@ def gaps_of_flights(orbit: RingOrbit) -> Iterator[Gap]:
             yield Gap(length, start.site, end.time, i)
             continue
         s = _grid(_points(orbit, length)) * length
+        room = Room(*orbit.conditions.walls.at(start.site))
         u = orbit.displacement(start.site, start.time + s)
-        ratio = (1.0 - u * u) / ((s + orbit.k) * s * (length - s))
-        left, right = _ends(orbit, start, end, length)
+        ratio = room.of(u) / ((s + orbit.k) * s * (length - s))
+        left, right = (room.width * end for end in _ends(orbit, start, end, length))
         fenced = np.concatenate([[0.1 * s[0]], s, [length - 0.1 * (length - s[-1])]])
         inner = min(
-            _deepest(orbit, start, length, float(s[j]), (float(fenced[j]), float(fenced[j + 2])))
+            _deepest(
+                orbit, room, start, length, float(s[j]), (float(fenced[j]), float(fenced[j + 2]))
+            )
             for j in _dips(ratio)
         )
         least, when = min(inner, (left, 0.0), (right, length))
@@ -128,11 +164,11 @@ def gaps_of_flights(orbit: RingOrbit) -> Iterator[Gap]:
 
 
 def _ends(orbit: RingOrbit, start: Hit, end: Hit, length: float) -> tuple[float, float]:
-    """The ratio at both impacts, by de l'Hospital."""
-    right = 2.0 * end.before * end.wall / (length * (length + orbit.k))
+    """The ratio at both impacts, by de l'Hospital, in units of the width of the room."""
+    right = end.before * end.wall / (length * (length + orbit.k))
     if orbit.k > 0.0:
-        return 2.0 * start.before * start.wall / length, right
-    return -start.acceleration * start.wall / length, right
+        return start.before * start.wall / length, right
+    return -0.5 * start.acceleration * start.wall / length, right
 
 
 @lru_cache(maxsize=32)
@@ -156,13 +192,14 @@ def _dips(ratio: FloatArray) -> NDArray[np.int64]:
 
 
 def _deepest(
-    orbit: RingOrbit, start: Hit, length: float, s: float, within: tuple[float, float]
+    orbit: RingOrbit, room: Room, start: Hit, length: float, s: float, within: tuple[float, float]
 ) -> tuple[float, float]:
     """Value and place of the minimum of the ratio next to s: Newton, kept in by bisection."""
     best, (low, high), k = (math.inf, s), within, orbit.k
     for _ in range(60):
         u, v, w = orbit.at(start.site, start.time + s)
-        n, n1, n2 = 1.0 - u * u, -2.0 * u * v, -2.0 * (v * v + u * w)
+        n, tilt, bend = room.of(u), room.slope(u), room.bend
+        n1, n2 = tilt * v, tilt * w + bend * v * v
         d = (s + k) * s * (length - s)
         d1 = (2.0 * s + k) * (length - s) - (s + k) * s
         d2 = 2.0 * (length - s) - 2.0 * (2.0 * s + k)
@@ -186,48 +223,57 @@ def gaps_of_others(orbit: RingOrbit, besides: tuple[int, float] | None = None) -
 
     ``besides`` names a crest, by its site and time, that is not to be counted.
     """
-    watched = _watched(orbit)
+    walls = orbit.conditions.walls
+    watched = np.array(
+        [n for n in orbit.lattice.idle(orbit.itinerary.hit).tolist() if walls.at(n) != NO_WALLS],
+        dtype=np.int64,
+    )
     if watched.size == 0:
         return []
     T = orbit.itinerary.length
     size = _points(orbit, T)
-    times: FloatArray = orbit.t[0] + T / size * np.arange(size, dtype=float)
-    u = abs(orbit.motion(times)[:, watched])  # of period T, by symmetry
+    times: FloatArray = orbit.times[0] + T / size * np.arange(size, dtype=float)
+    low, high = np.array([walls.at(n) for n in watched.tolist()]).T
+    u = _height(orbit.motion(times)[:, watched], low, high)  # of period T, by symmetry
     before, after = np.roll(u, 1, axis=0), np.roll(u, -1, axis=0)
     crest = (u >= before) & (u >= after)
     bend = np.where(crest, 2.0 * u - before - after, 1.0)
     lift = np.divide((after - before) ** 2, 8.0 * bend, out=np.zeros_like(u), where=bend > 0.0)
-    tops = np.where(crest, u + lift, 0.0)
+    tops = np.where(crest, u + lift, -np.inf)
     if besides is not None:
         apart = (times - besides[1] + 0.5 * T) % T - 0.5 * T
-        tops[np.ix_(np.abs(apart) < 2.5 * T / size, watched == besides[0])] = 0.0
-    high = tops.max(axis=0)
-    enough = (1.0 - CLOSE) * float(high.max())
-    beside = {(n + d) % orbit.lattice.sites for n in orbit.itinerary.hit for d in (-1, 1)}
-    chosen = [i for i, n in enumerate(watched.tolist()) if n in beside or high[i] >= enough]
+        tops[np.ix_(np.abs(apart) < 2.5 * T / size, watched == besides[0])] = -np.inf
+    top = tops.max(axis=0)
+    enough = float(top.max()) - CLOSE * abs(float(top.max()))
+    beside = _beside(orbit)
+    chosen = [i for i, n in enumerate(watched.tolist()) if n in beside or top[i] >= enough]
     found = []
     for i in chosen:
-        crests = np.flatnonzero(tops[:, i] >= (1.0 - CLOSE) * high[i])
+        crests = np.flatnonzero(tops[:, i] >= top[i] - CLOSE * abs(top[i]))
         n = int(watched[i])
         height, time = max(_crest(orbit, n, float(times[j]), T / size) for j in crests)
         found.append(Gap(1.0 - height, n, time))
     return found
 
 
-def _watched(orbit: RingOrbit) -> NDArray[np.int64]:
-    sites = orbit.lattice.sites
-    if orbit.itinerary.local:
-        return (orbit.itinerary.hit[0] + np.arange(1, sites // 2 + 1)) % sites
-    return np.setdiff1d(np.arange(sites), orbit.itinerary.hit)
+def _height(u: Any, low: Any, high: Any) -> Any:
+    """1 less the distance from the nearer wall: ``|u|`` between -1 and 1."""
+    return 1.0 + np.maximum(u - high, low - u)
+
+
+def _beside(orbit: RingOrbit) -> set[int]:
+    """Sites coupled to one that hits a wall."""
+    return {n for hit in orbit.itinerary.hit for n in orbit.lattice.beside(hit)}
 
 
 def _crest(orbit: RingOrbit, n: int, time: float, step: float) -> tuple[float, float]:
     """Height and time of the extremum of site n next to a time on the grid."""
-    best = (0.0, time)
+    best = (-math.inf, time)
+    walls = orbit.conditions.walls.at(n)
     low, high = time - step, time + step
     for _ in range(30):
         u, v, w = orbit.at(n, time)
-        best = max(best, (abs(u), time))
+        best = max(best, (float(_height(u, *walls)), time))
         last, time = time, min(max(time - v / w, low), high) if w else time
         if abs(time - last) <= 1e-9:  # the height is flat there: this is 1e-18 of it
             break

@@ -153,7 +153,7 @@ def roots(
     if isinstance(forcing, Harmonic):
         found = _harmonic_roots(a, chi, q)
     else:
-        found = _general_roots(a, chi, q, forcing)
+        found = general_roots(a, chi, q, forcing)
     if found:
         return tuple(sorted(found, reverse=True))
     # above the fold there is always one: on the way of a f from its minimum up to 1 the reduced
@@ -204,8 +204,11 @@ def _harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]
     return found
 
 
-def _general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tuple[float, float]]:
-    """Between two neighbouring extrema the reduced equation is monotone: one root or none."""
+def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tuple[float, float]]:
+    """``p chi = 1 - a f``, ``p q = a f'`` with p > 0, for any f that is a series.
+
+    Between two neighbouring extrema the reduced equation is monotone: one root or none.
+    """
 
     def reduced(phi: float) -> float:
         return a * (chi * forcing.df(phi) + q * forcing.f(phi)) - q

@@ -1,7 +1,7 @@
-"""A ring flown from impact to impact: states, and their slopes, through flows and impacts.
+"""A lattice flown from impact to impact: states, and their slopes, through flows and impacts.
 
-Between impacts the free part of the motion, ``u_n - a f(t)``, turns mode by mode, exactly (18). At
-an impact of site n one velocity jumps, ``u_n' -> -k u_n'``. So the state after a section is a
+Between impacts the free part of the motion, ``u_n - a f_n(t)``, turns mode by mode, exactly (18).
+At an impact of site n one velocity jumps, ``u_n' -> -k u_n'``. So the state after a section is a
 closed form of the state before it and of the impact times, and so is its derivative. Where times
 are not set but follow from the impacts, each impact acts on small perturbations by its own
 saltation matrix (19): those make the monodromy matrix.
@@ -18,52 +18,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.itinerary import Basis, Itinerary
+from contbreather.breathers.conditions import Conditions
+from contbreather.breathers.itinerary import Itinerary
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, check_gamma
+from contbreather.flows.modes import Driven, Turn, driven, turn, turn_slope, turn_slope_in_damping
+from contbreather.lattice.finite import Basis
 from contbreather.stability.saltation import saltation, saltation_entry
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
 
-SMALL = 0.25  # (w t)^2 below which differences of sine and cosine go by their series
 NOWHERE = -1  # in place of the index of an impact: a time that does not move
-_SERIES = [1.0 / 3.0, -1.0 / 30.0, 1.0 / 840.0, -1.0 / 45360.0, 1.0 / 3991680.0, -1.0 / 518918400.0]
-
-
-class Turn(NamedTuple):
-    """One free flight of every mode: cosine, sine over w, w times sine."""
-
-    cosine: FloatArray
-    reach: FloatArray
-    pull: FloatArray
-
-    def __call__(self, q: Array, r: Array) -> tuple[Array, Array]:
-        """Displacements and velocities of the modes after the flight; columns at once."""
-        c, s, p = (row if q.ndim == 1 else row[:, None] for row in self)
-        return c * q + s * r, c * r - p * q
-
-
-def turn(z: FloatArray, time: Any) -> Turn:
-    """The flight over a time (or times, shape ``(..., 1)``) of modes with ``w^2 = z``."""
-    w = np.sqrt(z)
-    angle = w * time
-    sine = np.sin(angle)
-    # sin(x)/x for x -> 0, without a warning at the mode that only drifts
-    reach = np.divide(sine, w, out=np.broadcast_to(time, angle.shape).astype(float), where=w > 0.0)
-    return Turn(np.cos(angle), reach, w * sine)
-
-
-def turn_slope(z: FloatArray, time: float, at: Turn) -> Turn:
-    """Derivative of `turn` in z, exact for w -> 0 as well."""
-    x = z * time * time
-    series = np.polyval(_SERIES[::-1], np.minimum(x, SMALL))
-    safe = np.where(x > SMALL, z, 1.0)
-    # (t cos wt - sin(wt)/w)/(2 z)
-    reach = np.where(
-        x > SMALL, (time * at.cosine - at.reach) / (2.0 * safe), -0.5 * time**3 * series
-    )
-    return Turn(-0.5 * time * at.reach, reach, at.reach + z * reach)
 
 
 class Impact(NamedTuple):
@@ -119,23 +84,16 @@ class Section:
     q, r : ndarray, shape (K,)
         Free part ``u - a f`` of displacements and velocities at ``t[0]``, before any impact of the
         section, in the modes of ``itinerary.basis``.
-    a, gamma, k : float
-    forcing : Forcing
+    conditions : Conditions
     """
 
     itinerary: Itinerary
     t: FloatArray
     q: FloatArray
     r: FloatArray
-    a: float
-    gamma: float
-    k: float
-    forcing: Forcing
+    conditions: Conditions
 
     def __post_init__(self) -> None:
-        check_gamma(self.gamma)
-        if not 0.0 <= self.k <= 1.0:
-            raise BadInput(f"k = {self.k!r}: the restitution coefficient must be in [0, 1].")
         if not np.ptp(self.t) < self.itinerary.length:
             early, late = int(self.t.argmin()) + 1, int(self.t.argmax()) + 1
             raise BadInput(
@@ -151,12 +109,24 @@ class Section:
     @cached_property
     def z(self) -> FloatArray:
         """Squared frequencies of the modes."""
-        return 4.0 * self.gamma * self.basis.q
+        return self.conditions.gamma * self.basis.lam + self.conditions.spring
+
+    @cached_property
+    def forced(self) -> Driven:
+        """The forced motion of all sites, at unit amplitude."""
+        on = self.conditions
+        return driven(self.itinerary.lattice, on.forcing, on.gamma, on.spring, on.damping)
 
     @cached_property
     def shapes(self) -> FloatArray:
         """The modes at the sites of the impacts, by index, shape (m, K)."""
         return _shapes(self.itinerary)
+
+    @cached_property
+    def kicks(self) -> FloatArray:
+        """What a unit change of velocity at the sites of the impacts does to the modes, (m, K)."""
+        masses = self.itinerary.lattice.masses
+        return self.shapes * masses[[n for n, _ in self.itinerary.impacts], None]
 
     @cached_property
     def _flown(self) -> Flown:
@@ -166,23 +136,34 @@ class Section:
         legs, turns, impacts = [], [], []
         at, now, q, r = 0, 0.0, self.q, self.r
         for lag, j in [*lags, (self.itinerary.length, 0)]:
-            fly = turn(self.z, lag - now)
+            fly = turn(self.z, lag - now, self.conditions.damping)
             q_end, r_end = fly(q, r)
             legs.append(Leg(at, j, start + now, lag - now, q, r, q_end, r_end))
             turns.append(fly)
             if len(legs) > len(lags):
                 break
             impacts.append(self._impact(j, start + lag, q_end, r_end))
-            loss = (1.0 + self.k) * impacts[-1].velocity
-            at, now, q, r = j, lag, q_end, r_end - loss * self.shapes[j]
+            loss = (1.0 + self.conditions.k) * impacts[-1].velocity
+            at, now, q, r = j, lag, q_end, r_end - loss * self.kicks[j]
         return Flown(tuple(legs), tuple(turns), tuple(impacts))
 
     def _impact(self, j: int, time: float, q: FloatArray, r: FloatArray) -> Impact:
         site, wall = self.itinerary.impacts[j]
-        e = self.shapes[j]
-        velocity = float(e.dot(r)) + self.a * self.forcing.df(time)
-        acceleration = self.a * self.forcing.d2f(time) - float((self.z * e).dot(q))
-        return Impact(j, site, wall, time, velocity, acceleration)
+        e, a = self.shapes[j], self.conditions.a
+        _, speed, bend = self.forced.at(site, time)
+        return Impact(
+            j,
+            site,
+            wall,
+            time,
+            float(e.dot(r)) + a * speed,
+            float(e.dot(self.pulled(q, r))) + a * bend,
+        )
+
+    def pulled(self, q: FloatArray, r: FloatArray) -> FloatArray:
+        """Acceleration of free modes."""
+        damping = self.conditions.damping
+        return -self.z * q - damping * r if damping else -self.z * q
 
     @property
     def legs(self) -> tuple[Leg, ...]:
@@ -203,7 +184,9 @@ class Section:
         value = np.empty(m + 2 * K)
         for leg, one in zip(self.legs, self.impacts, strict=False):
             own = float(self.shapes[one.which].dot(leg.q_end))
-            value[one.which] = own + self.a * self.forcing.f(one.time) - one.wall
+            forced = self.conditions.a * self.forced.at(one.site, one.time)[0]
+            wall = self.conditions.walls.position(one.site, one.wall)
+            value[one.which] = own + forced - wall
         value[m : m + K] = last.q_end - sign * self.q
         value[m + K :] = last.r_end - sign * self.r
         return value
@@ -224,15 +207,18 @@ class Section:
                 break
             e = self.shapes[one.which]
             wall, speed = e @ Y, e @ R
-            wall[width:] += [self.driven(name, one.time, 0) for name in names]
-            speed[width:] += [self.driven(name, one.time, 1) for name in names]
+            for i, name in enumerate(names, start=width):
+                moved = self.driven(name, one.site, one.time)
+                wall[i] += moved[0]
+                speed[i] += moved[1]
             if state:
-                wall[one.which] += self.a * self.forcing.df(one.time)
-                speed[one.which] += self.a * self.forcing.d2f(one.time)
-            loss = (1.0 + self.k) * speed
+                _, tilt, bend = self.forced.at(one.site, one.time)
+                wall[one.which] += self.conditions.a * tilt
+                speed[one.which] += self.conditions.a * bend
+            loss = (1.0 + self.conditions.k) * speed
             loss[width:] += [one.velocity if name == "k" else 0.0 for name in names]
             walls[one.which] = wall
-            R = R - np.multiply.outer(e, loss)
+            R = R - np.multiply.outer(self.kicks[one.which], loss)
         return Tangents(walls, starts, Y, R)
 
     def _carried(
@@ -241,16 +227,23 @@ class Section:
         """Derivatives at the end of a leg from those at its start; its ends in time move."""
         Y, R = fly(Y, R)
         if state:
-            pull = self.z * leg.q_end
+            pull = self.pulled(leg.q_end, leg.r_end)
             for j, side in ((leg.stop, 1.0), (leg.start, -1.0)):
                 if j != NOWHERE:
                     Y[:, j] += side * leg.r_end
-                    R[:, j] -= side * pull
-        if "gamma" in names:
-            y, v = turn_slope(self.z, leg.flight, fly)(leg.q, leg.r)
-            column = Y.shape[1] - len(names) + list(names).index("gamma")
-            Y[:, column] += 4.0 * self.basis.q * y
-            R[:, column] += 4.0 * self.basis.q * v
+                    R[:, j] += side * pull
+        damping = self.conditions.damping
+        for column, name in enumerate(names, start=Y.shape[1] - len(names)):
+            if name == "damping":
+                slope = turn_slope_in_damping(self.z, leg.flight, fly, damping)
+            elif name in ("gamma", "spring"):
+                slope = turn_slope(self.z, leg.flight, fly, damping)
+            else:
+                continue
+            rise = self.basis.lam if name == "gamma" else 1.0
+            y, v = slope(leg.q, leg.r)
+            Y[:, column] += rise * y
+            R[:, column] += rise * v
         return Y, R
 
     def jacobian(self) -> FloatArray:
@@ -263,7 +256,7 @@ class Section:
         return matrix
 
     def sensitivity(self, name: str) -> FloatArray:
-        """Derivative of `residual` in a, gamma, k or a parameter of the forcing."""
+        """Derivative of `residual` in any one parameter."""
         found = self.tangents((name,), state=False)
         return np.concatenate([found.walls[:, 0], found.Y[:, 0], found.R[:, 0]])
 
@@ -275,26 +268,25 @@ class Section:
         now, side = time - sections * T, self.itinerary.sign**sections
         i = max(j for j, leg in enumerate(self.legs) if j == 1 or (j and leg.since <= now))
         leg, (Y, R) = self.legs[i], self.tangents(names).starts[i]
-        fly = turn(self.z, now - leg.since)
+        fly = turn(self.z, now - leg.since, self.conditions.damping)
         q, r = fly(leg.q, leg.r)
         cut = leg._replace(stop=NOWHERE, flight=now - leg.since, q_end=q, r_end=r)
         Y, R = self._carried(cut, fly, Y, R, names, True)
-        e, f = self.basis.at(site), self.forcing
+        e = self.basis.at(site)
         rows = np.zeros((3, 1 + Y.shape[1]))
         rows[:2, 1:] = side * (e @ Y), side * (e @ R)
-        rows[:, 0] = side * e.dot(q), side * e.dot(r), -side * e.dot(self.z * q)
-        rows[:, 0] += self.a * f.f(time), self.a * f.df(time), self.a * f.d2f(time)
-        for order in (0, 1):
-            tail = rows[order, rows.shape[1] - len(names) :]
-            tail += [self.driven(name, time, order) for name in names]
+        rows[:, 0] = side * e.dot(q), side * e.dot(r), side * e.dot(self.pulled(q, r))
+        rows[:, 0] += np.multiply(self.conditions.a, self.forced.at(site, time))
+        for column, name in enumerate(names, start=rows.shape[1] - len(names)):
+            rows[:2, column] += self.driven(name, site, time)
         return rows
 
-    def driven(self, name: str, time: float, order: int) -> float:
-        """Derivative of ``a f^(order)`` in a or in a parameter of the forcing."""
-        f = self.forcing
+    def driven(self, name: str, site: int, time: float) -> tuple[float, float]:
+        """Derivatives of the forced displacement and velocity of a site in one parameter."""
         if name == "a":
-            return float((f.f, f.df, f.d2f)[order](time))
-        return self.a * f.f_param(name, time, order) if name in f.params else 0.0
+            return self.forced.at(site, time)[:2]
+        u, v = self.forced.slope(name, site, time)
+        return self.conditions.a * u, self.conditions.a * v
 
     # -------------------------------------------------------------------------- perturbations
 
@@ -302,8 +294,10 @@ class Section:
     def saltations(self) -> tuple[FloatArray, ...]:
         """The 2x2 block of (19) for each impact of `impacts`, with its own velocity and
         acceleration; the side takes no part, both change sign with it."""
+        k, damping = self.conditions.k, self.conditions.damping
+        # braked less after the impact than before, a site turns round faster by damping (1 + k) v
         return tuple(
-            saltation(self.k, saltation_entry(one.acceleration, one.velocity, self.k))
+            saltation(k, saltation_entry(one.acceleration, one.velocity, k) + (1.0 + k) * damping)
             for one in self.impacts
         )
 
@@ -313,10 +307,10 @@ class Section:
         for fly, kick in zip(self._flown.turns, kicks, strict=True):
             y, v = fly(y, v)
             if kick is not None:
-                e, S = self.shapes[kick[0].which], kick[1]
+                e, kicked, S = self.shapes[kick[0].which], self.kicks[kick[0].which], kick[1]
                 u, w = e @ y, e @ v
-                y = y + np.multiply.outer(e, (S[0, 0] - 1.0) * u)
-                v = v + np.multiply.outer(e, S[1, 0] * u + (S[1, 1] - 1.0) * w)
+                y = y + np.multiply.outer(kicked, (S[0, 0] - 1.0) * u)
+                v = v + np.multiply.outer(kicked, S[1, 0] * u + (S[1, 1] - 1.0) * w)
         return y, v
 
     def applied(self, y: FloatArray) -> FloatArray:
@@ -329,9 +323,23 @@ class Section:
         """``Q S_m ... Q S_1`` over one section in the modes that impacts see, (2K, 2K)."""
         return self.applied(np.eye(2 * self.q.size))
 
-    def free(self) -> FloatArray:
-        """Angles ``w T`` of the modes over a section without impacts."""
-        return np.sqrt(self.z) * self.itinerary.length
+    @cached_property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Eigenvalues of `monodromy`; kept, because events and columns ask for them in turn."""
+        return np.linalg.eigvals(self.monodromy).astype(complex)
+
+    def free(self, mu: float) -> FloatArray:
+        """``det(flight - mu)`` of each mode over a section without impacts."""
+        one, other = free_multipliers(self.z, self.conditions.damping, self.itinerary.length)
+        return np.asarray(((one - mu) * (other - mu)).real)
+
+
+def free_multipliers(
+    z: FloatArray, damping: float, time: float
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Both multipliers of each mode over a flight without impacts, ``exp(+-i w t)`` undamped."""
+    w = np.sqrt(z - 0.25 * damping * damping + 0j)
+    return np.exp((1j * w - 0.5 * damping) * time), np.exp((-1j * w - 0.5 * damping) * time)
 
 
 @lru_cache(maxsize=128)

@@ -1,19 +1,22 @@
-"""A periodic orbit of a ring as it was shot: where every site is, how stable it is, its impacts."""
+"""A periodic orbit of a finite lattice as it was shot: its motion, impacts and stability."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.breathers.flight_map import Section, turn
+from contbreather.breathers.conditions import Conditions, Walls
+from contbreather.breathers.flight_map import Section, free_multipliers
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Ring
+from contbreather.flows.modes import turn
+from contbreather.lattice import Forcing, Lattice, Ring
+from contbreather.lattice.finite import Finite
 
 if TYPE_CHECKING:
     from contbreather.breathers.admissibility import Admissibility
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 EPS = float(np.finfo(float).eps)
+SAME = 1e-9  # momenta that differ by less, relative to the largest, are equal
 
 
 class Hit(NamedTuple):
@@ -36,18 +40,18 @@ class Hit(NamedTuple):
 
 
 class Resonance(NamedTuple):
-    """The mode of the ring that is closest to closing after a section without any impact."""
+    """The mode that is closest to closing after a section without any impact."""
 
-    order: int  # wave number 2 pi order/N
+    mode: int  # of those that impacts see, by frequency, from 1
     frequency: float
     gap: float  # |exp(i w T) - sign|: 0 in resonance
 
 
 @dataclass(frozen=True, repr=False)
 class OrbitVerdict:
-    """Stability of an orbit on its ring: multipliers over the whole period beyond a threshold."""
+    """Stability of an orbit on its lattice: multipliers over the period beyond a threshold."""
 
-    sites: int
+    lattice: str
     period: float
     threshold: float
     largest: float
@@ -62,7 +66,7 @@ class OrbitVerdict:
         word = "stable" if self.stable else f"unstable, {self.unstable} multipliers"
         sign = "<=" if self.stable else ">"
         return (
-            f"ring of {self.sites}: {word}; largest |multiplier| over {self.period / math.pi:.0f} "
+            f"{self.lattice}: {word}; largest |multiplier| over {self.period / math.pi:.0f} "
             f"pi {self.largest:.9g} {sign} threshold {self.threshold:g}"
         )
 
@@ -78,15 +82,13 @@ class RingOrbit:
     ----------
     section : Section
         Its flight from impact to impact; one half period if the orbit is symmetric.
-    a, gamma, k : float
-    forcing : Forcing
-    lattice : Ring
+    conditions : Conditions
+    lattice : Ring, Lattice
     itinerary : Itinerary
-    t, p : tuple of float
-        Times of the impacts of a section, and half their momenta, ``(1 + k)/2`` times the
-        velocity towards the wall.
+    times, impulses : ndarray
+        Of the impacts of a section: when, and by how much a velocity changes.
     c : float
-        By how much the ring as a whole sits off centre, its mean over sites and time.
+        By how much the lattice as a whole sits off centre, its mean over sites and time.
     """
 
     section: Section
@@ -94,28 +96,44 @@ class RingOrbit:
     # ----------------------------------------------------------------------- what it is
 
     @property
+    def conditions(self) -> Conditions:
+        return self.section.conditions
+
+    @property
     def a(self) -> float:
-        return self.section.a
+        return self.conditions.a
 
     @property
     def gamma(self) -> float:
-        return self.section.gamma
+        return self.conditions.gamma
 
     @property
     def k(self) -> float:
-        return self.section.k
+        return self.conditions.k
+
+    @property
+    def damping(self) -> float:
+        return self.conditions.damping
+
+    @property
+    def spring(self) -> float:
+        return self.conditions.spring
+
+    @property
+    def walls(self) -> Walls:
+        return self.conditions.walls
 
     @property
     def forcing(self) -> Forcing:
-        return self.section.forcing
+        return self.conditions.forcing
 
     @property
     def itinerary(self) -> Itinerary:
         return self.section.itinerary
 
     @property
-    def lattice(self) -> Ring:
-        return self.itinerary.ring
+    def lattice(self) -> Finite:
+        return self.itinerary.lattice
 
     @property
     def period(self) -> float:
@@ -127,23 +145,51 @@ class RingOrbit:
         return self.itinerary.symmetric
 
     @property
-    def t(self) -> tuple[float, ...]:
-        return tuple(self.section.t.tolist())
+    def times(self) -> FloatArray:
+        return self.section.t
+
+    @property
+    def sequence(self) -> tuple[tuple[int, int], ...]:
+        """(site, wall) of each impact of a section, in order."""
+        return self.itinerary.impacts
 
     @cached_property
-    def p(self) -> tuple[float, ...]:
-        half = 0.5 * (1.0 + self.k)
-        found = {one.which: half * one.velocity * one.wall for one in self.section.impacts}
-        return tuple(found[j] for j in range(len(found)))
+    def impulses(self) -> FloatArray:
+        found = {one.which: -(1.0 + self.k) * one.velocity for one in self.section.impacts}
+        return np.array([found[j] for j in range(len(found))])
+
+    @property
+    def p(self) -> float:
+        """Half the momentum of each impact, where all are the same."""
+        sizes = 0.5 * abs(self.impulses)
+        if np.ptp(sizes) > SAME * sizes.max():
+            raise BadInput(f"the impacts have different momenta: half of them are {sizes}.")
+        return float(sizes[0])
+
+    @property
+    def phi(self) -> float:
+        """Time of the impact of a symmetric orbit of one site, on the wall at +1."""
+        if not (self.symmetric and self.itinerary.count == 1):
+            raise BadInput("phi belongs to symmetric orbits with one impact in half a period.")
+        late = 0.0 if self.sequence[0][1] > 0 else self.itinerary.length
+        return math.remainder(float(self.times[0]) + late, self.period)
 
     @cached_property
     def c(self) -> float:
         if self.symmetric:
             return 0.0
+        basis, legs = self.section.basis, self.section.legs
+        share = basis.at(np.arange(self.lattice.sites)).mean(axis=0)
+        # by Gauss's rule: to rounding for as many nodes, and modes may drift, turn or decay
+        nodes, weights = np.polynomial.legendre.leggauss(
+            12 + int(math.sqrt(float(self.section.z.max())) * self.itinerary.length)
+        )
         shift = 0.0
-        for leg in self.section.legs:  # the mean of the ring drifts freely between impacts
-            shift += leg.flight * (float(leg.q[0]) + 0.5 * leg.flight * float(leg.r[0]))
-        return shift / self.itinerary.length / math.sqrt(self.lattice.sites)
+        for leg in legs:
+            fly = turn(self.section.z, 0.5 * leg.flight * (1.0 + nodes)[:, None], self.damping)
+            path = fly.cosine * leg.q + fly.reach * leg.r
+            shift += 0.5 * leg.flight * float(weights @ (path @ share))
+        return shift / self.itinerary.length
 
     @cached_property
     def hits(self) -> tuple[Hit, ...]:
@@ -160,7 +206,8 @@ class RingOrbit:
                         one.time + half * T,
                         before,
                         -self.k * before,
-                        side * one.acceleration,
+                        # just after the impact: a damped site is braked the other way
+                        side * one.acceleration + self.damping * (1.0 + self.k) * before,
                     )
                 )
         return tuple(found)
@@ -178,18 +225,18 @@ class RingOrbit:
 
     @property
     def resonance(self) -> Resonance | None:
-        """The mode that is nearest to closing on its own; None if the ring has but its mean.
+        """The mode that is nearest to closing on its own; None if there is but a mean.
 
         In resonance the itinerary alone no longer tells how strongly that mode moves: on an
         eigenfrequency n w = j the orbit is found nevertheless, its condition number says how well.
         """
-        order, sine = self.section.basis.order, self.section.basis.sine
-        own = np.flatnonzero((order > 0) & ~sine)
-        if own.size == 0:
+        z = np.sort(self.section.z[self.section.z > 0.0])
+        if z.size == 0:
             return None
-        gap = abs(np.exp(1j * self.section.free()[own]) - self.itinerary.sign)
-        j = int(own[gap.argmin()])
-        return Resonance(int(order[j]), math.sqrt(float(self.section.z[j])), float(gap.min()))
+        one, _ = free_multipliers(z, self.damping, self.itinerary.length)
+        gap = abs(one - self.itinerary.sign)
+        j = int(gap.argmin())
+        return Resonance(j + 1, math.sqrt(float(z[j])), float(gap[j]))
 
     # ----------------------------------------------------------------------- motion
 
@@ -199,7 +246,7 @@ class RingOrbit:
         Parameters
         ----------
         n : int or array_like of int
-            Site, modulo the size of the ring.
+            Site.
         t : float or array_like
             Any times.
 
@@ -237,25 +284,26 @@ class RingOrbit:
         """
         if sites is not None and sites != self.lattice.sites:
             raise BadInput(
-                f"this orbit lives on a ring of {self.lattice.sites}, not of {sites}: shoot it "
+                f"this orbit lives on a {self.lattice.describe()}, not on {sites} sites: shoot it "
                 f"there first, shooting(orbit, sites={sites})."
             )
-        q, r = self.modes(np.array(float(t)))
-        driven = self.a * self.forcing.f(float(t)), self.a * self.forcing.df(float(t))
-        basis = self.section.basis
-        return basis.to_sites(q) + driven[0], basis.to_sites(r) + driven[1]
+        free = self.modes(np.array(float(t)))
+        forced = (self.a * self.section.forced.everywhere(float(t), order) for order in (0, 1))
+        u, v = (self.section.basis.to_sites(own) + f for own, f in zip(free, forced, strict=True))
+        return u, v
 
     def at(self, n: int, t: float) -> tuple[float, float, float]:
         """Displacement, velocity and acceleration of one site at one time."""
         q, r = self.modes(np.array(t))
-        e, a, f = self.section.basis.at(n), self.a, self.forcing
-        pull = float(e.dot(self.section.z * q))
-        return float(e.dot(q)) + a * f.f(t), float(e.dot(r)) + a * f.df(t), a * f.d2f(t) - pull
+        e, a = self.section.basis.at(n), self.a
+        u, v, w = self.section.forced.at(n, t)
+        bend = float(e.dot(self.section.pulled(q, r)))
+        return float(e.dot(q)) + a * u, float(e.dot(r)) + a * v, bend + a * w
 
     def motion(self, times: FloatArray) -> FloatArray:
         """Displacements of all sites at many times, shape (times, sites)."""
-        driven = self.a * self.forcing.f(times)
-        return self.section.basis.to_sites(self.modes(times)[0]) + driven[:, None]
+        free = self.section.basis.to_sites(self.modes(times)[0])
+        return free + self.a * self.section.forced.everywhere(times, 0)
 
     def modes(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Free part of displacements and velocities of the modes, shape (..., K)."""
@@ -271,12 +319,13 @@ class RingOrbit:
         late = T - since <= slack
         sections, since = np.where(late, sections + 1.0, sections), np.where(late, 0.0, since)
         flight = np.searchsorted(starts - first, since + slack, side="right") - 1
-        flown = turn(self.section.z, np.maximum(since - (starts - first)[flight], 0.0)[..., None])
+        ahead = np.maximum(since - (starts - first)[flight], 0.0)[..., None]
+        flown = turn(self.section.z, ahead, self.damping)
         sign = np.where(sections % 2.0 == 0.0, 1.0, self.itinerary.sign)[..., None]
         now, fast = q[flight], r[flight]
         return (
             sign * (flown.cosine * now + flown.reach * fast),
-            sign * (flown.cosine * fast - flown.pull * now),
+            sign * (flown.swing * fast - flown.pull * now),
         )
 
     @cached_property
@@ -291,19 +340,72 @@ class RingOrbit:
         if sites.dtype.kind not in "iu":
             raise BadInput(f"n = {n!r}: sites are whole numbers.")
         q, r = self.modes(times)
-        shape, f = self.section.basis.at(sites), self.forcing
-        own = (q, r, -self.section.z * q)[order]
-        free = np.einsum("...k,...k->...", shape, own)
-        total = free + self.a * (f.f, f.df, f.d2f)[order](times)
+        own = (q, r, self.section.pulled(q, r))[order]
+        free = np.einsum("...k,...k->...", self.section.basis.at(sites), own)
+        forced = self.section.forced.everywhere(times, order)
+        if forced.shape[-1] > 1:
+            at, n = np.broadcast_arrays(np.arange(times.size).reshape(times.shape), sites)
+            forced = forced.reshape(times.size, -1)[at, n]
+        else:
+            forced = forced[..., 0]
+        total = free + self.a * forced
         return float(total) if np.ndim(total) == 0 else total
 
     # ----------------------------------------------------------------------- what it is asked
 
-    def multipliers(self, *, half: bool = False) -> ComplexArray:
+    def on(self, lattice: Lattice | Finite) -> Any:
+        """The orbit with the same impacts and parameters on another lattice, found by Newton's
+        method from this one: a `RingOrbit` of a finite lattice, an `Orbit` of the infinite chain.
+
+        Raises
+        ------
+        NotConverged
+            If there is none close by.
+        BadInput
+            If an impacting site is not on that lattice, or springs and damping are not.
+        """
+        if lattice == self.lattice:
+            return self
+        if lattice.sites is not None:
+            from contbreather.breathers.shooting import shooting, shot_orbit
+
+            return shot_orbit(shooting(self, lattice=cast(Finite, lattice), inadmissible=True))
+        return self._on_the_chain(lattice)
+
+    def _on_the_chain(self, lattice: Lattice) -> Any:
+        from contbreather.breathers.impacts import Impact
+        from contbreather.breathers.orbits import Orbit, orbit_at
+
+        if self.damping or self.spring:
+            raise BadInput(
+                f"damping = {self.damping}, spring = {self.spring}: orbits of the infinite chain "
+                "have neither yet; take a long ring, Ring(200) for instance."
+            )
+        p = 0.5 * (1.0 + self.k)
+        impacts = tuple(
+            Impact(hit.site, hit.wall, hit.time, -2.0 * p * hit.before) for hit in self.hits
+        )
+        offsets = (self.c,) * len(self.itinerary.hit)
+        guess = Orbit(
+            self.a,
+            self.gamma,
+            self.k,
+            impacts,
+            offsets,
+            self.itinerary.turns,
+            self.forcing,
+            lattice,
+        )
+        solved, _ = guess.problem.solve(tolerance=1e-11)
+        return orbit_at(solved)
+
+    def multipliers(self, sites: int | None = None, *, half: bool = False) -> ComplexArray:
         """All 2N multipliers over the period, from flows and saltation matrices.
 
         Parameters
         ----------
+        sites : int, optional
+            Those of the orbit on a ring of so many sites; of its own lattice unless given.
         half : bool
             Of a symmetric orbit those over half its period: +1 at a pitchfork, -1 at a fold.
 
@@ -317,29 +419,30 @@ class RingOrbit:
         BadInput
             With `half`, if the orbit is not symmetric.
         """
+        if sites is not None and self.lattice != Ring(sites):
+            found: ComplexArray = self.on(Ring(sites)).multipliers(half=half)
+            return found
         if half and not self.symmetric:
             raise BadInput("this orbit was not shot on half its period: it has no half map.")
         found = np.concatenate([self.coupled, self._unseen()])
         return found if half or not self.symmetric else found * found
 
-    @cached_property
+    @property
     def coupled(self) -> ComplexArray:
         """Multipliers over a section of the modes that impacts see."""
-        return np.linalg.eigvals(self.section.monodromy).astype(complex)
+        return self.section.multipliers
 
     def _unseen(self) -> ComplexArray:
-        sites = self.lattice.sites
-        if self.section.q.size == sites:
-            return np.empty(0, dtype=complex)
-        j = np.arange(1, (sites + 1) // 2)
-        angle = self.lattice.frequencies(self.gamma)[j] * self.itinerary.length
-        return np.concatenate([np.exp(1j * angle), np.exp(-1j * angle)])
+        z = self.gamma * self.section.basis.unseen + self.spring
+        return np.concatenate(free_multipliers(z, self.damping, self.itinerary.length))
 
-    def stability(self, threshold: float = 1.005) -> OrbitVerdict:
-        """Is it stable on its ring? Multipliers over the whole period against a threshold.
+    def stability(self, sites: int | None = None, threshold: float = 1.005) -> OrbitVerdict:
+        """Is it stable on its lattice? Multipliers over the whole period against a threshold.
 
         Parameters
         ----------
+        sites : int, optional
+            Ask about a ring of so many sites; about its own lattice unless given.
         threshold : float
             At least 1. A ring always has multipliers on the unit circle and others, of waves that
             run around it, within O(1/N) of it; the paper takes 1.005.
@@ -353,9 +456,12 @@ class RingOrbit:
                 f"threshold = {threshold}: moduli on the unit circle are neutral, so a finite "
                 "threshold of at least 1 is wanted (the paper takes 1.005)."
             )
+        if sites is not None and self.lattice != Ring(sites):
+            verdict: OrbitVerdict = self.on(Ring(sites)).stability(threshold=threshold)
+            return verdict
         size = np.abs(self.multipliers())
         return OrbitVerdict(
-            self.lattice.sites,
+            self.lattice.describe(),
             self.period,
             float(threshold),
             float(size.max()),
@@ -376,10 +482,11 @@ class RingOrbit:
         return problem_of(self)
 
     def __repr__(self) -> str:
-        times = ", ".join(f"{t:.8g}" for t in self.t)
+        times = ", ".join(f"{t:.8g}" for t in self.times)
         margins = self.admissibility()
         mark = "" if margins.ok or abs(margins.margin) < 1e-9 else f"; {margins.reason}"
         return (
-            f"<RingOrbit {self.itinerary.describe()}; a = {self.a:.10g}, gamma = {self.gamma:.10g},"
-            f" k = {self.k:.10g}; t = ({times}); residual {self.residual:.1e}{mark}>"
+            f"<RingOrbit {self.itinerary.describe()}; "
+            + ", ".join(f"{name} = {value:.10g}" for name, value in self.conditions.params.items())
+            + f"; t = ({times}); residual {self.residual:.1e}{mark}>"
         )

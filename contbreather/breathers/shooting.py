@@ -1,9 +1,9 @@
-"""Impact-to-impact shooting on a ring: any sequence of impacts as a problem of the engine.
+"""Impact-to-impact shooting on a finite lattice: any sequence of impacts as a problem.
 
-Unknown are the times of all impacts of a section and the state of the ring just before the first
-one. The equations: each impact finds its site on its wall, and the section closes. The state
-includes the mean of the ring, which nothing pins between impacts: where the ring comes to sit is
-part of the answer, and no mode needs a treatment of its own.
+Unknown are the times of all impacts of a section and the state of the lattice just before the
+first one. The equations: each impact finds its site on its wall, and the section closes. The state
+includes the mean of a ring, which nothing pins between impacts: where the ring comes to sit is part
+of the answer, and no mode needs a treatment of its own.
 """
 
 from __future__ import annotations
@@ -18,49 +18,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import LIMIT
-from contbreather.breathers.closure import check_amplitude, restitution_ratio
+from contbreather.breathers.conditions import OWN, Conditions, Walls
 from contbreather.breathers.flight_map import Section
-from contbreather.breathers.itinerary import Itinerary
-from contbreather.breathers.refusals import Inadmissible
+from contbreather.breathers.itinerary import Itinerary, check_walls
+from contbreather.breathers.refusals import ImpossibleSequence, Inadmissible
 from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.breathers.shooting_events import PAPER, events_of
 from contbreather.breathers.shooting_images import images_of, simpler_than
 from contbreather.breathers.shooting_seeds import (
-    Conditions,
     by_hand,
     checked,
     flown,
     listed_section,
-    resized,
+    moved,
 )
 from contbreather.checks import number
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Ring, check_gamma, forcing_of
+from contbreather.lattice.finite import Finite
 
 FloatArray = NDArray[np.float64]
 
-WEAK = (
-    1e-9  # below this coupling the sites of a ring do not feel each other: they may rest anywhere
-)
+WEAK = 1e-9  # below this coupling sites do not feel each other: they may rest anywhere
 
 
 @dataclass(frozen=True)
 class Shooting:
-    """The equations of one itinerary under one forcing, as functions of all that can change.
+    """The equations of one itinerary, as functions of all that can change.
 
-    ``x = (t1 .. tm, q, r)``; `params` names a, gamma, k and the parameters of the forcing.
+    ``x = (t1 .. tm, q, r)``; `params` names those of the `Conditions`.
     """
 
     itinerary: Itinerary
-    forcing: Forcing
+    conditions: Conditions
 
     def section(self, x: FloatArray, params: Mapping[str, float]) -> Section:
         """The section flown from these unknowns; kept, because residual, derivatives and events
         ask for the same few in turn."""
-        own = tuple(float(params[name]) for name in ("a", "gamma", "k", *self.forcing.params))
-        return _flown(self, np.asarray(x, dtype=float).tobytes(), own)
+        return _flown(
+            self.itinerary, self.conditions.at(params), np.asarray(x, dtype=float).tobytes()
+        )
 
     def residual(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
         return self.section(x, params).residual()
@@ -85,35 +84,53 @@ class Shooting:
         return None if found is None else problem_of(RingOrbit(found))
 
 
-def check_coupling(itinerary: Itinerary, gamma: float) -> None:
-    """`BadInput` where the sites do not feel each other: then no one state belongs to an orbit."""
-    if check_gamma(gamma) < WEAK and itinerary.sites > 1:
+def check_coupling(itinerary: Itinerary, on: Conditions) -> None:
+    """`BadInput` where nothing brings the sites back: then no one state belongs to an orbit."""
+    lattice = itinerary.lattice
+    check_walls(itinerary, on.walls)
+    if lattice.highest_gamma <= on.gamma:
+        check_gamma(on.gamma)  # says why
+    if on.gamma < WEAK and _loose(itinerary, on):
         raise BadInput(
-            f"gamma = {gamma!r} on a ring of {itinerary.sites}: sites that do not feel each other "
-            "may rest anywhere, so there is no one orbit; take sites=1."
+            f"gamma = {on.gamma!r} on a {lattice.describe()}: sites that do not feel each other "
+            "may rest anywhere, so there is no one orbit; take sites=1, or a spring."
+        )
+    walls = {wall for _, wall in itinerary.impacts}
+    if (
+        on.spring < WEAK
+        and not itinerary.symmetric
+        and len(walls) == 1
+        and itinerary.basis.lam.min() < WEAK
+    ):
+        raise ImpossibleSequence(
+            f"the sequence {itinerary.impacts} hits the wall at {walls.pop():+d} only: every "
+            "impact pushes a lattice that nothing holds the same way and it never comes back; let "
+            "it hit both, or give it a spring.",
+            sequence=itinerary.impacts,
         )
 
 
+def _loose(itinerary: Itinerary, on: Conditions) -> bool:
+    """Whether idle sites may rest anywhere without coupling; an orbit that comes back with the
+    opposite sign has them rest at 0."""
+    return on.spring < WEAK and itinerary.sites > 1 and not itinerary.symmetric
+
+
 @lru_cache(maxsize=64)
-def _flown(shooting: Shooting, unknowns: bytes, params: tuple[float, ...]) -> Section:
-    x, m = np.frombuffer(unknowns), shooting.itinerary.count
+def _flown(itinerary: Itinerary, on: Conditions, unknowns: bytes) -> Section:
+    x, m = np.frombuffer(unknowns), itinerary.count
     K = (x.size - m) // 2
-    a, gamma, k, *own = params
-    check_coupling(shooting.itinerary, gamma)
-    forcing = shooting.forcing
-    if own:
-        forcing = forcing.at(**dict(zip(forcing.params, own, strict=True)))
-    return Section(shooting.itinerary, x[:m], x[m : m + K], x[m + K :], a, gamma, k, forcing)
+    return Section(itinerary, x[:m], x[m : m + K], x[m + K :], on)
 
 
 def problem_of(orbit: RingOrbit, *, threshold: float = PAPER) -> Problem:
     """The shooting equations with an orbit as their start, and all its events.
 
-    Columns: ``t1, t2, ...`` and the arrays ``q, r`` of unknowns; a, gamma, k and the parameters of
-    the forcing; ``p``, half the momentum (``p1, p2, ...`` unless all are the same), the offset
-    ``c``, for two impacts ``asymmetry``, t2 - t1 less half a period; ``unstable``, the number of
-    multipliers beyond the threshold, and the condition number ``condition``: computed when asked
-    for.
+    Columns: ``t1, t2, ...`` and the arrays ``q, r`` of unknowns; a, gamma, k, damping, spring and
+    the parameters of the forcing; ``p``, half the momentum (``p1, p2, ...`` unless all are the
+    same), the offset ``c``, for two impacts ``asymmetry``, t2 - t1 less half a period;
+    ``unstable``, the number of multipliers beyond the threshold, and the condition number
+    ``condition``: computed when asked for.
 
     Parameters
     ----------
@@ -122,20 +139,25 @@ def problem_of(orbit: RingOrbit, *, threshold: float = PAPER) -> Problem:
         Modulus over the whole period from which a multiplier counts as unstable.
     """
     section, itinerary = orbit.section, orbit.itinerary
-    shooting = Shooting(itinerary, section.forcing)
+    shooting = Shooting(itinerary, section.conditions)
     times = {f"t{j + 1}": float(time) for j, time in enumerate(section.t)}
     return Problem(
         shooting.residual,
         {**times, "q": section.q, "r": section.r},
-        {"a": section.a, "gamma": section.gamma, "k": section.k, **section.forcing.params},
+        section.conditions.params,
         jacobian=shooting.jacobian,
         sensitivity=shooting.sensitivity,
         events=events_of(itinerary, threshold),
         record=_columns(itinerary, threshold),
         domain={
-            "gamma": (0.0 if itinerary.sites == 1 else WEAK, 0.25),
+            "gamma": (
+                WEAK if _loose(itinerary, section.conditions) else 0.0,
+                itinerary.lattice.highest_gamma,
+            ),
             "k": (0.0, 1.0),
             "a": (0.0, math.inf),
+            "damping": (0.0, math.inf),
+            "spring": (0.0, math.inf),
         },
         interpret=shooting.interpret,
         images=shooting.images,
@@ -148,7 +170,7 @@ def _columns(itinerary: Itinerary, threshold: float) -> dict[str, Any]:
     """What is recorded besides the unknowns."""
 
     def momentum(j: int) -> Any:
-        return lambda point: point.solution.p[j]
+        return lambda point: 0.5 * abs(float(point.solution.impulses[j]))
 
     count = itinerary.count
     same = count == 1 or (count == 2 and itinerary.local and not itinerary.symmetric)
@@ -158,7 +180,7 @@ def _columns(itinerary: Itinerary, threshold: float) -> dict[str, Any]:
         columns["c"] = lambda point: point.solution.c
     if same and count == 2:
         columns["asymmetry"] = lambda point: point["t2"] - point["t1"] - 0.5 * itinerary.period
-    columns["unstable"] = lambda point: point.solution.stability(threshold).unstable
+    columns["unstable"] = lambda point: point.solution.stability(threshold=threshold).unstable
     return {**columns, "condition": lambda point: point.solution.condition}
 
 
@@ -176,18 +198,22 @@ def shooting(
     seed: Any,
     *,
     sites: int | None = None,
+    lattice: Finite | None = None,
     sequence: Sequence[tuple[int, int]] | None = None,
     period: float = 2.0 * math.pi,
     symmetric: bool | None = None,
     a: float | None = None,
     gamma: float | None = None,
     k: float | None = None,
+    damping: float | None = None,
+    spring: float | None = None,
+    walls: Any = None,
     forcing: Forcing | str | None = None,
     t: float = 0.0,
     threshold: float = PAPER,
     inadmissible: bool = False,
 ) -> Problem:
-    """An orbit with impacts on a ring, shot from impact to impact: a problem to trace.
+    """An orbit with impacts on a finite lattice, shot from impact to impact: a problem to trace.
 
     Parameters
     ----------
@@ -196,7 +222,10 @@ def shooting(
         ``(u, v)`` of the ring at time `t`, of a simulation for instance; or impact times by hand,
         ``{"t1": ..., "t2": ...}``.
     sites : int, optional
-        N, 1 to some hundred; that of the seed unless given. 1 is the single oscillator.
+        N of a ring, 1 to some hundred; that of the seed unless given. 1 is the single oscillator.
+    lattice : Ring or Lattice, optional
+        Any finite lattice, in place of `sites`. Seeds of other lattices are taken there by their
+        impact times.
     sequence : sequence of (site, wall), optional
         The impacts of a period in order (of half a period if symmetric). For a breather or an
         orbit that of the seed; for a state what it is seen to hit, if not given.
@@ -206,8 +235,10 @@ def shooting(
         Shoot half the period and close with ``u -> -u``. By default as the seed: True for a
         symmetric breather. False on a symmetric seed opens it up, so that it may become
         asymmetric.
-    a, gamma, k, forcing : optional
-        Needed for states and times; they overrule those of other seeds.
+    a, gamma, k, forcing, damping, spring : optional
+        The first three are needed for states and times; all overrule those of other seeds.
+    walls : (low, high) or dict of site and (low, high), optional
+        -1 and 1 unless given; None in place of a wall that is not there.
     t : float
         Time of a state.
     threshold : float
@@ -242,13 +273,15 @@ def shooting(
     <ring of 20: unstable, 2 multipliers; largest |multiplier| over 2 pi 1.00607444 > threshold \
 1.005>
     """
-    given = {"a": a, "gamma": gamma, "k": k, "forcing": forcing}
+    given: dict[str, Any] = {
+        "a": a, "gamma": gamma, "k": k, "damping": damping, "spring": spring, "forcing": forcing,
+        "walls": walls,
+    }  # fmt: skip
     turns = _turns(period)
     threshold = number("threshold", threshold, 1.0, 1e300, "a modulus above 1")
-    section = _section(
-        seed, given, sites, sequence, turns, symmetric, number("t", t, -1e300, 1e300, "a time")
-    )
-    check_coupling(section.itinerary, section.gamma)
+    t = number("t", t, -1e300, 1e300, "a time")
+    section = _section(seed, given, _lattice(lattice, sites), sequence, turns, symmetric, t)
+    check_coupling(section.itinerary, section.conditions)
     problem = problem_of(RingOrbit(section), threshold=threshold)
     try:
         solved, found = problem.solve()
@@ -282,10 +315,25 @@ def _turns(period: float) -> int:
     return turns
 
 
+def _lattice(given: Any, sites: int | None) -> Finite | None:
+    """The finite lattice that was asked for, None where that of the seed is meant."""
+    if given is None:
+        return None if sites is None else Ring(sites)
+    if getattr(given, "sites", None) is None or not hasattr(given, "basis"):
+        raise BadInput(
+            f"lattice = {given!r}: shooting needs a finite one, Ring(20), OpenChain(9), Grid(5, 5) "
+            "or Lattice(stiffness)."
+        )
+    if sites is not None and sites != given.sites:
+        raise BadInput(f"sites = {sites} and a {given.describe()}: give one of the two.")
+    lattice: Finite = given
+    return lattice
+
+
 def _section(
     seed: Any,
     given: dict[str, Any],
-    sites: int | None,
+    lattice: Finite | None,
     sequence: Sequence[tuple[int, int]] | None,
     turns: int,
     symmetric: bool | None,
@@ -293,18 +341,18 @@ def _section(
 ) -> Section:
     """A first guess from any kind of seed."""
     if isinstance(seed, Mapping):
-        if sites is None or sequence is None:
+        if lattice is None or sequence is None:
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
-        itinerary = Itinerary(sites, tuple(sequence), turns, bool(symmetric))
+        itinerary = Itinerary(lattice, tuple(sequence), turns, bool(symmetric))
         return by_hand(_conditions(given, None), itinerary, seed)
     if isinstance(seed, Problem):
         seed = shot_orbit(seed)
     if isinstance(seed, Point):
         seed = seed.solution
     if isinstance(seed, RingOrbit):
-        return _from_orbit(seed, given, sites, sequence, symmetric)
+        return _from_orbit(seed, given, lattice, sequence, symmetric)
     if hasattr(seed, "state"):
-        return _from_motion(seed, _conditions(given, seed), sites, sequence, symmetric)
+        return _from_motion(seed, _conditions(given, seed), lattice, sequence, symmetric)
     if isinstance(seed, str) or not isinstance(seed, Sequence | np.ndarray) or len(seed) != 2:
         raise BadInput(
             f"a seed is a breather, an orbit, a point of a branch, a state (u, v) or a dict of "
@@ -312,9 +360,10 @@ def _section(
         )
     on = _conditions(given, seed)
     size = np.size(seed[0])
-    if sites is not None and sites != size:
-        raise BadInput(f"the state has {size} sites, but sites = {sites} was asked for.")
-    return flown(on, tuple(seed), t, sequence, turns=turns, symmetric=bool(symmetric))
+    if lattice is not None and lattice.sites != size:
+        raise BadInput(f"the state has {size} sites, but sites = {lattice.sites} was asked for.")
+    where = lattice or Ring(size)
+    return flown(on, where, tuple(seed), t, sequence, turns=turns, symmetric=bool(symmetric))
 
 
 def _conditions(given: Mapping[str, Any], seed: Any) -> Conditions:
@@ -324,30 +373,24 @@ def _conditions(given: Mapping[str, Any], seed: Any) -> Conditions:
     missing = [name for name in ("a", "gamma", "k") if values[name] is None]
     if missing:
         raise BadInput(f"this seed does not know {', '.join(missing)}: give them by name.")
-    restitution_ratio(values["k"])  # refuses what is none
-    return Conditions(
-        check_amplitude(values["a"]),
-        check_gamma(values["gamma"]),
-        float(values["k"]),
-        forcing_of(values["forcing"]),
-    )
+    known = {name: values[name] for name in OWN if values[name] is not None}
+    walls = Walls.given(values["walls"])
+    return Conditions(**known, forcing=forcing_of(values["forcing"]), walls=walls).checked()
 
 
 def _from_orbit(
     orbit: RingOrbit,
     given: Mapping[str, Any],
-    sites: int | None,
+    lattice: Finite | None,
     sequence: Sequence[tuple[int, int]] | None,
     symmetric: bool | None,
 ) -> Section:
-    """An orbit of a ring, on the same or another one, opened up if asked for."""
+    """A shot orbit, on the same lattice or another one, opened up if asked for."""
     section = orbit.section
     if symmetric and not orbit.symmetric:
         raise BadInput("this orbit was not shot as a symmetric one; start from a breather.")
     if symmetric is False:
         section = opened(section)
-    if sites is not None and sites != section.itinerary.sites:
-        section = resized(section, sites)
     if sequence is not None:
         wanted = replace(section.itinerary, impacts=tuple(sequence)).impacts
         if wanted != section.itinerary.impacts:
@@ -355,8 +398,10 @@ def _from_orbit(
                 f"this orbit has the impacts {section.itinerary.impacts}, not {wanted}; give a "
                 "state or times for another sequence."
             )
-    on = _conditions(given, orbit)
-    return replace(section, a=on.a, gamma=on.gamma, k=on.k, forcing=on.forcing)
+    section = replace(section, conditions=_conditions(given, orbit))
+    if lattice is not None and lattice != section.itinerary.lattice:
+        section = moved(section, lattice)
+    return section
 
 
 def opened(section: Section) -> Section:
@@ -371,31 +416,56 @@ def opened(section: Section) -> Section:
 def _from_motion(
     seed: Any,
     on: Conditions,
-    sites: int | None,
+    lattice: Finite | None,
     sequence: Sequence[tuple[int, int]] | None,
     symmetric: bool | None,
 ) -> Section:
-    """A breather or an orbit of any lattice: its state, followed from impact to impact."""
-    if sites is None:
-        sites = getattr(getattr(seed, "lattice", None), "sites", None)
-    if sites is None:
+    """A breather or an orbit of any lattice: its impact times, or its state followed."""
+    if lattice is None:
+        lattice = _lattice(getattr(seed, "lattice", None), None) if _is_finite(seed) else None
+    if lattice is None:
         raise BadInput("the seed lives on the infinite chain: say on which ring, sites=N.")
-    Ring(sites)
     turns = _turns(getattr(seed, "period", 2.0 * math.pi))
-    half = hasattr(seed, "phi") if symmetric is None else symmetric
-    listed = _listed(seed, bool(half))
-    if listed is None:
-        state = seed.state(sites, 0.0)
-        return flown(on, state, 0.0, sequence, turns=turns, symmetric=bool(half))
+    half = bool(hasattr(seed, "phi") if symmetric is None else symmetric)
+    listed = _listed(seed, half)
+    if listed is None or not isinstance(lattice, Ring):
+        return _without_state(seed, on, lattice, listed, sequence, turns, half)
     times, impacts = listed
-    itinerary = Itinerary(sites, impacts, turns, bool(half))
+    itinerary = Itinerary(lattice, impacts, turns, half)
     start = 0.5 * (times[0] + max(times) - itinerary.length)  # between the last and the first
-    state = seed.state(sites, start)
+    state = seed.state(lattice.sites, start)
     if sequence is not None:
         wanted = replace(itinerary, impacts=tuple(sequence))
         if wanted.impacts != itinerary.impacts:
-            return flown(on, state, start, sequence, turns=turns, symmetric=bool(half))
+            return flown(on, lattice, state, start, sequence, turns=turns, symmetric=half)
     return listed_section(on, itinerary, np.array(times), state, start)
+
+
+def _is_finite(seed: Any) -> bool:
+    return getattr(getattr(seed, "lattice", None), "sites", None) is not None
+
+
+def _without_state(
+    seed: Any,
+    on: Conditions,
+    lattice: Finite,
+    listed: tuple[list[float], tuple[tuple[int, int], ...]] | None,
+    sequence: Sequence[tuple[int, int]] | None,
+    turns: int,
+    half: bool,
+) -> Section:
+    """On a lattice that the seed knows nothing of, its impact times; else its state, followed."""
+    if listed is None:
+        state = seed.state(lattice.sites, 0.0)
+        return flown(on, lattice, state, 0.0, sequence, turns=turns, symmetric=half)
+    times, impacts = listed
+    itinerary = Itinerary(lattice, tuple(sequence or impacts), turns, half)
+    if itinerary.count != len(times):
+        raise BadInput(
+            f"the seed has {len(times)} impacts in a section, the sequence {itinerary.impacts} "
+            f"{itinerary.count}: give impact times by hand."
+        )
+    return by_hand(on, itinerary, {f"t{j + 1}": time for j, time in enumerate(times)})
 
 
 def _listed(seed: Any, half: bool) -> tuple[list[float], tuple[tuple[int, int], ...]] | None:

@@ -187,8 +187,8 @@ def determinant(orbit: RingOrbit, mu: float) -> float:
 
 def _in_units_of_flight(section: Section, matrix: FloatArray, mu: float) -> float:
     sign, size = np.linalg.slogdet(matrix)
-    free = np.abs(np.exp(1j * section.free()) - mu) ** 2
-    return float(sign * math.exp(min(size - np.log(np.maximum(free, DAMPED)).sum(), 700.0)))
+    free = np.maximum(abs(section.free(mu)), DAMPED)
+    return float(sign * math.exp(min(size - np.log(free).sum(), 700.0)))
 
 
 def _null_locus(mu: float) -> Callable[[Point], Locus]:
@@ -287,16 +287,17 @@ def _contact_locus(point: Point) -> Locus:
         near = ENDS * (end.time - start.time)
         if not start.time + near < worst.time < end.time - near:
             return _shallow_locus(orbit, worst, start.time if orbit.k > 0.0 else math.nan)
-    wall = math.copysign(1.0, orbit.displacement(worst.site, worst.time))
+    there = orbit.displacement(worst.site, worst.time)
+    place = min(orbit.conditions.walls.at(worst.site), key=lambda wall: abs(there - wall))
 
     def conditions(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
         u, v, _ = _orbit(curve, z).at(worst.site, float(extra[0]))
-        return np.array([wall * u - 1.0, wall * v])
+        return np.array([u - place, v])
 
     def derivative(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
         section = _orbit(curve, z).section
         (_, *u), (v, *du), (w, *_) = section.watched(worst.site, float(extra[0]), curve.free)
-        return wall * np.array([[*u, v], [*du, w]])
+        return np.array([[*u, v], [*du, w]])
 
     return Locus({"t": worst.time}, conditions, derivative, events=(_other_contact(worst),))
 

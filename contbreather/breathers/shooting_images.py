@@ -25,7 +25,9 @@ def images_of(section: Section) -> tuple[Section, ...]:
     """
     if section.itinerary.symmetric or not section.itinerary.local:
         return ()
-    shifts = range(1, 2 * section.itinerary.turns)
+    # by odd multiples of pi the walls change places
+    stride = 1 if section.conditions.walls.symmetric else 2
+    shifts = range(stride, 2 * section.itinerary.turns, stride)
     found = (shifted(section, shift) for shift in shifts)
     return tuple(image for image in found if image is not None)
 
@@ -56,13 +58,15 @@ def simpler_than(section: Section) -> Section | None:
     if itinerary.symmetric or not itinerary.local or m % 2:
         return None
     sign = -1 if turns % 2 else 1  # of the second half, were it the first again
+    if sign < 0 and not section.conditions.walls.symmetric:
+        return None
     half, rest = itinerary.impacts[: m // 2], itinerary.impacts[m // 2 :]
     if rest != tuple((n, sign * wall) for n, wall in half):
         return None
     own = (
-        Itinerary(itinerary.sites, half, turns, symmetric=True)
+        Itinerary(itinerary.lattice, half, turns, symmetric=True)
         if sign < 0
-        else Itinerary(itinerary.sites, half, turns // 2)
+        else Itinerary(itinerary.lattice, half, turns // 2)
     )
     leg = section.legs[m // 2]
     gaps = (

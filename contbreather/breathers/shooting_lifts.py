@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.ring_orbit import RingOrbit
-from contbreather.breathers.shooting import opened, problem_of, shot_orbit
+from contbreather.breathers.shooting import check_coupling, opened, problem_of, shot_orbit
 from contbreather.breathers.shooting_seeds import checked
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.newton import newton
@@ -110,7 +110,7 @@ def unfolded(point: Point) -> Lift:
     >>> branch = cb.trace(shooting(cb.symmetric(0.7, 0.04, 0.8), sites=20), "a", towards="up",
     ...                   within={"a": (0, 0.8)})
     >>> tilted = shot_orbit(unfolded(branch.first("PF")).arm(0.02))
-    >>> abs(tilted.t[1] - tilted.t[0] - math.pi) > 1e-3
+    >>> abs(tilted.times[1] - tilted.times[0] - math.pi) > 1e-3
     True
     """
     orbit = _orbit_at(point, "PF")
@@ -147,6 +147,7 @@ def _orbit_at(point: Point, kind: str) -> RingOrbit:
 
 
 def _lift(point: Point, section: Section, what: str) -> Lift:
+    check_coupling(section.itinerary, section.conditions)
     sizes, vectors = np.linalg.svd(section.jacobian())[1:]
     if sizes[-1] > SINGULAR * sizes[0]:
         raise BadInput(

@@ -16,12 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from contbreather.breathers.flight_map import Section, turn
-from contbreather.breathers.itinerary import Basis, Itinerary, basis_of
+from contbreather.breathers.conditions import Conditions
+from contbreather.breathers.flight_map import Section
+from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.refusals import ImpossibleSequence
 from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing
+from contbreather.flows.modes import Turn, driven, turn
+from contbreather.lattice import Ring
+from contbreather.lattice.finite import Basis, Finite
 
 FloatArray = NDArray[np.float64]
 
@@ -29,16 +32,6 @@ GRID = 96  # times in a half period at which contacts are looked for
 MOST = 200  # impacts in one section
 TOGETHER = 8  # digits to which the times of impacts are compared
 OUTSIDE = 1e-6  # a seed may be beyond a wall by this much
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """What a ring moves under."""
-
-    a: float
-    gamma: float
-    k: float
-    forcing: Forcing
 
 
 @dataclass(frozen=True)
@@ -50,41 +43,56 @@ class Contact:
     time: float
 
 
-class FreeRing:
-    """A ring in motion, all its sites: flown until something touches a wall, then reset."""
+class Motion:
+    """A lattice in motion, all its sites: flown until something touches a wall, then reset."""
 
     def __init__(
-        self, on: Conditions, state: tuple[Any, Any], time: float, *, walls: bool = True
+        self,
+        on: Conditions,
+        lattice: Finite,
+        state: tuple[Any, Any],
+        time: float,
+        *,
+        walls: bool = True,
     ) -> None:
         u, v = _rows(state)
-        high = int(abs(u).argmax())
-        if walls and abs(u[high]) > 1.0 + OUTSIDE:
+        self.walls = np.array([on.walls.at(n) for n in range(u.size)]).T
+        beyond = np.maximum(u - self.walls[1], self.walls[0] - u)
+        n = int(beyond.argmax())
+        if walls and beyond[n] > OUTSIDE:
+            low, high = on.walls.at(n)
             raise BadInput(
-                f"u[{high}] = {u[high]:.9g} of the seed is outside the walls at -1 and 1."
+                f"u[{n}] = {u[n]:.9g} of the seed is outside the walls at {low:g} and {high:g}."
             )
         if not math.isfinite(time):
             raise BadInput(f"t = {time!r}: the time of a state must be a finite number.")
-        self.on, self.time, self.sites = on, float(time), u.size
-        self.basis: Basis = basis_of(u.size, tuple(range(min(u.size, 2))))
-        f = on.forcing
-        self.q = self.basis.from_sites(u - on.a * f.f(self.time))
-        self.r = self.basis.from_sites(v - on.a * f.df(self.time))
-        self.z = 4.0 * on.gamma * self.basis.q
+        self.on, self.time, self.lattice = on, float(time), lattice
+        self.basis: Basis = lattice.basis(tuple(range(u.size)))
+        self.forced = driven(lattice, on.forcing, on.gamma, on.spring, on.damping)
+        self.q = self.basis.from_sites(u - on.a * self.forced.everywhere(self.time, 0))
+        self.r = self.basis.from_sites(v - on.a * self.forced.everywhere(self.time, 1))
+        self.z = on.gamma * self.basis.lam + on.spring
+
+    def turned(self, ahead: Any) -> Turn:
+        """The free flight over some time."""
+        return turn(self.z, ahead, self.on.damping)
 
     def gap(self, site: int, wall: int, ahead: float) -> float:
         """Distance of a site from a wall some time ahead."""
-        q = turn(self.z, ahead)(self.q, self.r)[0]
-        u = float(self.basis.at(site).dot(q)) + self.on.a * self.on.forcing.f(self.time + ahead)
-        return 1.0 - wall * u
+        q = self.turned(ahead)(self.q, self.r)[0]
+        forced = self.on.a * self.forced.at(site, self.time + ahead)[0]
+        place = self.on.walls.position(site, wall)
+        return wall * (place - float(self.basis.at(site).dot(q)) - forced)
 
     def next(self, limit: float) -> Contact | None:
         """Fly to the first contact of any site within a time ahead."""
         step = math.pi / GRID / max(1, self.on.forcing.highest // 4)
         ahead = np.append(np.arange(0.0, limit, step), limit)
-        flown = turn(self.z, ahead[:, None])
+        flown = self.turned(ahead[:, None])
         u = self.basis.to_sites(flown.cosine * self.q + flown.reach * self.r)
-        u += (self.on.a * self.on.forcing.f(self.time + ahead))[:, None]
-        beyond = abs(u) > 1.0
+        u += self.on.a * self.forced.everywhere(self.time + ahead, 0)
+        low, high = self.walls
+        beyond = (u > high) | (u < low)
         # a site that has just been reset, or starts on its wall, leaves it
         inside = np.logical_or.accumulate(~beyond, axis=0)
         hit = np.argwhere(beyond[1:] & inside[:-1])
@@ -93,10 +101,10 @@ class FreeRing:
         i = int(hit[0, 0])
         found = []
         for site in hit[hit[:, 0] == i, 1].tolist():
-            wall = int(np.sign(u[i + 1, site]))
+            wall = 1 if u[i + 1, site] > high[site] else -1
             found.append((self._touch(site, wall, ahead[i], ahead[i + 1]), site, wall))
         moment, site, wall = min(found)
-        self.q, self.r = turn(self.z, moment)(self.q, self.r)
+        self.q, self.r = self.turned(moment)(self.q, self.r)
         self.time += moment
         return Contact(site, wall, self.time)
 
@@ -108,8 +116,8 @@ class FreeRing:
     def reset(self, site: int) -> None:
         """Let a site bounce off the wall it is on."""
         e = self.basis.at(site)
-        velocity = float(e.dot(self.r)) + self.on.a * self.on.forcing.df(self.time)
-        self.r = self.r - (1.0 + self.on.k) * velocity * e
+        velocity = float(e.dot(self.r)) + self.on.a * self.forced.at(site, self.time)[1]
+        self.r = self.r - (1.0 + self.on.k) * velocity * self.lattice.masses[site] * e
 
     def free(self) -> tuple[FloatArray, FloatArray]:
         """Displacements and velocities of all sites without the forced motion."""
@@ -136,6 +144,7 @@ def _rows(state: tuple[Any, Any]) -> tuple[FloatArray, FloatArray]:
 
 def flown(
     on: Conditions,
+    lattice: Finite,
     state: tuple[Any, Any],
     time: float,
     sequence: Sequence[Any] | None,
@@ -151,17 +160,17 @@ def flown(
     BadInput
         If it has no impacts, or others than those of the sequence.
     """
-    ring = FreeRing(on, state, time)
+    motion = Motion(on, lattice, state, time)
     T = math.pi * turns * (1.0 if symmetric else 2.0)
     met: list[Contact] = []
     states: list[tuple[FloatArray, FloatArray]] = []
     while len(met) < MOST:
-        contact = ring.next(time + T - ring.time)
+        contact = motion.next(time + T - motion.time)
         if contact is None:
             break
         met.append(contact)
-        states.append(ring.free())
-        ring.reset(contact.site)
+        states.append(motion.free())
+        motion.reset(contact.site)
     told = " ".join(f"({one.site}, {one.wall:+d}) at t = {one.time:.6g}" for one in met[:12])
     if not met or len(met) == MOST:
         raise BadInput(
@@ -175,21 +184,21 @@ def flown(
     course = [
         Contact(one.site, sign**i * one.wall, one.time + i * T) for i in range(3) for one in met
     ]
-    first = _start(course, sequence, ring.sites, symmetric, told)
+    first = _start(course, sequence, lattice, symmetric, told)
     own = course[first : first + m]
-    itinerary = Itinerary(ring.sites, tuple((c.site, c.wall) for c in own), turns, symmetric)
+    itinerary = Itinerary(lattice, tuple((c.site, c.wall) for c in own), turns, symmetric)
     side = sign ** (first // m)
     q, r = (side * itinerary.basis.from_sites(row) for row in states[first % m])
     period = itinerary.period
     times = np.array([one.time for one in own])
     times -= period * math.floor((times[0] + 0.5 * period) / period)
-    return Section(itinerary, times, q, r, on.a, on.gamma, on.k, on.forcing)
+    return Section(itinerary, times, q, r, on)
 
 
 def _start(
     course: list[Contact],
     sequence: Sequence[Any] | None,
-    sites: int,
+    lattice: Finite,
     symmetric: bool,
     told: str,
 ) -> int:
@@ -198,7 +207,7 @@ def _start(
     starts = range(2 * m if symmetric else m)
     if sequence is None:  # the first on the wall at +1, by choice
         return next((i for i in starts if course[i].wall > 0), 0)
-    wanted = Itinerary(sites, tuple(sequence), symmetric=symmetric).impacts
+    wanted = Itinerary(lattice, tuple(sequence), symmetric=symmetric).impacts
     for i in starts:
         if tuple((one.site, one.wall) for one in course[i : i + m]) == wanted:
             return i
@@ -215,10 +224,11 @@ def listed_section(
 ) -> Section:
     """From impacts that are known and a state in the flight before the first of them."""
     check_order(itinerary, t)
-    ring = FreeRing(on, state, time, walls=False)  # the seed may be inadmissible
-    ring.q, ring.r = turn(ring.z, float(t[0]) - time)(ring.q, ring.r)
-    q, r = (itinerary.basis.from_sites(row) for row in ring.free())
-    return Section(itinerary, t, q, r, on.a, on.gamma, on.k, on.forcing)
+    # the seed may be inadmissible
+    motion = Motion(on, itinerary.lattice, state, time, walls=False)
+    motion.q, motion.r = motion.turned(float(t[0]) - time)(motion.q, motion.r)
+    q, r = (itinerary.basis.from_sites(row) for row in motion.free())
+    return Section(itinerary, t, q, r, on)
 
 
 def by_hand(on: Conditions, itinerary: Itinerary, times: Mapping[str, float]) -> Section:
@@ -244,11 +254,11 @@ def by_hand(on: Conditions, itinerary: Itinerary, times: Mapping[str, float]) ->
     if not np.isfinite(t).all():
         raise BadInput(f"impact times {dict(times)}: finite numbers were wanted.")
     check_order(itinerary, t)
-    K = itinerary.basis.order.size
-    rest = Section(itinerary, t, np.zeros(K), np.zeros(K), on.a, on.gamma, on.k, on.forcing)
+    K = itinerary.basis.lam.size
+    rest = Section(itinerary, t, np.zeros(K), np.zeros(K), on)
     matrix = rest.jacobian()[:, t.size :]
     state: FloatArray = np.linalg.lstsq(matrix, -rest.residual())[0].astype(float)
-    return Section(itinerary, t, state[:K], state[K:], on.a, on.gamma, on.k, on.forcing)
+    return Section(itinerary, t, state[:K], state[K:], on)
 
 
 def check_order(itinerary: Itinerary, t: FloatArray) -> None:
@@ -266,30 +276,31 @@ def check_order(itinerary: Itinerary, t: FloatArray) -> None:
                 )
 
 
-def resized(section: Section, sites: int) -> Section:
-    """The same orbit on a ring of another size, as a guess: the sites around the one that
-    impacts keep their motion, new ones move like the farthest."""
-    itinerary = section.itinerary
-    if not itinerary.local:
+def moved(section: Section, lattice: Finite) -> Section:
+    """The same impacts on another lattice, as a guess. From ring to ring the sites around the one
+    that impacts keep their motion, new ones move like the farthest; elsewhere the state is the one
+    that suits the impact times best."""
+    itinerary, old = section.itinerary, section.itinerary.lattice
+    rings = isinstance(lattice, Ring) and isinstance(old, Ring)
+    if rings and not itinerary.local:
         raise BadInput(
-            f"{itinerary.describe()}: an orbit of several impacting sites does not fit on a ring "
-            f"of {sites} by itself; give a state of that ring, or impact times by hand."
+            f"{itinerary.describe()}: an orbit of several impacting sites does not fit on a "
+            f"{lattice.describe()} by itself; give a state of that ring, or impact times by hand."
         )
-    old, site = itinerary.sites, itinerary.hit[0]
-    new = Itinerary(
-        sites,
-        tuple((site % sites, wall) for _, wall in itinerary.impacts),
-        itinerary.turns,
-        itinerary.symmetric,
-    )
-    apart = np.arange(sites)
-    apart = np.minimum(apart, sites - apart)
+    home = lattice.sites if rings else math.inf
+    impacts = tuple((int(site % home), wall) for site, wall in itinerary.impacts)
+    new = Itinerary(lattice, impacts, itinerary.turns, itinerary.symmetric)
+    if not rings:
+        times = {f"t{j + 1}": float(time) for j, time in enumerate(section.t)}
+        return by_hand(section.conditions, new, times)
+    site, apart = itinerary.hit[0], np.arange(lattice.sites)
+    apart = np.minimum(apart, lattice.sites - apart)
     rows: list[FloatArray] = []
     for modes in (section.q, section.r):
         own = np.roll(itinerary.basis.to_sites(modes), -site)
-        rows.append(np.roll(own[np.minimum(apart, old // 2)], site % sites))
+        rows.append(np.roll(own[np.minimum(apart, old.sites // 2)], site % lattice.sites))
     q, r = (new.basis.from_sites(row) for row in rows)
-    return Section(new, section.t, q, r, section.a, section.gamma, section.k, section.forcing)
+    return Section(new, section.t, q, r, section.conditions)
 
 
 def checked(section: Section, iterations: int | None = None) -> None:

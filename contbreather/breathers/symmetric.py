@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,7 @@ from contbreather.breathers.closure import (
     roots,
     smallest_amplitude,
 )
+from contbreather.breathers.conditions import Conditions, Walls
 from contbreather.checks import numbers, real
 from contbreather.errors import BadInput
 from contbreather.lattice import (
@@ -32,6 +33,7 @@ from contbreather.lattice import (
     Lattice,
     Ring,
     check_gamma,
+    finite,
     forcing_of,
     lattice_of,
 )
@@ -39,6 +41,7 @@ from contbreather.lattice.green import Flight, flight, flight_slope
 
 if TYPE_CHECKING:
     from contbreather.breathers.admissibility import Admissibility
+    from contbreather.breathers.ring_orbit import RingOrbit
     from contbreather.continuation import Problem
     from contbreather.stability import ChainVerdict, RingVerdict
 
@@ -322,6 +325,7 @@ def _whole(n: ArrayLike) -> NDArray[np.int64]:
     return sites.astype(np.int64)
 
 
+@overload
 def symmetric(
     a: float,
     gamma: float,
@@ -329,8 +333,33 @@ def symmetric(
     *,
     forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
-) -> Breather:
-    """The symmetric on-site breather, eqs. (11) to (13).
+) -> Breather: ...
+@overload
+def symmetric(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | str | None = None,
+    lattice: finite.Finite,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float = 0.0,
+    walls: Any = None,
+) -> RingOrbit: ...
+def symmetric(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | str | None = None,
+    lattice: Lattice | finite.Finite | None = None,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float = 0.0,
+    walls: Any = None,
+) -> Breather | RingOrbit:
+    """The symmetric breather of one impacting site, eqs. (11) to (13).
 
     Of several solutions the one with the largest p: for `Harmonic` forcing the upper sign of
     (13), the only one that can be stable.
@@ -345,12 +374,18 @@ def symmetric(
         Restitution coefficient in [0, 1].
     forcing : Forcing or str, optional
         `Harmonic` unless given.
-    lattice : Lattice, optional
+    lattice : InfiniteChain, Ring or Lattice, optional
         `InfiniteChain` unless given.
+    site : int
+        The one that impacts.
+    damping, spring : float
+        ``u'' + damping u' + spring u + ...``; on finite lattices.
+    walls : (low, high) or dict of site and (low, high), optional
+        -1 and 1 unless given, ``low = -high``; on finite lattices.
 
     Returns
     -------
-    Breather
+    Breather, or the orbit of a finite lattice
         A solution of (11). Whether it keeps off the walls between its impacts is a question of
         its own: `admissibility`.
 
@@ -367,9 +402,13 @@ def symmetric(
     >>> round(b.p, 12), round(b.phi, 12)
     (0.680056001966, -2.519293143359)
     """
-    return symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice)[0]
+    more: dict[str, Any] = {"site": site, "damping": damping, "spring": spring, "walls": walls}
+    found: tuple[Any, ...] = symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more)
+    own: Breather | RingOrbit = found[0]
+    return own
 
 
+@overload
 def symmetric_roots(
     a: float,
     gamma: float,
@@ -377,7 +416,32 @@ def symmetric_roots(
     *,
     forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
-) -> tuple[Breather, ...]:
+) -> tuple[Breather, ...]: ...
+@overload
+def symmetric_roots(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | str | None = None,
+    lattice: finite.Finite,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float = 0.0,
+    walls: Any = None,
+) -> tuple[RingOrbit, ...]: ...
+def symmetric_roots(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | str | None = None,
+    lattice: Lattice | finite.Finite | None = None,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float = 0.0,
+    walls: Any = None,
+) -> tuple[Breather, ...] | tuple[RingOrbit, ...]:
     """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
 
     Examples
@@ -387,7 +451,20 @@ def symmetric_roots(
     >>> len(symmetric_roots(0.3, 0.12, 0.7, forcing=two))
     4
     """
-    drive, lattice = forcing_of(forcing), lattice_of(lattice)
+    drive = forcing_of(forcing)
+    more = bool(site or damping or spring or walls is not None)
+    if isinstance(lattice, finite.Lattice) or (more and isinstance(lattice, Ring)):
+        from contbreather.breathers.one_site import symmetric_orbits
+
+        on = Conditions(a, gamma, k, damping, spring, drive, Walls.given(walls)).checked()
+        return symmetric_orbits(lattice, site, on)
+    lattice = lattice_of(lattice)
+    if more:
+        raise BadInput(
+            f"site = {site!r}, damping = {damping!r}, spring = {spring!r}, walls = {walls!r}: on "
+            "the infinite chain site 0 impacts, between walls at -1 and 1, without damping or "
+            "springs; take Ring(N) or another finite lattice."
+        )
     gamma, a = check_gamma(gamma), check_amplitude(a)
     restitution_ratio(k)
     found = roots(a, gamma, float(k), drive, lattice)

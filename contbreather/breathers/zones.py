@@ -22,7 +22,7 @@ from contbreather.continuation import Branch, Event, Point, Steps, boundary, ref
 from contbreather.continuation.progress import Progress
 from contbreather.continuation.starts import windows
 from contbreather.errors import BadInput, NoSolution, keeping, taking
-from contbreather.lattice import Forcing, Harmonic, Lattice, check_gamma, forcing_of, lattice_of
+from contbreather.lattice import Forcing, Lattice, check_gamma, forcing_of, lattice_of
 
 Array = NDArray[np.float64]
 Place = Point | Mapping[str, float]

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     import sympy
 
 HARMONIC = "-cos(t)"
-RESERVED = ("a", "gamma", "k", "p", "phi", "t")  # names that already mean something
+# names that already mean something
+RESERVED = ("a", "gamma", "k", "damping", "spring", "p", "phi", "t")
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -116,6 +117,11 @@ class Symbolic(Periodic):
         if name not in self.params:
             raise self._unknown([name])
         return float(self._slopes[name].at(t, order))  # type: ignore[attr-defined]
+
+    def slope_harmonics(self, name: str) -> Harmonics:
+        """The series of the derivative of f with respect to one parameter."""
+        slopes: dict[str, Series] = self._slopes  # type: ignore[attr-defined]
+        return slopes[name].harmonics
 
     def describe(self) -> str:
         values = "".join(f", {n} = {v:.6g}" for n, v in self.values)

@@ -61,6 +61,7 @@ class Forcing(Protocol):
     def harmonics(self) -> Harmonics: ...
     def at(self, **params: float) -> Forcing: ...
     def f_param(self, name: str, t: float, order: int = 0) -> float: ...
+    def slope_harmonics(self, name: str) -> Harmonics: ...
     def peak(self) -> float: ...
     def describe(self) -> str: ...
     def __hash__(self) -> int: ...
@@ -139,6 +140,10 @@ class Periodic:
     @property
     def params(self) -> dict[str, float]:
         return {}
+
+    def slope_harmonics(self, name: str) -> Harmonics:
+        """The series of the derivative of f with respect to one parameter."""
+        raise self._unknown([name])
 
     def peak(self) -> float:
         """Largest |f| at unit amplitude; ``a * peak() <= 1`` keeps the far field off its walls."""
@@ -297,6 +302,10 @@ class Fourier(Periodic):
         if name not in self._names:  # type: ignore[attr-defined]
             raise self._unknown([name])
         return float(_unit(name).at(t, order))
+
+    def slope_harmonics(self, name: str) -> Harmonics:
+        """The series of the derivative of f with respect to one coefficient."""
+        return _unit(name).harmonics
 
     def describe(self) -> str:
         terms = [f"{v:+.6g} cos {_times(m)}" for m, v in self.cos]

@@ -22,6 +22,7 @@ from scipy.special import zeta
 
 from contbreather.checks import real, whole
 from contbreather.errors import BadInput
+from contbreather.lattice.finite import Waves, waves
 from contbreather.lattice.green import TERMS, flight
 
 FloatArray = NDArray[np.float64]
@@ -381,6 +382,46 @@ class Ring(_TranslationInvariant):
         t = (2.0 - gap) / gap
         slope = sign * 4.0 * n * rho ** (n - 1) / ((1.0 + r) * gap) ** 2
         return (t + r * slope) / (2.0 * r**3)
+
+    # ----------------------------------------------------------------- as a finite lattice
+
+    @property
+    def masses(self) -> FloatArray:
+        return np.ones(self.sites)
+
+    @property
+    def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The drive moves the ring as a whole."""
+        root = math.sqrt(self.sites)
+        return np.zeros(1), np.full((self.sites, 1), 1.0 / root), np.array([root])
+
+    @property
+    def uniform(self) -> bool:
+        return True
+
+    @property
+    def highest_gamma(self) -> float:
+        """At 1/4 the band of the chain reaches the forcing frequency."""
+        return 0.25
+
+    def basis(self, hit: tuple[int, ...]) -> Waves:
+        """The modes that impacts at the sites `hit` can excite."""
+        return waves(self.sites, hit)
+
+    def beside(self, n: int) -> tuple[int, ...]:
+        """The sites coupled to site n."""
+        return tuple(sorted({(n + d) % self.sites for d in (-1, 1)} - {n}))
+
+    def idle(self, hit: tuple[int, ...]) -> NDArray[np.int64]:
+        """Sites that are not in `hit`; around one site alone, one of each pair of mirror images."""
+        if len(hit) == 1:
+            return np.asarray((hit[0] + np.arange(1, self.sites // 2 + 1)) % self.sites)
+        return np.setdiff1d(np.arange(self.sites), hit)
+
+    def describe(self) -> str:
+        return f"ring of {self.sites}"
+
+    # ------------------------------------------------------------------ as a chain of period N
 
     def distance(self, n: int) -> int:
         """How many bonds from site n to the impacting site 0, the shorter way round."""

@@ -34,7 +34,6 @@ from contbreather.dynamics import (
     sweep,
     verdict,
 )
-from contbreather.checks import whole
 from contbreather.dynamics.conditions import PERIOD
 from contbreather.dynamics.impacting import completed
 from contbreather.paper.fates import (

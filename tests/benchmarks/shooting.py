@@ -132,7 +132,7 @@ def shooting_row(sites: int) -> Row:
 
     seconds = best_of(ours)
     orbit, multipliers = ours()
-    start = 0.5 * (seed.t[1] + seed.t[0])
+    start = 0.5 * (seed.times[1] + seed.times[0])
     baseline = Baseline(sites, WANTED)
     began = time.process_time()  # one thread: what other processes take does not count
     state, found = baseline.solve(np.concatenate(seed.state(t=start)), start)

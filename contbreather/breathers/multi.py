@@ -1,0 +1,319 @@
+"""Multibreathers: several impacting sites, continued from the limit without coupling.
+
+At gamma = 0 every site is a single oscillator under the same forcing, so any choice of one of its
+orbits for each impacting site is a solution, and where it is regular it goes on to gamma > 0.
+What ends it is a fold, where it merges with another choice, or a site that grazes a wall.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import networkx as nx
+import numpy as np
+
+from contbreather.breathers.conditions import Conditions, Walls
+from contbreather.breathers.itinerary import Itinerary
+from contbreather.breathers.one_site import symmetric_orbits
+from contbreather.breathers.refusals import Inadmissible
+from contbreather.breathers.ring_orbit import RingOrbit
+from contbreather.breathers.shooting import problem_of, shot_orbit
+from contbreather.breathers.shooting_events import contact
+from contbreather.breathers.shooting_seeds import by_hand
+from contbreather.continuation import Branch, fold, trace
+from contbreather.errors import BadInput, NoSolution, NotConverged
+from contbreather.lattice import Forcing, forcing_of
+from contbreather.lattice.finite import Finite, Lattice, stiffness_of
+
+ROOTS = ("upper", "lower")
+# Without symmetry nothing holds the idle sites at gamma = 0: such orbits set out from here.
+LOOSE = 1e-4
+TOGETHER = 9  # digits to which times are compared: impacts at once are listed by their sites
+
+
+@dataclass(frozen=True)
+class Single:
+    """The impacts of one site in the limit without coupling."""
+
+    site: int
+    walls: tuple[int, ...]
+    times: tuple[float, ...]
+    turns: int
+    symmetric: bool  # impacts of half a period, the other half being their mirror image
+
+
+def multibreather(
+    choice: Sequence[int] | Mapping[int, Any],
+    *,
+    a: float,
+    gamma: float,
+    k: float,
+    lattice: Finite,
+    damping: float = 0.0,
+    spring: float = 0.0,
+    walls: Any = None,
+    forcing: Forcing | str | None = None,
+) -> RingOrbit:
+    """An orbit of several impacting sites, continued from gamma = 0 to the coupling asked for.
+
+    Parameters
+    ----------
+    choice : sequence of int, or dict
+        The sites that impact; or for each the orbit it has without coupling: ``"upper"`` or
+        ``"lower"``, the root of the closure with the larger or the smaller p, or any orbit of the
+        single oscillator (symmetric, asymmetric or doubled) under the same forcing.
+    a, gamma, k, damping, spring, walls, forcing
+        As for `symmetric`.
+    lattice : Ring or Lattice
+
+    Returns
+    -------
+    RingOrbit
+
+    Raises
+    ------
+    BadInput
+        For sites that are not there, or orbits of other parameters.
+    NoSolution
+        Where a fold or a grazing comes first; the sentence names the coupling it was met at.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Ring
+    >>> two = multibreather([0, 6], a=0.5, gamma=0.03, k=0.8, lattice=Ring(12))
+    >>> two.sequence, bool(two.admissibility())
+    (((0, 1), (6, 1)), True)
+    """
+    at = Walls.given(walls)
+    on = Conditions(a, gamma, k, damping, spring, forcing_of(forcing), at).checked()
+    branch = _from_the_limit(_singles(choice, lattice, on), lattice, on)
+    if branch is None or branch[-1]["gamma"] < on.gamma:
+        raise NoSolution(_refusal(choice, branch, on))
+    orbit: RingOrbit = branch[-1].solution
+    return orbit
+
+
+def _refusal(choice: Any, branch: Branch | None, on: Conditions) -> str:
+    if branch is None:
+        return f"{choice!r}: without coupling these impacts are no orbit of the lattice already."
+    end = branch[-1]
+    why = {
+        # at EP it has come back to where it set out, through a point where it doubles or unfolds
+        "LP": "it turns back, into an orbit of another choice",
+        "EP": "it turns back, into an image of itself",
+    }.get(end.kind) or str(end.solution.admissibility().reason)
+    return (
+        f"{choice!r}: this orbit reaches gamma = {branch['gamma'].max():.9g}, not {on.gamma:.9g}; "
+        f"there {why.removesuffix('.')}."
+    )
+
+
+# --- from one site to many ----------------------------------------------------------------------
+
+
+def _singles(
+    choice: Sequence[int] | Mapping[int, Any], lattice: Finite, on: Conditions
+) -> list[Single]:
+    chosen = dict(choice) if isinstance(choice, Mapping) else dict.fromkeys(choice, "upper")
+    if not chosen or len(chosen) < len(choice):
+        raise BadInput(f"{choice!r}: name at least one site, and each once.")
+    return [_single(lattice, site, what, replace(on, gamma=0.0)) for site, what in chosen.items()]
+
+
+def _single(lattice: Finite, site: int, what: Any, on: Conditions) -> Single:
+    """One site without coupling: by the name of a root, or by an orbit of its own."""
+    if isinstance(what, str) and what in ROOTS:
+        roots = symmetric_orbits(lattice, site, on)
+        own = roots[min(ROOTS.index(what), len(roots) - 1)]
+        return Single(own.sequence[0][0], (1,), (own.phi,), 1, True)
+    if isinstance(what, RingOrbit):
+        if what.lattice.sites > 1:
+            raise BadInput(f"site {site}: {what!r} is no orbit of the single oscillator.")
+        walls, times = (wall for _, wall in what.sequence), what.times.tolist()
+        itinerary = what.itinerary
+        return Single(site, tuple(walls), tuple(times), itinerary.turns, itinerary.symmetric)
+    if hasattr(what, "phi"):  # a symmetric breather
+        return Single(site, (1,), (float(what.phi),), 1, True)
+    if hasattr(what, "sequence") and len({n for n, _ in what.sequence}) == 1:
+        walls, turns = (wall for _, wall in what.sequence), round(what.period / (2 * math.pi))
+        return Single(site, tuple(walls), tuple(map(float, what.times)), turns, False)
+    raise BadInput(
+        f"site {site}: {what!r} was given; 'upper', 'lower' or an orbit of the single oscillator "
+        "is wanted."
+    )
+
+
+def _itinerary(singles: Sequence[Single], lattice: Finite) -> tuple[Itinerary, dict[str, float]]:
+    """All impacts in order of time over one common section."""
+    turns = math.lcm(*(one.turns for one in singles))
+    symmetric = turns % 2 == 1 and all(one.symmetric for one in singles)
+    length = math.pi * turns * (1 if symmetric else 2)
+    impacts = sorted(
+        ((time, one.site, wall) for one in singles for time, wall in _unrolled(one, length)),
+        key=lambda impact: (round(impact[0], TOGETHER), impact[1]),
+    )
+    itinerary = Itinerary(lattice, tuple((n, wall) for _, n, wall in impacts), turns, symmetric)
+    return itinerary, {f"t{j + 1}": time for j, (time, _, _) in enumerate(impacts)}
+
+
+def _unrolled(one: Single, length: float) -> Iterator[tuple[float, int]]:
+    """Times and walls over a section of that length, which is a whole number of its own."""
+    own = math.pi * one.turns * (1 if one.symmetric else 2)
+    for lap in range(round(length / own)):
+        side = -1 if one.symmetric and lap % 2 else 1
+        for time, wall in zip(one.times, one.walls, strict=True):
+            yield time + lap * own, side * wall
+
+
+def _from_the_limit(singles: Sequence[Single], lattice: Finite, on: Conditions) -> Branch | None:
+    """The branch from the limit up to the coupling asked for; None if it does not begin."""
+    itinerary, times = _itinerary(singles, lattice)
+    loose = not itinerary.symmetric and on.spring == 0.0 and itinerary.sites > 1
+    first = min(LOOSE, on.gamma) if loose else 0.0
+    try:
+        seed = by_hand(replace(on, gamma=first), itinerary, times)
+        start, _ = problem_of(RingOrbit(seed)).solve(tolerance=1e-11)
+    except NotConverged:
+        return None
+    orbit = shot_orbit(start)
+    if abs(orbit.times - seed.t).max() > 0.1:  # not the orbit that was chosen
+        return None
+    if (margin := orbit.admissibility()).margin < 0.0:
+        raise Inadmissible(
+            f"without coupling already {margin.reason}",
+            orbit=orbit,
+            site=margin.site,
+            time=margin.time,
+        )
+    ends = (replace(fold(), terminal=True), contact())
+    return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
+
+
+# --- all of them --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Multibreather:
+    """One entry of the catalogue: a choice of sites, and what becomes of it.
+
+    Attributes
+    ----------
+    sites : tuple of int
+        One representative of all choices that a symmetry of the lattice makes alike.
+    copies : int
+        How many those are.
+    gamma : float
+        The coupling it reaches, at most the one asked for.
+    ended : str
+        What ended it there: GR, LP or another kind; empty where it exists.
+    orbit : RingOrbit or None
+        The last one of its branch.
+    """
+
+    sites: tuple[int, ...]
+    copies: int
+    gamma: float
+    ended: str
+    orbit: RingOrbit | None
+
+    @property
+    def exists(self) -> bool:
+        """Whether it lives at the coupling that was asked for."""
+        return self.orbit is not None and not self.ended
+
+    def stable(self, threshold: float = 1.005) -> bool:
+        """Whether it exists, and no multiplier of it is beyond the threshold."""
+        return (
+            self.exists
+            and self.orbit is not None
+            and self.orbit.stability(threshold=threshold).stable
+        )
+
+
+def multibreathers(
+    lattice: Finite,
+    *,
+    a: float,
+    gamma: float,
+    k: float,
+    most: int = 3,
+    damping: float = 0.0,
+    spring: float = 0.0,
+    walls: Any = None,
+    forcing: Forcing | str | None = None,
+) -> tuple[Multibreather, ...]:
+    """All choices of up to `most` sites that impact on their upper root, one for each class of
+    choices that a symmetry of the lattice maps into each other.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Ring
+    >>> found = multibreathers(Ring(6), a=0.5, gamma=0.02, k=0.8, most=2)
+    >>> [(one.sites, one.copies, one.exists) for one in found]
+    [((0,), 6, True), ((0, 1), 6, True), ((0, 2), 6, True), ((0, 3), 3, True)]
+    """
+    if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= lattice.sites:
+        raise BadInput(f"most = {most!r}: a whole number of sites, 1 to {lattice.sites}.")
+    at = Walls.given(walls)
+    on = Conditions(a, gamma, k, damping, spring, forcing_of(forcing), at).checked()
+    return tuple(
+        _entry(sites, copies, lattice, on)
+        for count in range(1, most + 1)
+        for sites, copies in _classes(lattice, count)
+    )
+
+
+def _entry(sites: tuple[int, ...], copies: int, lattice: Finite, on: Conditions) -> Multibreather:
+    try:
+        branch = _from_the_limit(_singles(sites, lattice, on), lattice, on)
+    except NoSolution:  # a site that the forcing does not bring to its walls
+        branch = None
+    if branch is None:
+        return Multibreather(sites, copies, 0.0, "no orbit without coupling", None)
+    end = branch[-1]
+    ended = "" if end["gamma"] >= on.gamma else end.kind
+    return Multibreather(sites, copies, float(branch["gamma"].max()), ended, end.solution)
+
+
+def _classes(lattice: Finite, count: int) -> list[tuple[tuple[int, ...], int]]:
+    """Choices of sites up to the symmetries of the lattice, with the size of each class."""
+    found: dict[str, list[tuple[tuple[int, ...], nx.Graph, int]]] = {}
+    for sites in itertools.combinations(range(lattice.sites), count):
+        graph = _coloured(lattice, sites)
+        mark = nx.weisfeiler_lehman_graph_hash(graph, edge_attr="weight", node_attr="colour")
+        alike = found.setdefault(mark, [])
+        for i, (first, other, copies) in enumerate(alike):
+            if _same(graph, other):
+                alike[i] = (first, other, copies + 1)
+                break
+        else:
+            alike.append((sites, graph, 1))
+    return [(sites, copies) for alike in found.values() for sites, _, copies in alike]
+
+
+def _same(one: nx.Graph, other: nx.Graph) -> bool:
+    return bool(
+        nx.is_isomorphic(
+            one,
+            other,
+            node_match=lambda u, v: u["colour"] == v["colour"],
+            edge_match=lambda u, v: u["weight"] == v["weight"],
+        )
+    )
+
+
+def _coloured(lattice: Finite, sites: tuple[int, ...]) -> nx.Graph:
+    """The lattice as a graph; what sets sites and bonds apart, to nine digits, as their colours."""
+    matrix = stiffness_of(lattice)
+    drive = lattice.drive if isinstance(lattice, Lattice) else np.ones(lattice.sites)
+    graph = nx.Graph()
+    for n in range(lattice.sites):
+        own = (matrix[n, n], lattice.masses[n], drive[n])
+        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in own) + f" {n in sites}")
+    for i, j in np.argwhere(np.triu(matrix, 1) != 0.0).tolist():
+        graph.add_edge(i, j, weight=f"{matrix[i, j]:.9g}")
+    return graph

@@ -1,0 +1,91 @@
+"""Symmetric breathers of one impacting site on any finite lattice, in closed form.
+
+Impulses ``-2p, +2p`` half a period apart make each mode answer with a state that recurs with the
+opposite sign, ``(1 + M) x = -M (0, kick)``, M its flight over half a period. Its sum over the
+modes at the impacting site gives chi and, with damping, the excess delta of the velocity before
+the impact, and the closure (11) is what it is on the chain:
+
+    ``p chi = 1 - a f(phi)``, ``p (q + 2 delta) = a f'(phi)``,
+
+f being the forced motion of that site.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.closure import general_roots, restitution_ratio
+from contbreather.breathers.conditions import Conditions
+from contbreather.breathers.flight_map import Section
+from contbreather.breathers.itinerary import Itinerary, check_walls
+from contbreather.breathers.ring_orbit import RingOrbit
+from contbreather.errors import BadInput, NoSolution
+from contbreather.flows.modes import turn
+from contbreather.lattice.finite import Finite
+from contbreather.lattice.forcing import Fourier
+
+FloatArray = NDArray[np.float64]
+
+RESONANT = 1e-12  # 2 + trace of a mode that is its own mirror image after half a period
+
+
+def symmetric_orbits(lattice: Finite, site: int, on: Conditions) -> tuple[RingOrbit, ...]:
+    """All symmetric orbits of one impacting site, by descending p.
+
+    Raises
+    ------
+    BadInput
+        In resonance: a mode whose frequency is an odd whole number, without damping.
+    NoSolution
+        If the forcing is too weak for any.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Ring
+    >>> orbit = symmetric_orbits(Ring(20), 0, Conditions(0.5, 0.12, 0.4))[0]
+    >>> round(orbit.p, 9), round(orbit.phi, 9)
+    (0.680056002, -2.519293143)
+    """
+    itinerary = Itinerary(lattice, ((site, 1),), symmetric=True)
+    (site, _) = itinerary.impacts[0]
+    check_walls(itinerary, on.walls)
+    width = on.walls.position(site, 1)  # everything scales with it
+    still = np.zeros(itinerary.basis.lam.size)
+    rest = Section(itinerary, np.zeros(1), still, still, on)
+    q, r = _answer(rest)
+    e = rest.shapes[0]
+    chi, excess = -2.0 * float(e.dot(q)), float(e.dot(r)) + 0.5
+    own = rest.forced.harmonics(site)
+    found = []
+    if any(A or B for _, A, B in own):  # else nothing moves this site
+        forced = Fourier.from_response({m: A for m, A, _ in own}, {m: B for m, _, B in own})
+        found = general_roots(on.a / width, chi, restitution_ratio(on.k) + 2.0 * excess, forced)
+    if not found:
+        raise NoSolution(
+            f"no symmetric orbit of site {site} on the {lattice.describe()} at a = {on.a!r} (gamma "
+            f"= {on.gamma}, k = {on.k}, damping = {on.damping}, spring = {on.spring}): the forcing "
+            "is too weak to bring it to its walls; take a larger a."
+        )
+    return tuple(
+        RingOrbit(Section(itinerary, np.array([phi]), -2.0 * p * q, -2.0 * p * r, on))
+        for p, phi in sorted(((width * p, phi) for p, phi in found), reverse=True)
+    )
+
+
+def _answer(rest: Section) -> tuple[FloatArray, FloatArray]:
+    """State of each mode just before a unit impulse that recurs with alternating sign."""
+    fly = turn(rest.z, rest.itinerary.length, rest.conditions.damping)
+    kick = rest.kicks[0]
+    # (1 + M) x = -M (0, kick), by Cramer; det(1 + M) = 1 + trace + det
+    after = fly.reach * kick, fly.swing * kick
+    det = (1.0 + fly.cosine) * (1.0 + fly.swing) + fly.reach * fly.pull
+    if (abs(det) < RESONANT).any():
+        w = float(np.sqrt(rest.z[abs(det).argmin()]))
+        raise BadInput(
+            f"a mode of the {rest.itinerary.lattice.describe()} with the frequency {w:.9g} is in "
+            "resonance with the orbit: change gamma or spring, or give it damping."
+        )
+    q = -((1.0 + fly.swing) * after[0] - fly.reach * after[1]) / det
+    r = -(fly.pull * after[0] + (1.0 + fly.cosine) * after[1]) / det
+    return q, r

@@ -1,0 +1,3 @@
+"""A flight from one time to another with its derivatives. Knows nothing of impacts."""
+
+from __future__ import annotations

@@ -1,0 +1,426 @@
+"""Finite lattices: any network of linear springs, given by its stiffness matrix.
+
+``m_n (u_n'' + damping u_n' + spring u_n) + gamma sum over j of L_nj u_j = m_n d_n F(t)``
+
+`L` is symmetric positive semidefinite, `m` are the masses, `d` the pattern of the drive (1 on every
+site: the whole lattice is shaken). Spring and damping are per unit mass, so that the normal modes
+``L v = lam M v`` do not depend on any parameter: mode j has ``w^2 = gamma lam_j + spring``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg
+
+from contbreather.errors import BadInput
+
+FloatArray = NDArray[np.float64]
+
+ALIKE = 1e-9  # eigenvalues closer than this, relative to the largest, are one eigenspace
+UNSEEN = 1e-10  # a mode this small at every impacting site is not seen by them
+
+
+class Basis(Protocol):
+    """Modes that impacts at some sites can excite, orthonormal with respect to the masses."""
+
+    @property
+    def lam(self) -> FloatArray:
+        """``w^2 = gamma lam + spring``, shape (K,)."""
+
+    @property
+    def unseen(self) -> FloatArray:
+        """The same of the modes that vanish at all those sites, shape (N - K,)."""
+
+    def at(self, n: ArrayLike) -> FloatArray:
+        """Value of each mode at the sites n, shape ``(..., K)``."""
+
+    def to_sites(self, modes: FloatArray) -> FloatArray:
+        """Amplitudes of modes ``(..., K)`` as values at all sites ``(..., N)``."""
+
+    def from_sites(self, values: FloatArray) -> FloatArray:
+        """Amplitudes of the modes, shape ``(..., K)``; what no impact sees is dropped."""
+
+
+class Finite(Protocol):
+    """What flights and impacts ask of a lattice with finitely many sites."""
+
+    def __hash__(self) -> int: ...
+    @property
+    def sites(self) -> int: ...
+    @property
+    def masses(self) -> FloatArray: ...
+    @property
+    def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]: ...
+    @property
+    def highest_gamma(self) -> float: ...
+    @property
+    def uniform(self) -> bool:
+        """Whether a drive without springs moves all sites alike."""
+
+    def basis(self, hit: tuple[int, ...]) -> Basis: ...
+    def beside(self, n: int) -> tuple[int, ...]:
+        """The sites coupled to site n."""
+
+    def idle(self, hit: tuple[int, ...]) -> NDArray[np.int64]:
+        """Sites that are not in `hit`, up to reflections that leave `hit` as it is."""
+
+    def describe(self) -> str: ...
+
+
+class Modes(NamedTuple):
+    """Normal modes of a matrix: a `Basis`."""
+
+    lam: FloatArray
+    unseen: FloatArray
+    shapes: FloatArray  # (N, K)
+    masses: FloatArray
+
+    def at(self, n: ArrayLike) -> FloatArray:
+        sites = np.asarray(n)
+        if ((sites < 0) | (sites >= len(self.masses))).any():
+            raise BadInput(f"n = {n!r}: sites of this lattice are 0 to {len(self.masses) - 1}.")
+        return np.asarray(self.shapes[sites])
+
+    def to_sites(self, modes: FloatArray) -> FloatArray:
+        return np.asarray(modes @ self.shapes.T)
+
+    def from_sites(self, values: FloatArray) -> FloatArray:
+        return np.asarray((values * self.masses) @ self.shapes)
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """A lattice by its stiffness matrix, to be multiplied by gamma.
+
+    Parameters
+    ----------
+    stiffness : array_like or scipy.sparse array, shape (N, N)
+        Symmetric, positive semidefinite; row sums are zero unless sites are tied to the ground.
+    masses : array_like, shape (N,), optional
+        Positive; 1 unless given.
+    drive : array_like, shape (N,), optional
+        How strongly each site feels the forcing; 1 unless given.
+    name : str
+        Shown in tables.
+
+    Raises
+    ------
+    BadInput
+        For a matrix that is not square, symmetric, finite or semidefinite, masses that are not
+        positive, lengths that do not fit.
+
+    Examples
+    --------
+    >>> pair = Lattice([[1.0, -1.0], [-1.0, 1.0]])
+    >>> pair.spectrum[0].round(12) + 0.0
+    array([0., 2.])
+    """
+
+    stiffness: Any
+    masses: Any = None
+    drive: Any = None
+    name: str = field(default="lattice", kw_only=True)
+
+    def __post_init__(self) -> None:
+        matrix = _matrix(self.stiffness)
+        object.__setattr__(self, "stiffness", matrix)
+        masses, drive = (
+            _row(what, value, len(matrix))
+            for what, value in (("masses", self.masses), ("drive", self.drive))
+        )
+        if (masses <= 0.0).any():
+            n = int(masses.argmin())
+            raise BadInput(f"masses[{n}] = {masses[n]:g}: every mass must be positive.")
+        object.__setattr__(self, "masses", masses)
+        object.__setattr__(self, "drive", drive)
+        lowest, highest = float(self.spectrum[0][0]), float(self.spectrum[0][-1])
+        if lowest < -ALIKE * max(highest, 1.0):
+            raise BadInput(
+                f"the stiffness matrix has the eigenvalue {lowest:.6g}: it must be positive "
+                "semidefinite, or the lattice at rest flies apart; check its signs (a bond adds "
+                "+1 to the diagonal and -1 beside it)."
+            )
+
+    @classmethod
+    def from_graph(cls, graph: Any, *, weight: str = "weight", **more: Any) -> Lattice:
+        """The lattice whose bonds are the edges of a networkx graph, with their weights (1 where
+        an edge has none); sites are numbered in the order of ``graph.nodes``.
+
+        Examples
+        --------
+        >>> import networkx as nx
+        >>> Lattice.from_graph(nx.star_graph(3)).stiffness[0]
+        array([ 3., -1., -1., -1.])
+        """
+        import networkx as nx
+
+        if not isinstance(graph, nx.Graph) or graph.is_directed() or not len(graph):
+            raise BadInput(
+                f"graph = {graph!r}: an undirected networkx graph with at least one node is wanted."
+            )
+        return cls(nx.laplacian_matrix(graph, weight=weight), name=f"graph of {len(graph)}", **more)
+
+    # ------------------------------------------------------------------------ what it is
+
+    @property
+    def sites(self) -> int:
+        return len(self.stiffness)
+
+    @cached_property
+    def _key(self) -> Hashable:
+        return tuple(np.asarray(x).tobytes() for x in (self.stiffness, self.masses, self.drive))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Lattice) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __repr__(self) -> str:
+        return f"<{self.describe()}>"
+
+    def describe(self) -> str:
+        return f"{self.name}, {self.sites} sites"
+
+    @cached_property
+    def spectrum(self) -> tuple[FloatArray, FloatArray]:
+        """Eigenvalues ``lam``, ascending, and the modes as columns, mass-orthonormal."""
+        root = np.sqrt(self.masses)
+        lam, vectors = linalg.eigh(self.stiffness / np.multiply.outer(root, root))
+        # a body that moves as a whole has the frequency 0, not one of rounding
+        lam[abs(lam) < 1e-13 * max(float(lam[-1]), 1.0)] = 0.0
+        return lam, vectors / root[:, None]
+
+    @cached_property
+    def uniform(self) -> bool:
+        """Whether a drive without springs moves all sites alike."""
+        loose = abs(self.stiffness.sum(axis=1)).max() <= 1e-12 * abs(self.stiffness).max()
+        return bool(loose and (self.drive == 1.0).all())
+
+    @property
+    def highest_gamma(self) -> float:
+        return math.inf
+
+    @cached_property
+    def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """lam, shapes at all sites ``(N, K)`` and share in the drive of the modes it excites."""
+        lam, shapes = self.spectrum
+        share = (self.drive * self.masses) @ shapes
+        own = abs(share) > UNSEEN * max(float(abs(share).max()), UNSEEN)
+        return lam[own], shapes[:, own], share[own]
+
+    @cached_property
+    def _bonds(self) -> NDArray[np.bool_]:
+        return np.asarray((self.stiffness != 0.0) & ~np.eye(self.sites, dtype=bool))
+
+    def beside(self, n: int) -> tuple[int, ...]:
+        """The sites coupled to site n."""
+        return tuple(np.flatnonzero(self._bonds[n]).tolist())
+
+    def idle(self, hit: tuple[int, ...]) -> NDArray[np.int64]:
+        """All sites that are not in `hit`."""
+        return np.setdiff1d(np.arange(self.sites), hit)
+
+    def basis(self, hit: tuple[int, ...]) -> Modes:
+        """The modes that impacts at the sites `hit` can excite.
+
+        Of an eigenspace of any dimension these are as many as its values at those sites have
+        independent directions; the others vanish there and never learn of an impact.
+        """
+        alone = [n for n in set(hit) if self.sites > 1 and not self._bonds[n].any()]
+        if alone:
+            raise BadInput(
+                f"site {alone[0]} of this lattice has no bond to any other: alone it is a single "
+                "oscillator, lattice Ring(1); take another site or join the parts."
+            )
+        return _seen(self, tuple(sorted(set(hit))))
+
+
+@lru_cache(maxsize=64)
+def _seen(lattice: Lattice, hit: tuple[int, ...]) -> Modes:
+    lam, vectors = lattice.spectrum
+    apart = np.flatnonzero(np.diff(lam) > ALIKE * max(float(lam[-1]), 1.0)) + 1
+    values, shapes, unseen = [], [], []
+    for space in np.split(np.arange(lam.size), apart):
+        own = vectors[:, space]
+        _, sizes, turned = np.linalg.svd(own[list(hit)])
+        seen = int(np.count_nonzero(sizes > UNSEEN))
+        values += [lam[space].mean()] * seen
+        unseen += [lam[space].mean()] * (space.size - seen)
+        shapes.append(own @ turned[:seen].T)
+    return Modes(np.array(values), np.array(unseen), np.hstack(shapes), lattice.masses)
+
+
+def _matrix(given: Any) -> FloatArray:
+    """The stiffness as a dense matrix, or what is wrong with it."""
+    try:
+        matrix = np.array(given.toarray() if hasattr(given, "toarray") else given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"the stiffness is no matrix of numbers: {error}.") from error
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
+        raise BadInput(f"the stiffness has shape {matrix.shape}; a square matrix is wanted.")
+    if not np.isfinite(matrix).all():
+        i, j = np.argwhere(~np.isfinite(matrix))[0]
+        raise BadInput(f"stiffness[{i}, {j}] = {matrix[i, j]} is not finite.")
+    off = abs(matrix - matrix.T)
+    if off.max() > 1e-12 * abs(matrix).max():
+        i, j = np.unravel_index(int(off.argmax()), off.shape)
+        raise BadInput(
+            f"stiffness[{i}, {j}] = {matrix[i, j]:g} but stiffness[{j}, {i}] = {matrix[j, i]:g}: "
+            "a spring pulls both ends alike, so the matrix must be symmetric."
+        )
+    matrix = 0.5 * (matrix + matrix.T)
+    matrix.setflags(write=False)
+    return matrix
+
+
+def _row(what: str, given: Any, sites: int) -> FloatArray:
+    """One number for each site; ones unless given."""
+    try:
+        row = np.ones(sites) if given is None else np.array(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"{what} = {given!r}: one number for each site is wanted.") from error
+    if row.shape != (sites,):
+        raise BadInput(f"{what} has shape {row.shape}; one number for each of {sites} sites.")
+    if not np.isfinite(row).all():
+        raise BadInput(f"{what} = {row.tolist()}: finite numbers are wanted.")
+    row.setflags(write=False)
+    return row
+
+
+# --- rings --------------------------------------------------------------------------------------
+
+
+class Waves(NamedTuple):
+    """The modes of a ring that some impact sees, orthonormal over the sites: a `Basis`.
+
+    Mode j is ``sqrt(weight) cos(2 pi order (n - origin)/N)``, or the sine. Impacts of one site
+    alone see its even modes only, half of all.
+    """
+
+    sites: int
+    origin: int
+    order: NDArray[np.int64]  # (K,)
+    sine: NDArray[np.bool_]  # (K,)
+    weight: FloatArray  # (K,)
+    lam: FloatArray  # (K,)
+    unseen: FloatArray
+
+    def at(self, n: ArrayLike) -> FloatArray:
+        """Value of each mode at the sites n, shape ``(..., K)``."""
+        apart = (np.asarray(n)[..., None] - self.origin) * self.order % self.sites
+        angle = 2.0 * np.pi / self.sites * apart
+        return np.asarray(np.sqrt(self.weight) * np.where(self.sine, np.sin(angle), np.cos(angle)))
+
+    def to_sites(self, modes: FloatArray) -> FloatArray:
+        """Amplitudes of modes ``(..., K)`` as values at all sites ``(..., N)``."""
+        scaled = modes / np.sqrt(self.weight)
+        half = self.sites // 2 + 1
+        spectrum = np.zeros((*modes.shape[:-1], half), dtype=complex)
+        spectrum[..., self.order[~self.sine]] = scaled[..., ~self.sine]
+        spectrum[..., self.order[self.sine]] -= 1j * scaled[..., self.sine]
+        return np.roll(np.fft.irfft(spectrum, self.sites), self.origin, axis=-1)
+
+    def from_sites(self, values: FloatArray) -> FloatArray:
+        """Amplitudes of the modes, shape ``(..., K)``; what no impact sees is dropped."""
+        spectrum = np.fft.rfft(np.roll(values, -self.origin, axis=-1))[..., self.order]
+        return np.asarray(np.sqrt(self.weight) * np.where(self.sine, -spectrum.imag, spectrum.real))
+
+
+@lru_cache(maxsize=128)
+def waves(sites: int, hit: tuple[int, ...]) -> Waves:
+    """The modes of a ring that impacts at the sites ``hit`` can excite."""
+    half = sites // 2
+    order, sine = np.arange(half + 1), np.zeros(half + 1, dtype=bool)
+    if len(set(hit)) > 1:
+        waves = np.arange(1, (sites + 1) // 2)
+        order = np.concatenate([order, waves])
+        sine = np.concatenate([sine, np.ones(waves.size, dtype=bool)])
+    alone = (order == 0) | (2 * order == sites)
+    rest = np.arange(1, (sites + 1) // 2) if len(set(hit)) == 1 else np.arange(0)
+    return Waves(
+        sites,
+        hit[0],
+        order,
+        sine,
+        np.where(alone, 1.0, 2.0) / sites,
+        4.0 * np.sin(np.pi * order / sites) ** 2,
+        4.0 * np.sin(np.pi * rest / sites) ** 2,
+    )
+
+
+def stiffness_of(lattice: Finite) -> FloatArray:
+    """The stiffness matrix of any finite lattice, rings too."""
+    if isinstance(lattice, Lattice):
+        return np.asarray(lattice.stiffness, dtype=float)
+    return _closed(_path(lattice.sites), True)
+
+
+# --- the usual ones -----------------------------------------------------------------------------
+
+
+def OpenChain(sites: int, *, ends: str = "free", **more: Any) -> Lattice:
+    """A chain with two ends, ``"free"`` or ``"fixed"`` (tied to the ground by one more bond each).
+
+    Examples
+    --------
+    >>> OpenChain(3).stiffness[0]
+    array([ 1., -1.,  0.])
+    >>> OpenChain(3, ends="fixed").stiffness[0]
+    array([ 2., -1.,  0.])
+    """
+    matrix = _path(_count("sites", sites))
+    if ends not in ("free", "fixed"):
+        raise BadInput(f"ends = {ends!r}: 'free' or 'fixed' is wanted.")
+    if ends == "fixed":
+        matrix[0, 0] += 1.0
+        matrix[-1, -1] += 1.0
+    return Lattice(matrix, name=f"open chain with {ends} ends", **more)
+
+
+def Grid(rows: int, columns: int, *, periodic: bool = False, **more: Any) -> Lattice:
+    """A rectangle of sites, each coupled to its nearest neighbours; site (i, j) has the number
+    ``i columns + j``. With `periodic` it is closed to a torus.
+
+    Examples
+    --------
+    >>> grid = Grid(3, 4)
+    >>> grid.beside(0), grid.beside(5)
+    ((1, 4), (1, 4, 6, 9))
+    """
+    one, other = (
+        _closed(_path(_count(what, count)), periodic)
+        for what, count in (("rows", rows), ("columns", columns))
+    )
+    matrix = np.kron(one, np.eye(len(other))) + np.kron(np.eye(len(one)), other)
+    kind = "torus" if periodic else "grid"
+    return Lattice(matrix, name=f"{kind} of {len(one)} x {len(other)}", **more)
+
+
+def _count(what: str, given: Any) -> int:
+    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 1:
+        raise BadInput(f"{what} = {given!r}: a whole number of sites, at least 1, is wanted.")
+    return int(given)
+
+
+def _path(sites: int) -> FloatArray:
+    """Stiffness of an open chain with free ends."""
+    matrix = np.diag(np.full(sites, 2.0)) - np.eye(sites, k=1) - np.eye(sites, k=-1)
+    matrix[0, 0] -= 1.0
+    matrix[-1, -1] -= 1.0
+    return matrix
+
+
+def _closed(matrix: FloatArray, periodic: bool) -> FloatArray:
+    if periodic and len(matrix) > 1:
+        for i, j in ((0, -1), (-1, 0)):
+            matrix[i, i] += 1.0
+            matrix[i, j] -= 1.0
+    return matrix

@@ -1,0 +1,502 @@
+"""Orbits on any finite lattice: against closed forms, dense matrices and an event integrator."""
+
+from __future__ import annotations
+
+import functools
+import math
+from types import SimpleNamespace
+
+import networkx as nx
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+from contbreather.breathers.conditions import Conditions, Walls
+from contbreather.breathers.shooting import shot_orbit
+from contbreather.flows.modes import (
+    driven,
+    turn,
+    turn_slope,
+    turn_slope_in_damping,
+)
+
+# --- a second road: integration with events ---------------------------------------------------
+
+
+class Integrated:
+    """The lattice of an orbit by an explicit integrator and its event location."""
+
+    def __init__(self, orbit) -> None:
+        lattice, on = orbit.lattice, orbit.conditions
+        K = np.diag(1 / lattice.masses) @ np.asarray(lattice.stiffness)
+        self.K = on.gamma * K + on.spring * np.eye(lattice.sites)
+        self.on, self.drive, self.sites = on, lattice.drive, lattice.sites
+
+    def slope(self, t: float, x: np.ndarray) -> np.ndarray:
+        u, v = np.split(x, 2)
+        force = self.on.a * self.on.forcing.d2f(t) * self.drive
+        return np.concatenate([v, force - self.K @ u - self.on.damping * v])
+
+    def run(self, x: np.ndarray, start: float, stop: float) -> tuple[np.ndarray, list]:
+        """State at the end, and (site, wall, time) of every impact on the way."""
+        events = []
+        for n in range(self.sites):
+            for wall in (-1, 1):
+                place = orbit_wall(self.on, n, wall)
+                events.append(lambda t, y, n=n, wall=wall, at=place: wall * (y[n] - at))
+                events[-1].terminal, events[-1].direction = True, 1.0
+        hits, t = [], start
+        while t < stop:
+            run = solve_ivp(
+                self.slope, (t, stop), x, "DOP853", events=events, rtol=1e-13, atol=1e-14,
+                max_step=0.1,
+            )  # fmt: skip
+            t, x = float(run.t[-1]), run.y[:, -1].copy()
+            for i, when in enumerate(run.t_events):
+                if when.size and t < stop:
+                    n, wall = i // 2, 2 * (i % 2) - 1
+                    x[n], x[self.sites + n] = (
+                        orbit_wall(self.on, n, wall),
+                        -self.on.k * x[self.sites + n],
+                    )
+                    hits.append((n, wall, t))
+        return x, hits
+
+
+def orbit_wall(on, n: int, wall: int) -> float:
+    """Where a wall is; far away if it is not there."""
+    return min(max(on.walls.position(n, wall), -1e9), 1e9)
+
+
+def random_lattice(seed: int) -> cb.Lattice:
+    rng = np.random.default_rng(seed)
+    graph = nx.random_labeled_tree(int(rng.integers(3, 8)), seed=seed)
+    graph.add_edges_from(nx.gnp_random_graph(len(graph), 0.3, seed=seed).edges)
+    for edge in graph.edges:
+        graph.edges[edge]["weight"] = rng.uniform(0.5, 1.5)
+    sites = len(graph)
+    return cb.Lattice.from_graph(
+        graph, masses=rng.uniform(0.6, 1.6, sites), drive=rng.uniform(0.7, 1.2, sites)
+    )
+
+
+@functools.cache
+def random_orbit(seed: int):
+    """A symmetric orbit of one to three sites of a random lattice, shot from their own phases."""
+    rng = np.random.default_rng(seed)
+    lattice = random_lattice(seed)
+    on = {"gamma": 0.03, "k": 0.8, "damping": 0.02 * (seed % 3), "spring": 0.1 * (seed % 2)}
+    sites = sorted(rng.choice(lattice.sites, 1 + seed % 3, replace=False).tolist())
+    # the drive is not the same everywhere: an amplitude at which all of them hit
+    a = 0.6 / float(lattice.drive[sites].min())
+    single = [cb.symmetric(a, lattice=lattice, site=n, **on).phi for n in sites]
+    times = {f"t{j + 1}": phi for j, phi in enumerate(single)}
+    return shot_orbit(
+        cb.shooting(
+            times, lattice=lattice, sequence=[(n, 1) for n in sites], symmetric=True,
+            a=a, inadmissible=True, **on,
+        )
+    )  # fmt: skip
+
+
+SEEDS = range(10)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_orbit_returns_under_an_independent_integrator(seed: int) -> None:
+    orbit = random_orbit(seed)
+    start = float(orbit.times.min()) - 0.05
+    x = np.concatenate(orbit.state(t=start))
+    back, hits = Integrated(orbit).run(x, start, start + 2 * math.pi)
+    if not orbit.admissibility().ok:  # then it has an impact that the orbit does not name
+        assert len(hits) > len(orbit.hits)
+        return
+    assert [(n, wall) for n, wall, _ in hits] == [(hit.site, hit.wall) for hit in orbit.hits]
+    assert back == pytest.approx(x, abs=1e-11)
+    for (_, _, t), hit in zip(hits, orbit.hits, strict=True):
+        assert t == pytest.approx(hit.time, abs=1e-11)
+
+
+def test_most_random_orbits_are_admissible() -> None:
+    """The test above says little of the others."""
+    assert sum(random_orbit(seed).admissibility().ok for seed in SEEDS) >= 7
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_multipliers_are_those_of_the_integrated_map(seed: int) -> None:
+    orbit = random_orbit(seed)
+    road, h = Integrated(orbit), 1e-5
+    start = float(orbit.times.min()) - 0.05
+    x = np.concatenate(orbit.state(t=start))
+    columns = [
+        (
+            road.run(x + h * e, start, start + math.pi)[0]
+            - road.run(x - h * e, start, start + math.pi)[0]
+        )
+        / (2 * h)
+        for e in np.eye(x.size)
+    ]
+    dense, own = np.linalg.eigvals(np.array(columns).T), orbit.multipliers(half=True)
+    gaps = abs(own[:, None] - dense)
+    assert own.size == dense.size == 2 * orbit.lattice.sites
+    assert max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) < 1e-6
+
+
+def test_product_of_multipliers_tells_impacts_and_losses() -> None:
+    """Liouville: each impact k^2, damping exp(-mu T) for every mode."""
+    for seed in SEEDS:
+        orbit = random_orbit(seed)
+        lost = math.exp(-orbit.damping * orbit.period * orbit.lattice.sites)
+        wanted = orbit.k ** (2 * len(orbit.hits)) * lost
+        assert np.prod(orbit.multipliers()) == pytest.approx(wanted, rel=1e-9)
+
+
+# --- closed forms -----------------------------------------------------------------------------
+
+
+def special(start, low: float = 0.01, high: float = 0.95) -> dict[str, float]:
+    branch = cb.trace(start, "a", within={"a": (low, high)})
+    return {point.label: point["a"] for point in branch.special}
+
+
+def test_open_chain_and_damped_ring_have_their_known_pitchforks() -> None:
+    end = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(9))
+    assert special(end, 0.5)["PF1"] == pytest.approx(0.744359, abs=5e-7)
+    ring = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(20), damping=0.02)
+    assert special(ring, 0.5)["PF1"] == pytest.approx(0.78391045, abs=5e-9)
+
+
+def test_two_impacting_sites_of_a_ring_have_two_pitchforks() -> None:
+    b = cb.symmetric(0.6, 0.03, 0.8, lattice=cb.Ring(12))
+    two = cb.shooting(
+        {"t1": b.phi, "t2": b.phi}, lattice=cb.Ring(12), sequence=[(0, 1), (6, 1)],
+        symmetric=True, a=0.6, gamma=0.03, k=0.8,
+    )  # fmt: skip
+    branch = cb.trace(two, "a", within={"a": (0.55, 0.78)})
+    found = [point["a"] for point in branch.special if point.kind == "PF"]
+    assert found == pytest.approx([0.753654, 0.754378], abs=5e-7)
+
+
+def means(s: float, gamma: float) -> tuple[float, float, float]:
+    """chi, sigma and ``<cot(pi w/2)/w>`` of the infinite chain with springs, by quadrature."""
+    theta = 2 * math.pi * (np.arange(400) + 0.5) / 400
+    w = np.sqrt(s + 4 * gamma * np.sin(theta / 2) ** 2)
+    half = math.pi * w / 2
+    return (
+        float(np.mean(np.tan(half) / w)),
+        float(np.mean(w / np.sin(2 * half))),
+        float(np.mean(1 / (np.tan(half) * w))),
+    )
+
+
+def test_springs_move_fold_and_grazing_to_their_closed_forms() -> None:
+    s, gamma, k = 0.2, 0.05, 0.8
+    chi, _, _ = means(s, gamma)
+    q = (1 - k) / (1 + k)
+    found = special(cb.symmetric(0.5, gamma, k, lattice=cb.Ring(60), spring=s))
+    assert found["LP1"] == pytest.approx((1 - s) * q / math.hypot(chi, q), abs=1e-12)
+    assert found["LP1"] == pytest.approx(0.0414595837, abs=5e-11)
+    assert found["GR2"] == pytest.approx(0.7072318369, abs=5e-10)
+    assert not any(label.startswith("PF") for label in found)
+
+
+def test_springs_move_the_pitchfork_to_its_closed_form() -> None:
+    s, gamma, k = 0.02, 0.02, 0.6
+    chi, sigma, cot = means(s, gamma)
+    q = (1 - k) / (1 + k)
+    p = 1 / (chi - 2 * sigma - q * q / cot)
+    a = (1 - s) * math.hypot(1 - p * chi, p * q)
+    found = special(cb.symmetric(0.6, gamma, k, lattice=cb.Ring(60), spring=s), 0.5)
+    assert found["PF1"] == pytest.approx(a, abs=1e-10)
+
+
+def test_ring_by_its_matrix_is_the_ring() -> None:
+    """The general lattice against the chain's own closed forms, eigenspaces of two included."""
+    ring = cb.Lattice.from_graph(nx.cycle_graph(12))
+    own = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(12))
+    other = cb.symmetric(0.6, 0.05, 0.8, lattice=ring)
+    assert (other.p, other.phi) == pytest.approx((own.p, own.phi), abs=1e-13)
+    t = np.linspace(0, 6, 7)
+    assert other.displacement(3, t) == pytest.approx(own.displacement(3, t), abs=1e-12)
+    mine, theirs = (np.sort_complex(b.multipliers().round(9)) for b in (other, own))
+    assert mine == pytest.approx(theirs, abs=1e-7)
+    assert other.section.q.size == 7  # of twelve modes those that site 0 sees
+    assert special(other, 0.5)["PF1"] == pytest.approx(special(cb.shooting(own), 0.5)["PF1"])
+
+
+def test_any_site_of_a_torus_is_like_any_other() -> None:
+    torus = cb.Grid(4, 5, periodic=True)
+    found = [cb.symmetric(0.6, 0.03, 0.8, lattice=torus, site=n).p for n in (0, 7, 19)]
+    assert found == pytest.approx([found[0]] * 3, abs=1e-12)
+    grid = [cb.symmetric(0.6, 0.03, 0.8, lattice=cb.Grid(4, 5), site=n).p for n in (0, 7)]
+    assert abs(grid[0] - grid[1]) > 1e-3  # corner and inside
+
+
+# --- parameters of their own ------------------------------------------------------------------
+
+
+def test_damping_and_spring_are_continued_like_any_parameter() -> None:
+    start = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2)
+    for name in ("damping", "spring"):
+        branch = cb.trace(start, name, within={name: (0.0, 0.1)}, events=())
+        end = branch[-1]
+        assert end[name] == pytest.approx(0.1)
+        wanted = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2, **{name: 0.1})
+        assert end.solution.p == pytest.approx(wanted.p, abs=1e-11)
+
+
+def test_boundary_in_damping_keeps_the_multiplier_one() -> None:
+    start = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(8), damping=0.02)
+    branch = cb.trace(start, "a", within={"a": (0.6, 0.9)})
+    line = cb.boundary(
+        branch.first("PF"), ("damping", "a"), within={"damping": (0.0, 0.05)}, towards="both"
+    )
+    assert line[0]["damping"] == 0.0
+    assert line[-1]["damping"] == 0.05
+    for point in line:
+        half = point.solution.multipliers(half=True)
+        assert abs(half - 1.0).min() < 1e-8
+    plain = cb.trace(cb.shooting(cb.symmetric(0.7, 0.04, 0.8), sites=8), "a", towards="up")
+    assert line[0]["a"] == pytest.approx(plain.first("PF")["a"], abs=1e-10)
+
+
+def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
+    """Beyond its pitchfork the symmetric orbit repels, and the integrator finds an arm."""
+    lattice, on = cb.OpenChain(3), {"gamma": 0.04, "k": 0.8, "damping": 0.1}
+    branch = cb.trace(
+        cb.symmetric(0.6, lattice=lattice, site=1, **on), "a", within={"a": (0.6, 0.9)}
+    )
+    (fork,) = [point for point in branch.special if point.kind == "PF"]
+    arms = cb.switch(fork, within={"a": (0.6, fork["a"] + 0.03)})
+    assert len(arms) == 2
+    arm = arms[0][-1].solution
+    assert arm.stability(threshold=1.0).stable
+    broken = cb.symmetric(arm.a, lattice=lattice, site=1, **on)
+    assert not broken.stability(threshold=1.0).stable
+    road, start = Integrated(arm), float(arm.times[0]) - 0.3
+    x = np.concatenate(broken.state(t=start))
+    x[lattice.sites + 1] += 1e-3
+    for _ in range(80):
+        x, _ = road.run(x, start, start + 2 * math.pi)
+    ends = [np.concatenate(one[-1].solution.state(t=start)) for one in arms]
+    assert min(abs(x - end).max() for end in ends) < 1e-5
+    assert abs(x - np.concatenate(broken.state(t=start))).max() > 1e-2
+
+
+# --- flights ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-9, 0.3, 2.0, 5.0])
+def test_flight_and_its_slopes_solve_their_equation(damping: float) -> None:
+    z, t, h = np.array([0.0, 1e-9, 0.04, 1.0, 1.0 + 1e-9, 9.0]), 1.7, 1e-5
+    fly = turn(z, t, damping)
+    for i, zi in enumerate(z):
+        road = solve_ivp(
+            lambda _, y, zi=zi: [y[1], -zi * y[0] - damping * y[1]], (0, t), [0.3, -0.7],
+            "DOP853", rtol=1e-12, atol=1e-13,
+        ).y[:, -1]  # fmt: skip
+        q, r = fly(np.full(z.size, 0.3), np.full(z.size, -0.7))
+        assert (q[i], r[i]) == pytest.approx(road, abs=1e-10)
+    near = [turn(z + 1.0 + s, t, damping) for s in (h, -h)]
+    slope = turn_slope(z + 1.0, t, turn(z + 1.0, t, damping), damping)
+    for own, up, down in zip(slope, *near, strict=True):
+        assert own == pytest.approx((up - down) / (2 * h), abs=1e-8)
+    near = [turn(z, t, damping + 1e-4 + s) for s in (h, -h)]
+    slope = turn_slope_in_damping(z, t, turn(z, t, damping + 1e-4), damping + 1e-4)
+    for own, up, down in zip(slope, *near, strict=True):
+        assert own == pytest.approx((up - down) / (2 * h), abs=1e-8)
+
+
+def test_forced_motion_solves_its_equation() -> None:
+    lattice = random_lattice(3)
+    forcing = cb.Fourier({1: -1.0, 3: 0.5}, {5: 0.2})
+    forced = driven(lattice, forcing, 0.2, 0.3, 0.1)
+    K = 0.2 * np.diag(1 / lattice.masses) @ lattice.stiffness + 0.3 * np.eye(lattice.sites)
+    for t in (0.0, 1.3):
+        u, v, w = (forced.everywhere(t, order) for order in range(3))
+        assert w + 0.1 * v + K @ u == pytest.approx(lattice.drive * forcing.d2f(t), abs=1e-12)
+        assert [forced.at(2, t)[i] for i in range(3)] == pytest.approx([u[2], v[2], w[2]])
+
+
+# --- lattices ---------------------------------------------------------------------------------
+
+
+def test_lattice_is_the_same_dense_sparse_or_as_a_graph() -> None:
+    dense = cb.OpenChain(6)
+    assert cb.Lattice(sparse.csr_array(dense.stiffness)) == dense
+    assert cb.Lattice.from_graph(nx.path_graph(6)) == dense
+    assert hash(cb.Lattice.from_graph(nx.path_graph(6))) == hash(dense)
+    assert cb.OpenChain(6, ends="fixed") != dense
+
+
+def test_modes_are_orthonormal_with_their_masses() -> None:
+    lattice = random_lattice(1)
+    lam, shapes = lattice.spectrum
+    gram = shapes.T @ np.diag(lattice.masses) @ shapes
+    assert gram == pytest.approx(np.eye(lattice.sites), abs=1e-12)
+    assert lattice.stiffness @ shapes == pytest.approx(
+        np.diag(lattice.masses) @ shapes * lam, abs=1e-12
+    )
+    assert lam[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: cb.Lattice([[1, 2], [0, 1]]), "must be symmetric"),
+        (lambda: cb.Lattice([[-1, 1], [1, -1]]), "positive semidefinite"),
+        (lambda: cb.Lattice([[1, 2, 3]]), r"shape \(1, 3\)"),
+        (lambda: cb.Lattice([[math.nan]]), "not finite"),
+        (lambda: cb.Lattice("abc"), "no matrix of numbers"),
+        (lambda: cb.Lattice(np.eye(2), masses=[1, -1]), "every mass must be positive"),
+        (lambda: cb.Lattice(np.eye(2), drive=[1]), r"drive has shape \(1,\)"),
+        (lambda: cb.OpenChain(0), "at least 1"),
+        (lambda: cb.OpenChain(4, ends="loose"), "'free' or 'fixed'"),
+        (lambda: cb.Grid(2.5, 3), "rows = 2.5"),
+        (lambda: cb.Lattice.from_graph([1, 2]), "undirected networkx graph"),
+        (
+            lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(9), site=9),
+            "no such site on the open chain",
+        ),
+        (
+            lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Lattice(np.diag([0.0, 1.0]))),
+            "no bond to any other",
+        ),
+        (lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(9), spring=1.0), "resonance"),
+        (lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(9), damping=-1), "damping = -1"),
+        (lambda: cb.symmetric(0.6, 0.05, 0.8, damping=0.1), "infinite chain"),
+        (lambda: cb.symmetric(1e-3, 0.05, 0.8, lattice=cb.OpenChain(9)), "too weak"),
+    ],
+)  # fmt: skip
+def test_what_is_no_lattice_is_refused(make, says: str) -> None:
+    with pytest.raises(cb.BadInput, match=says):
+        make()
+
+
+def test_orbit_is_asked_for_its_own_sites_only() -> None:
+    orbit = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(5))
+    with pytest.raises(cb.BadInput, match="sites of this lattice are 0 to 4"):
+        orbit.displacement(5, 0.0)
+    assert orbit.displacement([0, 1], [0.1, 0.2]) == pytest.approx(
+        [orbit.displacement(0, 0.1), orbit.displacement(1, 0.2)]
+    )
+
+
+# --- walls ----------------------------------------------------------------------------------------
+
+
+def test_everything_scales_with_the_distance_of_the_walls() -> None:
+    near = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(5), site=1)
+    far = cb.symmetric(1.5, 0.05, 0.8, lattice=cb.OpenChain(5), site=1, walls=(-2.5, 2.5))
+    assert (far.p, far.phi) == pytest.approx((2.5 * near.p, near.phi), abs=1e-12)
+    assert far.multipliers() == pytest.approx(near.multipliers(), abs=1e-9)
+    assert far.admissibility().max_neighbour == pytest.approx(
+        1 - 2.5 * (1 - near.admissibility().max_neighbour)
+    )
+    found = special(far, 1.2, 2.4)
+    assert found == pytest.approx(
+        {label: 2.5 * a for label, a in special(near, 0.48, 0.96).items()}, abs=1e-9
+    )
+
+
+ONE_WALL = {"gamma": 0.03, "k": 0.7, "spring": 2.3, "damping": 0.1}
+
+
+def settled(walls, a: float):
+    """The orbit that a motion from rest settles on, shot from its state."""
+    on = Conditions(a, forcing=cb.Harmonic(), walls=Walls.given(walls), **ONE_WALL)
+    road = Integrated(SimpleNamespace(lattice=cb.OpenChain(3), conditions=on))
+    x = np.zeros(6)
+    for _ in range(12):
+        x, _ = road.run(x, 0.3, 0.3 + 2 * math.pi)
+    state = np.split(x, 2)
+    return shot_orbit(
+        cb.shooting(state, t=0.3, lattice=cb.OpenChain(3), a=a, walls=walls, **ONE_WALL)
+    )
+
+
+@pytest.mark.parametrize(
+    ("walls", "impacts"),
+    [
+        ((None, 0.6), 3),  # one wall for each site
+        ({0: (None, 0.6), 1: None, 2: (-4, 4)}, 1),  # one in all
+        ((-3.0, 0.6), 3),  # two, one of them out of reach
+        ({0: (-0.55, 0.7), 1: None, 2: (-4, 4)}, 2),
+    ],
+)
+def test_orbits_between_any_walls_return_under_the_integrator(walls, impacts: int) -> None:
+    orbit = settled(walls, 0.9)
+    assert orbit.residual < 1e-12
+    start = float(orbit.times.min()) - 0.05
+    x = np.concatenate(orbit.state(t=start))
+    back, hits = Integrated(orbit).run(x, start, start + 2 * math.pi)
+    assert len(hits) == len(orbit.hits) == impacts
+    named = sorted((hit.site, hit.wall, hit.time) for hit in orbit.hits)
+    assert [hit[:2] for hit in sorted(hits)] == [hit[:2] for hit in named]
+    assert [t for *_, t in sorted(hits)] == pytest.approx([t for *_, t in named], abs=1e-11)
+    assert back == pytest.approx(x, abs=1e-11)
+    verdict, t = orbit.admissibility(), np.linspace(0, 2 * math.pi, 20001)
+    assert verdict.ok
+    idle = {0, 1, 2} - {hit.site for hit in orbit.hits}
+    gaps = [
+        min((high - u).min(), (u - low).min())
+        for (low, high), u in ((orbit.walls.at(n), orbit.displacement(n, t)) for n in idle)
+    ]
+    nearest = min((gap for gap in gaps if math.isfinite(gap)), default=1.0)
+    assert verdict.neighbours == pytest.approx(nearest, abs=1e-6)
+
+
+def test_one_wall_ends_where_the_other_is_touched() -> None:
+    start = settled({0: (-1.2, 0.6), 1: (-2, 2), 2: (-2, 2)}, 0.9)
+    assert start.sequence == ((0, 1),)
+    branch = cb.trace(start, "a", within={"a": (0.9, 3.0)}, towards="up")
+    assert branch[-1].kind == "GR"
+    end, t = branch[-1].solution, np.linspace(0, 2 * math.pi, 40001)
+    reached = [abs(end.displacement(n, t) - end.walls.at(n)[0]).min() for n in range(3)]
+    assert min(reached) < 1e-7
+    free = cb.trace(
+        settled({0: (None, 0.6), 1: (-2, 2), 2: (-2, 2)}, 0.9), "a",
+        within={"a": (0.9, end.a + 0.01)}, towards="up",
+    )  # fmt: skip
+    assert free[-1]["a"] == end.a + 0.01  # without that wall it goes on
+    assert free[-1].solution.displacement(0, t).min() < -1.2
+
+
+def test_impossible_walls_are_refused() -> None:
+    on = {"a": 0.75, "gamma": 0.03, "k": 0.7, "spring": 0.3}
+    for walls, sequence, more, says in (
+        ((1, -1), [(0, 1)], {}, "low < high"),
+        ("ab", [(0, 1)], {}, "low < high"),
+        ((-1, None), [(0, 1)], {}, "has no wall on that side"),
+        ((-1, 2), [(0, 1)], {"symmetric": True}, "no half section and no pitchfork"),
+    ):
+        with pytest.raises(cb.BadInput, match=says):
+            cb.shooting(
+                {"t1": -2.8}, lattice=cb.OpenChain(3), sequence=sequence, walls=walls, **on, **more
+            )
+    with pytest.raises(cb.BadInput, match="no half section"):
+        cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(5), walls=(-1, 2))
+
+
+# --- from one lattice to another ------------------------------------------------------------------
+
+
+def test_orbit_goes_to_any_lattice_and_back() -> None:
+    start = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(24), damping=0.0)
+    branch = cb.trace(cb.shooting(start), "a", within={"a": (0.6, 0.85)})
+    arm = cb.switch(branch.first("PF"), within={"a": (0.6, 0.85)})[0][-1].solution
+    for there in (cb.Ring(40), cb.OpenChain(24), cb.InfiniteChain()):
+        back = arm.on(there).on(cb.Ring(24))
+        t = np.linspace(0, 6, 9)
+        assert back.displacement(0, t) == pytest.approx(arm.displacement(0, t), abs=1e-9)
+    chain = arm.on(cb.InfiniteChain())
+    assert chain.c == pytest.approx(arm.c, abs=1e-6)
+    assert abs(chain.impulses) == pytest.approx(abs(arm.impulses), abs=1e-6)
+    damped = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(24), damping=0.1)
+    with pytest.raises(cb.BadInput, match="infinite chain have neither"):
+        damped.on(cb.InfiniteChain())
+    own = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(40), damping=0.1)
+    assert damped.stability(sites=40).largest == pytest.approx(own.stability().largest)
+    assert damped.multipliers(sites=40).size == 80
