@@ -30,6 +30,7 @@ from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import closest_approach
 from contbreather.stability.pairs import outermost
+from contbreather.stability.winding import unstable_count
 
 Array = NDArray[np.float64]
 Scalar = Callable[[Breather], float]

@@ -458,7 +458,7 @@ def symmetric_roots(
 
         on = Conditions(a, gamma, k, damping, spring, drive, Walls.given(walls)).checked()
         return symmetric_orbits(lattice, site, on)
-    lattice = lattice_of(lattice)
+    chain = lattice_of(cast(Lattice | None, lattice))
     if more:
         raise BadInput(
             f"site = {site!r}, damping = {damping!r}, spring = {spring!r}, walls = {walls!r}: on "
@@ -467,11 +467,11 @@ def symmetric_roots(
         )
     gamma, a = check_gamma(gamma), check_amplitude(a)
     restitution_ratio(k)
-    found = roots(a, gamma, float(k), drive, lattice)
+    found = roots(a, gamma, float(k), drive, chain)
     if not all(math.isfinite(p) for p, _ in found):
         reach = 1.0 / drive.peak()
         raise BadInput(
             f"a = {a!r}: too large, p is beyond what a number can hold; on the infinite chain no "
             f"breather is admissible beyond a = {reach:.6g}, where the far field reaches the walls."
         )
-    return tuple(Breather(a, gamma, float(k), p, phi, drive, lattice) for p, phi in found)
+    return tuple(Breather(a, gamma, float(k), p, phi, drive, chain) for p, phi in found)

@@ -1,4 +1,4 @@
-"""What keeps breathers off their walls: always on, true for every forcing, said where it is lifted."""
+"""What keeps breathers off their walls: always on, for every forcing, said where it is lifted."""
 
 from __future__ import annotations
 
