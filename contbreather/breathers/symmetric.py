@@ -458,7 +458,7 @@ def symmetric_roots(
 
         on = Conditions(a, gamma, k, damping, spring, drive, Walls.given(walls)).checked()
         return symmetric_orbits(lattice, site, on)
-    chain = lattice_of(cast(Lattice | None, lattice))
+    chain = lattice_of(lattice)
     if more:
         raise BadInput(
             f"site = {site!r}, damping = {damping!r}, spring = {spring!r}, walls = {walls!r}: on "

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -522,7 +522,7 @@ class Ring(_TranslationInvariant):
         )
 
 
-def lattice_of(given: Lattice | None) -> Lattice:
+def lattice_of(given: object) -> Lattice:
     """The lattice that was given, the infinite chain if none was; anything else is refused."""
     if given is None:
         return InfiniteChain()
@@ -531,7 +531,7 @@ def lattice_of(given: Lattice | None) -> Lattice:
             f"lattice = {given!r}: a lattice was wanted, InfiniteChain() or, for a ring of 20 "
             "sites, Ring(20)."
         )
-    return given
+    return cast(Lattice, given)
 
 
 @lru_cache(maxsize=32)
