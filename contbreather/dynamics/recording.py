@@ -297,7 +297,8 @@ def _check_same(there: Recording, wanted: Recording) -> None:
 
 
 def _make(run: Recording) -> None:
-    others = [p.name for p in _listed(run.path) if p.name != LOCK]
+    # what a process that was killed has left half written is nobody's
+    others = [p.name for p in _listed(run.path) if p.name != LOCK and p.suffix != ".part"]
     if others:
         raise BadInput(f"{run.path} is not empty and holds no run; choose another folder.")
     save(run.path / START, {"about": np.array(json.dumps(_about(run))), **run.start._asdict()})

@@ -198,7 +198,7 @@ def test_springs_move_fold_and_grazing_to_their_closed_forms() -> None:
     found = special(cb.symmetric(0.5, gamma, k, lattice=cb.Ring(60), spring=s))
     assert found["LP1"] == pytest.approx((1 - s) * q / math.hypot(chi, q), abs=1e-12)
     assert found["LP1"] == pytest.approx(0.0414595837, abs=5e-11)
-    assert found["GR2"] == pytest.approx(0.7072318369, abs=5e-10)
+    assert found["GR1"] == pytest.approx(0.7072318369, abs=5e-10)
     assert not any(label.startswith("PF") for label in found)
 
 
