@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.admissibility import admissibility
 from contbreather.breathers.symmetric import Breather, flight_slope_of
-from contbreather.checks import real
+from contbreather.checks import check_kind, real
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
@@ -101,6 +101,7 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
     """
     if on is None or isinstance(on, InfiniteChain):
         return Event("NS", _on_breather(_pairs), locus=_arc_locus, verify=_verify_angle)
+    check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
             f"threshold = {threshold!r}: on a ring multipliers sit on the unit circle; a modulus "
