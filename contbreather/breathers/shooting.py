@@ -33,7 +33,7 @@ from contbreather.breathers.shooting_seeds import (
     listed_section,
     resized,
 )
-from contbreather.checks import number
+from contbreather.checks import number, real
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput, NotConverged
@@ -245,9 +245,7 @@ def shooting(
     given = {"a": a, "gamma": gamma, "k": k, "forcing": forcing}
     turns = _turns(period)
     threshold = number("threshold", threshold, 1.0, 1e300, "a modulus above 1")
-    section = _section(
-        seed, given, sites, sequence, turns, symmetric, number("t", t, -1e300, 1e300, "a time")
-    )
+    section = _section(seed, given, sites, sequence, turns, symmetric, real(t))
     check_coupling(section.itinerary, section.gamma)
     problem = problem_of(RingOrbit(section), threshold=threshold)
     try:
