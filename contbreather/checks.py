@@ -83,9 +83,10 @@ def row(name: str, value: object, wanted: str) -> NDArray[np.float64]:
 def check_kind(given: object, kinds: type | tuple[type, ...], wanted: str) -> None:
     """Refuse what is of another type than was wanted."""
     if not isinstance(given, kinds):
-        raise BadInput(f"{wanted} was wanted, got {_named(given)}")
+        raise BadInput(f"{wanted} was wanted, got {kind_of(given)}")
 
 
-def _named(given: object) -> str:
+def kind_of(given: object) -> str:
+    """What kind of thing was given, with its article."""
     kind = type(given).__name__
     return "None" if given is None else f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.admissibility import Rival, admissibility, motion, phase, rivals
 from contbreather.breathers.symmetric import Breather, flight_slope_of
-from contbreather.checks import real
+from contbreather.checks import check_kind, real
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
@@ -104,10 +104,11 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
     0.0969709
     """
     lattice = InfiniteChain() if on is None else on
+    event = _pair_leaves(lattice, threshold)
     ring = isinstance(lattice, Ring)
     rule = f"a ring of {lattice.sites}, threshold {threshold:g}" if ring else "the infinite chain"
     return replace(
-        _pair_leaves(lattice, threshold),
+        event,
         record={"unstable": lambda point: unstable(point.solution, lattice, threshold)},
         about=f"stability of {rule}",
     )
@@ -123,6 +124,7 @@ def unstable(breather: Breather, lattice: Lattice, threshold: float) -> int:
 def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
     if isinstance(on, InfiniteChain):
         return Event("NS", _miss, count=_passed, locus=_arc_locus, verify=_verify_angle)
+    check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
             f"threshold = {threshold!r}: on a ring multipliers sit on the unit circle; a modulus "

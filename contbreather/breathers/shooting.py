@@ -32,7 +32,7 @@ from contbreather.breathers.shooting_seeds import (
     listed_section,
     moved,
 )
-from contbreather.checks import number
+from contbreather.checks import number, real
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput, NotConverged
@@ -279,8 +279,7 @@ def shooting(
     }  # fmt: skip
     turns = _turns(period)
     threshold = number("threshold", threshold, 1.0, 1e300, "a modulus above 1")
-    t = number("t", t, -1e300, 1e300, "a time")
-    section = _section(seed, given, _lattice(lattice, sites), sequence, turns, symmetric, t)
+    section = _section(seed, given, _lattice(lattice, sites), sequence, turns, symmetric, real(t))
     check_coupling(section.itinerary, section.conditions)
     problem = problem_of(RingOrbit(section), threshold=threshold)
     try:

@@ -51,6 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         abandon(sys.stdout)
         return _refused(trouble(error), FAILED)
+    if status == INTERRUPTED:
+        return _refused("interrupted: the result is cut short", status)
     return status
 
 

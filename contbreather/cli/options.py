@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
+from unicodedata import normalize
 
 from cyclopts import Parameter
 
@@ -151,7 +152,7 @@ def _assignment(text: str) -> tuple[str, float]:
         number = None
     if not equals or not name.strip().isidentifier() or number is None:
         raise BadInput(f"--set {text!r}: NAME=VALUE was wanted, for instance --set c=2.7")
-    return name.strip(), number
+    return normalize("NFKC", name.strip()), number  # as Python reads the names in a formula
 
 
 def ring_of(sites: int | None, threshold: float | None) -> tuple[int, float] | None:

@@ -9,6 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from contbreather.cli.interrupts import computing
+
 if TYPE_CHECKING:
     from contbreather.dynamics import Recording, Run, SmoothRun
 
@@ -51,6 +53,7 @@ def seen_in(kept: Recording, wanted: int) -> Seen:
     return Seen(run, kept.periods, interrupted, stop, kept)
 
 
+@computing()
 def judged(seen: Seen) -> Seen:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
     try:

@@ -79,13 +79,11 @@ def simulate(
         output,
     )  # fmt: skip
     asked.check()
-    with computing():
-        seen = asked.simulate()
+    seen = asked.simulate()
     if seen.interrupted:
         note("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     made = [str(path) for path in _files(seen, asked)]
-    with computing():
-        seen = judged(seen)
+    seen = judged(seen)
     if json:
         to_json({**_content(seen, asked), "written": made})
     else:
@@ -139,6 +137,7 @@ class Asked:
         if self.seed < 0:
             raise BadInput(f"--seed {self.seed}: a whole number, at least 0, was wanted")
 
+    @computing()
     def simulate(self) -> Seen:
         """Run it."""
         from contbreather.dynamics import record, simulate, simulate_smooth

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import zeta
 
-from contbreather.checks import real, whole
+from contbreather.checks import MOST, real
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Waves, waves
 from contbreather.lattice.green import TERMS, flight
@@ -358,7 +358,12 @@ class Ring(_TranslationInvariant):
     sites: int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "sites", whole("sites", self.sites, 1))
+        whole = isinstance(self.sites, int | np.integer) and not isinstance(self.sites, bool)
+        if not whole or not 1 <= self.sites <= MOST:
+            raise BadInput(
+                f"sites = {self.sites!r}: a ring needs a whole number of sites, at least 1."
+            )
+        object.__setattr__(self, "sites", int(self.sites))
         object.__setattr__(self, "_expansions", _means(self.sites))
 
     def _excess(self, z: float) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers import Breather
-from contbreather.checks import whole
+from contbreather.checks import kind_of, whole
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, axes_or_new
 from contbreather.plotting.labels import Labels
@@ -60,7 +60,7 @@ def plot_multipliers(
     ['0.6158', '1.0628']
     """
     if not hasattr(breather, "multipliers") or isinstance(breather, type):
-        raise BadInput(f"a breather was wanted, got a {type(breather).__name__}")
+        raise BadInput(f"a breather was wanted, got {kind_of(breather)}")
     whole("digits", digits, 0)
     mu = np.asarray(breather.multipliers(sites=sites, half=half))
     edge = 2.0 * math.sqrt(breather.gamma) * (1.0 if half else 2.0)

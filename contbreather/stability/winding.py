@@ -66,6 +66,11 @@ class Count:
 def check_kb(k: float, b: float) -> tuple[float, float]:
     """k and b as floats, or say what they must be."""
     numbers = real(k), real(b)
+    if any(
+        math.isnan(x) and not isinstance(given, float)
+        for x, given in zip(numbers, (k, b), strict=True)
+    ):
+        raise BadInput(f"k = {k!r}, b = {b!r}: both must be real numbers.")
     if not 0.0 <= numbers[0] <= 1.0:
         raise BadInput(
             f"k = {k!r}: a restitution coefficient lies between 0 and 1; choose one there."

@@ -473,7 +473,7 @@ def test_sites_and_times_must_be_whole_and_finite():
     b = symmetric(0.5, 0.12, 0.4)
     with pytest.raises(BadInput, match="whole numbers"):
         b.displacement(0.5, 0.0)
-    with pytest.raises(BadInput, match="not finite"):
+    with pytest.raises(BadInput, match="finite real numbers"):
         b.velocity(0, [0.0, math.nan])
     with pytest.raises(BadInput, match="whole number of sites"):
         b.state(0)

@@ -160,7 +160,7 @@ def test_interrupted_sweep_keeps_its_rows(orbit, monkeypatch):
 def test_bad_sweeps_are_refused(orbit):
     with pytest.raises(BadInput, match="no parameter 'm' to sweep; there are a, gamma, k, damping"):
         sweep(orbit.state, "m", [6.0], periods=5, a=0.2, **DAMPED)
-    with pytest.raises(BadInput, match="a row of finite numbers"):
+    with pytest.raises(BadInput, match="finite real numbers"):
         sweep(orbit.state, "a", [0.2, math.nan], periods=5, a=0.2, **DAMPED)
     with pytest.raises(BadInput, match=r"gamma = 0\.3"):
         sweep(orbit.state, "gamma", [0.3], periods=5, a=0.2, **DAMPED)

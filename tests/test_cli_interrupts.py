@@ -1,0 +1,247 @@
+"""Ctrl-C at the command line: one stops it, nothing is half said, what is done is kept."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import contbreather as cb
+from contbreather.cli import DONE, INTERRUPTED, main
+
+Output = tuple[int, str, str]
+ZONES = "zones --k 0.8 --gamma-window 0.02 0.1 --json --csv zones.csv"
+BRANCH = "branch --free a --gamma 0.08 --k 0.8 --json --csv branch.csv -o branch.svg"
+LINES = {  # and the part of its work after which it is interrupted, in the midst of the last walk
+    ZONES: 0.5,
+    BRANCH: 0.5,
+    "boundary PF --k 0.8 --json --csv line.csv": 0.9,
+    "diagram --free a --gamma 0.04 --k 0.8 --json --csv tree.csv": 0.5,
+}
+WORDS = "interrupted: cut short"
+
+
+@pytest.fixture
+def run(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[str], Output]:
+    """Run a command line in an empty directory: status, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def line(text: str) -> Output:
+        status = main(shlex.split(text))
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return line
+
+
+class Clock:
+    """The signal of Ctrl-C at one of the questions that the chain is asked."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.asked, self.last = 0, math.inf
+        chi = cb.InfiniteChain.chi
+
+        def counted(chain: cb.InfiniteChain, gamma: float) -> float:
+            self.asked += 1
+            if self.asked == self.last:
+                signal.raise_signal(signal.SIGINT)
+            return chi(chain, gamma)
+
+        monkeypatch.setattr(cb.InfiniteChain, "chi", counted)
+
+
+@pytest.mark.parametrize("line", LINES, ids=lambda line: line.split()[0])
+def test_what_is_done_is_written_and_marked_as_cut_short(
+    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch, line: str
+) -> None:
+    clock = Clock(monkeypatch)
+    status, out, err = run(line)
+    assert (status, err) == (DONE, "")
+    assert json.loads(out)["interrupted"] is False
+    for path in map(Path, os.listdir()):
+        assert WORDS not in path.read_text()
+        path.unlink()
+    clock.asked, clock.last = 0, int(LINES[line] * clock.asked)
+    status, out, err = run(line)
+    assert (status, err) == (INTERRUPTED, "contbreather: interrupted: the result is cut short\n")
+    content: dict[str, Any] = json.loads(out)
+    assert content["interrupted"] is True
+    assert sorted(content["written"]) == sorted(os.listdir())
+    for path in map(Path, content["written"]):
+        if path.suffix == ".csv":
+            names, *rows, last = path.read_text().splitlines()
+            assert last == f"# {WORDS}"
+            assert {row.count(",") for row in rows} == {names.count(",")}
+
+
+def test_tables_for_people_say_it_too(
+    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Clock(monkeypatch).last = 2500
+    assert "interrupted, curves may be missing." in run(ZONES.replace("--json ", ""))[1]
+
+
+def test_before_there_is_anything_nothing_is_said_or_written(
+    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Clock(monkeypatch).last = 1
+    assert run(ZONES) == (INTERRUPTED, "", "contbreather: interrupted\n")
+    assert os.listdir() == []
+
+
+def drawn(monkeypatch: pytest.MonkeyPatch, times: int) -> None:
+    """Ctrl-C, so many times, while a figure is drawn."""
+    import contbreather.plotting as plotting
+
+    plot = plotting.plot
+
+    def interrupted(branch: cb.Branch) -> Any:
+        for _ in range(times):
+            signal.raise_signal(signal.SIGINT)
+        return plot(branch)
+
+    monkeypatch.setattr(plotting, "plot", interrupted)
+
+
+def test_while_it_writes_one_interruption_waits(
+    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn(monkeypatch, 1)
+    status, out, err = run(BRANCH)
+    assert (status, err) == (INTERRUPTED, "contbreather: interrupted\n")
+    content = json.loads(out)
+    assert content["interrupted"] is False  # the numbers are complete
+    assert sorted(content["written"]) == sorted(os.listdir()) == ["branch.csv", "branch.svg"]
+
+
+def test_while_it_writes_the_second_interruption_does_not_wait(
+    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn(monkeypatch, 2)
+    assert run(BRANCH)[:2] == (INTERRUPTED, "")
+    assert os.listdir() == ["branch.csv"]
+
+
+def test_the_handler_of_the_caller_comes_back(run: Callable[[str], Output]) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    run(BRANCH)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+# --- a process of its own -------------------------------------------------------------------------
+
+
+def process(line: str, where: Path, **options: Any) -> subprocess.Popen[str]:
+    package = str(Path(cb.__file__).parents[1])
+    environment = {**os.environ, "PYTHONPATH": package, **options.pop("env", {})}
+    return subprocess.Popen(
+        [sys.executable, "-m", "contbreather", *shlex.split(line)],
+        cwd=where, env=environment, text=True,
+        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options},
+    )  # fmt: skip
+
+
+def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path) -> None:
+    one = process("zones --k 0.8 --k 0.4 --k 0.9 --json --csv zones.csv", tmp_path)
+    time.sleep(2.0)
+    one.send_signal(signal.SIGINT)
+    out, err = one.communicate(timeout=60)
+    assert one.returncode == INTERRUPTED
+    assert err.startswith("contbreather: interrupted")
+    assert "Traceback" not in err
+    if out:
+        assert json.loads(out)["written"] == os.listdir(tmp_path)
+    else:
+        assert os.listdir(tmp_path) == []
+
+
+POINT = "point --a 0.5 --gamma 0.04 --k 0.8"
+
+
+@pytest.mark.parametrize("line", [POINT, f"{POINT} --json", "--help"])
+def test_a_full_standard_output_is_a_sentence(tmp_path: Path, line: str) -> None:
+    with open("/dev/full", "w") as full:
+        one = process(line, tmp_path, stdout=full)
+        err = one.communicate(timeout=60)[1]
+    assert (one.returncode, err) == (
+        1,
+        "contbreather: cannot write to standard output: No space left on device\n",
+    )
+
+
+def test_a_closed_standard_output_is_a_sentence(tmp_path: Path) -> None:
+    one = process(POINT, tmp_path, stdout=None, preexec_fn=lambda: os.close(1))
+    err = one.communicate(timeout=60)[1]
+    assert (one.returncode, err) == (
+        1,
+        "contbreather: cannot write to standard output: it is closed\n",
+    )
+
+
+def test_a_full_standard_error_keeps_the_status(tmp_path: Path) -> None:
+    with open("/dev/full", "w") as full:
+        one = process(POINT + "0", tmp_path, stderr=full)
+        one.communicate(timeout=60)
+    assert one.returncode == DONE
+    with open("/dev/full", "w") as full:
+        one = process("point --a 1 --gamma 1 --k 1", tmp_path, stderr=full)
+        one.communicate(timeout=60)
+    assert one.returncode == 2
+
+
+ODD = [
+    ("zones --help", {"COLUMNS": "0"}),
+    ("--help", {"COLUMNS": "9" * 20}),
+    ("branch --free a --gamma 0.08 --k 0.8", {"PYTHONIOENCODING": "ascii"}),
+    ("branch --free a --gamma 0.08 --k 0.8 -o b.png", {"MPLBACKEND": "nonsense"}),
+]
+
+
+@pytest.mark.parametrize(("line", "env"), ODD)
+def test_odd_terminals_and_settings_do_no_harm(
+    tmp_path: Path, line: str, env: dict[str, str]
+) -> None:
+    one = process(line, tmp_path, env=env)
+    out, err = one.communicate(timeout=60)
+    assert (one.returncode, err) == (DONE, "")
+    assert out
+
+
+def test_json_is_right_in_any_encoding(tmp_path: Path) -> None:
+    line = f"{POINT} --json --forcing '-cos(t) - \u00b5*cos(3*t)' --set \u00b5=0.1"
+    one = process(line, tmp_path, env={"PYTHONIOENCODING": "ascii"})
+    out, err = one.communicate(timeout=60)
+    assert (one.returncode, err) == (DONE, "")
+    assert "\u03bc" in json.loads(out)["forcing"]  # Python's own normal form of the letter
+
+
+def test_a_directory_that_is_gone_is_said_to_be(tmp_path: Path) -> None:
+    (tmp_path / "gone").mkdir()
+    one = process(
+        f"branch --free a --gamma 0.08 --k 0.8 --csv {'b.csv'}",
+        tmp_path / "gone",
+        preexec_fn=lambda: os.rmdir(os.getcwd()),
+    )
+    out, err = one.communicate(timeout=60)
+    assert one.returncode in (1, 2)
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith("contbreather: ")
+
+
+def test_json_nested_too_deep_is_no_state(tmp_path: Path) -> None:
+    deep = tmp_path / "deep.json"
+    deep.write_text('{"u": ' + "[" * 100_000 + "]" * 100_000 + "}")
+    arguments = ["--a", "0.5", "--gamma", "0.08", "--k", "0.8", "--start", str(deep)]
+    assert main(["simulate", *arguments]) == 2

@@ -1,0 +1,204 @@
+"""What is no number, no forcing, no lattice and no branch is refused by a sentence of our own."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+
+HERE = {"a": 0.5, "gamma": 0.04, "k": 0.8}
+NO_NUMBERS: tuple[Any, ...] = (
+    "1", "x", b"1", None, True, np.bool_(True), float("nan"), float("inf"), 1j, 1 + 0j, [], [0.5],
+    {}, np.array([0.5, 0.6]), 10**400, object(),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def breather() -> cb.Breather:
+    return cb.symmetric(**HERE)
+
+
+@pytest.fixture(scope="module")
+def branch(breather: cb.Breather) -> cb.Branch:
+    return cb.trace(breather, "a", within={"a": (0.4, 0.9)})
+
+
+def entries(b: cb.Breather) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    """Public entries with what is well for each of their numbers."""
+    state = b.state(6)
+    ring: dict[str, Any] = {"state": state, **HERE}
+
+    def run(**numbers: Any) -> Any:
+        return cb.simulate(**{**ring, "periods": 1, **numbers})
+
+    def smooth(**numbers: Any) -> Any:
+        return cb.simulate_smooth(**{**ring, "periods": 1, "m": 6, **numbers})
+
+    def window(low: Any, high: Any) -> Any:
+        return cb.trace(b, "a", within={"a": (low, high)}, steps=cb.Steps(most=2))
+
+    def mine(x: Any, mu: Any) -> Any:
+        return cb.Problem(lambda x, p: np.array([x[0] - p["mu"]]), {"x": x}, {"mu": mu})
+
+    return {
+        "symmetric": (cb.symmetric, dict(HERE)),
+        "Breather": (cb.Breather, {**HERE, "p": b.p, "phi": b.phi}),
+        "ring": (cb.Ring, {"sites": 6}),
+        "verdict": (lambda threshold: b.stability(6, threshold), {"threshold": 1.005}),
+        "place": (b.displacement, {"n": 0, "t": 0.1}),
+        "zones": (lambda k: cb.zones(k=k), {"k": -1.0}),
+        "steps": (cb.Steps, {"first": 0.01, "largest": 0.1, "most": 10, "tolerance": 1e-9}),
+        "window": (window, {"low": 0.4, "high": 0.6}),
+        "problem": (mine, {"x": 0.0, "mu": 0.0}),
+        "level": (lambda value: cb.user("a", value), {"value": 0.1}),
+        "rule": (cb.neimark_sacker, {"on": cb.Ring(6), "threshold": 1.1}),
+        "fourier": (lambda c: cb.Fourier(cos={1: c}), {"c": -1.0}),
+        "simulate": (run, {**HERE, "periods": 1, "damping": 0.0, "t0": 0.0}),
+        "smooth": (smooth, {"a": 0.5, "gamma": 0.04, "k": 0.8, "m": 6, "damping": 0.0}),
+        "sample": (lambda n: cb.Sample((0,), n), {"n": 20}),
+        "axis": (lambda site: cb.Axis("u", site, [0.0]), {"site": 0}),
+    }
+
+
+def test_what_is_no_number_is_refused_at_every_entry(breather: cb.Breather) -> None:
+    """Each number of each entry is replaced in turn by three things that are none."""
+    rng = random.Random(5)
+    answered = []
+    for name, (call, good) in entries(breather).items():
+        for argument in good:
+            for bad in rng.sample(NO_NUMBERS, 3):
+                try:
+                    call(**{**good, argument: bad})
+                except cb.ContbreatherError as error:
+                    assert str(error)  # noqa: PT017
+                else:
+                    answered.append((name, argument, bad))
+    # times and unknowns may be arrays, a window open to one side, and None is "unless given"
+    welcome = {("place", "t"), ("window", "high"), ("verdict", "threshold"), ("problem", "x")}
+    welcome |= {("zones", "k")}  # an array of them gives several diagrams
+    answered = [entry for entry in answered if entry != ("rule", "on", None)]
+    assert [entry for entry in answered if entry[:2] not in welcome] == []
+
+
+@pytest.mark.parametrize("bad", ["0.5", True, [0.5], 1j, None, float("nan")], ids=repr)
+def test_an_amplitude_that_is_none_is_named(bad: Any) -> None:
+    with pytest.raises(cb.BadInput, match=r"a = .*amplitude"):
+        cb.symmetric(a=bad, gamma=0.04, k=0.8)
+
+
+def test_samples_without_sites_are_refused() -> None:
+    with pytest.raises(cb.BadInput, match="one site or several were wanted"):
+        cb.Sample(sites=())
+
+
+# --- what the command line accepts ----------------------------------------------------------------
+
+FORMULA = "-cos(t) - 0.3*cos(3*t)"
+
+
+def test_a_formula_is_a_forcing_wherever_one_is_taken(breather: cb.Breather) -> None:
+    series = cb.Fourier(cos={1: -1.0, 3: -0.3})
+    typed, given = (cb.symmetric(**HERE, forcing=one) for one in (FORMULA, series))
+    assert typed.p == pytest.approx(given.p, abs=1e-14)
+    runs = [
+        cb.simulate(breather.state(6), **HERE, periods=2, forcing=one) for one in (FORMULA, series)
+    ]
+    np.testing.assert_allclose(runs[0].final.u, runs[1].final.u, atol=1e-12)
+    plane = {"gamma": (0.02, 0.03), "a": (0.3, 0.5)}
+    assert cb.zones(k=0.8, forcing=" - cos(t)", within=plane).curves.keys() == {
+        *cb.zones(k=0.8, within=plane).curves
+    }
+    assert isinstance(cb.symmetric(**HERE, forcing="-cos(t)").forcing, cb.Harmonic)
+
+
+@pytest.mark.parametrize("bad", [3, cb.Harmonic, {1: -1.0}, [1.0]], ids=repr)
+def test_what_is_no_forcing_is_refused(bad: Any, breather: cb.Breather) -> None:
+    with pytest.raises(cb.BadInput, match=r"forcing = .* was wanted"):
+        cb.symmetric(**HERE, forcing=bad)
+    with pytest.raises(cb.BadInput, match=r"forcing = .* was wanted"):
+        cb.simulate(breather.state(4), **HERE, periods=1, forcing=bad)
+
+
+@pytest.mark.parametrize("bad", [20, cb.Ring, "Ring(20)"], ids=repr)
+def test_what_is_no_lattice_is_refused_with_the_way_on(bad: Any) -> None:
+    with pytest.raises(cb.BadInput, match=r"Ring\(20\)"):
+        cb.symmetric(**HERE, lattice=bad)
+    with pytest.raises(cb.BadInput, match=r"Ring\(20\)"):
+        cb.zones(k=0.8, lattice=bad)
+
+
+def test_no_value_at_all_is_no_zone_diagram() -> None:
+    with pytest.raises(cb.BadInput, match="got none"):
+        cb.zones(k=[])
+
+
+# --- files and figures ----------------------------------------------------------------------------
+
+
+def test_a_file_takes_its_equations_from_a_breather(
+    breather: cb.Breather, branch: cb.Branch, tmp_path: Path
+) -> None:
+    cb.save(tmp_path / "b.nc", branch)
+    back = cb.load(tmp_path / "b.nc", problem=breather)
+    assert isinstance(back, cb.Branch)
+    assert back.first("PF").solution.p == pytest.approx(branch.first("PF").solution.p, abs=1e-12)
+    with pytest.raises(cb.BadInput, match="a Problem was wanted"):
+        cb.load(tmp_path / "b.nc", problem=3)  # type: ignore[call-overload, arg-type, unused-ignore]
+
+
+def test_a_loaded_point_without_equations_says_so_to_switch(
+    branch: cb.Branch, tmp_path: Path
+) -> None:
+    cb.save(tmp_path / "b.nc", branch)
+    back = cb.load(tmp_path / "b.nc")
+    assert isinstance(back, cb.Branch)
+    with pytest.raises(cb.BadInput, match="loaded without its equations"):
+        cb.switch(back.first("PF"))
+
+
+def test_a_run_is_drawn_by_its_record(breather: cb.Breather) -> None:
+    sample = cb.Sample((0, 1), 20)
+    run = cb.simulate(breather.state(6), **HERE, periods=2, sample=sample)
+    lines = [line.get_ydata() for line in cb.plot_motion(run).get_lines()]
+    assert run.record is not None
+    np.testing.assert_array_equal(np.transpose(lines), run.record.u)
+    bare = cb.simulate(breather.state(6), **HERE, periods=2)
+    with pytest.raises(cb.BadInput, match="sample=Sample"):
+        cb.plot_motion(bare)
+
+
+PLOTS = ("plot", "plot_diagram", "plot_zones", "plot_motion", "plot_section", "plot_localisation",
+         "plot_sweep", "plot_basin", "plot_multipliers")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PLOTS)
+def test_what_cannot_be_drawn_is_refused(name: str) -> None:
+    with pytest.raises(cb.BadInput, match="wanted, got an int"):
+        getattr(cb, name)(3)
+
+
+# --- compiled code --------------------------------------------------------------------------------
+
+SIMULATE = """
+from numba.core.caching import FunctionCache
+for locator in FunctionCache._impl_class._locator_classes:
+    locator.from_function = classmethod(lambda *_: None)  # as in a container: nowhere to write
+from contbreather.dynamics.compiled import compiled
+double = compiled(lambda x: 2 * x)
+print(double(21))
+"""
+
+
+def test_loops_are_compiled_where_there_is_no_place_to_keep_them() -> None:
+    found = subprocess.run(
+        [sys.executable, "-c", SIMULATE], capture_output=True, text=True, check=False
+    )
+    assert (found.stdout, found.returncode) == ("42\n", 0), found.stderr
