@@ -130,7 +130,8 @@ class Event:
 def user(name: str, value: float, *, terminal: bool = False) -> Event:
     """UZ: a named value (an unknown, a parameter, a recorded number) passes `value`.
 
-    Traced in two parameters it is a contour line of that value.
+    Traced in two parameters it is a contour line of that value. A located point says which of
+    several levels it is on: ``point.detail["level"]`` is ``"mu = 0.3"``, and so do tables.
 
     Examples
     --------
@@ -141,11 +142,13 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([Point(curve, z.copy(), np.empty(0), 0.0, 0.0)[name] - value])
 
+    level = f"{name} = {value:.12g}"
     return Event(
         "UZ",
         lambda point: point[name] - value,
         terminal=terminal,
         locus=lambda point: Locus({}, conditions),
+        analysis=lambda point: {"level": level},
     )
 
 

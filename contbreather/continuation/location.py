@@ -85,9 +85,7 @@ def find(
     good = tuple(point for point in located if point.located)
     doubtful = _at_one_place([point for point in located if not point.located])
     at_end = {id(p.event) for p in good if p.arclength >= segment.last.arclength * (1 - 1e-15)}
-    after = tuple(
-        0 if id(t.event) in at_end and not t.jumps else t.values[1.0] for t in trails
-    )
+    after = tuple(0 if id(t.event) in at_end and not t.jumps else t.values[1.0] for t in trails)
     return Found(good, doubtful, after)
 
 
@@ -161,7 +159,9 @@ def _closer(segment: Segment, trail: Trail) -> Iterator[Point]:
         trail.values[left], trail.values[right] = part.values[0.0], part.values[1.0]
         trail.sure |= {left, right}
         trail.done.append((left, right))
-        yield from _events_on(piece, [part], Ends())
+        for point in _events_on(piece, [part], Ends()):
+            trail.zeros.append((point.arclength - segment.first.arclength) / segment.length)
+            yield point
 
 
 def _between(
