@@ -325,7 +325,7 @@ def test_what_cannot_be_written_or_read_is_refused(branch: Branch, path: Path) -
         load(path)
 
 
-@pytest.mark.parametrize("name", ["point_kind", "arclength"])
+@pytest.mark.parametrize("name", ["point_kind", "point_bracket"])
 def test_names_that_the_file_needs_are_refused(name: str, path: Path) -> None:
     problem = Problem(lambda u, p: u - p["mu"], {name: 0.0}, {"mu": 0.0})
     with pytest.raises(BadInput, match=rf"{name!r} is a name that the file needs itself"):
