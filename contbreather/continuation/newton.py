@@ -134,6 +134,8 @@ def approach(
         matrix = jacobian(z) * weights
         step = _least(matrix, value)
         size = length(step, None)
+        if size == 0:  # a solution, or the derivative is singular and tells nothing
+            return None if value.any() else z
         while damping > _SHORTEST:
             try:
                 there = z - damping * step * weights

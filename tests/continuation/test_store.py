@@ -331,7 +331,7 @@ def line(*, unknown: str = "x", parameter: str = "mu", **more: Any) -> Branch:
     return trace(problem, parameter, within={parameter: (-1, 1)})
 
 
-@pytest.mark.parametrize("name", ["point_kind", "arclength", "point", "bracket_end", "doubtful"])
+@pytest.mark.parametrize("name", ["point_kind", "point", "bracket_end", "doubtful"])
 def test_names_that_the_file_needs_are_refused(name: str, path: Path) -> None:
     with pytest.raises(BadInput, match=rf"{name!r} is a name that the file needs itself"):
         save(path, line(unknown=name))
