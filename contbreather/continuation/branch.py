@@ -90,6 +90,11 @@ class Point:
         self.z.flags.writeable = self.tangent.flags.writeable = False
 
     def __getitem__(self, name: str) -> Any:
+        """An unknown, a parameter, what was found here, a recorded number, in this order.
+
+        What was found here is there by its full name too: ``point["a of BT"]`` is a coefficient
+        of the normal form where ``point["a"]`` is a parameter of the problem.
+        """
         slots = self.curve.slots
         if name in slots:
             value = self.z[slots[name]]
@@ -101,6 +106,9 @@ class Point:
             return self.detail[name]
         if name in problem.record:
             return problem.record[name](self.ground)
+        own = name.removesuffix(f" of {self.kind}")
+        if own != name and own in self.detail:
+            return self.detail[own]
         raise BadInput(f"no {name!r} at this point; it has {[*problem.names, *problem.record]}")
 
     @property
@@ -161,11 +169,16 @@ class Point:
         """Derivative of the equations, shape ``(n, n + 1)``: unknowns, then the free parameter."""
         return self.curve.jacobian(self.z).copy()
 
+    @property
+    def title(self) -> str:
+        """The label, and of several levels the one that was met."""
+        return f"{self.label} ({self.detail['level']})" if "level" in self.detail else self.label
+
     def __repr__(self) -> str:
         shown = {name: value for name, value in self.values.items() if np.ndim(value) == 0}
         values = ", ".join(f"{name}={value:.10g}" for name, value in shown.items())
         if self.located:
-            return f"Point({self.label + ': ' if self.label else ''}{values})"
+            return f"Point({self.title + ': ' if self.label else ''}{values})"
         reason = f": {self.detail['reason']}" if "reason" in self.detail else ""
         return f"Point({self.label or self.kind}?: {values}; not located{reason})"
 
@@ -291,7 +304,7 @@ class Branch:
         own = [name for name in self.curve.slots if name not in free]
         names = (*free, *own, *self.problem.record)
         points = self.special
-        columns = [Column("label", [p.label if p.located else f"{p.label}?" for p in points])]
+        columns = [Column("label", [p.title if p.located else f"{p.title}?" for p in points])]
         columns += [
             Column(name, [self.shown(point, name) for point in points])
             for name in names

@@ -90,8 +90,9 @@ class Event:
         are seen by it.
     places : callable, optional
         ``places(first, last) -> array``: where between two neighbouring points of a curve, 0 to 1
-        from the first to the last, the test should have its zeros, roughly. It is looked at
-        between them, so that two zeros within a step leave their changes of sign.
+        from the first to the last, the test should have its zeros, roughly; with a third point
+        halfway between them more exactly. It is looked at between them, so that two zeros within
+        a step leave their changes of sign.
     locus : callable, optional
         ``locus(point) -> Locus`` at a point close to the event, its curve with both parameters
         free where a boundary sets out. Needed to trace the event in two parameters, and to locate
@@ -124,7 +125,7 @@ class Event:
     terminal: bool = field(default=False, kw_only=True)
     positive: bool = field(default=False, kw_only=True)
     count: Callable[[Point], int] | None = field(default=None, kw_only=True)
-    places: Callable[[Point, Point], Array] | None = field(default=None, kw_only=True)
+    places: Callable[..., Array] | None = field(default=None, kw_only=True)
     locus: Callable[[Point], Locus] | None = field(default=None, kw_only=True)
     verify: Callable[[Point], str] | None = field(default=None, kw_only=True)
     polish: Callable[[Point], tuple[Solution, Mapping[str, Any]]] | None = field(
@@ -142,7 +143,8 @@ class Event:
 def user(name: str, value: float, *, terminal: bool = False) -> Event:
     """UZ: a named value (an unknown, a parameter, a recorded number) passes `value`.
 
-    Traced in two parameters it is a contour line of that value.
+    Traced in two parameters it is a contour line of that value. A located point says which of
+    several levels it is on: ``point.detail["level"]`` is ``"mu = 0.3"``, and so do tables.
 
     Examples
     --------
@@ -153,11 +155,13 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([Point(curve, z.copy(), np.empty(0), 0.0, 0.0)[name] - value])
 
+    level = f"{name} = {value:.12g}"
     return Event(
         "UZ",
         lambda point: point[name] - value,
         terminal=terminal,
         locus=lambda point: Locus({}, conditions),
+        analysis=lambda point: {"level": level},
     )
 
 
@@ -291,8 +295,8 @@ def _bordered(point: Point) -> Array:
     return np.asarray(whole * point.curve.scales)
 
 
-def _branch_point_places(first: Point, last: Point) -> Array:
-    return singular_between(_bordered(first), _bordered(last))
+def _branch_point_places(*points: Point) -> Array:
+    return singular_between(*map(_bordered, points))
 
 
 def _branch_point_verify(point: Point) -> str:
@@ -556,16 +560,27 @@ def _null_vector(point: Point) -> Array:
     return vector / np.linalg.norm(vector)
 
 
-def singular_between(first: Array, last: Array) -> Array:
-    """Where between two matrices, 0 to 1, their linear interpolation is singular, in order.
+def singular_between(first: Array, *others: Array) -> Array:
+    """Where from the first of several matrices, 0, to the last, 1, they are singular, in order, by
+    linear interpolation of two or quadratic of three.
 
     Of steep and shallow singular values side by side the smallest alone shows no two zeros.
     """
-    change = solve(first, first - last)
+    change = _pencil(first, *others)
     if change is None:  # an event is where the first is: seen from the other end
-        change = solve(last, last - first)
+        change = _pencil(*others[::-1], first)
         return np.empty(0) if change is None else 1 - _inverses(change)[::-1]
     return _inverses(change)
+
+
+def _pencil(first: Array, *others: Array) -> Array | None:
+    """A matrix whose eigenvalues are the inverses of these places."""
+    middle, last = (others[0], others[-1]) if len(others) > 1 else (None, others[-1])
+    if middle is None:
+        return solve(first, first - last)
+    bend = 2 * (first - 2 * middle + last)
+    change = solve(first, np.hstack([first + bend - last, -bend]))
+    return change if change is None else np.vstack([change, np.eye(*change.shape)])
 
 
 def _inverses(matrix: Array) -> Array:

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from .adjoin import adjoined
 from .branch import Point
-from .crossing import crossing
+from .crossing import GAP, crossing
 from .dips import Place, bottom, probe, told_apart
 from .events import Event
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
@@ -25,7 +25,8 @@ from .trail import ASIDE, Trail, Value, foresee, look_at, measure
 Array = NDArray[np.float64]
 
 _SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
-_CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
+_START = (0.0, 0.5, 1.0)  # where a test is looked at first
+_POINT = 1e-6  # relative length of a piece of curve within which two zeros are one
 _ROUNDS = 20  # how often a step is looked through again, at the events found so far
 _SAME = 1e-6  # relative distance of places on a boundary that are the same
 _AT_CUT = 1e-7  # a test this small where curves cross, relative to beside it, vanishes there
@@ -89,7 +90,7 @@ def find(
     if curve.problem.adjoined is not None:
         located = list(_one_a_place(located))
     good = tuple(point for point in located if point.located)
-    doubtful = tuple(point for point in located if not point.located)
+    doubtful = _at_one_place([point for point in located if not point.located])
     return Found(good, doubtful, after)
 
 
@@ -122,6 +123,27 @@ def _rank(point: Point) -> tuple[bool, bool, bool]:
     return point.located, ends, "tangents" in point.detail
 
 
+def _at_one_place(doubtful: Sequence[Point]) -> tuple[Point, ...]:
+    """Each place once for each event: what was seen there twice is two of them."""
+    kept: list[Point] = []
+    for point in doubtful:
+        near = GAP * (1 + point.curve.length(point.z))
+        twin = next(
+            (
+                i
+                for i, p in enumerate(kept)
+                if p.event is point.event and point.arclength - p.arclength <= near
+            ),
+            None,
+        )
+        if twin is None:
+            kept.append(point)
+        else:
+            reason = f"two {point.kind} at once, or closer than can be told: not simple"
+            kept[twin] = replace(kept[twin], detail={**kept[twin].detail, "reason": reason})
+    return tuple(kept)
+
+
 def _events_on(segment: Segment, trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
     for trail in trails:
         yield from _at_ends(segment, trail, ends)
@@ -141,24 +163,39 @@ def _events_on(segment: Segment, trails: Sequence[Trail], ends: Ends) -> Iterato
 
 
 def _dipped(segment: Segment, trail: Trail) -> Iterator[Point]:
-    if trail.jumps or trail.changes() or probe(segment, trail):
+    if trail.jumps or trail.changes():
         return
-    for low, high, point in bottom(segment, trail):
-        yield _special(point, trail.event, (low, high), segment)
+    if not probe(segment, trail):
+        for low, high, point in bottom(segment, trail):
+            yield _special(point, trail.event, (low, high), segment)
+    if trail.event.places is not None:
+        trail.beside(*(middle for _, middle in trail.changes()[:-1]))
 
 
 def _closer(segment: Segment, trail: Trail) -> Iterator[Point]:
     """Two zeros that are close together, on a shorter piece of curve: on a long one its cubic may
-    be further off than they are apart, and no event with its own polish is looked for elsewhere."""
-    for (left, middle), (same, right) in itertools.pairwise(trail.changes()):
-        width = right - left
-        if trail.event.polish is None or middle != same or width > _CLOSE:
+    be further off than they are apart."""
+    for left, right in trail.brackets():
+        if segment.length < _POINT * (1 + segment.curve.length(segment.first.z)):
+            trail.done.append((0.0, 1.0))
+            kind, point = trail.event.kind, segment.provisional(0.5 * (left + right))
+            if abs(measure(trail.event, point)) >= min(abs(trail.values[u]) for u in (0.0, 1.0)):
+                return  # what was seen is where the curve starts or ends
+            reason = f"two {kind} at once, or closer than can be told: not simple"
+            point = replace(point, detail={"reason": reason})
+            yield _special(point, trail.event, (left, right), segment)
+            return
+        try:
+            piece = Segment(segment.at(left), segment.at(right), segment.tolerance)
+        except Undefined:
             continue
-        start, end = (segment.at(u) for u in (max(left - width, 0.0), min(right + width, 1.0)))
-        piece = Segment(start, end, segment.tolerance)
-        values = {u: measure(trail.event, piece.provisional(u)) for u in (0.0, 0.5, 1.0)}
+        part = Trail(trail.event, {u: measure(trail.event, piece.provisional(u)) for u in _START})
+        trail.values[left], trail.values[right] = part.values[0.0], part.values[1.0]
+        trail.sure |= {left, right}
         trail.done.append((left, right))
-        yield from _events_on(piece, [Trail(trail.event, values)], Ends())
+        for point in _events_on(piece, [part], Ends()):
+            trail.zeros.append((point.arclength - segment.first.arclength) / segment.length)
+            yield point
 
 
 def _between(

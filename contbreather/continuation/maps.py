@@ -137,9 +137,8 @@ def _flip_test(point: Point) -> float:
     return signed_smallest(units(point) + np.eye(point.curve.size))
 
 
-def _flip_places(first: Point, last: Point) -> Array:
-    one = np.eye(first.curve.size)
-    return static.singular_between(units(first) + one, units(last) + one)
+def _flip_places(*points: Point) -> Array:
+    return static.singular_between(*(units(p) + np.eye(p.curve.size) for p in points))
 
 
 def _null(matrix: Array, scales: Array) -> Array:

@@ -117,6 +117,9 @@ class Problem:
                 raise BadInput(f"{name!r} has shape {array.shape}; a number was wanted")
             if not np.isfinite(array).all():
                 raise BadInput(f"{name!r} must be finite, got {value}")
+        taken = sorted({"arclength", "residual"} & {*self.start, *self.params, *self.record})
+        if taken:
+            raise BadInput(f"rename {taken} in the problem: every branch has columns of that name")
         self.check_names((*self.scales, *self.domain))
         for name, size in self.scales.items():
             if not 0 < _real(name, size) < math.inf:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,6 +38,10 @@ def measure(event: Event, point: Point) -> Value:
         ) from error
 
 
+_CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
+_LOW = 0.1  # a test this small within a step, relative to its largest, is looked at more closely
+
+
 @dataclass
 class Trail:
     """The values of one test along one step, by u, and what they gave away."""
@@ -47,6 +51,7 @@ class Trail:
     done: list[tuple[float, float]] = field(default_factory=list)  # brackets that were dealt with
     zeros: list[float] = field(default_factory=list)
     sure: set[float] = field(default_factory=lambda: {0.0, 1.0})  # where the value is final
+    close: list[tuple[float, float]] = field(default_factory=list)  # where two zeros may be
 
     def changes(self) -> list[tuple[float, float]]:
         """Neighbouring places between which the test changes sign, or jumps."""
@@ -93,6 +98,17 @@ class Trail:
         value = self.values[u] if value is None else value
         return float(value) / math.prod(u - zero or math.nan for zero in self.zeros)
 
+    def beside(self, *places: float) -> None:
+        """Remember where two zeros may be to either side, close together."""
+        half = _CLOSE / 2
+        self.close += [(max(u - half, 0.0), min(u + half, 1.0)) for u in places]
+
+    def brackets(self) -> Iterator[tuple[float, float]]:
+        """Where two or more zeros may be close together, each piece of curve once."""
+        for left, right in self.close:
+            if not any(low < right and left < high for low, high in self.done):
+                yield left, right
+
     def learn(self, u: float, value: Value) -> None:
         """Take in one more value, unless u is so close to an event that rounding decides it."""
         if u not in self.values and not any(low <= u <= high for low, high in self.done):
@@ -121,10 +137,15 @@ def place_of(segment: Segment, event: Event) -> Callable[[float], Point]:
 def foresee(segment: Segment, trail: Trail) -> None:
     """Look between the places where a test should have its zeros, so that each leaves its change
     of sign; and beside an event at the start, where the sign is not known."""
-    event, places = trail.event, np.empty(0)
+    event, look = trail.event, list[float]()
     if event.places is not None and segment.last.tangent.size:
-        places = event.places(segment.first, segment.last)
-    look = [float(u) for u in (places[:-1] + places[1:]) / 2]
+        sizes = [abs(value) for value in trail.values.values()]
+        near = min(sizes) < _LOW * max(sizes)
+        middle = (segment.provisional(0.5),) if near else ()
+        places = event.places(segment.first, *middle, segment.last)
+        for u, apart in zip((places[:-1] + places[1:]) / 2, np.diff(places), strict=True):
+            look.append(float(u))
+            trail.beside(*(look[-1:] if apart < _CLOSE else ()))
     if trail.values[0.0] == 0 and not trail.jumps:
         look.append(ASIDE + 1e-12 * (1 + segment.curve.length(segment.first.z)) / segment.length)
     for u in look:

@@ -97,7 +97,7 @@ def shown_at(branch: Branch, width: int) -> list[list[str]]:
 
 def test_narrow_tables_have_fewer_digits_and_columns_but_whole_numbers(branch: Branch) -> None:
     """Every number is the point's own, rounded to the digits that it is shown with."""
-    wide, middle, narrow = (shown_at(branch, width) for width in (200, 70, 45))
+    wide, middle, narrow = (shown_at(branch, width) for width in (200, 80, 55))
     assert wide[0] == ["label", "h", "x", "slope", "arclength", "residual"]
     assert middle[0] == narrow[0] == ["label", "h", "x", "slope"]
     assert wide[2][1] == middle[2][1] == f"{branch.first('LP1')['h']:.12g}"
@@ -238,7 +238,7 @@ def test_a_point_gives_values_by_name(branch: Branch) -> None:
 
 
 def test_a_point_shows_label_and_values(branch: Branch) -> None:
-    assert repr(branch.first("UZ")) == "Point(UZ1: x=0.2, mu=1, h=-0.192)"
+    assert repr(branch.first("UZ")) == "Point(UZ1 (x = 0.2): x=0.2, mu=1, h=-0.192)"
     assert repr(branch[5]).startswith("Point(x=")
     assert repr(trace_case(BRATU)[0]).startswith("Point(EP1: lam=")
 
