@@ -32,7 +32,7 @@ _SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / 180
 _FIRST_OF_FIVE = np.array([0, 1, -8, 0, 8, -1, 0]) / 12
 _SECOND_OF_FIVE = np.array([0, -1, 16, -30, 16, -1, 0]) / 12
 _STEPS = [0.04 / 4**i for i in range(7)]
-_AGREED = 1e-9  # relative difference at which no shorter step is tried
+_AGREED = 1e-10  # relative difference at which no shorter step is tried
 _FAIR = 1e-5  # a difference this small that grows with the next step was due to rounding
 _DEGENERATE = 1e-6  # a coefficient this small against its terms has no sign
 _ROUNDING = 1e-11  # and this small it is rounding
@@ -119,9 +119,11 @@ class Forms:
                 yield Jet(first / h, second / h**2), Jet(rough / h, rougher / h**2)
 
     def _apart(self, one: Jet, other: Jet, reach: float) -> float:
-        """How far two jets differ, relative; a C that vanishes is measured by B, and that by A."""
+        """How far two jets differ, relative; a C that vanishes is measured by B, and a B by both
+        of its neighbours."""
         a, b, c = (_largest(matrix) for matrix in (self.A, one.B, one.C))
-        b, c = b * reach + 1e-3 * a, c * reach**2 + b * reach + 1e-3 * a
+        b, c = b * reach, c * reach**2
+        b, c = b + 1e-3 * (a + c), c + b + 1e-3 * a
         first = _largest(one.B - other.B) * reach / max(b, 1e-300)
         second = _largest(one.C - other.C) * reach**2 / max(c, 1e-300)
         return max(first, second)

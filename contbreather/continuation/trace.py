@@ -416,7 +416,7 @@ class Walker:
     def _land(self, point: Point, predicted: Array, bound: Bound, value: float) -> Solution:
         """The solution exactly on a bound, instead of a step across it."""
         start, end = bound.value(point.z), bound.value(predicted)
-        fraction = (value - start) / (end - start)
+        fraction = (value - start) / (end - start) if end != start else 1.0
         guess = bound.moved(point.z + min(fraction, 1.0) * (predicted - point.z), value)
         for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
             found = self._correct(guess, bound.row(guess))

@@ -348,3 +348,17 @@ def test_branches_that_come_apart_slowly_are_no_curve_of_branch_points_either() 
     point = cb.trace(mine, "l", within={"l": (-1, 1)}, events=[cb.branch_point()]).first("BP")
     with pytest.raises(cb.NotConverged, match=r"come apart .* needs a third parameter"):
         cb.boundary(point, ("h", "l"))
+
+
+def test_crossing_boundaries_and_curves_of_branch_points_go_on_from_a_file(tmp_path: Any) -> None:
+    problem = eaten(0.2)
+    point = cb.trace(problem, "p1", within={"p1": (1.5, 5)}).first("PD")
+    curve = cb.boundary(point, ("p2", "p1"), within=PREY)
+    cb.save(tmp_path / "pd.nc", curve)
+    kept = cb.load(tmp_path / "pd.nc", problem=problem)
+    assert kinds(kept) == ["PD-BP"]
+    line = cb.boundary(kept.first("PD-BP"), ("p2", "p1"), within=PREY)
+    cb.save(tmp_path / "bp.nc", line)
+    again = cb.load(tmp_path / "bp.nc", problem=problem)
+    assert kinds(again) == kinds(line) == ["BP-PD"]
+    assert np.array_equal(again["p2"], line["p2"])

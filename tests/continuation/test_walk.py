@@ -19,7 +19,6 @@ from contbreather.errors import BadInput, Interrupted, NotConverged
 from .zoo import (
     ALL,
     ARMS,
-    BRATU,
     BRUSSELATOR,
     CIRCLE,
     CUSP,
@@ -196,11 +195,6 @@ def test_the_domain_of_a_problem_is_a_window_too() -> None:
 def test_impossible_windows_are_refused(within, sentence: str) -> None:
     with pytest.raises(BadInput, match=sentence):
         trace(LINE.problem, "mu", within=within)
-
-
-def test_an_array_has_no_window() -> None:
-    with pytest.raises(BadInput, match="'u' is an array: a window needs a single number"):
-        trace(BRATU.problem, "lam", within={"u": (0, 1)})
 
 
 # --- ends: trouble ----------------------------------------------------------------------------
