@@ -8,7 +8,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -174,6 +174,7 @@ def branch_entry(branch: Branch) -> dict[str, Any]:
     return {
         "columns": {name: branch[name] for name in columns_of(branch)},
         "special": [point_entry(point) for point in branch.special],
+        "doubtful": [point_entry(point) for point in branch.doubtful],
         "ends": ends(branch),
     }
 
@@ -190,6 +191,13 @@ def ends(branch: Branch) -> list[str]:
             why = reason or _grazed(point)
             sentences.append(f"{point.label}: {stop.value}{f' ({why})' if why else ''}")
     return sentences
+
+
+def _doubts(branch: Branch) -> Iterator[str]:
+    """What was seen but could not be verified, as sentences."""
+    for point in branch.doubtful:
+        place = ", ".join(f"{name} = {point[name]:.10g}" for name in branch.curve.varied)
+        yield f"In doubt: {point.kind} at {place}: {point.detail.get('reason', 'not located')}."
 
 
 def _grazed(point: Point) -> str:
@@ -237,6 +245,6 @@ def leave(
         paths = [str(path) for path in made]
         to_json({**about, **branch_entry(branch), "interrupted": cut, "written": paths})
     else:
-        say(branch, *(f"{line}." for line in ends(branch)))
+        say(branch, *(f"{line}." for line in ends(branch)), *_doubts(branch))
         say(*(f"Wrote {path}." for path in made))
     end(cut)

@@ -351,6 +351,7 @@ def _points(data: Dataset, curve: Curve, events: Sequence[Event]) -> Iterator[Po
     z = np.concatenate([column.reshape(count, -1) for column in columns], axis=1)
     kinds = [str(kind) for kind in np.atleast_1d(data["point_kind"].attrs["kinds"])]
     details = {name: _values(data, name) for name in _named(data, "recorded", "detail")}
+    recorded = set(_named(data, "recorded"))  # where one has no value it is NaN, not absent
     brackets = data["point_bracket"].values.tolist()
     numbers = [data[name].values.tolist() for name in ("arclength", "residual", "point_located")]
     for i, code in enumerate(data["point_kind"].values.tolist()):
@@ -364,7 +365,7 @@ def _points(data: Dataset, curve: Curve, events: Sequence[Event]) -> Iterator[Po
             kinds[code],
             bracket=None if np.isnan(brackets[i][0]) else tuple(brackets[i]),
             located=bool(numbers[2][i]),
-            detail={name: v for name, v in detail.items() if not _empty(v)},
+            detail={n: v for n, v in detail.items() if n in recorded or not _empty(v)},
         )
         yield replace(point, event=_happened(point, events))
 

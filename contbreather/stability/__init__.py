@@ -5,7 +5,7 @@ Floor 3. Knows the lattice and the 2x2 block of the saltation matrix, nothing of
 
 from __future__ import annotations
 
-from contbreather.stability.arc import NeimarkSacker, OnArc, neimark_sacker, on_arc
+from contbreather.stability.arc import NeimarkSacker, OnArc, Window, neimark_sacker, on_arc, window
 from contbreather.stability.characteristic import D, D_gradient, D_slope, G, Gradient
 from contbreather.stability.half_map import (
     apply_half_map,
@@ -39,6 +39,7 @@ __all__ = [
     "OnArc",
     "OverReflection",
     "RingVerdict",
+    "Window",
     "apply_half_map",
     "closest_approach",
     "dense_half_map",
@@ -57,4 +58,5 @@ __all__ = [
     "stability",
     "unstable_count",
     "unstable_multipliers",
+    "window",
 ]

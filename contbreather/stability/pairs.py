@@ -26,8 +26,8 @@ def pair_gap(mu: Array, radius: float = 1.0) -> tuple[float, int]:
 
     Examples
     --------
-    >>> pair_gap(np.array([0.8 + 0.8j, 0.8 - 0.8j, 0.3 + 0.0j]))
-    (-0.28000000000000014, 1)
+    >>> pair_gap(np.array([1.0 + 0.5j, 1.0 - 0.5j, 0.25 + 0.0j]))
+    (-0.25, 1)
     """
     real = mu[mu.imag == 0.0].real
     first, second = np.triu_indices(real.size, 1)

@@ -43,7 +43,7 @@ def same(one: Branch, other: Branch) -> None:
     assert one.names == other.names
     assert one.free == other.free
     for name in one.names:
-        assert np.array_equal(one[name], other[name])
+        assert np.array_equal(one[name], other[name], equal_nan=True)
         assert one[name].dtype == other[name].dtype
     for before, after in (
         *zip(one, other, strict=True),
