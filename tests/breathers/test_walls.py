@@ -50,6 +50,7 @@ def distance(lines: tuple[cb.Branch, ...], point: cb.Point) -> float:
         (0.94, TIED, (0.0, 0.2499)),
         (0.8, WELLS, (0.22, 0.2499)),
         (0.5, random_forcing(3), (0.0, 0.05)),
+        (0.06, cb.Fourier(cos={1: -1.0, 3: -6.66}), (0.249, 0.2499)),
     ],
 )
 def test_no_point_of_a_grazing_curve_is_behind_another_wall(
