@@ -101,11 +101,11 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
     """
     lattice = InfiniteChain() if on is None else on
     ring = isinstance(lattice, Ring)
-    rule = f"a ring of {lattice.sites}, threshold {threshold:g}" if ring else "the infinite chain"
+    about = f"stability of a ring of {lattice.sites}, threshold {threshold:g}" if ring else ""
     return replace(
         _pair_leaves(lattice, threshold),
         record={"unstable": lambda point: unstable(point.solution, lattice, threshold)},
-        about=f"stability of {rule}",
+        about=about,
     )
 
 
