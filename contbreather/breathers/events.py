@@ -106,11 +106,11 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
     lattice = InfiniteChain() if on is None else on
     event = _pair_leaves(lattice, threshold)
     ring = isinstance(lattice, Ring)
-    rule = f"a ring of {lattice.sites}, threshold {threshold:g}" if ring else "the infinite chain"
+    about = f"stability of a ring of {lattice.sites}, threshold {threshold:g}" if ring else ""
     return replace(
         event,
         record={"unstable": lambda point: unstable(point.solution, lattice, threshold)},
-        about=f"stability of {rule}",
+        about=about,
     )
 
 

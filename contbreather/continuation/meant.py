@@ -63,10 +63,11 @@ def _lifted(problem: Problem) -> Problem:
 
 
 def _judged(problem: Problem, event: Event) -> Problem:
-    """The problem with the columns that an event brings, and their meaning in its label."""
+    """The problem with the columns that an event brings, and what they are about in its label."""
     if not event.record:
         return problem
     plain = problem.label.removesuffix(_LIFTED)
     end = problem.label[len(plain) :]
-    label = f"{plain.partition(' (')[0]} ({event.about}){end}" if event.about else problem.label
+    about = f" ({event.about})" if event.about else ""
+    label = plain.partition(" (")[0] + about + end
     return replace(problem, record={**problem.record, **event.record}, label=label)

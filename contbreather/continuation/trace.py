@@ -540,20 +540,23 @@ class Walker:
         near = 1e-8 * (step.point.arclength - point.arclength)
         starts = [p for p in found.points if p.arclength <= point.arclength + near]
         line = (starts or [point]) if first else []
+        ended = {id(special.event) for special in starts}
+        if any(id(event) in ended for event in self._broken(found)):
+            return line, Stop.EVENT  # it leads out of the meaningful region at once
         for special in found.points[len(starts) :]:
             line.append(special)
             if special.event is not None and special.event.terminal:
                 return line, Stop.EVENT
-        if self._beyond(found):
-            if starts:
-                return line, Stop.EVENT
+        if self._broken(found):
             raise Failed(Stop.NO_CONVERGENCE, "the end of the meaningful region was not located")
         if not (line and abs(line[-1].arclength - step.point.arclength) <= near):
             line.append(step.point)
         return line, step.stop
 
-    def _beyond(self, found: Found) -> bool:
-        return any(e.positive and v < 0 for e, v in zip(self.events, found.after, strict=False))
+    def _broken(self, found: Found) -> list[Event]:
+        """The events on whose negative side the step ends, where only the positive one is meant."""
+        after = zip(self.events, found.after, strict=False)
+        return [event for event, value in after if event.positive and value < 0]
 
     def _returns(self, point: Point, last: Point) -> bool:
         """Whether the step passes the start of the walk, in the direction it set out."""

@@ -1,4 +1,4 @@
-"""What keeps breathers off their walls: always on, for every forcing, said where it is lifted."""
+"""What keeps breathers off their walls: always on, for any forcing, and told where it is lifted."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather.breathers import saddle_node
 
 WELLS = cb.Fourier(cos={1: -1, 3: -0.23}, sin={3: 2.62})
 TIED = cb.Fourier(cos={1: -1, 3: 1.82})  # at gamma = 0 two crests of every site graze at once
@@ -49,7 +50,7 @@ def distance(lines: tuple[cb.Branch, ...], point: cb.Point) -> float:
         (0.94, TIED, (0.0, 0.2499)),
         (0.8, WELLS, (0.22, 0.2499)),
         (0.5, random_forcing(3), (0.0, 0.05)),
-        (0.06, cb.Fourier(cos={1: -1.0, 3: -6.66}), (0.0, 0.03)),
+        (0.06, cb.Fourier(cos={1: -1.0, 3: -6.66}), (0.249, 0.2499)),
     ],
 )
 def test_no_point_of_a_grazing_curve_is_behind_another_wall(
@@ -81,14 +82,17 @@ def test_where_a_lower_crest_grazes_no_more_the_higher_one_takes_over() -> None:
 
 def test_breathers_that_are_all_but_mirror_images_have_a_curve_each() -> None:
     """Near k = 1 time reversal makes pairs that are alike in a and p, but not in phi."""
-    diagram = cb.zones(k=0.94, forcing=TIED, within={"gamma": (0.14, 0.16)})
-    seen = 0
+    diagram = cb.zones(k=0.94, forcing=TIED, within={"gamma": (0.149, 0.151)})
+    seen: list[cb.Point] = []
     for root in cb.symmetric_roots(0.6, 0.15, 0.94, forcing=TIED):
         point = cb.trace(root, "a", towards="up").special[-1]
         if root.admissibility().ok and point.kind == "GR" and point["p"] > 1e-6:
             assert distance(diagram["GR"], point) < 0.01
-            seen += 1
-    assert seen == 3
+            seen.append(point)
+    apart = [
+        (abs(one["p"] - two["p"]), abs(one["phi"] - two["phi"])) for one in seen for two in seen
+    ]
+    assert any(p < 1e-3 and phi > 1 for p, phi in apart)
 
 
 def test_the_far_field_alone_is_never_what_grazes_first() -> None:
@@ -115,13 +119,12 @@ def test_one_harmonic_is_one_harmonic_however_it_is_written() -> None:
 
 
 def test_folds_are_passed_on_request_and_not_passed_on_request() -> None:
-    within = {"gamma": (0.1, 0.2)}
-    with_both = cb.zones(k=0.8, within=within, past_folds=True)
-    with_one = cb.zones(k=0.8, within=within)
-    assert len(with_both["GR"]) > len(with_one["GR"]) == 1
-    lower = cb.symmetric_roots(0.9, 0.12, 0.8)[1]
-    end = cb.trace(lower, "a", towards="down").first("GR")
-    assert distance(with_both["GR"], end) < 0.02 < distance(with_one["GR"], end)
+    within = {"gamma": (0.11, 0.14)}
+    beyond = cb.zones(k=0.8, within=within, past_folds=True)["NS"]
+    ended = cb.zones(k=0.8, within=within)["NS"]
+    (fold,) = (point for line in ended for point in line.special if point.kind == "NS-LP")
+    assert min(line["p"].min() for line in ended) > fold["p"] - 1e-9
+    assert min(line["p"].min() for line in beyond) < fold["p"] - 0.01
     several = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
     assert cb.zones(k=0.8, forcing=several, within=within).past_folds
     assert not cb.zones(k=0.8, forcing=several, within=within, past_folds=False).past_folds
@@ -206,7 +209,7 @@ def test_a_ring_can_be_asked_about_the_infinite_chain() -> None:
     place = branch.first("NS")["gamma"]
     assert place == pytest.approx(0.0969709, abs=1e-5)
     assert (branch["unstable"][branch["gamma"] < place - 1e-6] == 0).all()
-    assert "infinite chain" in branch.describe()
+    assert "threshold" not in branch.describe()
 
 
 # --- walls are always on ----------------------------------------------------------------------
@@ -285,7 +288,7 @@ def test_curves_and_arms_from_a_branch_without_walls_have_none_either() -> None:
 
 def test_a_boundary_keeps_its_walls_whatever_events_are_asked_for() -> None:
     point = cb.trace(start(), "a").first("PF")
-    line = cb.boundary(point, ("gamma", "a"), events=[cb.saddle_node()])
+    line = cb.boundary(point, ("gamma", "a"), events=[saddle_node()])
     assert line.special[-1].kind == "PF-GR"
     beyond = cb.boundary(point, ("gamma", "a"), within={"a": (0.1, 1.5)}, inadmissible=True)
     assert beyond["margin"].min() < 0
