@@ -206,10 +206,11 @@ def verdict(
     conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
     settings: dict[str, Any] = {**conditions.as_params(), "forcing": conditions.forcing, "t0": t0}
     length = whole("periods", periods, LEAST)
-    start = simulate(state, periods=whole("settle", settle, 0), **settings)
-    for run in (start, simulate(start.final, periods=length, **settings)):
-        if completed(run).stop is not RunStop.DONE:
-            return Verdict(Kind.UNDECIDED, run.reason, {}, run)
+    run = completed(simulate(state, periods=whole("settle", settle, 0), **settings))
+    if run.stop is RunStop.DONE:
+        run = completed(simulate(run.final, periods=length, **settings))
+    if run.stop is not RunStop.DONE:
+        return Verdict(Kind.UNDECIDED, run.reason, {}, run)
     return judge(run)
 
 
