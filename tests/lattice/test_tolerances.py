@@ -70,6 +70,11 @@ def test_the_peak_between_two_crests_of_nearly_equal_height_is_the_higher_one() 
         assert forcing.peak() == pytest.approx(np.abs(forcing.f(t)).max(), abs=1e-10)
 
 
+def test_the_peak_of_a_flat_top_is_its_height() -> None:
+    """``f = cos t - cos(3t)/9``: its curvature vanishes at the crest, where the search begins."""
+    assert Fourier(cos={1: -1.0, 3: 1.0}).peak() == pytest.approx(8 / 9, rel=1e-14)
+
+
 # --- formulas -------------------------------------------------------------------------------------
 
 
