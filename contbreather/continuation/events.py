@@ -307,8 +307,10 @@ def _branch_point_test(point: Point) -> float:
 
 
 def _bordered(point: Point) -> Array:
-    whole = np.vstack([point.jacobian(), point.curve.dual(point.tangent)])
-    return np.asarray(whole * point.curve.scales)
+    curve, whole = point.curve, np.empty((point.z.size, point.z.size))
+    whole[:-1], whole[-1] = curve.jacobian(point.z), curve.dual(point.tangent)
+    whole *= curve.scales
+    return whole
 
 
 def _branch_point_places(*points: Point) -> Array:

@@ -143,9 +143,9 @@ def foresee(segment: Segment, trail: Trail) -> None:
         near = min(sizes) < _LOW * max(sizes)
         middle = (segment.provisional(0.5),) if near else ()
         places = event.places(segment.first, *middle, segment.last)
-        for u, apart in zip((places[:-1] + places[1:]) / 2, np.diff(places), strict=True):
-            look.append(float(u))
-            trail.beside(*(look[-1:] if apart < _CLOSE else ()))
+        for one, other in itertools.pairwise(places.tolist()):
+            look.append((one + other) / 2)
+            trail.beside(*(look[-1:] if other - one < _CLOSE else ()))
     if trail.values[0.0] == 0 and not trail.jumps:
         look.append(ASIDE + 1e-12 * (1 + segment.curve.length(segment.first.z)) / segment.length)
     for u in look:
