@@ -431,5 +431,5 @@ def test_what_is_no_point_or_start_is_refused_by_its_type(thing: object) -> None
     name = type(thing).__name__
     with pytest.raises(BadInput, match=f"switch takes a special point .* got a {name}"):
         switch(thing)
-    with pytest.raises(BadInput, match=f"starts from a Problem, or from .* got a {name}"):
+    with pytest.raises(BadInput, match=f"a Problem was wanted, or what has one: .* got a {name}"):
         trace(thing, "mu")

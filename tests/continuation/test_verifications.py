@@ -28,6 +28,8 @@ from contbreather.continuation import (
     user,
 )
 from contbreather.continuation.maps import FixedPoint
+from contbreather.continuation.newton import Undefined
+from contbreather.continuation.problem import Curve
 
 from .zoo import CUSP, LINE, PITCHFORK, Array, cusp_surface, takens, trace_case
 
@@ -82,17 +84,25 @@ def test_a_fold_is_refused_without_its_null_vector() -> None:
 
 def test_a_branch_point_is_refused_where_the_derivative_keeps_its_rank() -> None:
     branch = trace_case(CUSP)
+    event = branch_point()
+    assert event.polish is not None
     for point in (middle(branch), branch.first("LP")):
-        assert "keeps its rank" in reason(branch_point(), point, tangents=())
-        assert "no two curves" in reason(branch_point(), point)
+        assert "no two curves" in reason(event, point)
+        with pytest.raises(Undefined):
+            event.polish(point)
 
 
 def test_a_branch_point_is_refused_where_two_ranks_are_lost() -> None:
     """``mu x = mu y = 0``: at mu = 0 the plane of all x, y is crossed."""
     mine = flow(lambda u, p: [p["mu"] * u[0], p["mu"] * u[1]], {"x": 0.0, "y": 0.0}, {"mu": -1.0})
     branch = trace(mine, "mu", within={"mu": (-1, 1)}, events=[user("mu", 0.0)])
-    words = reason(branch_point(), branch.first("UZ"), tangents=())
-    assert "loses more than one rank" in words
+    event = branch_point()
+    assert event.polish is not None
+    _, detail = event.polish(branch.first("UZ"))
+    assert "loses more than one rank" in detail["reason"]
+    found = trace(mine, "mu", within={"mu": (-1, 1)}, events=[event])
+    assert [point.kind for point in found.special] == ["EP", "EP"]
+    assert [point.kind for point in found.doubtful] == ["BP"]
 
 
 def test_a_count_beside_the_test_finds_two_branch_points_in_one_step() -> None:
@@ -179,7 +189,9 @@ def test_a_degenerate_takens_bogdanov_point_is_said_to_be() -> None:
     )
     point = trace(mine, "b2", within={"b2": (-1, 1)}, events=[user("b2", 0.0)])
     at_zero = next(p for p in point if p["b2"] == 0.0)
-    words = reason(looked_for(takens_folds(), "BT"), at_zero)
+    both = Curve(at_zero.problem, ("b2", "b1"))
+    ground = Point(both, both.start, np.empty(0), 0.0, 0.0)
+    words = reason(looked_for(takens_folds(), "BT"), ground)
     assert words.startswith("degenerate: a = 1, b = ")
 
 

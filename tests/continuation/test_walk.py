@@ -186,7 +186,7 @@ def test_the_domain_of_a_problem_is_a_window_too() -> None:
         ({"nu": (0, 1)}, r"no 'nu' in this problem; it has \['x', 'mu'\]"),
         ({"mu": (1, 0)}, r"the window of 'mu' is empty: \(1, 0\)"),
         ({"mu": (0, 0)}, r"the window of 'mu' is empty"),
-        ({"mu": (math.nan, 1)}, r"the window of 'mu' is empty"),
+        ({"mu": (math.nan, 1)}, r"the window of 'mu' must be a pair .* of numbers, got \(nan, 1\)"),
         ({"mu": (1, 2)}, r"the start has mu=0, outside \(1, 2\)"),
         ({"mu": 3.0}, r"the window of 'mu' must be a pair \(low, high\) of numbers, got 3.0"),
         ({"mu": (1, 2, 3)}, r"the window of 'mu' must be a pair \(low, high\)"),
