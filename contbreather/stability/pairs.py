@@ -26,7 +26,8 @@ def pair_gap(mu: Array, radius: float = 1.0) -> tuple[float, int]:
 
     Examples
     --------
-    >>> pair_gap(np.array([1.0 + 0.5j, 1.0 - 0.5j, 0.25 + 0.0j]))
+    >>> gap, outside = pair_gap(np.array([1.0 + 0.5j, 1.0 - 0.5j, 0.25 + 0.0j]))
+    >>> round(gap, 12), outside
     (-0.25, 1)
     """
     real = mu[mu.imag == 0.0].real
