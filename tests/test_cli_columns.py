@@ -345,3 +345,8 @@ def test_picture_of_a_diagram_shows_every_branch_by_its_first_impact(run, pictur
     for row in rows[::9]:
         t = float(row["t1"] or row["phi"])
         assert np.abs(data_of(ax) - (float(row["a"]), t)).max(axis=1).min() < 0.02
+
+
+def test_help_calls_the_command_by_its_name(run) -> None:
+    out = run("--help")[1]
+    assert re.search(r"Usage: contbreather\b(?!x)", out)

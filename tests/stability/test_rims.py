@@ -191,3 +191,9 @@ def test_without_coupling_an_idle_site_keeps_its_place() -> None:
     v = eigenvector(Ring(4), 0.0, 0.8, 1.1, 1.0)
     np.testing.assert_allclose(dense_half_map(4, 0.0, 0.8, 1.1) @ v, v, atol=1e-13)
     assert abs(v[0]) == 0.0
+
+
+def test_what_is_no_multiplier_is_refused_with_its_defect() -> None:
+    with pytest.raises(NotConverged, match=r"= \d\.\de[-+]\d\d; take one") as caught:
+        eigenvector(Ring(10), 0.1, 0.8, 0.3, 0.5 + 0.5j)
+    assert 1e-9 < caught.value.residual < 10.0
