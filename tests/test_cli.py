@@ -685,7 +685,7 @@ def test_boundary_shows_where_it_meets_others(run: Callable[..., Output]) -> Non
     assert status == DONE
     assert "PF-GR1" in out
     assert "Wrote pf.csv." in out
-    assert table(Path("pf.csv"))[0]["gamma"] == "0"
+    assert table(Path("pf.csv"))[0]["gamma"] == "0.0"
     assert "<svg" in Path("pf.svg").read_text()
 
 

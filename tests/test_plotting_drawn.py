@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 
 import contbreather as cb
@@ -49,7 +50,9 @@ def hue(colour) -> str:
 
 def pixel(ax, x: float, y: float) -> tuple[float, float, float]:
     """The colour that a reader sees at a place of the axes."""
-    image = np.asarray(ax.figure.canvas.buffer_rgba())
+    canvas = FigureCanvasAgg(ax.figure)
+    canvas.draw()
+    image = np.asarray(canvas.buffer_rgba())
     column, row = ax.transData.transform((x, y))
     return tuple(image[image.shape[0] - 1 - int(row), int(column), :3] / 255)
 

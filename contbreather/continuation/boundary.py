@@ -14,9 +14,9 @@ from ..errors import BadInput
 from .adjoin import adjoined, lifted
 from .branch import CLEAR, Branch, Point
 from .events import Event, Locus, branch_point, branches_cross
-from .meant import meant, titled, walls_are_lifted
 from .newton import Undefined
 from .problem import Curve, Problem
+from .scope import scope, titled, walls_are_lifted
 from .starts import Within, all_of
 from .steps import Steps
 from .trace import trace
@@ -99,7 +99,7 @@ def boundary_problem(
     of its unknowns."""
     if not isinstance(pair, tuple | list) or len(pair) != 2 or pair[0] == pair[1]:
         raise BadInput(f"a boundary needs two different parameters, got {pair!r}")
-    base, given = meant(ground.problem, all_of(events), inadmissible=inadmissible)
+    base, given = scope(ground.problem, all_of(events), inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
             raise BadInput(f"{name!r} is no parameter here; it has {list(base.params)}")
@@ -107,7 +107,7 @@ def boundary_problem(
         raise BadInput(f"{event.kind} has no locus to trace in two parameters")
     curve = Curve(base, (pair[1], pair[0]))
     try:
-        locus = event.locus(Point(curve, curve.start, np.empty(0), 0.0, ground.residual))
+        locus = event.locus(replace(ground, curve=curve, z=curve.start, tangent=np.empty(0)))
     except Undefined as error:
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
     longer = adjoined(base, locus, released=pair[1], base=curve, event=event)

@@ -37,6 +37,7 @@ def settled(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float
     found at the same parameter, the nearest one with another value of it is.
     """
     curve = Curve(problem, (free,))
+    bounds_of(curve, None)  # outside of the domain there is nothing to solve
     curve.check()
     value = curve.equations(curve.start)
     if (abs(value) <= _ROUNDING * curve.rows * (1 + abs(curve.start / curve.scales).max())).all():

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from ..errors import BadInput, NotConverged, keeping, taking
 from .branch import Branch, Point, Stop, labelled
 from .events import Event
-from .meant import walls_are_lifted
 from .newton import OUT_OF_DOMAIN
 from .problem import Curve, Problem
 from .progress import Progress
 from .recognition import images, lies_on
+from .scope import walls_are_lifted
 from .seed import Seed
 from .starts import Within, all_of
 from .steps import Steps

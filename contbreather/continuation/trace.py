@@ -15,10 +15,10 @@ from .branch import Branch, Point, Stop, labelled
 from .crossing import crossing
 from .events import Event
 from .location import Ends, Found, find
-from .meant import meant
 from .newton import Solution, Undefined, newton, solve
 from .problem import Curve, Problem, problem_in
 from .progress import Progress
+from .scope import scope
 from .segment import Segment, tangent_at
 from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, settled
 from .steps import Steps
@@ -224,7 +224,7 @@ def walk(
     >>> [round(point["mu"], 3) for point in itertools.islice(walk(line, "mu"), 2)]
     [0.0, 0.007]
     """
-    problem, wanted = meant(problem_in(start), events, inadmissible=inadmissible)
+    problem, wanted = scope(problem_in(start), events, inadmissible=inadmissible)
     walker = Walker(problem, free, within, towards, wanted, steps or Steps(), along)
     return walker.run()
 

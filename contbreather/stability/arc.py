@@ -265,10 +265,10 @@ def _roots(gamma: float, q: float, x: Array, y: Array) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
             step = np.where(after == 0.0, 0.0, new - after / slope)
         step = np.where(after == 0.0, new, step)
-        inside = (low < step) & (step < high)
+        inside = (low <= step) & (step <= high)
         old, before = new, after
         new = np.where(inside | (after == 0.0), step, 0.5 * (low + high))
-        if np.all(np.abs(new - old) <= 1e-9):
+        if np.all(np.abs(new - old) <= 4e-16):
             break
         after = _angle_equation(gamma, sample(gamma, new), q)
         under = (after < 0.0) == rising

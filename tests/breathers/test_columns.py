@@ -86,7 +86,7 @@ def test_an_arm_that_is_left_too_far_out_is_refused() -> None:
 def test_no_orbit_is_shot_with_a_restitution_that_cannot_be(k: float) -> None:
     problem = shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8)
     assert cb.trace(problem.at(k=1.0), "a", within={"a": (0.45, 0.55)})["k"].tolist()[0] == 1.0
-    with pytest.raises(cb.BadInput, match=r"restitution coefficient must be in \[0, 1\]"):
+    with pytest.raises(cb.BadInput, match=rf"the start has k={k:g}, outside \(0, 1\)"):
         cb.trace(problem.at(k=k), "a", within={"a": (0.45, 0.55)})
 
 

@@ -12,6 +12,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.breathers.orbit_problem import orbit_problem
+from contbreather.breathers.shooting import shot_orbit
 from contbreather.stability import D, neimark_sacker, unstable_count, window
 
 SMALL = cb.Steps(largest=0.01, most=20000)
@@ -245,3 +246,12 @@ def test_a_shot_orbit_ends_without_momentum_as_well():
     kinds = [point.kind for point in shot.special]
     assert kinds[0] == "VI"
     assert kinds[-1] == "GR"
+
+
+@pytest.mark.parametrize("sites", [20, 50])
+def test_a_point_at_a_fold_goes_to_a_ring(sites: int) -> None:
+    """There Newton's matrix is singular; the point solves the ring's equations but for rounding."""
+    fold = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a").first("LP")
+    orbit = shot_orbit(cb.shooting(fold, sites=sites))
+    assert orbit.residual < 1e-12
+    assert orbit.p == pytest.approx(fold["p"], rel=1e-6)

@@ -852,14 +852,15 @@ def test_ends_of_a_flight_are_limits_of_its_ratio() -> None:
 
 
 def test_inadmissible_orbit_says_which_site_and_when() -> None:
-    branch = cb.trace(arm()[-2].problem, "a", within={"a": (0, 0.9)}, towards="up", events=())
+    start, window = arm()[-2].problem, {"a": (0, 0.9)}
+    branch = cb.trace(start, "a", within=window, towards="up", events=(), inadmissible=True)
     verdict = clearance(branch[-1].solution)
     assert not verdict.ok
     assert verdict.margin < 0
     assert (verdict.site, verdict.far) == (1, 1.0)
     assert "site 1" in verdict.reason
     with pytest.raises(cb.BadInput, match="GR"):
-        cb.trace(branch[-1], "a", within={"a": (0, 0.95)})
+        cb.trace(branch[-1].solution, "a", within={"a": (0, 0.95)})
 
 
 def test_inadmissible_orbit_is_returned_by_name_only_and_marked() -> None:

@@ -114,7 +114,7 @@ def test_a_formula_that_vanishes_is_refused_with_the_values_of_its_letters() -> 
 
 
 def test_a_letter_without_a_value_is_asked_for_and_the_time_named() -> None:
-    with pytest.raises(BadInput, match=r"needs a value for c\.$"):
+    with pytest.raises(BadInput, match=r"needs a value for c; the time is t\.$"):
         Symbolic("-c*cos(t)")
     with pytest.raises(BadInput, match=r"needs a value for x; the time is t\.$"):
         Symbolic("-cos(x)")

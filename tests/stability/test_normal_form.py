@@ -81,13 +81,13 @@ def test_coefficient_is_what_the_arms_do_in_any_parameter(lattice, free):
 def test_the_word_says_whether_the_arms_take_over_stability(c3, word, gamma):
     forcing = Fourier(cos={1: -1.0, 3: c3})
     start = symmetric(0.9, gamma, 0.8, forcing=forcing)
-    branch = trace(start, "a", within={"a": (0.05, 3)}, events=[pitchfork()])
+    branch = trace(start, "a", within={"a": (0.05, 3)}, events=[pitchfork()], inadmissible=True)
     point = branch.first("PF")
     lifted = lift(point)
     assert lifted.form.criticality == word
     arm = orbit_at(lifted.beside(0.01)).map.count().count
     near = [point["a"] - 1e-4, point["a"] + 1e-4]
-    beside = trace(point, "a", events=(), within={"a": near})
+    beside = trace(point, "a", events=(), within={"a": near}, inadmissible=True)
     counts = [beside[i].solution.stability().unstable for i in (0, -1)]
     assert abs(counts[0] - counts[1]) == 1
     assert arm == (min(counts) if word == "supercritical" else max(counts))
@@ -98,7 +98,8 @@ def test_the_word_does_not_depend_on_the_parameter_that_is_varied(c3, word):
     """Stability is lost towards larger a and smaller gamma: one pitchfork all the same."""
     forcing = Fourier(cos={1: -1.0, 3: c3})
     start = symmetric(0.9, 0.02, 0.8, forcing=forcing)
-    point = trace(start, "a", within={"a": (0.05, 3)}, events=[pitchfork()]).first("PF")
+    branch = trace(start, "a", within={"a": (0.05, 3)}, events=[pitchfork()], inadmissible=True)
+    point = branch.first("PF")
     forms = {free: form_at(point.solution, free) for free in ("a", "gamma", "k", "c1", "c3")}
     assert {form.criticality for form in forms.values()} == {word}
     assert {form.coefficient > 0 for form in forms.values()} == {True, False}

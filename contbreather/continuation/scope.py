@@ -1,4 +1,4 @@
-"""What a walk is about: the events asked for, the walls of the problem, and the columns of both."""
+"""The scope of a walk: the events asked for, the walls of the problem, and the columns of both."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MARGIN = "margin"  # the column that tells, where walls are lifted, how far off 
 _LIFTED = ", walls lifted"
 
 
-def meant(
+def scope(
     problem: Problem, events: Event | Iterable[Event] | None, *, inadmissible: bool = False
 ) -> tuple[Problem, tuple[Event, ...]]:
     """The problem with its columns, and all events to look for on its curve.
