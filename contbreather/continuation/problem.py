@@ -401,11 +401,12 @@ class Curve:
         matrix = np.empty((n, z.size))
         by_hand = 0
         if problem.jacobian is not None:
-            matrix[:, :n] = problem.jacobian(self.unknowns(z), self.params(z))
+            params = self.params(z)
+            matrix[:, :n] = problem.jacobian(self.unknowns(z), params)
             by_hand = n
             if problem.sensitivity is not None:
                 for i, name in enumerate(self.free):
-                    matrix[:, n + i] = problem.sensitivity(self.unknowns(z), self.params(z), name)
+                    matrix[:, n + i] = problem.sensitivity(self.unknowns(z), params, name)
                 by_hand = z.size
         if by_hand < z.size:
             matrix[:, by_hand:] = self._by_trying(z, range(by_hand, z.size))
