@@ -513,6 +513,8 @@ def _beside_own_crest(breather: Breather, site: int, t: float) -> tuple[float, f
     def terms(s: float) -> tuple[Terms, Terms]:
         u, v, w = motion(b, site, phi + s)
         c = math.cos(s - crest)
+        if abs(math.sin(0.5 * (s - crest))) <= BESIDE:  # 0/0 but for rounding: by de l'Hospital
+            return (-wall * w, 0.0, 0.0), (c, 0.0, 0.0)
         return (1.0 - wall * u, -wall * v, -wall * w), (1.0 - c, math.sin(s - crest), c)
 
     step = math.pi / grid.s.size
@@ -532,6 +534,8 @@ def _beside_own_dip(breather: Breather, t: float) -> tuple[float, float]:
     def terms(s: float) -> tuple[Terms, Terms]:
         n, (d, d1, d2) = _centre_terms(b, s)
         e = s - dip
+        if abs(e) <= BESIDE:
+            return (0.5 * n[2], 0.0, 0.0), (d, 0.0, 0.0)
         return n, (d * e * e, (d1 * e + 2.0 * d) * e, (d2 * e + 4.0 * d1) * e + 2.0 * d)
 
     least, when = _least(terms, s, ratio, (0.1 * float(s[0]), pi - 1e-3 * (pi - float(s[-1]))))

@@ -25,9 +25,9 @@ from contbreather.breathers.shooting import problem_of, shot_orbit
 from contbreather.breathers.shooting_events import contact
 from contbreather.breathers.shooting_seeds import by_hand
 from contbreather.continuation import Branch, fold, trace
-from contbreather.errors import BadInput, NoSolution, NotConverged
+from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
 from contbreather.lattice import Forcing, forcing_of
-from contbreather.lattice.finite import Finite, Lattice, stiffness_of
+from contbreather.lattice.finite import Finite, Lattice, finite, stiffness_of
 
 ROOTS = ("upper", "lower")
 # Without symmetry nothing holds the idle sites at gamma = 0: such orbits set out from here.
@@ -90,6 +90,7 @@ def multibreather(
     """
     at = Walls.given(walls)
     on = Conditions(a, gamma, k, damping, spring, forcing_of(forcing), at).checked()
+    finite(lattice)
     branch = _from_the_limit(_singles(choice, lattice, on), lattice, on)
     if branch is None or branch[-1]["gamma"] < on.gamma:
         raise NoSolution(_refusal(choice, branch, on))
@@ -256,15 +257,17 @@ def multibreathers(
     >>> [(one.sites, one.copies, one.exists) for one in found]
     [((0,), 6, True), ((0, 1), 6, True), ((0, 2), 6, True), ((0, 3), 3, True)]
     """
+    finite(lattice)
     if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= lattice.sites:
         raise BadInput(f"most = {most!r}: a whole number of sites, 1 to {lattice.sites}.")
     at = Walls.given(walls)
     on = Conditions(a, gamma, k, damping, spring, forcing_of(forcing), at).checked()
-    return tuple(
-        _entry(sites, copies, lattice, on)
-        for count in range(1, most + 1)
-        for sites, copies in _classes(lattice, count)
-    )
+    found: list[Multibreather] = []
+    with keeping(lambda: tuple(found)):
+        for count in range(1, most + 1):
+            for sites, copies in _classes(lattice, count):
+                found.append(_entry(sites, copies, lattice, on))
+    return tuple(found)
 
 
 def _entry(sites: tuple[int, ...], copies: int, lattice: Finite, on: Conditions) -> Multibreather:

@@ -63,7 +63,8 @@ class OrbitVerdict:
 
     def describe(self) -> str:
         """The verdict as a sentence."""
-        word = "stable" if self.stable else f"unstable, {self.unstable} multipliers"
+        plural = "s" * (self.unstable > 1)
+        word = "stable" if self.stable else f"unstable, {self.unstable} multiplier{plural}"
         sign = "<=" if self.stable else ">"
         return (
             f"{self.lattice}: {word}; largest |multiplier| over {self.period / math.pi:.0f} "
@@ -284,8 +285,8 @@ class RingOrbit:
         """
         if sites is not None and sites != self.lattice.sites:
             raise BadInput(
-                f"this orbit lives on a {self.lattice.describe()}, not on {sites} sites: shoot it "
-                f"there first, shooting(orbit, sites={sites})."
+                f"this orbit lives on the {self.lattice.describe()}, not on {sites} sites: shoot "
+                f"it there first, shooting(orbit, sites={sites})."
             )
         free = self.modes(np.array(float(t)))
         forced = (self.a * self.section.forced.everywhere(float(t), order) for order in (0, 1))
@@ -372,6 +373,15 @@ class RingOrbit:
             return shot_orbit(shooting(self, lattice=cast(Finite, lattice), inadmissible=True))
         return self._on_the_chain(lattice)
 
+    def _on_ring(self, sites: int) -> Any:
+        if not isinstance(self.lattice, Ring):
+            raise BadInput(
+                f"sites = {sites}: the size of a ring, but this orbit lives on the "
+                f"{self.lattice.describe()}; ask without it, or take the orbit there, "
+                f"orbit.on(Ring({sites}))."
+            )
+        return self.on(Ring(sites))
+
     def _on_the_chain(self, lattice: Lattice) -> Any:
         from contbreather.breathers.impacts import Impact
         from contbreather.breathers.orbits import Orbit, orbit_at
@@ -420,7 +430,7 @@ class RingOrbit:
             With `half`, if the orbit is not symmetric.
         """
         if sites is not None and self.lattice != Ring(sites):
-            found: ComplexArray = self.on(Ring(sites)).multipliers(half=half)
+            found: ComplexArray = self._on_ring(sites).multipliers(half=half)
             return found
         if half and not self.symmetric:
             raise BadInput("this orbit was not shot on half its period: it has no half map.")
@@ -457,7 +467,7 @@ class RingOrbit:
                 "threshold of at least 1 is wanted (the paper takes 1.005)."
             )
         if sites is not None and self.lattice != Ring(sites):
-            verdict: OrbitVerdict = self.on(Ring(sites)).stability(threshold=threshold)
+            verdict: OrbitVerdict = self._on_ring(sites).stability(threshold=threshold)
             return verdict
         size = np.abs(self.multipliers())
         return OrbitVerdict(

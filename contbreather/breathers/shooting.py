@@ -37,7 +37,7 @@ from contbreather.continuation import Point, Problem
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Ring, check_gamma, forcing_of
-from contbreather.lattice.finite import Finite
+from contbreather.lattice.finite import Finite, finite
 
 FloatArray = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ def check_coupling(itinerary: Itinerary, on: Conditions) -> None:
         check_gamma(on.gamma)  # says why
     if on.gamma < WEAK and _loose(itinerary, on):
         raise BadInput(
-            f"gamma = {on.gamma!r} on a {lattice.describe()}: sites that do not feel each other "
+            f"gamma = {on.gamma!r} on the {lattice.describe()}: sites that do not feel each other "
             "may rest anywhere, so there is no one orbit; take sites=1, or a spring."
         )
     walls = {wall for _, wall in itinerary.impacts}
@@ -318,14 +318,9 @@ def _lattice(given: Any, sites: int | None) -> Finite | None:
     """The finite lattice that was asked for, None where that of the seed is meant."""
     if given is None:
         return None if sites is None else Ring(sites)
-    if getattr(given, "sites", None) is None or not hasattr(given, "basis"):
-        raise BadInput(
-            f"lattice = {given!r}: shooting needs a finite one, Ring(20), OpenChain(9), Grid(5, 5) "
-            "or Lattice(stiffness)."
-        )
-    if sites is not None and sites != given.sites:
-        raise BadInput(f"sites = {sites} and a {given.describe()}: give one of the two.")
-    lattice: Finite = given
+    lattice = finite(given)
+    if sites is not None and sites != lattice.sites:
+        raise BadInput(f"sites = {sites} and the {lattice.describe()}: give one of the two.")
     return lattice
 
 

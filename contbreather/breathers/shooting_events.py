@@ -38,6 +38,7 @@ Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
 
 PAPER = 1.005  # over the whole period
 REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
+ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
 ASIDE = 1e-6  # impacts closer than this happen at once
 STRIDE = 1e-3  # from a point to where the direction of an arm is looked for
 SHALLOW = 1e-8  # velocity below which an impact is none
@@ -58,13 +59,29 @@ def events_of(itinerary: Itinerary, threshold: float = PAPER) -> tuple[Event, ..
 
 def symmetry_breaking() -> Event:
     """PF, on half a symmetric orbit: its half map has the multiplier +1."""
+
+    def test(point: Point) -> float:
+        # without coupling idle sites have it all along, wherever they are
+        lost = _loose(point) and point["gamma"] < ADRIFT
+        return math.nan if lost else determinant(point.solution, 1.0)
+
+    def locus(point: Point) -> Locus:
+        own = _null_locus(1.0)(point)
+        return replace(own, domain={"gamma": (ADRIFT, math.inf)}) if _loose(point) else own
+
     return Event(
         "PF",
-        lambda point: determinant(point.solution, 1.0),
+        test,
         count=lambda point: beyond(point.solution.coupled, 1.0),
-        locus=_null_locus(1.0),
+        locus=locus,
         arms=_both_arms,
     )
+
+
+def _loose(point: Point) -> bool:
+    """Whether idle sites are held by their neighbours alone."""
+    orbit: RingOrbit = point.solution
+    return orbit.spring < ADRIFT and orbit.lattice.sites > 1
 
 
 def period_doubling() -> Event:

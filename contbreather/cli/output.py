@@ -145,10 +145,16 @@ def branch_rows(branch: Branch) -> list[dict[str, Any]]:
     """One row for each point, in order along the branch, with its label."""
     names = columns_of(branch)
     columns = [branch[name].tolist() for name in names]
-    return [
+    rows = [
         {**dict(zip(names, values, strict=True)), "label": point.label}
         for point, values in zip(branch, zip(*columns, strict=True), strict=True)
     ]
+    for point, row in zip(branch, rows, strict=True):
+        if point.kind:  # no count where rounding decides it, as in tables
+            row |= {
+                name: branch.shown(point, name) for name in branch.problem.record if name in row
+            }
+    return rows
 
 
 def point_entry(point: Point) -> dict[str, Any]:

@@ -165,7 +165,7 @@ class Lattice:
             raise BadInput(
                 f"graph = {graph!r}: an undirected networkx graph with at least one node is wanted."
             )
-        return cls(nx.laplacian_matrix(graph, weight=weight), name=f"graph of {len(graph)}", **more)
+        return cls(nx.laplacian_matrix(graph, weight=weight), name="graph", **more)
 
     # ------------------------------------------------------------------------ what it is
 
@@ -187,7 +187,7 @@ class Lattice:
         return f"<{self.describe()}>"
 
     def describe(self) -> str:
-        return f"{self.name}, {self.sites} sites"
+        return f"{self.name}, {self.sites} site{'s' * (self.sites > 1)}"
 
     @cached_property
     def spectrum(self) -> tuple[FloatArray, FloatArray]:
@@ -293,6 +293,21 @@ def _row(what: str, given: Any, sites: int) -> FloatArray:
         raise BadInput(f"{what} = {row.tolist()}: finite numbers are wanted.")
     row.setflags(write=False)
     return row
+
+
+def finite(given: Any) -> Finite:
+    """A finite lattice as it was given; anything else is refused."""
+    if (
+        isinstance(given, type)
+        or getattr(given, "sites", None) is None
+        or not hasattr(given, "basis")
+    ):
+        raise BadInput(
+            f"lattice = {given!r}: a finite one is wanted, Ring(20), OpenChain(9), Grid(5, 5) or "
+            "Lattice(stiffness)."
+        )
+    lattice: Finite = given
+    return lattice
 
 
 # --- rings --------------------------------------------------------------------------------------

@@ -533,8 +533,7 @@ def lattice_of(given: object) -> Lattice:
         return InfiniteChain()
     if isinstance(given, type) or not hasattr(given, "first_harmonic"):
         raise BadInput(
-            f"lattice = {given!r}: a lattice was wanted, InfiniteChain() or, for a ring of 20 "
-            "sites, Ring(20)."
+            f"lattice = {given!r}: this needs InfiniteChain() or, for a ring of 20 sites, Ring(20)."
         )
     return cast(Lattice, given)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -118,8 +118,8 @@ def axes_or_new(ax: Axes | None, height: float | None = None) -> Iterator[Axes]:
         yield new_figure(height=height)[1][0]
 
 
-def save_figure(figure: Figure | Axes, path: str | Path) -> Path:
-    """Write a figure as PNG, PDF or SVG, by suffix, whole or not at all.
+def save_figure(figure: Figure | Axes | Sequence[Axes], path: str | Path) -> Path:
+    """Write a figure, by any of its axes too, as PNG, PDF or SVG, whole or not at all.
 
     Raises
     ------
@@ -130,7 +130,8 @@ def save_figure(figure: Figure | Axes, path: str | Path) -> Path:
     kind = target.suffix.lower().removeprefix(".")
     # no date inside: the same figure gives the same file
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
-    whole = figure.get_figure(root=True)  # a figure is its own
+    one = figure[0] if isinstance(figure, Sequence) else figure
+    whole = one.get_figure(root=True)  # a figure is its own
     if whole is None:
         raise BadInput("these axes have no figure any more; draw them anew")
     with style():

@@ -26,12 +26,12 @@ ALONE = 3.0  # times 1/sites: off the band by more, a multiplier does not belong
 def plot_multipliers(
     breather: Breather,
     *,
-    sites: int = 400,
+    sites: int | None = None,
     half: bool = False,
     digits: int = 4,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw the Floquet multipliers of a breather on a ring.
+    """Draw the Floquet multipliers of a breather on a ring, or of an orbit on its own lattice.
 
     The unit circle, on it the band of the infinite chain ``exp(+-2 i pi w)`` (``exp(+-i pi w)`` for
     the half map), all 2N multipliers of the ring, and a label at each one off the band.
@@ -39,8 +39,8 @@ def plot_multipliers(
     Parameters
     ----------
     breather : Breather
-    sites : int
-        Length of the ring.
+    sites : int, optional
+        Length of the ring; that of the breather's own lattice, or 400 on the infinite chain.
     half : bool
         Those of the half map QS instead of (QS)^2: there +1 is a pitchfork and -1 a fold.
     digits : int
@@ -62,9 +62,13 @@ def plot_multipliers(
     if not hasattr(breather, "multipliers") or isinstance(breather, type):
         raise BadInput(f"a breather was wanted, got {kind_of(breather)}")
     whole("digits", digits, 0)
+    own = breather.lattice.sites
+    if sites is None and own is None:
+        sites = 400
     mu = np.asarray(breather.multipliers(sites=sites, half=half))
-    edge = 2.0 * math.sqrt(breather.gamma) * (1.0 if half else 2.0)
-    alone = _alone(mu, edge, sites)
+    spring = float(getattr(breather, "spring", 0.0))
+    edge = math.sqrt(4.0 * breather.gamma + spring) * (1.0 if half else 2.0)
+    alone = _alone(mu, edge, sites or own or 1)
     with axes_or_new(ax, height=8.5) as axes:
         _circle_and_band(axes, edge)
         _dots(axes, mu, alone)

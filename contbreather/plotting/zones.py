@@ -151,11 +151,18 @@ def draw_panels(
         _panel(one, panel, letter, box_of(one, within))
 
 
+def _chain(zones: Zones) -> str:
+    """Which ring the zones are about, and its threshold; nothing for the infinite chain."""
+    sites = next((branch[0].solution.lattice.sites for _, branch in zones), None)
+    return "" if sites is None else f", ring of {sites}, threshold {zones.threshold:g}"
+
+
 def _panel(zones: Zones, ax: Axes, letter: str, box: Box) -> None:
     horizontal, vertical = zones.pair
     ax.set_xlabel(symbol(horizontal))
     ax.set_ylabel(symbol(vertical))
-    ax.set_title(f"{letter}{symbol(zones.fixed[0])} = {zones.fixed[1]:g}", loc="left", pad=3)
+    title = f"{letter}{symbol(zones.fixed[0])} = {zones.fixed[1]:g}{_chain(zones)}"
+    ax.set_title(title, loc="left", pad=3)
     for kind, branch in zones:
         ax.plot(branch[horizontal], branch[vertical], **LINES[kind])
     window = _window(zones, box)
