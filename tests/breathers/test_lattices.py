@@ -500,3 +500,24 @@ def test_orbit_goes_to_any_lattice_and_back() -> None:
     own = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(40), damping=0.1)
     assert damped.stability(sites=40).largest == pytest.approx(own.stability().largest)
     assert damped.multipliers(sites=40).size == 80
+
+
+def test_no_pitchfork_is_seen_where_sites_come_apart() -> None:
+    """At gamma = 0 every idle site has the multiplier 1, and nothing happens to the breather."""
+    start = cb.symmetric(0.5, 0.03, 0.8, lattice=cb.OpenChain(9))
+    branch = cb.trace(start, "gamma", within={"gamma": (0.0, 0.05)})
+    assert branch[0]["gamma"] == 0.0
+    assert branch[0].kind == "EP"
+    assert branch.doubtful == ()
+
+
+def test_a_number_of_sites_names_a_ring_only() -> None:
+    orbit = cb.symmetric(0.6, 0.03, 0.8, lattice=cb.Grid(5, 5), site=12)
+    for ask in (orbit.stability, orbit.multipliers):
+        with pytest.raises(cb.BadInput, match="lives on the grid of 5 x 5"):
+            ask(sites=20)
+    assert orbit.multipliers().size == 50
+    chain = cb.InfiniteChain()
+    for make in (cb.multibreather, lambda _, **on: cb.multibreathers(**on)):
+        with pytest.raises(cb.BadInput, match="a finite one is wanted"):
+            make([0], a=0.5, gamma=0.03, k=0.8, lattice=chain)

@@ -323,3 +323,12 @@ def test_quiet_neighbours_are_judged_as_fast_as_loud_ones(a: float, gamma: float
     s = quiet.phi + np.linspace(0, 2 * math.pi, 20001)
     assert margins.max_neighbour < 1e-4
     assert margins.max_neighbour == pytest.approx(abs(quiet.displacement(1, s)).max(), rel=1e-6)
+
+
+@pytest.mark.parametrize("c3", [0.05, 0.3])
+def test_grazing_is_followed_from_where_there_is_no_coupling(c3: float) -> None:
+    """There the crest lies on the grid on which margins are looked at: 0/0 but for rounding."""
+    start = cb.symmetric(0.5, 0.0, 0.8, forcing=cb.Fourier(cos={1: -1, 3: c3}))
+    line = cb.boundary(cb.trace(start, "a").first("GR"), ("gamma", "a"), within={"gamma": (0, 0.1)})
+    assert line[-1]["gamma"] == 0.1
+    assert all(point.solution.admissibility().margin > -1e-9 for point in line)
