@@ -27,6 +27,7 @@ FINE = 64  # points to a half period of the forcing; sixteen to that of its high
 CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
 LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
 NO_WALLS = (-math.inf, math.inf)
+ALIKE = 1e-9  # sites whose motions differ by less are images of each other
 ENDS = 1e-9  # relative distance from its impacts at which a flight counts as at them
 
 
@@ -221,7 +222,8 @@ def gaps_of_others(orbit: RingOrbit, besides: tuple[int, float] | None = None) -
     """The margins of the sites that never hit a wall: the highest, and those beside it that may
     be higher still; of mirror images the one to the right.
 
-    ``besides`` names a crest, by its site and time, that is not to be counted.
+    ``besides`` names a crest, by its site and time, that is not to be counted, on sites that move
+    alike by symmetry either.
     """
     walls = orbit.conditions.walls
     watched = np.array(
@@ -234,7 +236,8 @@ def gaps_of_others(orbit: RingOrbit, besides: tuple[int, float] | None = None) -
     size = _points(orbit, T)
     times: FloatArray = orbit.times[0] + T / size * np.arange(size, dtype=float)
     low, high = np.array([walls.at(n) for n in watched.tolist()]).T
-    u = _height(orbit.motion(times)[:, watched], low, high)  # of period T, by symmetry
+    motion = orbit.motion(times)
+    u = _height(motion[:, watched], low, high)  # of period T, by symmetry
     before, after = np.roll(u, 1, axis=0), np.roll(u, -1, axis=0)
     crest = (u >= before) & (u >= after)
     bend = np.where(crest, 2.0 * u - before - after, 1.0)
@@ -242,11 +245,13 @@ def gaps_of_others(orbit: RingOrbit, besides: tuple[int, float] | None = None) -
     tops = np.where(crest, u + lift, -np.inf)
     if besides is not None:
         apart = (times - besides[1] + 0.5 * T) % T - 0.5 * T
-        tops[np.ix_(np.abs(apart) < 2.5 * T / size, watched == besides[0])] = -np.inf
+        alike = np.abs(motion[:, watched] - motion[:, [besides[0]]]).max(axis=0) < ALIKE
+        tops[np.ix_(np.abs(apart) < 2.5 * T / size, alike)] = -np.inf
     top = tops.max(axis=0)
     enough = float(top.max()) - CLOSE * abs(float(top.max()))
     beside = _beside(orbit)
-    chosen = [i for i, n in enumerate(watched.tolist()) if n in beside or top[i] >= enough]
+    near = [i for i, n in enumerate(watched.tolist()) if n in beside or top[i] >= enough]
+    chosen = [i for i in near if top[i] > -np.inf]  # some site may have the excepted crest only
     found = []
     for i in chosen:
         crests = np.flatnonzero(tops[:, i] >= top[i] - CLOSE * abs(top[i]))

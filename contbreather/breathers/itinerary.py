@@ -127,6 +127,12 @@ class Itinerary:
 def check_walls(itinerary: Itinerary, walls: Walls) -> None:
     """`BadInput` where a site hits a wall that is not there, or half an orbit cannot stand for the
     other half."""
+    for site, _ in walls.own:
+        if not 0 <= site < itinerary.sites:
+            raise BadInput(
+                f"walls of site {site}: there is no such site on the "
+                f"{itinerary.lattice.describe()}; sites are 0 to {itinerary.sites - 1}."
+            )
     for site, wall in itinerary.impacts:
         if math.isinf(walls.position(site, wall)):
             raise ImpossibleSequence(

@@ -24,7 +24,8 @@ from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.breathers.shooting import problem_of, shot_orbit
 from contbreather.breathers.shooting_events import contact
 from contbreather.breathers.shooting_seeds import by_hand
-from contbreather.continuation import Branch, fold, trace
+from contbreather.continuation import Branch, Point, Stop, fold, trace
+from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
 from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.finite import Finite, Lattice, finite, stiffness_of
@@ -119,6 +120,8 @@ def _refusal(choice: Any, branch: Branch | None, on: Conditions) -> str:
 def _singles(
     choice: Sequence[int] | Mapping[int, Any], lattice: Finite, on: Conditions
 ) -> list[Single]:
+    if not isinstance(choice, Mapping | Sequence):
+        raise BadInput(f"{choice!r}: a list of sites is wanted, or a dict of sites and orbits.")
     chosen = dict(choice) if isinstance(choice, Mapping) else dict.fromkeys(choice, "upper")
     if not chosen or len(chosen) < len(choice):
         raise BadInput(f"{choice!r}: name at least one site, and each once.")
@@ -137,6 +140,11 @@ def _single(lattice: Finite, site: int, what: Any, on: Conditions) -> Single:
         walls, times = (wall for _, wall in what.sequence), what.times.tolist()
         itinerary = what.itinerary
         return Single(site, tuple(walls), tuple(times), itinerary.turns, itinerary.symmetric)
+    if getattr(what, "gamma", 0.0) != 0.0:
+        raise BadInput(
+            f"site {site}: {what!r} has gamma = {what.gamma!r}; an orbit of the single oscillator, "
+            "without coupling, is wanted."
+        )
     if hasattr(what, "phi"):  # a symmetric breather
         return Single(site, (1,), (float(what.phi),), 1, True)
     if hasattr(what, "sequence") and len({n for n, _ in what.sequence}) == 1:
@@ -190,6 +198,9 @@ def _from_the_limit(singles: Sequence[Single], lattice: Finite, on: Conditions) 
             site=margin.site,
             time=margin.time,
         )
+    if on.gamma <= first:
+        curve = Curve(start, ("gamma",))
+        return Branch((Point(curve, curve.start, np.empty(0), 0.0, 0.0),), Stop.START)
     ends = (replace(fold(), terminal=True), contact())
     return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
 

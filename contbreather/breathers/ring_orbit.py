@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,8 +15,8 @@ from contbreather.breathers.flight_map import Section, free_multipliers
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.errors import BadInput
 from contbreather.flows.modes import turn
-from contbreather.lattice import Forcing, Lattice, Ring
-from contbreather.lattice.finite import Finite
+from contbreather.lattice import Forcing, InfiniteChain, Lattice, Ring
+from contbreather.lattice.finite import Finite, finite
 
 if TYPE_CHECKING:
     from contbreather.breathers.admissibility import Admissibility
@@ -367,11 +367,11 @@ class RingOrbit:
         """
         if lattice == self.lattice:
             return self
-        if lattice.sites is not None:
-            from contbreather.breathers.shooting import shooting, shot_orbit
+        if isinstance(lattice, InfiniteChain):
+            return self._on_the_chain(lattice)
+        from contbreather.breathers.shooting import shooting, shot_orbit
 
-            return shot_orbit(shooting(self, lattice=cast(Finite, lattice), inadmissible=True))
-        return self._on_the_chain(lattice)
+        return shot_orbit(shooting(self, lattice=finite(lattice), inadmissible=True))
 
     def _on_ring(self, sites: int) -> Any:
         if not isinstance(self.lattice, Ring):

@@ -39,6 +39,7 @@ Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
 PAPER = 1.005  # over the whole period
 REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
 ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
+VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding
 ASIDE = 1e-6  # impacts closer than this happen at once
 STRIDE = 1e-3  # from a point to where the direction of an arm is looked for
 SHALLOW = 1e-8  # velocity below which an impact is none
@@ -197,9 +198,16 @@ def _orbit(curve: Curve, z: FloatArray) -> RingOrbit:
 
 
 def determinant(orbit: RingOrbit, mu: float) -> float:
-    """``det(M - mu)`` over a section, in units of what it is without impacts."""
+    """``det(M - mu)`` over a section, in units of what it is without impacts.
+
+    Each impact brings a pole where its velocity vanishes, which is divided out.
+    """
     monodromy = orbit.section.monodromy
-    return _in_units_of_flight(orbit.section, monodromy - mu * np.eye(len(monodromy)), mu)
+    velocities = [one.velocity * one.wall for one in orbit.section.impacts]
+    if min(velocities) < VANISHED:
+        return math.nan  # the end of the branch, where rounding decides
+    own = _in_units_of_flight(orbit.section, monodromy - mu * np.eye(len(monodromy)), mu)
+    return own * math.prod(velocities)
 
 
 def _in_units_of_flight(section: Section, matrix: FloatArray, mu: float) -> float:

@@ -337,9 +337,9 @@ class Curve:
     @cached_property
     def rows(self) -> Array:
         sizes = self.row_sizes(self.start)
-        if sizes.min() > _VANISHED * sizes.max():
+        if sizes.size > 1 and sizes.min() > _VANISHED * sizes.max():
             return sizes
-        # where curves cross a whole row may vanish: its size is seen a little aside
+        # where curves cross a whole row, or the only one, may vanish: its size is seen aside
         z = self.start + _ASIDE * (1 + self.length(self.start)) * self.scales
         try:
             return np.maximum(sizes, self.row_sizes(z))

@@ -68,22 +68,24 @@ def turn(z: FloatArray, time: Any, damping: float = 0.0) -> Turn:
 
 
 def _damped(z: FloatArray, time: Any, damping: float) -> Turn:
-    c, s = _waves((z - 0.25 * damping * damping) * time * time)
-    decay = np.exp(-0.5 * damping * time)
-    reach = decay * time * s
+    c, s = _waves((z - 0.25 * damping * damping) * time * time, 0.5 * damping * time)
+    reach = time * s
     lag = 0.5 * damping * reach
-    return Turn(decay * c + lag, reach, z * reach, decay * c - lag)
+    return Turn(c + lag, reach, z * reach, c - lag)
 
 
-def _waves(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``cos sqrt(x)`` and ``sin(sqrt x)/sqrt(x)`` for x of either sign."""
+def _waves(x: FloatArray, lost: Any) -> tuple[FloatArray, FloatArray]:
+    """``cos sqrt(x)`` and ``sin(sqrt x)/sqrt(x)`` for x of either sign, times ``exp(-lost)``: taken
+    together neither overflows."""
     root = np.sqrt(abs(x))
     safe = np.where(root > 0.0, root, 1.0)
     under = x >= 0.0
-    grown = np.where(under, 0.0, root)  # keeps cosh from overflowing where it is not wanted
-    c = np.where(under, np.cos(root), np.cosh(grown))
-    s = np.where(under, np.sin(root), np.sinh(grown)) / safe
-    return c, np.where(root > 0.0, s, 1.0)
+    decay = np.exp(-lost)
+    grown, fallen = np.exp(np.where(under, 0.0, root) - lost), np.exp(-root - lost)
+    c = np.where(under, decay * np.cos(root), 0.5 * (grown + fallen))
+    sinh = np.where(root < 1.0, decay * np.sinh(np.minimum(root, 1.0)), 0.5 * (grown - fallen))
+    s = np.where(under, decay * np.sin(root), sinh) / safe
+    return c, np.where(root > 0.0, s, decay)
 
 
 def turn_slope(z: FloatArray, time: float, at: Turn, damping: float = 0.0) -> Turn:

@@ -165,7 +165,13 @@ class Lattice:
             raise BadInput(
                 f"graph = {graph!r}: an undirected networkx graph with at least one node is wanted."
             )
-        return cls(nx.laplacian_matrix(graph, weight=weight), name="graph", **more)
+        try:
+            matrix = nx.laplacian_matrix(graph, weight=weight).toarray()
+        except (TypeError, ValueError) as error:
+            raise BadInput(
+                f"the weights {weight!r} of the edges must be numbers, their stiffnesses: {error}."
+            ) from error
+        return cls(matrix, name="graph", **more)
 
     # ------------------------------------------------------------------------ what it is
 

@@ -344,7 +344,12 @@ def _coefficients(kind: str, given: Mapping[int, float]) -> tuple[tuple[int, flo
 
 
 def check_size(largest: float, what: str) -> None:
-    """Refuse coefficients whose squares or sums would overflow."""
+    """Refuse coefficients whose squares or sums would overflow, or vanish."""
+    if 0.0 < largest < 1.0 / LARGEST:
+        raise BadInput(
+            f"{what} reaches {largest:.2g} only, too little to be computed with; the amplitude a "
+            "multiplies any forcing, so scale it up."
+        )
     if largest > LARGEST:
         raise BadInput(
             f"{what} reaches {largest:.2g}, too large to be computed with; the amplitude a "

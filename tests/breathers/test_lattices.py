@@ -384,7 +384,7 @@ def test_orbit_is_asked_for_its_own_sites_only() -> None:
     )
 
 
-# --- walls ----------------------------------------------------------------------------------------
+# --- walls ------------------------------------------------------------------------------------
 
 
 def test_everything_scales_with_the_distance_of_the_walls() -> None:
@@ -480,7 +480,7 @@ def test_impossible_walls_are_refused() -> None:
         cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(5), walls=(-1, 2))
 
 
-# --- from one lattice to another ------------------------------------------------------------------
+# --- from one lattice to another --------------------------------------------------------------
 
 
 def test_orbit_goes_to_any_lattice_and_back() -> None:
@@ -521,3 +521,55 @@ def test_a_number_of_sites_names_a_ring_only() -> None:
     for make in (cb.multibreather, lambda _, **on: cb.multibreathers(**on)):
         with pytest.raises(cb.BadInput, match="a finite one is wanted"):
             make([0], a=0.5, gamma=0.03, k=0.8, lattice=chain)
+
+
+# --- the ring of the chain's own closed forms as an oracle ------------------------------------
+
+
+def test_a_ring_with_next_to_no_damping_has_the_events_of_one_without() -> None:
+    """The one is shot, the other a closed form: the same labels at the same places."""
+    bare, damped = (
+        cb.trace(cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(12), damping=mu), "a")
+        for mu in (0.0, 1e-9)
+    )
+    assert [p.label for p in damped.special] == [p.label for p in bare.special]
+    for one, other in zip(damped.special, bare.special, strict=True):
+        assert one["a"] == pytest.approx(other["a"], abs=1e-6)
+    assert damped.doubtful == ()
+    lines = [
+        cb.boundary(b.first("GR"), ("gamma", "a"), within={"gamma": (0.005, 0.12)})
+        for b in (bare, damped)
+    ]
+    met = [[(p.label, p["gamma"]) for p in line.special] for line in lines]
+    assert [label for label, _ in met[0]] == [label for label, _ in met[1]]
+    assert [x for _, x in met[0]] == pytest.approx([x for _, x in met[1]], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("lattice", "site"), [(cb.OpenChain(9), 0), (cb.OpenChain(5), 2), (cb.Grid(3, 3), 4)]
+)
+def test_grazing_is_followed_where_several_sites_move_alike(lattice, site: int) -> None:
+    start = cb.symmetric(0.6, 0.05, 0.8, lattice=lattice, site=site)
+    graze = cb.trace(start, "a", towards="up").first("GR")
+    line = cb.boundary(graze, ("gamma", "a"), within={"gamma": (0.03, 0.06)})
+    assert [line[0]["gamma"], line[-1]["gamma"]] == [0.03, 0.06]
+    t = np.linspace(0, 2 * math.pi, 4001)
+    for point in line:
+        others = [n for n in range(lattice.sites) if n != site]
+        highest = max(abs(point.solution.displacement(n, t)).max() for n in others)
+        assert highest == pytest.approx(1.0, abs=1e-6)
+
+
+def test_nothing_is_seen_where_an_impact_vanishes_but_its_end() -> None:
+    """The saltation has a pole there: no multiplier passes the circle."""
+    start = cb.symmetric(0.35, 0.02, 0.8, lattice=cb.Ring(6), spring=0.5)
+    branch = cb.trace(start, "a")
+    assert branch[0].kind == "VI"
+    assert not [point for point in (*branch.special, *branch.doubtful) if point.kind == "PF"]
+
+
+def test_flights_with_heavy_damping_neither_overflow_nor_cancel() -> None:
+    for damping in (1e-9, 1e-6, 3.0, 1e3):
+        fly = turn(np.array([0.0, 0.2]), math.pi, damping)
+        assert fly.reach[0] == pytest.approx(-math.expm1(-damping * math.pi) / damping, rel=1e-12)
+        assert np.isfinite(np.concatenate(fly)).all()

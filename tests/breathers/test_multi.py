@@ -149,3 +149,11 @@ def test_catalogue_says_what_exists_and_what_is_stable() -> None:
             largest = abs(one.orbit.multipliers()).max()
             assert one.stable(1.0) == (largest <= 1.0)
     assert any(one.stable(1.0) for one in found)
+
+
+def test_without_coupling_it_is_the_choice_itself() -> None:
+    two = cb.multibreather([0, 2], a=0.5, gamma=0.0, k=0.8, lattice=cb.Ring(5))
+    assert two.gamma == 0.0
+    assert two.p == pytest.approx(cb.symmetric(0.5, 0.0, 0.8).p, abs=1e-12)
+    with pytest.raises(cb.BadInput, match=r"has gamma = 0\.04"):
+        cb.multibreather({0: cb.symmetric(0.5, 0.04, 0.8)}, lattice=cb.Ring(5), **AT)

@@ -362,3 +362,16 @@ def test_crossing_boundaries_and_curves_of_branch_points_go_on_from_a_file(tmp_p
     again = cb.load(tmp_path / "bp.nc", problem=problem)
     assert kinds(again) == kinds(line) == ["BP-PD"]
     assert np.array_equal(again["p2"], line["p2"])
+
+
+@pytest.mark.parametrize("c", [0.3, 0.5, 0.5001, 2.0])
+def test_a_curve_of_branch_points_of_one_equation(c: float) -> None:
+    """``m x + c x^2 - x^3``: at m = 0 for every c, where all of its derivative vanishes."""
+    problem = cb.Problem(
+        lambda x, p: np.array([p["m"] * x[0] + p["c"] * x[0] ** 2 - x[0] ** 3]),
+        {"x": 0.0}, {"m": -1.0, "c": c},
+    )  # fmt: skip
+    branch = cb.trace(problem, "m", within={"m": (-2, 2)}, events=[cb.branch_point()])
+    line = cb.boundary(branch.first("BP"), ("c", "m"), within={"c": (-3, 3)})
+    assert abs(line["m"]).max() < 1e-12
+    assert [line[0]["c"], line[-1]["c"]] == [-3.0, 3.0]
