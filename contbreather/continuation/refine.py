@@ -8,14 +8,15 @@ from dataclasses import replace
 from itertools import pairwise
 
 from .branch import Branch, Point
-from .newton import OUT_OF_DOMAIN
+from .newton import OUT_OF_DOMAIN, Undefined
 from .segment import Segment
 
 _CLOSE = 1e-8  # neighbours closer than this, relative to 1 + |z|, have nothing between them
 
 
 def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
-    """The same branch with at least `fewest` points, evenly along it; what it had stays.
+    """The same branch with at least `fewest` points, evenly along it, as far as Newton's iteration
+    finds them; what it had stays.
 
     Parameters
     ----------
@@ -66,4 +67,8 @@ def _filled(first: Point, last: Point, spacing: float, tolerance: float) -> Iter
     pieces = math.ceil((last.arclength - first.arclength) / spacing)
     segment = Segment(first, last, tolerance)
     for i in range(1, pieces):
-        yield segment.at(i / pieces)
+        try:
+            found = segment.at(i / pieces)
+        except Undefined:
+            continue  # left out rather than interpolated
+        yield found

@@ -344,3 +344,10 @@ def test_several_values_give_several_diagrams_of_which_an_interruption_keeps_the
     kept = stop.value.partial
     assert [each.interrupted for each in kept] == [False, True]
     assert [len(branch) for _, branch in kept[0]] == [len(branch) for _, branch in one]
+
+
+def test_zones_next_to_no_restitution_are_drawn() -> None:
+    """There Newton's iteration fails between some points of a curve, which are left out."""
+    found = zones(k=1e-9, within={"gamma": (0.0, 0.05)})
+    assert len(found["LP"]) == 1
+    assert all(point.residual < 1e-9 for branch in found["LP"] for point in branch)
