@@ -348,6 +348,6 @@ def test_several_values_give_several_diagrams_of_which_an_interruption_keeps_the
 
 def test_zones_next_to_no_restitution_are_drawn() -> None:
     """There Newton's iteration fails between some points of a curve, which are left out."""
-    found = zones(k=1e-9, within={"gamma": (0.0, 0.05)})
+    found = cb.zones(k=1e-9, within={"gamma": (0.0, 0.05)})
     assert len(found["LP"]) == 1
     assert all(point.residual < 1e-9 for branch in found["LP"] for point in branch)
