@@ -20,6 +20,7 @@ from contbreather.breathers import (
     symmetric,
     symmetric_roots,
 )
+from contbreather.breathers.admissibility import Rival, rivals
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples
 
@@ -225,6 +226,97 @@ def test_centre_margin_has_no_jump_where_the_rebound_dies(a, gamma):
     for k in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-9):
         # it rises like sqrt(k): the flight starts flat for about so long
         assert abs(centre_margin(symmetric(a, gamma, k)) - limit) < 3 * math.sqrt(k) + 1e-4
+
+
+def test_a_dip_between_the_last_of_the_grid_and_the_impact_is_found_at_its_bottom() -> None:
+    forcing = Fourier(cos={1: -1.0, 3: 1.8}, sin={3: -1.5})
+    rest = np.linspace(1e-4, 0.2, 200001)
+    for k in np.linspace(0.6, 0.95, 8).tolist():
+        b = symmetric(0.45, 0.2, k, forcing=forcing)
+        s = math.pi - rest
+        ratio = (1 - b.displacement(0, b.phi + s) ** 2) / ((s + k) * s * rest)
+        verdict = admissibility(b)
+        deepest = int(ratio.argmin())
+        assert 0 < deepest < rest.size - 1
+        when = b.phi + float(s[deepest])
+        assert verdict.places["centre"] == (0, pytest.approx(when, abs=1e-5))
+        norm = (math.pi / 2 + k) * math.pi**2 / 4
+        assert verdict.centre == pytest.approx(norm * float(ratio[deepest]), abs=1e-9)
+
+
+# ------------------------------------------------------------------- besides a grazing crest
+
+
+def undone(rival: Rival, size: float) -> float:
+    """The margin m of ``m/(|m| + size)``."""
+    return size * rival.margin / (1 - abs(rival.margin))
+
+
+GRAZING = [Harmonic(), TWO, Fourier(cos={1: -1.0, 3: -0.15}, sin={3: 0.3, 5: 0.2})]
+
+
+@pytest.mark.parametrize("forcing", GRAZING)
+@pytest.mark.parametrize("gamma", [0.0, 0.05])
+def test_besides_the_graze_of_site_0_the_least_of_its_own_flight_is_told(forcing, gamma) -> None:
+    k = brentq(lambda k: centre_margin(symmetric(0.97, gamma, k, forcing=forcing)), 0.0, 0.4)
+    b = symmetric(0.97, gamma, k, forcing=forcing)
+    site, t = admissibility(b).places["centre"]
+    assert site == 0
+    dip = t - b.phi
+    s = np.linspace(0, math.pi, 200001)[1:-1]
+    s = s[abs(s - dip) > 1e-2]
+    room = (s + k) * s * (math.pi - s) * (s - dip) ** 2
+    ratio = (1 - b.displacement(0, b.phi + s) ** 2) / room
+    own = rivals(b, 0, t)[0]
+    assert own.site == 0
+    assert undone(own, b.p) == pytest.approx(float(ratio.min()), rel=1e-3)
+    # both a dip and the very end, where it falls off, may be the least
+    assert own.time - b.phi == pytest.approx(float(s[ratio.argmin()]), abs=1e-3)
+
+
+@pytest.mark.parametrize("forcing", GRAZING)
+@pytest.mark.parametrize("site", [1, 2])
+def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(
+    forcing, site
+) -> None:
+    gamma, k = 0.1, 0.8
+
+    def above(a: float) -> float:
+        return neighbour_peak(symmetric(a, gamma, k, forcing=forcing), site)[1] - 1
+
+    a = brentq(above, 1.1 * smallest_amplitude(gamma, k, forcing), 3.0, xtol=1e-14)
+    b = symmetric(a, gamma, k, forcing=forcing)
+    t, _ = neighbour_peak(b, site)
+    wall = math.copysign(1.0, float(b.displacement(site, t)))
+    s = np.linspace(1e-2, 2 * math.pi - 1e-2, 100001)
+    ratio = (1 - wall * b.displacement(site, t + s)) / (1 - np.cos(s))
+    own = rivals(b, site, t)[0]
+    assert own.site == site
+    assert undone(own, b.p * gamma**site) == pytest.approx(float(ratio.min()), rel=1e-5)
+    apart = (own.time - t - float(s[ratio.argmin()]) + math.pi) % (2 * math.pi) - math.pi
+    assert abs(apart) < 1e-2
+
+
+@pytest.mark.parametrize("site", [0, 1])
+def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_margin(site) -> None:
+    b = symmetric(0.6, 0.1, 0.8)
+    verdict = admissibility(b)
+    t = neighbour_peak(b, 1)[0] if site else verdict.places["centre"][1]
+    found = {rival.site: rival for rival in rivals(b, site, t)[1:]}
+    assert site not in found
+    for n, rival in found.items():
+        margin = 1 - neighbour_peak(b, n)[1] if n else verdict.centre
+        assert undone(rival, b.p * b.gamma ** min(n, site)) == pytest.approx(margin, rel=1e-12)
+    assert set(found) >= {1 - site}
+
+
+def test_without_coupling_no_neighbour_is_told_from_a_graze_by_rounding() -> None:
+    b = symmetric(0.9, 0.0, 0.8)
+    t, _ = neighbour_peak(b, 1)
+    own, centre = rivals(b, 1, t)
+    assert (own.margin, own.site) == (1.0, 1)
+    assert centre.site == 0
+    assert undone(centre, b.p) == pytest.approx(centre_margin(b), rel=1e-12)
 
 
 # ---------------------------------------------------------------------------------- far field

@@ -39,6 +39,19 @@ def test_of_a_symmetric_breather_they_are_its_own(lattice):
     assert seen == {True, False}
 
 
+def test_a_dip_between_the_last_of_the_grid_and_an_impact_is_found_at_its_bottom() -> None:
+    forcing = Fourier(cos={1: -1.0, 3: 1.8}, sin={3: -1.5})
+    for k in np.linspace(0.6, 0.95, 8).tolist():
+        b = symmetric(0.45, 0.2, k, forcing=forcing)
+        wanted = symmetric_admissibility(b)
+        since = wanted.places["centre"][1] - b.phi
+        assert 0.9 * math.pi < since < math.pi - 1e-3
+        site, time, margin = centre_margin(orbit_of(b))
+        assert site == 0
+        assert (time - b.phi) % math.pi == pytest.approx(since, abs=1e-7)
+        assert margin == pytest.approx(wanted.centre, abs=1e-12)
+
+
 def brute(orbit, reach=40):
     """Highest |u| of all idle sites by dense sampling."""
     ring = orbit.lattice.sites

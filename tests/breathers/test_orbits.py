@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import mpmath as mp
@@ -12,8 +13,10 @@ import pytest
 from contbreather.breathers import symmetric
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.impacts import OrbitEquations
+from contbreather.breathers.orbit_images import images_of, simpler_than
 from contbreather.breathers.orbit_problem import impact_problem, orbit_problem
 from contbreather.breathers.orbits import Impact, Orbit, orbit_at, orbit_of
+from contbreather.breathers.symmetric import Breather
 from contbreather.continuation import trace
 from contbreather.dynamics import simulate
 from contbreather.errors import BadInput, NotConverged
@@ -339,3 +342,53 @@ def test_times_count_modulo_the_period():
     assert orbit.asymmetry == pytest.approx(0.0, abs=1e-14)
     assert orbit.residual < 1e-13
     assert orbit.admissibility().margin == pytest.approx(b.admissibility().margin, abs=1e-12)
+
+
+def test_images_of_an_orbit_are_its_shifts_that_hit_the_same_walls_in_the_same_order() -> None:
+    for orbit in (asymmetric(0.82, 0.04, 0.8), asymmetric(0.82, 0.04, 0.8).on(Ring(5))):
+        (image,) = images_of(orbit)
+        assert image.sequence == orbit.sequence
+        assert image.residual < 1e-12
+        assert image.c == pytest.approx(-orbit.c, abs=1e-14)
+        n, t = np.arange(3)[:, None], np.linspace(0, 7, 15)
+        wanted = -orbit.displacement(n, t + math.pi)
+        assert image.displacement(n, t) == pytest.approx(wanted, abs=1e-12)
+        assert abs(image.impacts[0].time - orbit.impacts[0].time) <= math.pi
+
+
+def test_images_over_several_periods_begin_as_close_to_the_orbit_as_they_can() -> None:
+    pattern = [(0, 1, 0.1, -1.0), (0, -1, 3.0, 1.1), (0, 1, 6.7, -0.9), (0, -1, 9.0, 0.8)]
+    orbit = Orbit(0.4, 0.03, 0.8, pattern, (0.05,), periods=2)
+    images = list(images_of(orbit))
+    assert len(images) == 3
+    t = np.linspace(0, 12, 13)
+    for shift, image in enumerate(images, 1):
+        assert image.sequence == orbit.sequence
+        wanted = (-1) ** shift * orbit.displacement(0, t + shift * math.pi)
+        assert image.displacement(0, t) == pytest.approx(wanted, abs=1e-12)
+        assert abs(image.impacts[0].time - orbit.impacts[0].time) < 0.5 * math.pi
+
+
+def test_an_orbit_whose_mirror_image_hits_other_walls_has_no_image() -> None:
+    twice = [(0, 1, 0.0, -1.0), (0, 1, 1.0, -0.5), (0, -1, 3.5, 1.4)]
+    assert list(images_of(Orbit(0.4, 0.03, 0.8, twice))) == []
+
+
+def test_an_orbit_written_over_twice_its_period_is_known_for_its_half() -> None:
+    once = asymmetric(0.82, 0.04, 0.8)
+    T = once.period
+    again = tuple(impact._replace(time=impact.time + T) for impact in once.impacts)
+    twice = replace(once, impacts=(*once.impacts, *again), periods=2)
+    half = simpler_than(twice)
+    assert isinstance(half, Orbit)
+    assert (half.periods, half.impacts) == (1, once.impacts)
+    assert simpler_than(once) is None
+    late = again[1]._replace(time=again[1].time + 1e-4)
+    assert simpler_than(replace(twice, impacts=(*once.impacts, again[0], late))) is None
+
+
+def test_an_orbit_of_two_alike_flights_is_known_for_a_symmetric_breather() -> None:
+    b = symmetric(0.5, 0.04, 0.8)
+    known = simpler_than(orbit_of(b))
+    assert isinstance(known, Breather)
+    assert (known.p, known.phi) == pytest.approx((b.p, b.phi), abs=1e-14)

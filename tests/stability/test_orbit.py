@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability import D, unstable_count, unstable_multipliers
+from contbreather.stability import D, neimark_sacker, unstable_count, unstable_multipliers
 from contbreather.stability.monodromy import Kick
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.orbit_verdict import orbit_stability
@@ -137,6 +137,23 @@ def test_count_of_a_symmetric_breather_is_that_of_its_half_map():
         assert found.count == wanted
         assert found.certain
     assert seen >= {0, 1, 2}
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.1, 0.8), (0.2, 0.7)])
+@pytest.mark.parametrize("off", [1e-3, 1e-5, 1e-6])
+def test_just_beside_the_circle_the_count_of_the_whole_period_is_that_of_half_of_it(gamma, k, off):
+    roots = neimark_sacker(gamma, k)
+    assert roots
+    for root in roots:
+        seen = set()
+        for b in (root.b - off, root.b + off):
+            whole = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])
+            assert whole.count().count == unstable_count(gamma, k, b).count
+            assert whole.count().certain
+            assert whole.nearest() == pytest.approx(min(root.nu, 1 - root.nu), abs=10 * off)
+            assert whole.approach() < 10 * off
+            seen.add(whole.count().count)
+        assert max(seen) - min(seen) == 2
 
 
 def random_orbit(rng, several):
