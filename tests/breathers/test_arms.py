@@ -521,3 +521,10 @@ def test_ends_of_branches_are_honest():
     """Every point of both arms but the very last is a breather that the ring repeats."""
     for point in arms(0.04, 0.8)[1].points[1:-1]:
         assert point.solution.admissibility().ok
+
+
+def test_an_asymmetry_at_which_no_breather_is_found_is_refused_with_what_is_left():
+    lifted = lift(trace(symmetric(0.6, 0.04, 0.8), "a").first("PF"))
+    with pytest.raises(NotConverged, match="no asymmetric breather found beside") as error:
+        lifted.beside(3.1)
+    assert error.value.residual > 1

@@ -82,6 +82,14 @@ def test_an_arm_that_is_left_too_far_out_is_refused() -> None:
             unfolded(point).arm(amplitude)
 
 
+def test_an_amplitude_at_which_no_orbit_is_found_is_refused_with_what_is_left() -> None:
+    start = shooting(cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(8)))
+    lift = unfolded(cb.trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF"))
+    with pytest.raises(NotConverged, match=r"branches off at the amplitude 3 .*ring of 8") as error:
+        lift.arm(3.0)
+    assert error.value.residual > 1
+
+
 @pytest.mark.parametrize("k", [-0.01, 1.01, 2.0])
 def test_no_orbit_is_shot_with_a_restitution_that_cannot_be(k: float) -> None:
     problem = shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8)

@@ -351,3 +351,23 @@ def test_zones_next_to_no_restitution_are_drawn() -> None:
     found = cb.zones(k=1e-9, within={"gamma": (0.0, 0.05)})
     assert len(found["LP"]) == 1
     assert all(point.residual < 1e-9 for branch in found["LP"] for point in branch)
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_zones_show_their_progress_only_where_it_is_asked_for(
+    shown: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from contbreather.continuation import progress
+
+    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "_INTERVAL", 0.0)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    found = cb.zones(k=0.8, within={"gamma": (0.1, 0.102), "a": (0.05, 0.06)}, progress=shown)
+    assert len(found["LP"]) == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    # of the whole search; the walks that it is made of, in a, are not shown one by one
+    assert ("points, gamma = " in captured.err) == shown
+    assert "points, a = " not in captured.err
+    assert (captured.err == "") == (not shown)

@@ -54,6 +54,12 @@ def test_rows_of_figure_2_tell_the_rule_from_the_exact_lines(second: Figure2) ->
     rows = list(second.rows())
     assert {row["curve"] for row in rows} == {"NS-rule", "PF-rule"}
     assert all(row["sites"] == 400 and row["threshold"] == 1.005 for row in rows)
+    assert all(row["k"] == 0.8 for row in rows)
+    for line in second.lines:
+        mine = [row for row in rows if row["curve"] == f"{line.kind}-rule"]
+        assert [(row["gamma"], row["a"], row["nu"]) for row in mine] == list(
+            zip(line.gamma.tolist(), line.a.tolist(), line.angle.tolist(), strict=True)
+        )
     assert "exact for the infinite chain" in second.caption
     assert "400 sites" in second.caption
 
@@ -93,6 +99,10 @@ def test_rows_are_all_multipliers_and_their_squares(figure) -> None:
         half = np.array([complex(r["half_re"], r["half_im"]) for r in rows])
         full = np.array([complex(r["full_re"], r["full_im"]) for r in rows])
         assert len(rows) == 800
+        numbers = {(row["a"], row["gamma"], row["k"]) for row in rows}
+        assert numbers == {(breather.a, breather.gamma, breather.k)}
+        assert [row["modulus"] for row in rows] == pytest.approx(np.abs(full).tolist(), rel=1e-14)
+        assert np.all(np.diff(np.abs(half)) <= 0)
         np.testing.assert_allclose(full, half**2, atol=1e-14)
         want = np.sort_complex(breather.multipliers(sites=400))
         np.testing.assert_allclose(np.sort_complex(full), want, atol=1e-12)
