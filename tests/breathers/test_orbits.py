@@ -13,7 +13,7 @@ import pytest
 from contbreather.breathers import symmetric
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.impacts import OrbitEquations
-from contbreather.breathers.orbit_images import images_of, simpler_than
+from contbreather.breathers.orbit_images import SAME, images_of, simpler_than
 from contbreather.breathers.orbit_problem import impact_problem, orbit_problem
 from contbreather.breathers.orbits import Impact, Orbit, orbit_at, orbit_of
 from contbreather.breathers.symmetric import Breather
@@ -392,3 +392,11 @@ def test_an_orbit_of_two_alike_flights_is_known_for_a_symmetric_breather() -> No
     known = simpler_than(orbit_of(b))
     assert isinstance(known, Breather)
     assert (known.p, known.phi) == pytest.approx((b.p, b.phi), abs=1e-14)
+    # one that is symmetric but for rounding: its impacts are put to equal distances
+    first, second = orbit_of(b).impacts
+    late = second._replace(time=second.time + 0.8 * SAME)
+    known = simpler_than(replace(orbit_of(b), impacts=(first, late)))
+    assert isinstance(known, Breather)
+    assert known.phi - b.phi == pytest.approx(0.4 * SAME, abs=1e-3 * SAME)
+    far = second._replace(time=second.time + 1.2 * SAME)
+    assert simpler_than(replace(orbit_of(b), impacts=(first, far))) is None

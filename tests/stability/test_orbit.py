@@ -150,7 +150,7 @@ def test_just_beside_the_circle_the_count_of_the_whole_period_is_that_of_half_of
             whole = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])
             assert whole.count().count == unstable_count(gamma, k, b).count
             assert whole.count().certain
-            assert whole.nearest() == pytest.approx(min(root.nu, 1 - root.nu), abs=10 * off)
+            assert whole.nearest() == pytest.approx(min(root.nu, 1 - root.nu), abs=off)
             assert whole.approach() < 10 * off
             seen.add(whole.count().count)
         assert max(seen) - min(seen) == 2
