@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 import contbreather as cb
 from contbreather.breathers.conditions import Conditions, Walls
 from contbreather.breathers.shooting import shot_orbit
+from contbreather.breathers.shooting_images import images_of
 from contbreather.flows.modes import (
     driven,
     turn,
@@ -446,6 +447,18 @@ def test_orbits_between_any_walls_return_under_the_integrator(walls, impacts: in
     ]
     nearest = min((gap for gap in gaps if math.isfinite(gap)), default=1.0)
     assert verdict.neighbours == pytest.approx(nearest, abs=1e-6)
+
+
+def test_between_unequal_walls_only_shifts_by_whole_periods_make_images() -> None:
+    walls = {0: (-0.55, 0.7), 1: None, 2: (-4, 4)}
+    once = settled(walls, 0.9)
+    assert images_of(once.section) == ()
+    on = {"lattice": cb.OpenChain(3), "a": 0.9, "walls": walls, **ONE_WALL}
+    twice = shot_orbit(cb.shooting(once.state(t=0.3), t=0.3, period=4 * math.pi, **on))
+    assert len(twice.hits) == 2 * len(once.hits)
+    (image,) = images_of(twice.section)
+    assert float(abs(image.residual()).max()) < 1e-12
+    assert image.t == pytest.approx(twice.section.t, abs=1e-12)
 
 
 def test_one_wall_ends_where_the_other_is_touched() -> None:

@@ -7,8 +7,11 @@ import pytest
 
 import contbreather as cb
 from contbreather.breathers import Breather, admissibility, neighbour_peak, smallest_amplitude
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NotConverged
 from contbreather.paper.threshold import (
+    STRIDE,
+    TINY,
+    _crossing,
     neimark_sacker,
     neimark_sacker_line,
     pitchfork_line,
@@ -105,6 +108,30 @@ def test_pitchfork_line_hardly_depends_on_the_ring_as_the_paper_says() -> None:
     exact *= np.hypot(0.2 / 1.8, 2.0 * cb.InfiniteChain().sigma(0.05))
     assert short == pytest.approx(long, rel=1e-3)
     assert short == pytest.approx(exact, rel=1e-3)
+
+
+@pytest.mark.parametrize("from_start", [True, False])
+def test_a_pair_that_begins_or_ends_between_two_looks_does_not_stop_the_search(from_start) -> None:
+    """Where real multipliers meet, a pair is there on one side only."""
+    start, angle = 0.05, 0.3
+    meeting = start + 0.5 * TINY
+
+    def pairs(gamma: float) -> np.ndarray:
+        if from_start and gamma < meeting:  # a short one, until then
+            return np.array([0.9 * np.exp(1j)])
+        if gamma < meeting + (STRIDE if from_start else 0.0):
+            return np.empty(0, complex)
+        modulus = (1.0 + gamma - start - 3 * STRIDE) * np.sqrt(THRESHOLD)
+        return np.array([modulus * np.exp(1j * np.pi * angle)])
+
+    found = _crossing(lambda gamma: gamma, start, pairs, THRESHOLD)
+    assert found.gamma == pytest.approx(start + 3 * STRIDE, abs=1e-10)
+    assert found.angle == pytest.approx(angle, abs=1e-12)
+
+
+def test_no_pair_at_all_is_no_crossing() -> None:
+    with pytest.raises(NotConverged, match=rf"no pair .* reaches the modulus {THRESHOLD} below"):
+        _crossing(lambda gamma: gamma, 0.05, lambda gamma: np.empty(0, complex), THRESHOLD)
 
 
 @pytest.mark.parametrize("threshold", [1.0, 0.9, float("nan"), float("inf")])

@@ -156,6 +156,32 @@ def test_just_beside_the_circle_the_count_of_the_whole_period_is_that_of_half_of
         assert max(seen) - min(seen) == 2
 
 
+@pytest.mark.parametrize(
+    ("gamma", "lattice", "radius"),
+    [(0.1, Ring(9), 1.005), (0.1, Ring(9), 2.5), (0.0, InfiniteChain(), 1.0)],
+)
+@pytest.mark.parametrize("b", [-0.9, 0.4, 3.0])
+def test_a_count_by_all_multipliers_names_the_one_nearest_to_the_circle(gamma, lattice, radius, b):
+    kicks = [(0, 0.0, b), (0, 2.0, 0.7)]
+    found = OrbitMap(gamma, 0.8, kicks, lattice=lattice).count(radius)
+    mu = OrbitMap(gamma, 0.8, kicks, lattice=Ring(lattice.sites or 1)).coupled_multipliers()
+    gaps = np.abs(np.abs(mu) - radius)
+    assert found.count == np.count_nonzero(np.abs(mu) > radius)
+    assert found.distance == pytest.approx(gaps.min(), abs=1e-12)
+    at = radius * np.exp(1j * np.pi * found.nu)
+    assert 0 <= found.nu <= 1
+    assert min(abs(mu - at)) == pytest.approx(found.distance, abs=1e-9)
+    assert found.pairs == np.count_nonzero((np.abs(mu) > radius) & (mu.imag > 0))
+    assert found.certain
+
+
+def test_a_pair_on_the_circle_of_sites_for_themselves_is_told_with_its_angle() -> None:
+    map = OrbitMap(0.0, 1.0, [(0, 0.0, 0.5), (0, math.pi, 0.5)])  # elastic: of modulus 1
+    angle = abs(np.angle(OrbitMap(0.0, 1.0, map.kicks, lattice=Ring(1)).multipliers()[0])) / np.pi
+    assert 0.1 < angle < 0.9
+    assert f"at the angle {angle:.6g} pi" in repr(orbit_stability(map))
+
+
 def random_orbit(rng, several):
     periods = int(rng.integers(1, 3))
     m = int(rng.integers(1, 5))
