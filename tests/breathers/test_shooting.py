@@ -16,6 +16,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import contbreather as cb
+from contbreather.breathers import centre_margin
 from contbreather.breathers.clearance import _ends, clearance, flights_of
 from contbreather.breathers.conditions import Conditions
 from contbreather.breathers.flight_map import Section
@@ -796,6 +797,21 @@ def test_doubling_and_grazing_meet_in_the_same_point_from_both_sides() -> None:
         orbit = point.ground.solution
         t = np.linspace(point["t"] - 1e-3, point["t"] + 1e-3, 2001)
         assert float(abs(orbit.displacement(1, t)).max()) == pytest.approx(1.0, abs=1e-10)
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.02])
+def test_grazing_of_the_impacting_site_itself_is_followed_between_its_impacts(gamma: float) -> None:
+    ring = cb.Ring(3)
+    start = shooting(cb.symmetric(0.7, gamma, 0.02, lattice=ring))
+    point = cb.trace(start, "a", towards="up", within={"a": (0.5, 1.2)}).first("GR")
+    line = cb.boundary(point, ("k", "a"), within={"k": (0.015, 0.03)})
+    assert not line.stop.failed
+    assert [line["k"].min(), line["k"].max()] == [0.015, 0.03]
+    for at in line:
+        known = cb.symmetric(at["a"], gamma, at["k"], lattice=ring)
+        assert centre_margin(known) == pytest.approx(0, abs=1e-10)
+        assert float(at.solution.displacement(0, at["t"])) == pytest.approx(1, abs=1e-10)
+        assert float(at.solution.velocity(0, at["t"])) == pytest.approx(0, abs=1e-8)
 
 
 def test_grazing_boundary_ends_at_the_pitchfork_where_the_other_crest_grazes() -> None:
