@@ -897,6 +897,10 @@ def test_margin_vanishes_with_the_velocity_of_an_impact() -> None:
     assert branch[-1]["a"] == pytest.approx(1.0, abs=1e-9)
     assert branch[-1].solution.p == pytest.approx(0.0, abs=1e-9)
     assert branch[-1].kind == "VI"
+    # whatever the restitution: without impacts the answer to the forcing is as high as a
+    line = cb.boundary(branch[-1], ("k", "a"), within={"k": (0.7, 0.9)})
+    assert [line["k"].min(), line["k"].max()] == [0.7, 0.9]
+    assert line["a"] == pytest.approx(np.ones(len(line)), abs=1e-9)
 
 
 # --- seeds --------------------------------------------------------------------------------------
