@@ -297,6 +297,24 @@ def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(
     assert abs(apart) < 1e-2
 
 
+@pytest.mark.parametrize("gamma", [0.02, 0.05])
+def test_where_a_flat_crest_grazes_the_least_besides_is_its_own_curvature(gamma) -> None:
+    """With k = 1 the motion is symmetric about the crest: nothing is lower beside it."""
+    forcing, site = Fourier.from_response(cos={1: 1.0, 3: -0.1}), 2
+
+    def above(a: float) -> float:
+        return neighbour_peak(symmetric(a, gamma, 1.0, forcing=forcing), site)[1] - 1
+
+    b = symmetric(brentq(above, 0.3, 3.0, xtol=1e-14), gamma, 1.0, forcing=forcing)
+    t, _ = neighbour_peak(b, site)
+    h = 1e-4
+    bend = float(b.velocity(site, t + h) - b.velocity(site, t - h)) / (2 * h)
+    own = rivals(b, site, t)[0]
+    assert 0.05 < abs(bend) < 0.2
+    assert undone(own, b.p * gamma**site) == pytest.approx(abs(bend), rel=1e-5)
+    assert abs(own.time - t) % (2 * math.pi) < 1e-3
+
+
 @pytest.mark.parametrize("site", [0, 1])
 def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_margin(site) -> None:
     b = symmetric(0.6, 0.1, 0.8)
