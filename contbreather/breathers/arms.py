@@ -22,7 +22,7 @@ from contbreather.breathers.orbits import Orbit, orbit_at
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.symmetric import Breather, symmetric
 from contbreather.continuation import Branch, Event, Point, Problem, Steps, trace
-from contbreather.continuation.newton import newton
+from contbreather.continuation.newton import Undefined, newton
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
 from contbreather.continuation.switching import follow
@@ -76,7 +76,12 @@ class Lift:
         guess[-1] += asymmetry**2 / self.form.coefficient
         row = np.zeros(5)
         row[1], row[2] = -1.0, 1.0
-        found = newton(curve.equations, curve.jacobian, guess, row=row)
+        try:
+            found = newton(curve.equations, curve.jacobian, guess, row=row)
+        except Undefined as error:
+            raise NotConverged(
+                f"no asymmetric breather at t2 - t1 - pi = {asymmetry:g}: {error}"
+            ) from error
         if not found.converged:
             raise NotConverged(
                 f"no asymmetric breather found beside the pitchfork: residual {found.residual:.2g}",

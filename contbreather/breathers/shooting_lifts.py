@@ -18,7 +18,7 @@ from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.breathers.shooting import check_coupling, opened, problem_of, shot_orbit
 from contbreather.breathers.shooting_seeds import checked
 from contbreather.continuation import Point, Problem
-from contbreather.continuation.newton import newton
+from contbreather.continuation.newton import Undefined, newton
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
 from contbreather.errors import BadInput, NotConverged
@@ -76,7 +76,15 @@ class Lift:
         curve = Curve(self.problem, (free or self.free,))
         row = np.append(self.direction, 0.0)
         guess = curve.start + amplitude * row
-        found = newton(curve.equations, curve.jacobian, guess, row=row, tolerance=1e-11, most=20)
+        try:
+            found = newton(
+                curve.equations, curve.jacobian, guess, row=row, tolerance=1e-11, most=20
+            )
+        except Undefined as error:
+            raise NotConverged(
+                f"no orbit at the amplitude {amplitude:g} ({self.problem.label}): {error}; try a "
+                "smaller one."
+            ) from error
         if not found.converged:
             raise NotConverged(
                 f"no orbit branches off at the amplitude {amplitude:g} "

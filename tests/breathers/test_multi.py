@@ -11,7 +11,7 @@ import pytest
 import contbreather as cb
 from contbreather.breathers.multi import _classes
 from contbreather.breathers.shooting import shot_orbit
-from contbreather.breathers.shooting_lifts import doubled
+from contbreather.breathers.shooting_lifts import doubled, unfolded
 
 AT = {"a": 0.5, "gamma": 0.03, "k": 0.8}
 
@@ -157,3 +157,11 @@ def test_without_coupling_it_is_the_choice_itself() -> None:
     assert two.p == pytest.approx(cb.symmetric(0.5, 0.0, 0.8).p, abs=1e-12)
     with pytest.raises(cb.BadInput, match=r"has gamma = 0\.04"):
         cb.multibreather({0: cb.symmetric(0.5, 0.04, 0.8)}, lattice=cb.Ring(5), **AT)
+
+
+@pytest.mark.parametrize("amplitude", [8.0, 30.0])
+def test_an_arm_far_out_of_reach_is_not_converged(amplitude: float) -> None:
+    shot = cb.shooting(cb.symmetric(0.7, 0.04, 0.8), sites=6)
+    fork = cb.trace(shot, "a", within={"a": (0.6, 0.9)}).first("PF")
+    with pytest.raises(cb.NotConverged, match="amplitude"):
+        unfolded(fork).arm(amplitude)
