@@ -47,7 +47,8 @@ class Problem:
         ``jacobian(x, params) -> (n, n) array``, the derivative in `x`. Checked once against
         differences. Without it, complex steps are used where they hold, differences elsewhere.
     sensitivity : callable, optional
-        ``sensitivity(x, params, name) -> (n,) array``, the derivative in one parameter.
+        ``sensitivity(x, params, name) -> (n,) array``, the derivative in one parameter. Used, and
+        checked, together with `jacobian` only.
     events : tuple of Event, optional
         What a walk looks for unless told otherwise.
     record : dict, optional
