@@ -116,6 +116,7 @@ def test_verdict_on_the_torus_carries_its_evidence(torus):
     assert found.evidence["rotation"] == pytest.approx(0.39159998, abs=1e-8)
     assert abs(found.evidence["exponent"]) < 1e-9
     assert found.evidence["frequencies"] == 1
+    assert "exponents are zero" not in found.reason
     assert found.evidence["impacting"] == 1
     assert 2.0 < found.evidence["participation"] < 3.0
 
@@ -137,6 +138,7 @@ def test_second_torus_bifurcation_gives_a_breather_with_two_frequencies():
     found = verdict(state, **conditions, settle=12000, periods=6000)
     assert found.kind is Kind.QUASI_PERIODIC
     assert found.evidence["frequencies"] == 2
+    assert found.reason.endswith("2 exponents are zero: a torus of 2 frequencies beside 1")
 
 
 def test_verdict_on_chaos_of_a_single_site():
@@ -167,6 +169,8 @@ def test_what_has_not_settled_is_called_undecided():
     state = symmetric(0.1, 0.084, 0.8).state(20)
     found = verdict(state, **conditions, settle=500, periods=300)
     assert found.kind is Kind.UNDECIDED
+    assert f"rotation number {found.evidence['rotation']:.6f}" in found.reason
+    assert "largest exponent" in found.reason
 
 
 REPELLING = [
