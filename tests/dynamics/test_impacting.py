@@ -379,7 +379,7 @@ def test_a_sample_is_of_the_site_that_impacts_unless_others_are_named():
         state, a=0.5, gamma=0.08, k=0.8, periods=1, sample=Sample(per_period=4)
     ).record
     assert record.sites == (0,)
-    assert record.u[0].tolist() == [state.u[0]]
+    assert record.u[0].tolist() == [state[0][0]]
 
 
 # --- rest on a wall -------------------------------------------------------------------------------
