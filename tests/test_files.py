@@ -180,7 +180,10 @@ def test_place_that_cannot_be_is_refused(
 def test_another_place_is_advised_to_who_writes_and_not_to_who_reads() -> None:
     with pytest.raises(BadInput, match=r"cannot write .*; choose another place$"):
         writable("a\0b")
-    with pytest.raises(BadInput, match=r"cannot read .*null (byte|character)[^;]*$"), opened("a\0b"):
+    with (
+        pytest.raises(BadInput, match=r"cannot read .*null (byte|character)[^;]*$"),
+        opened("a\0b"),
+    ):
         pass
 
 
