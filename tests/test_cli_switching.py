@@ -138,6 +138,7 @@ REFUSED = {
     "no ring": (f"{SWITCH} --sites 0", r"a ring needs a whole number of sites"),
     "start outside of the window": (f"{SWITCH} --a 0.4 --window 0.5 0.9", r"outside of the window"),
     "table nowhere": (f"{SWITCH} --csv nowhere/a.csv", r"there is no directory nowhere"),
+    "one file twice": (f"{SWITCH} --csv a.svg --output a.svg", r"--csv and --output both name"),
     "negative depth": (f"{DIAGRAM} --depth -1", r"depth >= 0"),
     "no branches": (f"{DIAGRAM} --most 0", r"most >= 1"),
     "diagram of nothing": ("diagram --gamma 0.04 --k 0.8", r"--free is missing"),

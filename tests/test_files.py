@@ -177,6 +177,16 @@ def test_place_that_cannot_be_is_refused(
     assert {path.name for path in Path().iterdir()} == {"folder", "file", "circle", "lost"}
 
 
+def test_another_place_is_advised_to_who_writes_and_not_to_who_reads() -> None:
+    with pytest.raises(BadInput, match=r"cannot write .*; choose another place$"):
+        writable("a\0b")
+    with (
+        pytest.raises(BadInput, match=r"cannot read .*null (byte|character)[^;]*$"),
+        opened("a\0b"),
+    ):
+        pass
+
+
 def test_disk_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(files, "_mode", lambda *_: stat.S_IFBLK | 0o660)
     with pytest.raises(BadInput, match="it is a disk"):
@@ -229,7 +239,7 @@ def test_folder_that_goes_away_meanwhile_is_a_sentence(
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-    with pytest.raises(BadInput, match="cannot write x: No such file"):
+    with pytest.raises(BadInput, match=r"cannot write x: No such file"):
         write_whole("x", saying(b"x"))
 
 

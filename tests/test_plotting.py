@@ -235,6 +235,22 @@ def test_words_at_one_place_are_spread_out() -> None:
     assert overlaps(ax) == 0
 
 
+def test_words_leave_other_announced_points_free() -> None:
+    def centre(*others: tuple[float, float]) -> np.ndarray:
+        _, (ax,) = new_figure()
+        ax.set(xlim=(0, 1), ylim=(0, 1))
+        labels = Labels(ax)
+        for x, y in others:
+            labels.announce(x, y)
+        box = labels.place(0.5, 0.5, "word").get_window_extent()
+        return ax.transData.inverted().transform(box.get_points())
+
+    low, high = centre()
+    there = tuple((low + high) / 2)
+    low, high = centre(there)
+    assert np.any(there < low) or np.any(there > high)
+
+
 def test_branches_of_one_call_have_different_colours(in_a: Branch) -> None:
     other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
     assert len({line.get_color() for line in curves(plot(in_a, other))}) == 2

@@ -234,6 +234,8 @@ def test_the_circle_has_radius_one_and_everything_is_inside_the_frame(unstable_p
     ax = plot_multipliers(unstable_pair, half=True, sites=40)
     circle = ax.get_lines()[0]
     np.testing.assert_allclose(np.hypot(*circle.get_data()), 1.0, rtol=1e-14)
+    angles = np.unwrap(np.angle(circle.get_xdata() + 1j * circle.get_ydata()))
+    assert np.ptp(angles) == pytest.approx(TURN)  # all around, unlike the arcs of the band
     assert ax.get_xlim() == ax.get_ylim() == tuple(-x for x in ax.get_xlim()[::-1])
     assert max(abs(mu) for mu, _ in dots_of(ax)) < ax.get_xlim()[1]
     assert ax.get_xticks().tolist() == ax.get_yticks().tolist() == [-1, 0, 1]

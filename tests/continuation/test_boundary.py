@@ -19,6 +19,8 @@ from contbreather.continuation import (
     branch_point,
     fold,
     hopf,
+    load,
+    save,
     trace,
     user,
 )
@@ -331,6 +333,33 @@ def test_positive_events_hold_on_boundaries_too() -> None:
     assert line.first("LP-GR")["mu"] == pytest.approx(1.2, abs=1e-14)
     assert line["mu"].max() == pytest.approx(1.2, abs=1e-14)
     assert math.isclose(abs(line.first("LP-GR")["h"]), math.sqrt(4 * 1.2**3 / 27), abs_tol=1e-14)
+
+
+def test_walls_hold_on_what_continues_a_boundary_from_a_file(tmp_path) -> None:
+    wall = Event("GR", lambda point: 1.2 - point["mu"], terminal=True, positive=True)
+    problem = replace(CUSP.problem, events=(fold(), wall))
+    first = trace(problem, "h", within={"x": (-2, 2)}).first("LP")
+    within = {"mu": (0.1, 2.0)}
+    line = boundary(first, ("mu", "h"), within=within)
+    save(tmp_path / "line.nc", line)
+    again = load(tmp_path / "line.nc", problem=problem)
+    assert list(again[2].curve.problem.record) == list(line[2].curve.problem.record)
+    longer = boundary(again[2], ("mu", "h"), within=within)
+    assert longer["mu"].max() == pytest.approx(1.2, abs=1e-14)
+
+
+@pytest.mark.parametrize("apart", [0.02, 0.1, 0.3])
+def test_two_verified_events_within_one_step_of_a_boundary_are_both_kept(apart: float) -> None:
+    places = {"A": 0.8, "B": 0.8 + apart}
+    events = [
+        Event(kind, lambda point, at=at: point["mu"] - at, verify=lambda point: "")
+        for kind, at in places.items()
+    ]
+    first = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
+    steps = Steps(first=1.0, largest=1.0)
+    line = boundary(first, ("mu", "h"), within={"mu": (0.5, 2.0)}, events=events, steps=steps)
+    for kind, at in places.items():
+        assert line.first(f"LP-{kind}")["mu"] == pytest.approx(at, abs=1e-10)
 
 
 def test_scalar_problem_without_any_fold_has_no_cusp_either() -> None:

@@ -316,6 +316,18 @@ def test_progress_is_shown_on_standard_error_when_asked_for(
     assert "points, h = " in captured.err
 
 
+def test_progress_tells_how_many_points_there_are_by_now(monkeypatch) -> None:
+    from contbreather.continuation import progress
+
+    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "_INTERVAL", 0.0)
+    branch = trace_case(CUSP)
+    with progress.Progress(True, "h") as shown:
+        for count, point in enumerate(branch[:3], start=1):
+            shown.advance(point)
+            assert str(shown.status.status).startswith(f"{count} points, h = {point['h']:.6g}")
+
+
 def test_a_point_answers_what_its_solution_answers() -> None:
     """And says of neither's names that they are missing; copies and pickles are no different."""
 

@@ -55,6 +55,17 @@ def test_equations_are_solved_whatever_their_size(size: float) -> None:
     assert found.z[0] == pytest.approx(2**0.5, rel=1e-15)
 
 
+@pytest.mark.parametrize("other", [1.0, 1e6, 1e10])
+def test_an_unknown_is_solved_for_to_the_last_digits_whatever_the_size_of_another(other) -> None:
+    problem = Problem(
+        lambda u, p: np.array([u[0] ** 2 - 2 + 0 * p["mu"], u[1] / other - 1]),
+        {"x": 1.6, "y": other},
+        {"mu": 0.0},
+    )
+    _, found = problem.solve()
+    assert found.z[0] == pytest.approx(2**0.5, rel=1e-14)
+
+
 def test_equations_may_write_to_one_array_and_return_it_each_time() -> None:
     room = np.empty(2)
 

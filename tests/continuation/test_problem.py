@@ -167,6 +167,21 @@ def test_differences_find_the_step_that_suits_each_unknown() -> None:
     assert np.allclose(differences(function, z, finer=finer), exact, rtol=1e-7)
 
 
+def test_the_shorter_a_step_the_more_of_rounding_is_doubted() -> None:
+    """A line, but next to the place only: differences with the steps left agree, by luck or not."""
+
+    def function(z):
+        near = abs(z[0] - 0.5) < 1e-5
+        return np.array([z[0] if near else math.cos(1e9 * z[0])])
+
+    wanted, doubt, finer = estimate(function, np.array([0.5]), np.ones(1))
+    eps = np.finfo(float).eps
+    step = eps**0.2 / finer[0]
+    assert step < 1e-5
+    assert abs(wanted[0, 0] - 1.0) <= doubt[0, 0]
+    assert doubt[0, 0] > 4 * eps / step
+
+
 def test_differences_next_to_a_rim_take_shorter_steps() -> None:
     for distance in (1e-2, 1e-4, 1e-6):
         (slope,) = differences(lambda z: np.array([math.sqrt(z[0])]), np.array([distance]))[0:1, 0]

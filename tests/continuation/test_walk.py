@@ -180,6 +180,15 @@ def test_the_domain_of_a_problem_is_a_window_too() -> None:
     assert branch[-1]["x"] == 2.0
 
 
+@pytest.mark.parametrize("last", [0.5, 0.99])
+def test_the_reason_names_the_domain_that_ended_a_branch_even_just_beyond_an_event(last) -> None:
+    problem = replace(LINE.problem, domain={"x": (-1.0, 1.0)})
+    steps, events = Steps(first=0.4, largest=0.4), [user("x", last)]
+    branch = trace(problem, "mu", within={"mu": (-3, 3)}, events=events, steps=steps, towards="up")
+    assert branch.first("UZ")["x"] == pytest.approx(last)
+    assert branch.reason == "the domain of x ends at 1"
+
+
 @pytest.mark.parametrize(
     ("within", "sentence"),
     [

@@ -373,6 +373,15 @@ def test_neighbour_touches_its_wall_from_the_upper_limit_on(beyond):
     assert hit == ({0, 1, 39} if beyond > 0 else {0})
 
 
+def test_a_sample_is_of_the_site_that_impacts_unless_others_are_named():
+    state = symmetric(0.5, 0.08, 0.8).state(12)
+    record = simulate(
+        state, a=0.5, gamma=0.08, k=0.8, periods=1, sample=Sample(per_period=4)
+    ).record
+    assert record.sites == (0,)
+    assert record.u[0].tolist() == [state[0][0]]
+
+
 # --- rest on a wall -------------------------------------------------------------------------------
 
 

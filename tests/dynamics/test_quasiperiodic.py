@@ -116,8 +116,16 @@ def test_verdict_on_the_torus_carries_its_evidence(torus):
     assert found.evidence["rotation"] == pytest.approx(0.39159998, abs=1e-8)
     assert abs(found.evidence["exponent"]) < 1e-9
     assert found.evidence["frequencies"] == 1
+    assert "exponents are zero" not in found.reason
     assert found.evidence["impacting"] == 1
     assert 2.0 < found.evidence["participation"] < 3.0
+
+
+def test_too_short_a_look_at_a_torus_is_undecided_and_says_what_it_saw(torus):
+    found = verdict(torus.final, **TORUS, settle=0, periods=100)
+    assert found.kind is Kind.UNDECIDED, str(found)
+    assert found.reason.startswith(f"rotation number {found.evidence['rotation']:.6f} (")
+    assert "largest exponent" in found.reason
 
 
 def test_slowly_shrinking_direction_is_not_counted_as_a_frequency():
@@ -137,6 +145,7 @@ def test_second_torus_bifurcation_gives_a_breather_with_two_frequencies():
     found = verdict(state, **conditions, settle=12000, periods=6000)
     assert found.kind is Kind.QUASI_PERIODIC
     assert found.evidence["frequencies"] == 2
+    assert found.reason.endswith("2 exponents are zero: a torus of 2 frequencies beside 1")
 
 
 def test_verdict_on_chaos_of_a_single_site():

@@ -229,6 +229,17 @@ def test_starts_near_an_attractor_return_and_others_do_not(basin):
     assert 0.0 < found.share < 1.0
 
 
+def test_starts_whose_impacts_are_all_over_the_ring_have_spread():
+    conditions = {"a": 0.7, "gamma": 0.104, "k": 0.8, "damping": 0.005}
+    start, kicks = symmetric(0.5, 0.08, 0.8).state(12), [-1.5, 1.5]
+    with ThreadPoolExecutor(1) as one:
+        found = attraction(
+            start, Axis("v", 3, kicks), Axis("v", 6, kicks), periods=60, executor=one, **conditions
+        )
+    assert found.complete
+    assert np.all(found.fate == Fate.SPREAD)
+
+
 def test_picture_does_not_depend_on_who_computes_it(basin):
     start, x, y, conditions = basin
     with ThreadPoolExecutor(1) as one:
