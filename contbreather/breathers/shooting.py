@@ -90,7 +90,7 @@ def check_coupling(itinerary: Itinerary, on: Conditions) -> None:
     check_walls(itinerary, on.walls)
     if lattice.highest_gamma <= on.gamma:
         check_gamma(on.gamma)  # says why
-    if on.gamma < WEAK and _loose(itinerary, on):
+    if max(on.gamma, on.spring) < WEAK and itinerary.sites > 1:
         raise BadInput(
             f"gamma = {on.gamma!r} on the {lattice.describe()}: sites that do not feel each other "
             "may rest anywhere, so there is no one orbit; take sites=1, or a spring."

@@ -163,7 +163,8 @@ def _lift(point: Point, section: Section, what: str) -> Lift:
             f"smallest singular value {sizes[-1]:.2g}."
         )
     direction, count = vectors[-1], section.t.size
-    largest = int(abs(direction[:count]).argmax())
+    moved = abs(direction[:count])
+    largest = int((moved > 0.999 * moved.max()).argmax())  # the first of those that are equal
     direction = direction * math.copysign(1.0, direction[largest])
     tangent = point.tangent
     parent = np.concatenate([np.tile(tangent[: count // 2], 2), tangent[count // 2 :]])

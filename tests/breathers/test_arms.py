@@ -196,7 +196,7 @@ def test_points_of_arms_and_shooting_branches_answer_as_their_orbits(tmp_path):
     again = start.state(sites=20, t=0.3)
     assert np.abs(np.concatenate(again) - np.concatenate([u, v])).max() < 1e-12
     with pytest.raises(
-        BadInput, match=r"lives on a ring of 20, not on 21 sites: shoot it there first"
+        BadInput, match=r"lives on the ring of 20, not on 21 sites: shoot it there first"
     ):
         branch[3].state(sites=21)
     save(tmp_path / "run.nc", branch)
