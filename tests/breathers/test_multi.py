@@ -71,7 +71,7 @@ def test_doubled_orbit_of_one_site() -> None:
     )
     tilted = cb.switch(branch.first("PF"), within={"a": (0.5, 0.95)})[0]
     given = {"lattice": cb.OpenChain(3), "gamma": 0.001, "k": 0.95}
-    two = shot_orbit(doubled(tilted.first("PD")).arm(-0.3))
+    two = shot_orbit(doubled(tilted.first("PD")).arm(0.2))
     mixed = cb.multibreather({0: two}, a=two.a, **given)
     assert mixed.period == pytest.approx(4 * np.pi)
     assert len(mixed.sequence) == 4
