@@ -799,7 +799,7 @@ def test_doubling_and_grazing_meet_in_the_same_point_from_both_sides() -> None:
         assert float(abs(orbit.displacement(1, t)).max()) == pytest.approx(1.0, abs=1e-10)
 
 
-@pytest.mark.parametrize("gamma", [0.0, 0.02])
+@pytest.mark.parametrize("gamma", [1e-4, 0.02])
 def test_grazing_of_the_impacting_site_itself_is_followed_between_its_impacts(gamma: float) -> None:
     ring = cb.Ring(3)
     start = shooting(cb.symmetric(0.7, gamma, 0.02, lattice=ring))
