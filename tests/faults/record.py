@@ -1,0 +1,120 @@
+"""Coverage map of a checkout: which test executes which line.
+
+    python tests/faults/record.py CHECKOUT [tests]
+
+With tests (files), the map is renewed for these alone, the rest stays.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).parent
+# Outside the checkout, whose tests would otherwise be collected with their copies.
+HOME = Path(os.environ.get("PLANT_HOME", Path(tempfile.gettempdir()) / "contbreather-faults"))
+MAP = HOME / "map"
+TREE = MAP / "tree"
+
+
+def copy(source: Path, target: Path) -> None:
+    """All files of a checkout that git knows or would know; times kept, for caches to hold."""
+    names = subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard"],
+        cwd=source,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout.split("\n")
+    wanted = {name for name in names if name and (source / name).is_file()}
+    if target.exists():
+        for path in target.rglob("*"):
+            kept = "__pycache__" in path.parts or str(path.relative_to(target)) in wanted
+            if path.is_file() and not kept:
+                path.unlink()
+    for name in wanted:
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        there = target / name
+        if not there.exists() or there.read_bytes() != (source / name).read_bytes():
+            shutil.copy2(source / name, there)
+
+
+def compiled_before(target: Path) -> None:
+    """What numba compiled for the map serves the copies too: their files have the same times."""
+    for path in TREE.rglob("*.nb[ic]"):
+        there = target / path.relative_to(TREE)
+        if not there.exists():
+            there.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(path, there)
+
+
+def environment(tree: Path, **more: str) -> dict[str, str]:
+    return {
+        **os.environ,
+        "PYTHONPATH": f"{tree}:{HERE}",
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+        "MPLBACKEND": "Agg",
+        **more,
+    }
+
+
+def main(checkout: str, only: list[str]) -> None:
+    MAP.mkdir(parents=True, exist_ok=True)
+    copy(Path(checkout), TREE)
+    known = {}
+    tests = MAP / "tests.json"
+    if only and tests.exists():
+        known = json.loads(tests.read_text())
+    fresh = MAP / "fresh.json"
+    data = MAP / "coverage.db"
+    part = MAP / "part.db"
+    line = [
+        "nice",
+        sys.executable,
+        "-m",
+        "coverage",
+        "run",
+        f"--data-file={part}",
+        "--source=contbreather",
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "cover_plugin",
+        *only,
+    ]
+    part.unlink(missing_ok=True)
+    subprocess.run(line, cwd=TREE, env=environment(TREE, PLANT_TESTS=str(fresh)), check=False)
+    if only:
+        combine = [
+            sys.executable,
+            "-m",
+            "coverage",
+            "combine",
+            "-a",
+            f"--data-file={data}",
+            str(part),
+        ]
+        subprocess.run(combine, cwd=TREE, check=True)
+    else:
+        part.replace(data)
+    known.update(json.loads(fresh.read_text()))
+    tests.write_text(json.dumps(known))
+    bad = [name for name, entry in known.items() if not entry["ok"]]
+    print(
+        f"{len(known)} tests in the map, {len(bad)} of them not passed (never used):",
+        *bad,
+        sep="\n  ",
+    )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2:])
