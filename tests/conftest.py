@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
+
+from contbreather.cli import main
 
 
 def pytest_configure() -> None:
@@ -22,3 +26,18 @@ def close_figures() -> Iterator[None]:
     pyplot = sys.modules.get("matplotlib.pyplot")
     if pyplot is not None:
         pyplot.close("all")
+
+
+@pytest.fixture
+def run(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[str], tuple[int, str, str]]:
+    """Run a command line in an empty directory: status, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def line(command: str) -> tuple[int, str, str]:
+        status = main(shlex.split(command))
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return line

@@ -21,7 +21,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.breathers import admissibility, neighbour_peak, smallest_amplitude
-from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main
+from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from contbreather.cli.output import to_csv
 from contbreather.errors import NotConverged
 from contbreather.stability.arc import on_arc
@@ -34,18 +34,9 @@ Output = tuple[int, str, str]
 
 
 @pytest.fixture
-def run(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., Output]:
-    """Run a command line in an empty directory: status, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def line(*arguments: str) -> Output:
-        status = main(arguments)
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return line
+def run(run: Callable[[str], Output]) -> Callable[..., Output]:
+    """The same, with the words one by one."""
+    return lambda *words: run(shlex.join(words))
 
 
 def typed(*arguments: str, where: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -6,34 +6,19 @@ import csv
 import json
 import math
 import re
-import shlex
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.cli import BAD_INPUT, DONE, main, seen
+from contbreather.cli import BAD_INPUT, DONE, seen
 from contbreather.cli.output import say, to_csv, to_json
 from contbreather.dynamics import open_recording, there_and_back
 
 Output = tuple[int, str, str]
 RUN = "simulate --a 0.2 --gamma 0.04 --k 0.8 --damping 0.02 --sites 4"
 ELASTIC = "simulate --a 0.2 --gamma 0.08 --k 1 --sites 3"  # sets out a quarter of a period late
-
-
-@pytest.fixture
-def run(capsys, tmp_path, monkeypatch) -> Callable[[str], Output]:
-    """Run a command line in an empty directory."""
-    monkeypatch.chdir(tmp_path)
-
-    def line(words: str) -> Output:
-        status = main(shlex.split(words))
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return line
 
 
 def table(path: str) -> list[dict[str, str]]:

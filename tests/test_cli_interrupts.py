@@ -31,21 +31,6 @@ LINES = {  # and the part of its work after which it is interrupted, in the mids
 WORDS = "interrupted: cut short"
 
 
-@pytest.fixture
-def run(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Callable[[str], Output]:
-    """Run a command line in an empty directory: status, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def line(text: str) -> Output:
-        status = main(shlex.split(text))
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return line
-
-
 class Clock:
     """The signal of Ctrl-C at one of the questions that the chain is asked."""
 

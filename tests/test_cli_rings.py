@@ -11,18 +11,13 @@ import pytest
 import contbreather as cb
 from contbreather.cli import BAD_INPUT, DONE, main
 
-RING = ("--sites", "20", "--threshold", "1.02")
+RING = "--sites 20 --threshold 1.02"
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], tmp_path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.chdir(tmp_path)
-
-    def line(text: str) -> tuple[int, str, str]:
-        status = main([*text.split(), *RING])
-        return status, *capsys.readouterr()
-
-    return line
+def run(run):
+    """The same, on a ring."""
+    return lambda line: run(f"{line} {RING}")
 
 
 def column(content: dict[str, Any], name: str) -> np.ndarray:

@@ -5,33 +5,18 @@ from __future__ import annotations
 import csv
 import json
 import re
-import shlex
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main
+from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
 
 STABLE = "simulate --a 0.1 --gamma 0.08 --k 0.8 --damping 0.02"
 LOST = "simulate --a 0.2 --gamma 0.104 --k 0.8 --damping 0.005"
 
 Output = tuple[int, str, str]
-
-
-@pytest.fixture
-def run(capsys, tmp_path, monkeypatch) -> Callable[[str], Output]:
-    """Run a command line in an empty directory."""
-    monkeypatch.chdir(tmp_path)
-
-    def line(words: str) -> Output:
-        status = main(shlex.split(words))
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return line
 
 
 def table(path: str) -> list[dict[str, str]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,26 +12,11 @@ from typing import Any
 import pytest
 
 import contbreather as cb
-from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main
+from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
 
 Output = tuple[int, str, str]
 SWITCH = "switch --free a --gamma 0.04 --k 0.8"
 DIAGRAM = "diagram --free a --gamma 0.04 --k 0.8"
-
-
-@pytest.fixture
-def run(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Callable[[str], Output]:
-    """Run a command line in an empty directory: status, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def line(command: str) -> Output:
-        status = main(shlex.split(command))
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return line
 
 
 def strict(text: str) -> Any:

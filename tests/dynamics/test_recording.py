@@ -91,18 +91,23 @@ def test_interrupted_recording_keeps_every_finished_period(tmp_path, state, monk
     assert_same(second, simulate(state, **CONDITIONS, periods=1000))
 
 
-def test_killed_recording_goes_on_from_its_last_file(tmp_path, state):
+def recording_elsewhere(tmp_path: Path, state) -> subprocess.Popen[bytes]:
+    """Another process that records into ``run``, a file every 0.02 s, until it is killed."""
     np.savez(tmp_path / "state.npz", u=state[0], v=state[1])
     script = (
-        "import sys, numpy as np\n"
+        "import numpy as np\n"
         "from contbreather.dynamics import recording\n"
         "recording.EVERY = 0.02\n"
         f"state = tuple(np.load(r'{tmp_path}/state.npz')[x] for x in 'uv')\n"
         f"recording.record(r'{tmp_path}/run', state, **{CONDITIONS!r}, periods=10**6)\n"
     )
-    child = subprocess.Popen(
+    return subprocess.Popen(
         [sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": str(ROOT)}
     )
+
+
+def test_killed_recording_goes_on_from_its_last_file(tmp_path, state):
+    child = recording_elsewhere(tmp_path, state)
     try:
         for _ in range(1200):
             if len(list((tmp_path / "run").glob("0*.npz"))) >= 3:
@@ -280,17 +285,7 @@ def test_run_goes_on_after_what_is_damaged_was_taken_away(sound, tmp_path):
 
 
 def test_two_processes_do_not_write_to_one_folder_and_a_killed_one_lets_go(tmp_path, state):
-    np.savez(tmp_path / "state.npz", u=state[0], v=state[1])
-    script = (
-        "import numpy as np\n"
-        "from contbreather.dynamics import recording\n"
-        "recording.EVERY = 0.02\n"
-        f"state = tuple(np.load(r'{tmp_path}/state.npz')[x] for x in 'uv')\n"
-        f"recording.record(r'{tmp_path}/run', state, **{CONDITIONS!r}, periods=10**6)\n"
-    )
-    child = subprocess.Popen(
-        [sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": str(ROOT)}
-    )
+    child = recording_elsewhere(tmp_path, state)
     try:
         while not list((tmp_path / "run").glob("0*.npz")):
             assert child.poll() is None
