@@ -24,7 +24,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.closure import restitution_ratio
 from contbreather.breathers.impacts import Impact, forcing_at
 from contbreather.breathers.orbit_events import (
     events_on,
@@ -37,6 +36,7 @@ from contbreather.breathers.orbits import Orbit
 from contbreather.continuation import Point, Problem
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice.conditions import restitution_ratio
 from contbreather.lattice.periodic import sinc, wave, wave_slope
 
 FloatArray = NDArray[np.float64]

@@ -18,41 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from contbreather.checks import real
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, forcing_of, lattice_of
+from contbreather.lattice.conditions import check_amplitude, restitution_ratio
 from contbreather.lattice.forcing import Series
 
 FloatArray = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
-
-
-def restitution_ratio(k: float) -> float:
-    """``q = (1 - k)/(1 + k)``: the loss at an impact.
-
-    Raises
-    ------
-    BadInput
-        If k is not a number in [0, 1].
-    """
-    number = real(k)
-    if 0.0 <= number <= 1.0:
-        return (1.0 - number) / (1.0 + number)
-    raise BadInput(
-        f"k = {k!r}: the restitution coefficient must be a number with 0 <= k <= 1 "
-        "(0 sticks, 1 loses nothing); choose k in that range."
-    )
-
-
-def check_amplitude(a: float) -> float:
-    """Return ``a`` as a float; `BadInput` unless it is finite and positive."""
-    number = real(a)
-    if 0.0 < number < math.inf:
-        return number
-    raise BadInput(
-        f"a = {a!r}: the amplitude of the forcing must be a finite number > 0; "
-        "its sign belongs into the forcing."
-    )
 
 
 @dataclass(frozen=True)

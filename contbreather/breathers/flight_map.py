@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.conditions import Conditions
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.errors import BadInput
 from contbreather.flows.modes import Driven, Turn, driven, turn, turn_slope, turn_slope_in_damping
+from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Basis
 from contbreather.stability.saltation import saltation, saltation_entry
 

@@ -27,10 +27,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.closure import restitution_ratio
 from contbreather.breathers.refusals import ImpossibleSequence
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice.conditions import restitution_ratio
 from contbreather.lattice.periodic import wave, wave_slope
 
 FloatArray = NDArray[np.float64]

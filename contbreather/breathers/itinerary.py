@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from contbreather.breathers.conditions import Walls
 from contbreather.breathers.refusals import ImpossibleSequence
 from contbreather.errors import BadInput
+from contbreather.lattice.conditions import Walls
 from contbreather.lattice.finite import Basis, Finite
 
 Sequenced = tuple[tuple[int, int], ...]

@@ -16,7 +16,6 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
-from contbreather.breathers.conditions import Conditions, Walls
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.one_site import symmetric_orbits
 from contbreather.breathers.refusals import Inadmissible
@@ -28,6 +27,7 @@ from contbreather.continuation import Branch, Point, Stop, fold, trace
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
 from contbreather.lattice import Forcing, forcing_of
+from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, Lattice, finite, stiffness_of
 
 ROOTS = ("upper", "lower")

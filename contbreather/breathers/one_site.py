@@ -15,13 +15,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.closure import general_roots, restitution_ratio
-from contbreather.breathers.conditions import Conditions
+from contbreather.breathers.closure import general_roots
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary, check_walls
 from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.errors import BadInput, NoSolution
 from contbreather.flows.modes import turn
+from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.finite import Finite
 from contbreather.lattice.forcing import Fourier
 

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.breathers.closure import EPS, check_amplitude, restitution_ratio
+from contbreather.breathers.closure import EPS
 from contbreather.breathers.impacts import Impact, OrbitEquations, equations_of
 from contbreather.continuation import Point
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, Ring
+from contbreather.lattice.conditions import check_amplitude, restitution_ratio
 from contbreather.lattice.periodic import Wave, check_coupling, wave
 
 if TYPE_CHECKING:

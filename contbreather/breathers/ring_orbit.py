@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.breathers.conditions import Conditions, Walls
 from contbreather.breathers.flight_map import Section, free_multipliers
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.errors import BadInput
 from contbreather.flows.modes import turn
 from contbreather.lattice import Forcing, InfiniteChain, Lattice, Ring
+from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
 
 if TYPE_CHECKING:

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import LIMIT
-from contbreather.breathers.conditions import OWN, Conditions, Walls
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary, check_walls
 from contbreather.breathers.refusals import ImpossibleSequence, Inadmissible
@@ -37,6 +36,7 @@ from contbreather.continuation import Point, Problem
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Ring, check_gamma, forcing_of
+from contbreather.lattice.conditions import OWN, Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
 
 FloatArray = NDArray[np.float64]

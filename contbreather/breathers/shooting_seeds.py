@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from contbreather.breathers.conditions import Conditions
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.refusals import ImpossibleSequence
@@ -24,6 +23,7 @@ from contbreather.breathers.ring_orbit import RingOrbit
 from contbreather.errors import BadInput, NotConverged
 from contbreather.flows.modes import Turn, driven, turn
 from contbreather.lattice import Ring
+from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Basis, Finite
 
 FloatArray = NDArray[np.float64]

@@ -18,12 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.breathers.closure import (
     EPS,
     Closure,
-    check_amplitude,
-    restitution_ratio,
     roots,
     smallest_amplitude,
 )
-from contbreather.breathers.conditions import Conditions, Walls
 from contbreather.checks import numbers, real
 from contbreather.errors import BadInput
 from contbreather.lattice import (
@@ -37,6 +34,7 @@ from contbreather.lattice import (
     forcing_of,
     lattice_of,
 )
+from contbreather.lattice.conditions import Conditions, Walls, check_amplitude, restitution_ratio
 from contbreather.lattice.green import Flight, flight, flight_slope
 
 if TYPE_CHECKING:

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.admissibility import admissibility
-from contbreather.breathers.closure import check_amplitude, restitution_ratio
 from contbreather.breathers.problem import PAPER, events_on, problem_of
 from contbreather.breathers.symmetric import Breather, symmetric_roots
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
@@ -23,6 +22,7 @@ from contbreather.continuation.progress import Progress
 from contbreather.continuation.starts import windows
 from contbreather.errors import BadInput, NoSolution, keeping, taking
 from contbreather.lattice import Forcing, Lattice, check_gamma, forcing_of, lattice_of
+from contbreather.lattice.conditions import check_amplitude, restitution_ratio
 
 Array = NDArray[np.float64]
 Place = Point | Mapping[str, float]

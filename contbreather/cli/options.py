@@ -223,8 +223,8 @@ def known(name: str, forcing: Forcing) -> str:
 
 def check_values(values: dict[str, float]) -> None:
     """Refuse what no breather can have, before one is looked for."""
-    from contbreather.breathers.closure import check_amplitude, restitution_ratio
     from contbreather.lattice import check_gamma
+    from contbreather.lattice.conditions import check_amplitude, restitution_ratio
 
     checks = {"a": check_amplitude, "gamma": check_gamma, "k": restitution_ratio}
     for name, value in values.items():

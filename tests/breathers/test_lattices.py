@@ -13,7 +13,6 @@ from scipy import sparse
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
-from contbreather.breathers.conditions import Conditions, Walls
 from contbreather.breathers.shooting import shot_orbit
 from contbreather.breathers.shooting_images import images_of
 from contbreather.flows.modes import (
@@ -22,6 +21,7 @@ from contbreather.flows.modes import (
     turn_slope,
     turn_slope_in_damping,
 )
+from contbreather.lattice.conditions import Conditions, Walls
 
 # --- a second road: integration with events ---------------------------------------------------
 

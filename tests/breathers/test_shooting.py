@@ -18,7 +18,6 @@ from scipy.optimize import brentq
 import contbreather as cb
 from contbreather.breathers import centre_margin
 from contbreather.breathers.clearance import _ends, clearance, flights_of
-from contbreather.breathers.conditions import Conditions
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.refusals import ImpossibleSequence, Inadmissible
@@ -35,6 +34,7 @@ from contbreather.breathers.shooting_images import images_of, simpler_than
 from contbreather.breathers.shooting_lifts import doubled, unfolded
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.switching import switch
+from contbreather.lattice.conditions import Conditions
 from contbreather.stability import dense_half_map
 
 RING = 20

@@ -1,4 +1,4 @@
-"""What a lattice moves under: forcing, coupling, losses, springs."""
+"""What a lattice moves under: forcing, coupling, losses, springs, walls."""
 
 from __future__ import annotations
 
@@ -8,12 +8,40 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
-from contbreather.breathers.closure import check_amplitude, restitution_ratio
-from contbreather.checks import number
+from contbreather.checks import number, real
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic
+from contbreather.lattice.forcing import Forcing, Harmonic
+from contbreather.lattice.modes import InfiniteChain
 
 OWN = ("a", "gamma", "k", "damping", "spring")
+
+
+def restitution_ratio(k: float) -> float:
+    """``q = (1 - k)/(1 + k)``: the loss at an impact.
+
+    Raises
+    ------
+    BadInput
+        If k is not a number in [0, 1].
+    """
+    number = real(k)
+    if 0.0 <= number <= 1.0:
+        return (1.0 - number) / (1.0 + number)
+    raise BadInput(
+        f"k = {k!r}: the restitution coefficient must be a number with 0 <= k <= 1 "
+        "(0 sticks, 1 loses nothing); choose k in that range."
+    )
+
+
+def check_amplitude(a: float) -> float:
+    """Return ``a`` as a float; `BadInput` unless it is finite and positive."""
+    number = real(a)
+    if 0.0 < number < math.inf:
+        return number
+    raise BadInput(
+        f"a = {a!r}: the amplitude of the forcing must be a finite number > 0; "
+        "its sign belongs into the forcing."
+    )
 
 
 Pair = tuple[float, float]  # low and high; infinite where there is no wall
@@ -82,7 +110,7 @@ def _pair(given: Any, what: str) -> Pair:
 
 @dataclass(frozen=True)
 class Conditions:
-    """Every parameter of the motion, and its forcing.
+    """Every parameter of the motion, its forcing, and where it happens.
 
     Attributes
     ----------
@@ -92,6 +120,7 @@ class Conditions:
         ``u'' + damping u' + spring u + ...``, per unit mass.
     forcing : Forcing
     walls : Walls
+    lattice : InfiniteChain, Ring or Lattice
     """
 
     a: float
@@ -101,6 +130,7 @@ class Conditions:
     spring: float = 0.0
     forcing: Forcing = field(default_factory=Harmonic)
     walls: Walls = Walls()
+    lattice: Any = field(default_factory=InfiniteChain)
 
     def checked(self) -> Conditions:
         """The same, or what is wrong with it. Derivatives by differences look beyond the edges of
@@ -119,13 +149,13 @@ class Conditions:
     def at(self, params: Mapping[str, float]) -> Conditions:
         """The same with other values of its parameters."""
         own = tuple(float(params.get(name, value)) for name, value in self.params.items())
-        return _moved(self.forcing, self.walls, own)
+        return _moved(self.forcing, self.walls, self.lattice, own)
 
 
 @lru_cache(maxsize=256)
-def _moved(forcing: Forcing, walls: Walls, values: tuple[float, ...]) -> Conditions:
+def _moved(forcing: Forcing, walls: Walls, lattice: Any, values: tuple[float, ...]) -> Conditions:
     names = tuple(forcing.params)
     if names:
         forcing = forcing.at(**dict(zip(names, values[len(OWN) :], strict=True)))
     a, gamma, k, damping, spring = values[: len(OWN)]
-    return Conditions(a, gamma, k, damping, spring, forcing, walls)
+    return Conditions(a, gamma, k, damping, spring, forcing, walls, lattice)
