@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -132,7 +133,7 @@ def process(line: str, where: Path, **options: Any) -> subprocess.Popen[str]:
     package = str(Path(cb.__file__).parents[1])
     environment = {**os.environ, "PYTHONPATH": package, **options.pop("env", {})}
     return subprocess.Popen(
-        [sys.executable, "-m", "contbreather", *shlex.split(line)],
+        [sys.executable, *options.pop("script", ["-m", "contbreather"]), *shlex.split(line)],
         cwd=where, env=environment, text=True,
         **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options},
     )  # fmt: skip
@@ -150,6 +151,54 @@ def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path) -> None:
         assert json.loads(out)["written"] == os.listdir(tmp_path)
     else:
         assert os.listdir(tmp_path) == []
+
+
+# A module whose import makes any exception an ImportError, as those written in C do, is imported
+# when Ctrl-C comes.
+AMID_IMPORT = """
+import signal, sys
+wanted = [sys.argv.pop(1)]
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name in wanted:
+            wanted.remove(name)
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except BaseException as error:
+                raise ImportError(f"{name} failed to import") from error
+
+sys.meta_path.insert(0, Finder())
+from contbreather.__main__ import main
+sys.exit(main())
+"""
+SIMULATE = "simulate --a 0.1 --gamma 0.04 --k 0.8 --periods 3 --json"
+IMPORTED = [
+    (SIMULATE, "contbreather.cli"),
+    (SIMULATE, "cyclopts"),
+    (SIMULATE, "contbreather.dynamics"),
+    (SIMULATE, "numba"),
+    ("branch --free a --gamma 0.08 --k 0.8 --json", "scipy.linalg"),
+    ("zones --k 0.8 --gamma-window 0.09 0.1 -o zones.png", "matplotlib.figure"),
+]
+
+
+@pytest.mark.parametrize(("line", "module"), IMPORTED)
+def test_during_an_import_it_waits_until_that_is_over(
+    tmp_path: Path, line: str, module: str
+) -> None:
+    one = process(line, tmp_path, script=["-c", AMID_IMPORT, module])
+    out, err = one.communicate(timeout=60)
+    assert one.returncode == INTERRUPTED
+    first, *_ = err.splitlines()
+    assert first.startswith("contbreather: interrupted")
+    assert "Error" not in err
+    assert ("Wrote zones.png" in out) == (tmp_path / "zones.png").exists()
+
+
+def test_the_console_script_hears_it_from_the_start() -> None:
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+    assert project["scripts"] == {"contbreather": "contbreather.__main__:main"}
 
 
 POINT = "point --a 0.5 --gamma 0.04 --k 0.8"

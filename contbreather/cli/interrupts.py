@@ -1,9 +1,10 @@
 """Ctrl-C at the command line.
 
-Until anything is computed there is nothing to keep, and the process ends at once: an exception in
-the middle of an import would come out of it as an ImportError. While something is computed Ctrl-C
-is a `KeyboardInterrupt`, and the library hands over what it has. While results are written it
-waits, so that nothing is half written or half said; the second one does not wait.
+Until anything is computed there is nothing to keep, and the process ends at once. While something
+is computed Ctrl-C is a `KeyboardInterrupt`, and the library hands over what it has. While results
+are written it waits, so that nothing is half written or half said; the second one does not wait.
+An import is never interrupted, as the exception would come out of it as an ImportError: Ctrl-C is
+heard again when it is over.
 """
 
 from __future__ import annotations
@@ -12,13 +13,16 @@ import contextlib
 import enum
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import Any, TypeVar, cast
 
 from contbreather.errors import Interrupted
 
 STATUS = 130
+PAUSE = 0.01  # seconds, until an import that is under way is looked at again
 T = TypeVar("T")
 
 
@@ -40,16 +44,27 @@ class _Watch:
     def __init__(self) -> None:
         self.act, self.rest = Act.STOP, Act.STOP
         self.count, self.waiting = 0, False
+        self.outside: int | None = None
 
     def begin(self, *, alone: bool) -> None:
         self.act, self.rest = Act.LEAVE if alone else Act.STOP, Act.WAIT
         self.count, self.waiting = 0, False
+        # a clock of its own only where the process is: others may use the alarm
+        self.outside = _imports(sys._getframe()) if alone and hasattr(signal, "SIGALRM") else None
 
-    def __call__(self, number: int, frame: object) -> None:
+    def __call__(self, number: int, frame: FrameType | None) -> None:
         self.count += 1
+        self.hear(number, frame)
+
+    def hear(self, number: int, frame: FrameType | None) -> None:
         if self.act is Act.LEAVE:
             _tell("interrupted")
             os._exit(STATUS)
+        if self.outside is not None and _imports(frame) > self.outside:
+            self.waiting = True
+            signal.signal(signal.SIGALRM, self.hear)
+            signal.setitimer(signal.ITIMER_REAL, PAUSE)
+            return
         if self.act is Act.STOP or self.count > 1:
             self.waiting = False
             raise KeyboardInterrupt
@@ -58,6 +73,15 @@ class _Watch:
 
 
 _watch = _Watch()
+
+
+def _imports(frame: FrameType | None) -> int:
+    """How many steps of the import system are under way in and above a frame."""
+    count = 0
+    while frame is not None:
+        count += frame.f_code.co_filename.startswith("<frozen importlib")
+        frame = frame.f_back
+    return count
 
 
 def _tell(line: str) -> None:
@@ -86,6 +110,8 @@ def watched(*, alone: bool) -> Iterator[None]:
             raise KeyboardInterrupt
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN if alone else before)
+        if _watch.outside is not None:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
         _watch.act = _watch.rest = Act.STOP
 
 
