@@ -3,8 +3,8 @@
 Until anything is computed there is nothing to keep, and the process ends at once. While something
 is computed Ctrl-C is a `KeyboardInterrupt`, and the library hands over what it has. While results
 are written it waits, so that nothing is half written or half said; the second one does not wait.
-An import is never interrupted, as the exception would come out of it as an ImportError: Ctrl-C is
-heard again when it is over.
+An import is not interrupted, as the exception would come out of it as an ImportError: Ctrl-C is
+heard again when it is over, or the process ends where that takes seconds.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any, TypeVar, cast
 from contbreather.errors import Interrupted
 
 STATUS = 130
-PAUSE = 0.01  # seconds, until an import that is under way is looked at again
+PAUSE, PATIENCE = 0.01, 300  # seconds, and how often an import that goes on is looked at again
 T = TypeVar("T")
 
 
@@ -45,31 +45,35 @@ class _Watch:
         self.act, self.rest = Act.STOP, Act.STOP
         self.count, self.waiting = 0, False
         self.outside: int | None = None
+        self.patience = PATIENCE
 
     def begin(self, *, alone: bool) -> None:
         self.act, self.rest = Act.LEAVE if alone else Act.STOP, Act.WAIT
-        self.count, self.waiting = 0, False
+        self.count, self.waiting, self.patience = 0, False, PATIENCE
         # a clock of its own only where the process is: others may use the alarm
         self.outside = _imports(sys._getframe()) if alone and hasattr(signal, "SIGALRM") else None
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         self.count += 1
-        self.hear(number, frame)
-
-    def hear(self, number: int, frame: FrameType | None) -> None:
-        if self.act is Act.LEAVE:
+        if self.act is Act.WAIT and self.count == 1:
+            self.waiting = True
+            _tell("interrupted: writing what is done; Ctrl-C once more to leave it")
+            return
+        importing = self.outside is not None and _imports(frame) > self.outside
+        if self.act is Act.LEAVE or (importing and self.patience == 0):
             _tell("interrupted")
             os._exit(STATUS)
-        if self.outside is not None and _imports(frame) > self.outside:
-            self.waiting = True
-            signal.signal(signal.SIGALRM, self.hear)
-            signal.setitimer(signal.ITIMER_REAL, PAUSE)
-            return
-        if self.act is Act.STOP or self.count > 1:
-            self.waiting = False
+        self.waiting = importing
+        if not importing:
             raise KeyboardInterrupt
-        self.waiting = True
-        _tell("interrupted: writing what is done; Ctrl-C once more to leave it")
+        self.patience -= 1
+        signal.signal(signal.SIGALRM, self.again)
+        signal.setitimer(signal.ITIMER_REAL, PAUSE)
+
+    def again(self, number: int, frame: FrameType | None) -> None:
+        """The same Ctrl-C once more, for whoever listens to it by now."""
+        self.count -= 1
+        signal.raise_signal(signal.SIGINT)
 
 
 _watch = _Watch()
