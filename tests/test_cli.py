@@ -399,7 +399,7 @@ def test_people_read_a_verdict_that_names_its_chain_and_threshold(
 ) -> None:
     _, out, _ = run(*POINT, "--sites", "40")
     assert "Infinite chain: stable" in out
-    assert "Ring of 40 sites" in out
+    assert "Ring of 40:" in out
     assert "threshold 1.005" in out
     assert "0.680056001966" in out
 

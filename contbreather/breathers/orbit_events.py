@@ -168,7 +168,7 @@ def _outside(point: Point) -> int:
 
 @lru_cache(maxsize=512)
 def _multipliers(map: OrbitMap) -> NDArray[np.complex128]:
-    return map.coupled_multipliers()
+    return map.over_period
 
 
 def tally() -> Event:
@@ -291,7 +291,7 @@ def _verify_angle(point: Point) -> str:
 def _circle_locus(point: Point, threshold: float) -> Locus:
     """A multiplier of the ring on the circle of the threshold."""
     depth = -0.5j * math.log(threshold) / math.pi
-    mu = _orbit(point).map.coupled_multipliers()
+    mu = _orbit(point).map.over_period
     mu = mu[mu.imag > 0.0]
     nearest = mu[int(np.abs(np.abs(mu) - threshold).argmin())]
 

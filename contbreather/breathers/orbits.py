@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from contbreather.breathers.symmetric import Breather
     from contbreather.continuation import Problem
     from contbreather.stability.orbit import OrbitMap
-    from contbreather.stability.orbit_verdict import OrbitChainVerdict, OrbitRingVerdict
+    from contbreather.stability.verdict import Verdict
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -319,9 +319,7 @@ class Orbit:
         kicks.sort(key=lambda kick: kick.time)
         return OrbitMap(self.gamma, self.k, tuple(kicks), self.periods, self.lattice)
 
-    def stability(
-        self, sites: int | None = None, threshold: float = 1.005
-    ) -> OrbitChainVerdict | OrbitRingVerdict:
+    def stability(self, sites: int | None = None, threshold: float = 1.005) -> Verdict:
         """Is it stable? The verdict names the chain it is about.
 
         Parameters
@@ -333,10 +331,10 @@ class Orbit:
         threshold : float
             Above 1; for rings only.
         """
-        from contbreather.stability.orbit_verdict import orbit_stability
+        from contbreather.stability.verdict import verdict
 
         own = self if sites is None else self.on(Ring(sites))
-        return orbit_stability(own.map, threshold=threshold)
+        return verdict(own.map, threshold)
 
     def multipliers(self, sites: int | None = None) -> ComplexArray:
         """All 2N Floquet multipliers over the period on a ring; their product is ``k^(2m)``.

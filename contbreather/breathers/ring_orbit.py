@@ -17,6 +17,7 @@ from contbreather.flows.modes import turn
 from contbreather.lattice import Forcing, InfiniteChain, Lattice, Ring
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
+from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
 
 if TYPE_CHECKING:
     from contbreather.breathers.admissibility import Admissibility
@@ -45,34 +46,6 @@ class Resonance(NamedTuple):
     mode: int  # of those that impacts see, by frequency, from 1
     frequency: float
     gap: float  # |exp(i w T) - sign|: 0 in resonance
-
-
-@dataclass(frozen=True, repr=False)
-class OrbitVerdict:
-    """Stability of an orbit on its lattice: multipliers over the period beyond a threshold."""
-
-    lattice: str
-    period: float
-    threshold: float
-    largest: float
-    unstable: int
-
-    @property
-    def stable(self) -> bool:
-        return self.unstable == 0
-
-    def describe(self) -> str:
-        """The verdict as a sentence."""
-        plural = "s" * (self.unstable > 1)
-        word = "stable" if self.stable else f"unstable, {self.unstable} multiplier{plural}"
-        sign = "<=" if self.stable else ">"
-        return (
-            f"{self.lattice}: {word}; largest |multiplier| over {self.period / math.pi:.0f} "
-            f"pi {self.largest:.9g} {sign} threshold {self.threshold:g}"
-        )
-
-    def __repr__(self) -> str:
-        return f"<{self.describe()}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -442,11 +415,22 @@ class RingOrbit:
         """Multipliers over a section of the modes that impacts see."""
         return self.section.multipliers
 
+    @cached_property
+    def over_period(self) -> ComplexArray:
+        """The same over the period."""
+        return self.coupled**2 if self.symmetric else self.coupled
+
+    @property
+    def idle(self) -> float:
+        """Largest modulus over a section of all other modes, 0 if there are none."""
+        unseen = abs(self._unseen())
+        return float(unseen.max(initial=0.0)) if self.damping else float(unseen.size > 0)
+
     def _unseen(self) -> ComplexArray:
         z = self.gamma * self.section.basis.unseen + self.spring
         return np.concatenate(free_multipliers(z, self.damping, self.itinerary.length))
 
-    def stability(self, sites: int | None = None, threshold: float = 1.005) -> OrbitVerdict:
+    def stability(self, sites: int | None = None, threshold: float = THRESHOLD) -> Verdict:
         """Is it stable on its lattice? Multipliers over the whole period against a threshold.
 
         Parameters
@@ -459,24 +443,10 @@ class RingOrbit:
 
         Returns
         -------
-        OrbitVerdict
+        Verdict
         """
-        if not 1.0 <= threshold < math.inf:
-            raise BadInput(
-                f"threshold = {threshold}: moduli on the unit circle are neutral, so a finite "
-                "threshold of at least 1 is wanted (the paper takes 1.005)."
-            )
-        if sites is not None and self.lattice != Ring(sites):
-            verdict: OrbitVerdict = self._on_ring(sites).stability(threshold=threshold)
-            return verdict
-        size = np.abs(self.multipliers())
-        return OrbitVerdict(
-            self.lattice.describe(),
-            self.period,
-            float(threshold),
-            float(size.max()),
-            int(np.count_nonzero(size > threshold)),
-        )
+        own = self if sites is None or self.lattice == Ring(sites) else self._on_ring(sites)
+        return verdict(own, threshold)
 
     def admissibility(self) -> Admissibility:
         """Whether all sites keep off their walls between impacts, and by how much."""

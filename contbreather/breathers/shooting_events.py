@@ -160,7 +160,7 @@ def _one_sided(point: Point, seed: Seed) -> Seed:
 
 def ring_neimark_sacker(threshold: float = PAPER) -> Event:
     """NS, by the ring's rule: the first complex pair whose modulus over the whole period passes a
-    threshold. More than one pair close to the circle is a ring's usual state, see `OrbitVerdict`.
+    threshold. More than one pair close to the circle is a ring's usual state, see `Verdict`.
     """
     if not 1.0 <= threshold < math.inf:
         raise BadInput(f"threshold = {threshold}: a finite modulus of at least 1 is wanted.")

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from contbreather.breathers.admissibility import Admissibility
     from contbreather.breathers.ring_orbit import RingOrbit
     from contbreather.continuation import Problem
-    from contbreather.stability import ChainVerdict, RingVerdict
+    from contbreather.stability import Verdict
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -240,9 +240,7 @@ class Breather:
 
         return admissibility(self)
 
-    def stability(
-        self, sites: int | None = None, threshold: float | None = None
-    ) -> ChainVerdict | RingVerdict:
+    def stability(self, sites: int | None = None, threshold: float | None = None) -> Verdict:
         """Is it stable? The verdict names the chain it is about.
 
         Parameters
@@ -257,7 +255,7 @@ class Breather:
 
         Returns
         -------
-        ChainVerdict or RingVerdict
+        Verdict
 
         Examples
         --------

@@ -40,10 +40,7 @@ def point(
 def _content(
     breather: Breather, others: list[Breather], rule: tuple[int, float] | None
 ) -> dict[str, Any]:
-    from contbreather.stability.verdict import ChainVerdict, RingVerdict
-
     verdict, margins = breather.stability(), breather.admissibility()
-    assert isinstance(verdict, ChainVerdict)
     content: dict[str, Any] = {
         "a": breather.a,
         "gamma": breather.gamma,
@@ -67,7 +64,6 @@ def _content(
     if rule is not None:
         sites, threshold = rule
         ring = breather.stability(sites=sites, threshold=threshold)
-        assert isinstance(ring, RingVerdict)
         content["ring"] = {
             "sites": sites,
             "threshold": threshold,

@@ -251,6 +251,9 @@ class InfiniteChain(_TranslationInvariant):
         """No end: there is a far field."""
         return
 
+    def describe(self) -> str:
+        return "infinite chain"
+
     @property
     def _expansions(self) -> _Means:  # type: ignore[override]
         return _INFINITE

@@ -24,11 +24,10 @@ from contbreather.stability.scattering import (
     over_reflects,
     scattering,
 )
-from contbreather.stability.verdict import ChainVerdict, RingVerdict, stability
+from contbreather.stability.verdict import Verdict, stability, verdict
 from contbreather.stability.winding import Count, unstable_count
 
 __all__ = [
-    "ChainVerdict",
     "Count",
     "D",
     "D_gradient",
@@ -38,7 +37,7 @@ __all__ = [
     "NeimarkSacker",
     "OnArc",
     "OverReflection",
-    "RingVerdict",
+    "Verdict",
     "Window",
     "apply_half_map",
     "closest_approach",
@@ -58,5 +57,6 @@ __all__ = [
     "stability",
     "unstable_count",
     "unstable_multipliers",
+    "verdict",
     "window",
 ]

@@ -108,6 +108,10 @@ class OrbitMap:
         check_coupling(self.lattice, self.gamma, self.periods)
 
     @property
+    def period(self) -> float:
+        return 2.0 * math.pi * self.periods
+
+    @property
     def scaled(self) -> float:
         """The coupling in units of n forcing periods."""
         return self.periods**2 * self.gamma
@@ -367,7 +371,7 @@ class OrbitMap:
                 f"radius = {radius}: a ring has its band on the unit circle; count its "
                 "multipliers outside a radius above 1 (the paper takes 1.005)."
             )
-        return _counted(self.coupled_multipliers(), radius)
+        return _counted(self.over_period, radius)
 
     def _uncoupled(self) -> Array:
         """gamma = 0: every impacting site for itself."""
@@ -389,9 +393,15 @@ class OrbitMap:
             )
         return self.lattice
 
-    def coupled_multipliers(self) -> Array:
+    @cached_property
+    def over_period(self) -> Array:
         """On a ring: multipliers of the modes that some impact sees, the others left out."""
         return np.linalg.eigvals(self.monodromy()).astype(complex)
+
+    @property
+    def idle(self) -> float:
+        """Largest modulus of those of all other modes, 0 if there are none."""
+        return float(self.over_period.size < 2 * self._ring().sites)
 
     def multipliers(self) -> Array:
         """All 2N multipliers over the period on a ring.
@@ -407,7 +417,7 @@ class OrbitMap:
         (18, 0.4096)
         """
         ring = self._ring()
-        found = self.coupled_multipliers()
+        found = self.over_period
         if found.size == 2 * ring.sites:
             return found
         j = np.arange(1, (ring.sites + 1) // 2)

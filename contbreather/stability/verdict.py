@@ -1,16 +1,17 @@
-"""Verdicts: each names the chain it is about, and the threshold where there is one.
+"""Verdicts: each names the lattice it is about, and the threshold where there is one.
 
-The infinite chain has a sharp answer, the number of isolated multipliers of QS outside the unit
-circle. A ring has none: waves that come back amplified put its band at ``|mu| - 1 = O(1/N)``, so
-the paper's rule compares the largest multiplier with a threshold. Its "eigenvalues of the monodromy
-matrix ... crossed a threshold of 1.005" are those of (QS)^2, eq. (20): read so, the
-Neimark-Sacker line at a = 0.2, k = 0.8 is at gamma = 0.0824, 0.0916, 0.0969 for N = 200, 400, 800.
+The infinite chain has a sharp answer, the number of isolated multipliers outside the unit circle.
+A finite lattice has none: on a ring waves that come back amplified put its band at
+``|mu| - 1 = O(1/N)``, so the paper's rule compares the largest multiplier with a threshold. Its
+"eigenvalues of the monodromy matrix ... crossed a threshold of 1.005" are those of (QS)^2, eq.
+(20): read so, the Neimark-Sacker line at a = 0.2, k = 0.8 is at gamma = 0.0824, 0.0916, 0.0969 for
+N = 200, 400, 800.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -20,11 +21,9 @@ from numpy.typing import NDArray
 from contbreather.checks import real
 from contbreather.errors import BadInput
 from contbreather.lattice.modes import InfiniteChain, Ring
-from contbreather.stability.characteristic import sites_of
-from contbreather.stability.half_map import even_multipliers
-from contbreather.stability.isolated import unstable_multipliers
-from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
-from contbreather.stability.winding import RIM, unstable_count
+from contbreather.stability.half_period import HalfMap
+from contbreather.stability.scattering import OverReflection
+from contbreather.stability.winding import RIM
 
 Array = NDArray[Any]
 
@@ -32,53 +31,97 @@ THRESHOLD = 1.005  # the paper's, for multipliers over the full period 2 pi
 
 
 @dataclass(frozen=True, repr=False)
-class ChainVerdict:
-    """Stability in the infinite chain.
+class Verdict:
+    """Whether an orbit is stable: on which lattice, and by which threshold.
 
-    ``unstable`` counts the multipliers of QS strictly outside the unit circle, a pair as two. Where
-    not ``certain``, one of them sits on the circle to within rounding, at ``exp(i pi nu)``, or
-    gamma is within rounding of 1/4.
+    Attributes
+    ----------
+    lattice : str
+    period : float
+        Of the orbit.
+    threshold : float or None
+        For the moduli of multipliers over the period. None on the infinite chain, whose answer is
+        exact: isolated multipliers strictly outside the unit circle.
+    unstable : int
+        How many multipliers are beyond that, a pair counting two.
+    certain : bool
+        False where one of them sits on the unit circle to within rounding, at ``exp(i pi nu)``, or
+        where gamma is within rounding of 1/4.
     """
 
-    gamma: float
-    k: float
-    b: float
+    lattice: str
+    period: float
+    threshold: float | None
     unstable: int
-    certain: bool
-    nu: float
+    certain: bool = True
+    nu: float = math.nan
+    map: Any = field(kw_only=True, compare=False)
 
     @property
     def stable(self) -> bool:
         return self.unstable == 0
 
     @cached_property
+    def multipliers(self) -> Array:
+        """Those beyond the threshold over the period, largest first; on the infinite chain those
+        outside the unit circle, of a symmetric breather over half its period (QS)."""
+        if self.threshold is None:
+            return self.map.unstable_multipliers()
+        mu = self.map.over_period
+        mu = mu[np.abs(mu) > self.threshold]
+        return mu[np.argsort(-np.abs(mu), kind="stable")]
+
+    @cached_property
+    def largest(self) -> float:
+        """Largest modulus of all multipliers; the band of the infinite chain has 1."""
+        if self.threshold is None:
+            return float(np.abs(self.multipliers).max(initial=1.0))
+        return float(np.abs(self.map.over_period).max(initial=self.map.idle))
+
+    @cached_property
     def over_reflecting(self) -> bool:
-        """Whether waves come back amplified: if so, long enough rings are weakly unstable."""
-        return over_reflects(self.gamma, self.k, self.b)
+        """Whether waves come back amplified: if so, long enough rings are weakly unstable.
+
+        Raises
+        ------
+        BadInput
+            Unless this is about a symmetric breather on the infinite chain.
+        """
+        return self._half().over_reflects()
 
     @cached_property
     def over_reflection(self) -> OverReflection:
         """By how much, and at which angle."""
-        return over_reflection(self.gamma, self.k, self.b)
+        return self._half().over_reflection()
 
-    @cached_property
-    def multipliers(self) -> Array:
-        """The isolated multipliers of QS outside the unit circle themselves."""
-        return unstable_multipliers(self.gamma, self.k, self.b)
+    def _half(self) -> HalfMap:
+        if self.threshold is None and isinstance(self.map, HalfMap):
+            return self.map
+        raise BadInput(
+            f"{self.lattice}: over-reflection is known of symmetric breathers on the infinite "
+            "chain; ask symmetric(a, gamma, k).stability() for it."
+        )
 
     def describe(self) -> str:
         """The verdict as a sentence."""
-        if self.unstable == 0:
-            text = "infinite chain: stable, no multiplier of QS outside the unit circle"
-        else:
-            plural = "" if self.unstable == 1 else "s"
-            text = f"infinite chain: unstable, {self.unstable} multiplier{plural} of QS outside "
-            text += "the unit circle"
-        if not self.certain and 0.25 - self.gamma <= RIM:
+        several = f"{self.unstable or 'no'} multiplier{'s' * (self.unstable > 1)}"
+        if self.threshold is None:
+            word = "stable, " if self.stable else "unstable, "
+            return f"{self.lattice}: {word}{several} of {self._on_the_chain()}"
+        word, sign = ("stable", "<=") if self.stable else (f"unstable, {several}", ">")
+        return (
+            f"{self.lattice}: {word}; largest |multiplier| over {self.period / math.pi:.0f} pi "
+            f"{self.largest:.9g} {sign} threshold {self.threshold:g}"
+        )
+
+    def _on_the_chain(self) -> str:
+        half = isinstance(self.map, HalfMap)
+        text = f"{'QS' if half else 'the orbit'} outside the unit circle"
+        if not self.certain and 0.25 - self.map.gamma <= RIM:
             text += "; uncertain, the band's edge is within rounding of mu = -1"
         elif not self.certain:
             text += f"; one on it to within rounding, at the angle {self.nu:.6g} pi"
-        if self.over_reflecting:
+        if half and self.over_reflecting:
             text += "; reflects waves amplified, so long rings are weakly unstable"
         return text
 
@@ -86,57 +129,49 @@ class ChainVerdict:
         return f"<{self.describe()}>"
 
 
-@dataclass(frozen=True, repr=False)
-class RingVerdict:
-    """Stability on a ring by the paper's rule: multipliers over 2 pi beyond a threshold.
+def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
+    """The verdict on an orbit, by its map of small perturbations.
 
-    ``largest`` is the largest modulus of all 2 N multipliers of (QS)^2, ``unstable`` how many
-    exceed ``threshold``.
+    Parameters
+    ----------
+    map : Any
+    threshold : float
+        On a finite lattice: unstable if a multiplier over the period exceeds it in modulus.
+
+    Raises
+    ------
+    BadInput
+        On a finite lattice, for a threshold below 1, or for 1 where some modes are neutral.
+
+    Examples
+    --------
+    >>> from contbreather.stability.orbit import OrbitMap
+    >>> verdict(OrbitMap(0.04, 0.8, [(0, 0.0, 0.5), (0, 3.0, 0.5)]))
+    <infinite chain: stable, no multiplier of the orbit outside the unit circle>
     """
-
-    gamma: float
-    k: float
-    b: float
-    sites: int
-    threshold: float
-    largest: float
-    unstable: int
-
-    @property
-    def stable(self) -> bool:
-        return self.unstable == 0
-
-    @cached_property
-    def multipliers(self) -> Array:
-        """The multipliers over 2 pi beyond the threshold, largest first."""
-        full = even_multipliers(Ring(self.sites), self.gamma, self.k, self.b) ** 2
-        full = full[np.abs(full) > self.threshold]
-        return full[np.argsort(-np.abs(full), kind="stable")]
-
-    def describe(self) -> str:
-        """The verdict as a sentence."""
-        plural = "" if self.unstable == 1 else "s"
-        word = "stable" if self.stable else f"unstable, {self.unstable} multiplier{plural}"
-        sign = "<=" if self.stable else ">"
-        return (
-            f"ring of {self.sites} sites: {word}; largest |multiplier| over 2 pi "
-            f"{self.largest:.9g} {sign} threshold {self.threshold:g}"
+    name = map.lattice.describe()
+    if map.lattice.sites is None:
+        count = map.count()
+        return Verdict(name, map.period, None, count.count, count.certain, count.nu, map=map)
+    if not 1.0 <= real(threshold) < math.inf or (threshold == 1.0 and map.idle == 1.0):
+        raise BadInput(
+            f"threshold = {threshold!r}: a lattice without damping always has multipliers on the "
+            "unit circle, so a finite threshold above 1 is wanted (the paper takes 1.005)."
         )
-
-    def __repr__(self) -> str:
-        return f"<{self.describe()}>"
+    beyond = int(np.count_nonzero(np.abs(map.over_period) > threshold))
+    return Verdict(name, map.period, float(threshold), beyond, map=map)
 
 
 def stability(
     gamma: float,
     k: float,
     b: float,
-    lattice: object = InfiniteChain(),
+    lattice: Any = InfiniteChain(),
     *,
     sites: int | None = None,
     threshold: float = THRESHOLD,
-) -> ChainVerdict | RingVerdict:
-    """Is a breather with this saltation stable, in the infinite chain or on a ring?
+) -> Verdict:
+    """Is a symmetric breather with this saltation stable, in the infinite chain or on a ring?
 
     Parameters
     ----------
@@ -147,10 +182,6 @@ def stability(
         Short for ``lattice=Ring(sites)``.
     threshold : float
         On a ring: unstable if a multiplier over 2 pi exceeds it in modulus.
-
-    Returns
-    -------
-    ChainVerdict or RingVerdict
 
     Raises
     ------
@@ -163,28 +194,6 @@ def stability(
     <infinite chain: unstable, 2 multipliers of QS outside the unit circle; reflects waves \
 amplified, so long rings are weakly unstable>
     >>> stability(0.05, 0.8, 0.2, sites=400)
-    <ring of 400 sites: stable; largest |multiplier| over 2 pi 1.00035565 <= threshold 1.005>
+    <ring of 400: stable; largest |multiplier| over 2 pi 1.00035565 <= threshold 1.005>
     """
-    if sites is not None:
-        lattice = Ring(sites)
-    size = sites_of(lattice)
-    if size is None:
-        count = unstable_count(gamma, k, b)
-        return ChainVerdict(float(gamma), float(k), float(b), count.count, count.certain, count.nu)
-    if not 1.0 < real(threshold) < math.inf:
-        raise BadInput(
-            f"threshold = {threshold!r}: a ring always has multipliers on the unit circle, so a "
-            "threshold must be above 1 (the paper takes 1.005)."
-        )
-    ring = Ring(size)
-    full = np.abs(even_multipliers(ring, gamma, k, b)) ** 2
-    top = float(full.max()) if size < 3 else max(1.0, float(full.max()))
-    return RingVerdict(
-        float(gamma),
-        float(k),
-        float(b),
-        size,
-        float(threshold),
-        top,
-        int(np.sum(full > threshold)),
-    )
+    return verdict(HalfMap(gamma, k, b, Ring(sites) if sites is not None else lattice), threshold)

@@ -140,7 +140,7 @@ def test_tick_labels_of_neighbouring_panels_stand_apart() -> None:
 
 def test_verdicts_of_a_figure_name_both_chains() -> None:
     for sentence in figure3().verdicts():
-        assert "ring of 400 sites" in sentence
+        assert "ring of 400:" in sentence
         assert "infinite chain" in sentence
 
 

@@ -13,9 +13,9 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import D, neimark_sacker, unstable_count, unstable_multipliers
 from contbreather.stability.monodromy import Kick
 from contbreather.stability.orbit import OrbitMap
-from contbreather.stability.orbit_verdict import orbit_stability
 from contbreather.stability.propagators import propagators
 from contbreather.stability.saltation import saltation
+from contbreather.stability.verdict import verdict
 
 
 def dense(sites, gamma, k, kicks, periods):
@@ -70,7 +70,7 @@ def test_every_multiplier_outside_is_a_zero_of_the_reduced_determinant(
     sites, gamma, k, kicks, periods
 ):
     map = OrbitMap(gamma, k, kicks, periods, Ring(sites))
-    mu = map.coupled_multipliers()
+    mu = map.over_period
     mu = mu[np.abs(mu) > 1 + 1e-6]
     assert mu.size
     assert np.abs(map.D(np.log(mu) / (2j * np.pi))).max() < 1e-11
@@ -164,7 +164,7 @@ def test_just_beside_the_circle_the_count_of_the_whole_period_is_that_of_half_of
 def test_a_count_by_all_multipliers_names_the_one_nearest_to_the_circle(gamma, lattice, radius, b):
     kicks = [(0, 0.0, b), (0, 2.0, 0.7)]
     found = OrbitMap(gamma, 0.8, kicks, lattice=lattice).count(radius)
-    mu = OrbitMap(gamma, 0.8, kicks, lattice=Ring(lattice.sites or 1)).coupled_multipliers()
+    mu = OrbitMap(gamma, 0.8, kicks, lattice=Ring(lattice.sites or 1)).over_period
     gaps = np.abs(np.abs(mu) - radius)
     assert found.count == np.count_nonzero(np.abs(mu) > radius)
     assert found.distance == pytest.approx(gaps.min(), abs=1e-12)
@@ -179,7 +179,7 @@ def test_a_pair_on_the_circle_of_sites_for_themselves_is_told_with_its_angle() -
     map = OrbitMap(0.0, 1.0, [(0, 0.0, 0.5), (0, math.pi, 0.5)])  # elastic: of modulus 1
     angle = abs(np.angle(OrbitMap(0.0, 1.0, map.kicks, lattice=Ring(1)).multipliers()[0])) / np.pi
     assert 0.1 < angle < 0.9
-    assert f"at the angle {angle:.6g} pi" in repr(orbit_stability(map))
+    assert f"at the angle {angle:.6g} pi" in repr(verdict(map))
 
 
 def random_orbit(rng, several):
@@ -201,7 +201,7 @@ def test_winding_number_newton_and_a_long_ring_agree(several):
     for _ in range(8 if several else 20):
         gamma, k, kicks, periods = random_orbit(rng, several)
         found = OrbitMap(gamma, k, kicks, periods).unstable_multipliers()
-        ring = OrbitMap(gamma, k, kicks, periods, Ring(101)).coupled_multipliers()
+        ring = OrbitMap(gamma, k, kicks, periods, Ring(101)).over_period
         far, wanted = found[np.abs(found) > 1.6], ring[np.abs(ring) > 1.6]
         assert far.size == wanted.size
         assert paired(far, wanted) < 1e-7 * np.abs(far).max(initial=1)
@@ -284,12 +284,15 @@ def test_uncoupled_sites_answer_each_for_itself():
 
 def test_verdicts_name_their_chain():
     map = OrbitMap(0.04, 0.8, [(0, 0.0, 1.1), (0, math.pi, 1.1)])
-    verdict = orbit_stability(map)
-    assert not verdict.stable
-    assert "infinite chain: unstable, 1 multiplier of the orbit" in repr(verdict)
-    assert verdict.multipliers.size == 1
-    ring = orbit_stability(OrbitMap(0.04, 0.8, map.kicks, lattice=Ring(20)))
-    assert "ring of 20 sites" in repr(ring)
+    chain = verdict(map)
+    assert not chain.stable
+    assert "infinite chain: unstable, 1 multiplier of the orbit" in repr(chain)
+    assert chain.multipliers.size == 1
+    assert chain.largest == abs(chain.multipliers[0])
+    with pytest.raises(BadInput, match="over-reflection is known of symmetric breathers"):
+        _ = chain.over_reflecting
+    ring = verdict(OrbitMap(0.04, 0.8, map.kicks, lattice=Ring(20)))
+    assert "ring of 20" in repr(ring)
     assert "threshold 1.005" in repr(ring)
     assert ring.largest == pytest.approx(abs(ring.multipliers[0]))
 
@@ -315,6 +318,6 @@ def test_nonsense_is_refused_by_a_sentence():
     with pytest.raises(BadInput, match="continuous spectrum"):
         OrbitMap(0.1, 0.8, good).multipliers()
     with pytest.raises(BadInput, match="threshold"):
-        orbit_stability(OrbitMap(0.1, 0.8, good, lattice=Ring(5)), threshold=1.0)
+        verdict(OrbitMap(0.1, 0.8, good, lattice=Ring(5)), threshold=1.0)
     with pytest.raises(BadInput, match="several sites"):
         OrbitMap(0.1, 0.8, [Kick(0, 0.0, 0.5), Kick(1, 1.0, 0.5)]).plus_one()

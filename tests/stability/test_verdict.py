@@ -56,9 +56,9 @@ def test_a_verdict_says_what_it_is_about():
     assert "infinite chain: stable" in stability(0.08, 0.8, 0.468).describe()
     assert "amplified" in stability(0.08, 0.8, 0.468).describe()
     ring = stability(0.11, 0.8, -0.28657, sites=400, threshold=1.01)
-    assert "ring of 400 sites: unstable" in repr(ring)
+    assert "ring of 400: unstable" in repr(ring)
     assert "1.01" in repr(ring)
-    assert repr(stability(0.05, 0.8, 0.9, Ring(100))).startswith("<ring of 100 sites: stable")
+    assert repr(stability(0.05, 0.8, 0.9, Ring(100))).startswith("<ring of 100: stable")
     nu, b = neimark_sacker(0.12, 0.8)[0]
     assert f"rounding, at the angle {nu:.6g} pi" in stability(0.12, 0.8, b).describe()
 
