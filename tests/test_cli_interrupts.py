@@ -153,22 +153,31 @@ def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path) -> None:
         assert os.listdir(tmp_path) == []
 
 
-# A module whose import makes any exception an ImportError, as those written in C do, is imported
-# when Ctrl-C comes.
+# When Ctrl-C comes a module is imported that makes any exception an ImportError, as those written in
+# C do; or numba, which does the like, is at work.
 AMID_IMPORT = """
 import signal, sys
 wanted = [sys.argv.pop(1)]
+
+def interrupt():
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except BaseException as error:
+        raise ImportError("it failed") from error
 
 class Finder:
     def find_spec(self, name, path=None, target=None):
         if name in wanted:
             wanted.remove(name)
-            try:
-                signal.raise_signal(signal.SIGINT)
-            except BaseException as error:
-                raise ImportError(f"{name} failed to import") from error
+            interrupt()
 
 sys.meta_path.insert(0, Finder())
+if "in numba" in wanted:
+    import contbreather.dynamics.impacting as impacting
+    law_of = impacting.law_of
+    own = dict(globals(), __name__="numba.core.dispatcher")
+    exec("def interrupted(*given): interrupt(); return law_of(*given)", own)
+    impacting.law_of = own["interrupted"]
 from contbreather.__main__ import main
 sys.exit(main())
 """
@@ -178,6 +187,7 @@ IMPORTED = [
     (SIMULATE, "cyclopts"),
     (SIMULATE, "contbreather.dynamics"),
     (SIMULATE, "numba"),
+    (SIMULATE, "in numba"),
     ("branch --free a --gamma 0.08 --k 0.8 --json", "scipy.linalg"),
     ("zones --k 0.8 --gamma-window 0.09 0.1 -o zones.png", "matplotlib.figure"),
 ]

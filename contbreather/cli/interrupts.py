@@ -3,8 +3,8 @@
 Until anything is computed there is nothing to keep, and the process ends at once. While something
 is computed Ctrl-C is a `KeyboardInterrupt`, and the library hands over what it has. While results
 are written it waits, so that nothing is half written or half said; the second one does not wait.
-An import is not interrupted, as the exception would come out of it as an ImportError: Ctrl-C is
-heard again when it is over, or the process ends where that takes seconds.
+An import and a compilation are not interrupted, for the exception would come out as another one or
+be lost: Ctrl-C is heard again when they are over, or the process ends where that takes seconds.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any, TypeVar, cast
 from contbreather.errors import Interrupted
 
 STATUS = 130
-PAUSE, PATIENCE = 0.01, 300  # seconds, and how often an import that goes on is looked at again
+PAUSE, PATIENCE = 0.01, 300  # seconds, and how often what may not be interrupted is looked at again
 T = TypeVar("T")
 
 
@@ -51,7 +51,7 @@ class _Watch:
         self.act, self.rest = Act.LEAVE if alone else Act.STOP, Act.WAIT
         self.count, self.waiting, self.patience = 0, False, PATIENCE
         # a clock of its own only where the process is: others may use the alarm
-        self.outside = _imports(sys._getframe()) if alone and hasattr(signal, "SIGALRM") else None
+        self.outside = _deaf(sys._getframe()) if alone and hasattr(signal, "SIGALRM") else None
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         self.count += 1
@@ -59,12 +59,12 @@ class _Watch:
             self.waiting = True
             _tell("interrupted: writing what is done; Ctrl-C once more to leave it")
             return
-        importing = self.outside is not None and _imports(frame) > self.outside
-        if self.act is Act.LEAVE or (importing and self.patience == 0):
+        deaf = self.outside is not None and _deaf(frame) > self.outside
+        if self.act is Act.LEAVE or (deaf and self.patience == 0):
             _tell("interrupted")
             os._exit(STATUS)
-        self.waiting = importing
-        if not importing:
+        self.waiting = deaf
+        if not deaf:
             raise KeyboardInterrupt
         self.patience -= 1
         signal.signal(signal.SIGALRM, self.again)
@@ -79,11 +79,12 @@ class _Watch:
 _watch = _Watch()
 
 
-def _imports(frame: FrameType | None) -> int:
-    """How many steps of the import system are under way in and above a frame."""
+def _deaf(frame: FrameType | None) -> int:
+    """How many frames, in and above this one, make another exception of it, or none."""
     count = 0
     while frame is not None:
         count += frame.f_code.co_filename.startswith("<frozen importlib")
+        count += str(frame.f_globals.get("__name__")).startswith(("numba.", "llvmlite."))
         frame = frame.f_back
     return count
 

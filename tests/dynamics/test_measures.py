@@ -1,0 +1,543 @@
+"""What is measured of states and runs, each against numbers known beforehand."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.dynamics import (
+    Axis,
+    Fate,
+    Kind,
+    RunStop,
+    Sample,
+    State,
+    attraction,
+    localisation,
+    lyapunov,
+    periodic,
+    rotation,
+    simulate,
+    simulate_smooth,
+    sweep,
+    there_and_back,
+    verdict,
+)
+from contbreather.dynamics.conditions import PERIOD
+from contbreather.dynamics.impacting import IMPACT, Record
+from contbreather.dynamics.progress import Bar
+from contbreather.dynamics.quasiperiodic import judge
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import Fourier
+
+STILL = {"a": 0.0, "gamma": 0.0}
+
+
+# --- localisation ---------------------------------------------------------------------------------
+
+
+def around(sites: int, ratio: float, centre: int = 0) -> np.ndarray:
+    """Velocities that fall from site to site by one factor, both ways around a ring."""
+    n = np.arange(sites)
+    return np.roll(ratio ** np.minimum(n, sites - n), centre)
+
+
+@pytest.mark.parametrize("sites", [4, 5, 6, 7, 12])
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 2.0e-3])
+def test_decay_is_the_factor_from_site_to_site(sites: int, ratio: float) -> None:
+    v = around(sites, ratio)
+    assert localisation(0 * v, v, **STILL).decay() == pytest.approx(ratio, rel=1e-9)
+
+
+def test_decay_of_several_states_counts_from_the_centre_of_each() -> None:
+    v = np.array([around(9, 0.3, centre) for centre in (0, 4, 7)])
+    seen = localisation(0 * v, v, **STILL)
+    assert seen.centre.tolist() == [0, 4, 7]
+    assert seen.decay() == pytest.approx(0.3, rel=1e-9)
+
+
+def test_decay_is_that_of_the_inner_two_thirds_of_half_a_ring() -> None:
+    plain = around(12, 0.5)
+    for n, counts in ((4, True), (5, False), (6, False), (7, False), (8, True)):
+        v = plain.copy()
+        v[n] *= 3.0
+        assert (abs(localisation(0 * v, v, **STILL).decay() - 0.5) > 1e-3) == counts, n
+    small = around(4, 0.5)  # of which the far side is all there is
+    small[2] *= 3.0
+    assert localisation(0 * small, small, **STILL).decay() != pytest.approx(0.5, abs=1e-3)
+
+
+def test_energies_that_are_rounding_do_not_count_for_the_decay() -> None:
+    v = np.maximum(around(12, 1e-5), 1e-14)
+    assert localisation(0 * v, v, **STILL).decay() == pytest.approx(1e-5, rel=1e-6)
+
+
+def test_where_decay_cannot_be_told() -> None:
+    for sites in (1, 2, 3):
+        assert math.isnan(localisation(np.zeros(sites), np.ones(sites), **STILL).decay())
+    alone = np.eye(8)[0]
+    assert localisation(0 * alone, alone, **STILL).decay() == 0.0
+
+
+def test_half_of_each_bond_belongs_to_each_of_its_sites() -> None:
+    u = np.array([0.0, 0.5, 0.0, 0.0, 0.0])
+    energy = localisation(u, 0 * u, a=0.0, gamma=0.2).energy
+    assert energy == pytest.approx(0.25 * 0.2 * 0.25 * np.array([1.0, 2.0, 1.0, 0.0, 0.0]))
+    assert localisation([0.5], [0.3], a=0.0, gamma=0.2).energy == pytest.approx([0.5 * 0.3**2])
+
+
+def test_a_ring_without_energy_takes_part_as_a_whole() -> None:
+    seen = localisation(np.zeros((3, 5)), np.zeros((3, 5)), a=0.0, gamma=0.1)
+    assert seen.participation.tolist() == [5.0, 5.0, 5.0]
+
+
+@pytest.mark.parametrize(("u", "v"), [([0.1, 0.2], [0.1]), (0.1, 0.2), ([[0.1]], [0.1])])
+def test_states_of_different_shapes_have_no_energy(u, v) -> None:
+    with pytest.raises(BadInput, match=r"u and v must have one shape \(\.\.\., sites\)"):
+        localisation(u, v, **STILL)
+
+
+@pytest.mark.parametrize("name", ["u", "v"])
+def test_a_state_that_is_not_finite_is_named(name: str) -> None:
+    given = {"u": [0.1, 0.2], "v": [0.3, 0.4]}
+    given[name] = [math.nan, 0.1]
+    with pytest.raises(BadInput, match=rf"^{name}\b"):
+        localisation(**given, **STILL)
+    with pytest.raises(BadInput, match=rf"^{name}\b"):
+        rotation(**given)
+
+
+# --- rotation numbers -----------------------------------------------------------------------------
+
+
+def test_a_row_of_states_is_a_table_of_one_site() -> None:
+    t = 2.0 * math.pi * 0.2345 * np.arange(500)
+    one, two = rotation(np.cos(t), np.sin(t)), rotation(np.cos(t)[:, None], np.sin(t)[:, None])
+    assert one == two
+    assert one.number == pytest.approx(0.2345, abs=1e-9)
+    assert one.hole > 0.9
+    assert one.drift < 1e-6
+
+
+def test_number_error_and_drift_say_what_their_names_say() -> None:
+    """A curve that turns at 0.2 and then at 0.21 a period, and grows by a tenth meanwhile."""
+    rate = np.repeat([0.2, 0.21], 1000)
+    size = np.repeat([1.0, 1.1], 1000)
+    t = 2.0 * math.pi * np.cumsum(rate)
+    found = rotation(size * np.cos(t), size * np.sin(t))
+    assert found.number == pytest.approx(0.205, abs=1e-4)
+    assert found.error == pytest.approx(0.01, abs=1e-4)
+    assert found.drift == pytest.approx(1.1**2 - 1.0, abs=1e-2)
+    assert found.hole == pytest.approx(1.0 / 1.1, abs=0.05)
+
+
+def test_a_section_that_stands_still_does_not_turn() -> None:
+    found = rotation(np.full((50, 2), 0.3), np.zeros((50, 2)))
+    assert (found.number, found.error, found.hole, found.drift) == (0.0, 0.0, 0.0, 0.0)
+
+
+def test_twenty_states_are_enough_for_a_rotation_number() -> None:
+    t = 2.0 * math.pi * 0.3 * np.arange(20)
+    assert rotation(np.cos(t), np.sin(t)).number == pytest.approx(0.3, abs=1e-2)
+    with pytest.raises(BadInput, match="19 states are too few for a rotation number"):
+        rotation(np.cos(t[1:]), np.sin(t[1:]))
+
+
+@pytest.mark.parametrize(
+    "shapes", [((30,), (31,)), ((30, 2), (30,)), ((30, 2, 1), (30, 2, 1)), ((), ())]
+)
+def test_tables_of_other_shapes_have_no_rotation_number(shapes) -> None:
+    u, v = (np.zeros(shape) for shape in shapes)
+    with pytest.raises(BadInput, match=r"rows of states, or tables with a column for each site"):
+        rotation(u, v)
+
+
+# --- verdicts -------------------------------------------------------------------------------------
+
+
+def test_every_kind_of_motion_is_a_word_and_what_it_means() -> None:
+    words = [kind.value.split(": ") for kind in Kind]
+    assert [word for word, _ in words] == [
+        "periodic", "locked", "quasi-periodic", "chaotic", "delocalised", "synchronised",
+        "undecided",
+    ]  # fmt: skip
+    assert all(len(meaning.split()) > 3 for _, meaning in words)
+
+
+def hitting(sites: int, who: range, periods: int = 120, late: bool = True) -> cb.dynamics.Run:
+    """A run of noise in which these sites hit, all the time or in the first half of it only."""
+    u, v = np.random.default_rng(0).normal(size=(2, periods + 1, sites))
+    table = np.zeros(len(who) * periods, IMPACT)
+    table["site"] = np.tile(who, periods)
+    table["period"] = np.repeat(np.arange(periods), len(who))
+    if not late:
+        table = table[table["period"] < periods // 2]
+    rest = np.zeros(sites), np.zeros(sites)
+    run = simulate(rest, a=0.0, gamma=0.1, k=0.8, damping=0.1, periods=periods)
+    return replace(run, strobe=State(0.1 * u, 0.1 * v), impacts=table)
+
+
+@pytest.mark.parametrize(("sites", "most"), [(3, 2), (8, 2), (12, 3), (20, 5)])
+def test_impacts_of_more_than_a_quarter_of_the_sites_are_all_over_the_ring(sites, most) -> None:
+    found = judge(hitting(sites, range(most + 1)))
+    assert found.kind is Kind.DELOCALISED
+    assert found.reason.startswith(f"{most + 1} of {sites} sites hit their walls, participation")
+    assert found.evidence["impacting"] == most + 1
+    assert judge(hitting(sites, range(most))).kind is not Kind.DELOCALISED
+
+
+def test_two_sites_that_both_hit_are_not_a_ring_on_which_a_breather_could_be_lost() -> None:
+    assert judge(hitting(2, range(2))).kind is not Kind.DELOCALISED
+
+
+def test_what_hit_in_the_first_half_only_has_come_to_rest() -> None:
+    found = judge(hitting(8, range(8), late=False))
+    assert found.kind is Kind.SYNCHRONISED
+    assert found.reason.startswith("no impacts; every site within")
+
+
+def test_sites_in_unison_are_synchronised_though_all_hit() -> None:
+    run = hitting(6, range(6))
+    alike = State(*(np.repeat(x[:, :1], 6, axis=1) for x in run.strobe))
+    found = judge(replace(run, strobe=alike))
+    assert found.kind is Kind.SYNCHRONISED
+    assert found.reason.startswith("all 6 sites are within 0 of each other")
+    apart = State(alike.u + 1e-5 * np.arange(6), alike.v)
+    assert judge(replace(run, strobe=apart)).kind is Kind.DELOCALISED
+
+
+def test_distance_from_the_forced_motion_is_that_of_displacements_and_velocities() -> None:
+    """At rest with the forcing off, but for one site in the second half of the run."""
+    run = hitting(6, range(0))
+    for name in ("u", "v"):
+        off = State(np.zeros((121, 6)), np.zeros((121, 6)))
+        getattr(off, name)[100, 2], getattr(off, name)[10, 4] = -0.25, 0.5
+        found = judge(replace(run, strobe=off))
+        assert found.evidence["aside"] == 0.25
+        assert found.evidence["spread"] == 0.5
+
+
+def test_a_run_that_ends_early_is_undecided_with_its_reason(monkeypatch) -> None:
+    monkeypatch.setattr("contbreather.dynamics.impacting.MOST", 500)
+    fast = {"a": 0.5, "gamma": 0.0, "k": 1.0}
+    for settle in (0, 1):
+        found = verdict(([0.1], [1e3]), settle=settle, periods=100, **fast)
+        assert found.kind is Kind.UNDECIDED
+        assert found.reason.startswith("site 0 has more than")
+        assert found.evidence == {}
+        assert str(found) == f"{Kind.UNDECIDED.value}; {found.reason}"
+    state = [0.1], [1e3]
+    with pytest.raises(NotConverged, match="site 0 has more than"):
+        lyapunov(state, periods=10, **fast)
+    with pytest.raises(NotConverged, match="site 0 has more than"):
+        periodic(state, **fast)
+
+
+# --- exponents ------------------------------------------------------------------------------------
+
+
+def test_exponents_of_a_ring_without_impacts_are_its_damping() -> None:
+    still = np.zeros(3), np.zeros(3)
+    shared = {"a": 0.1, "gamma": 0.05, "k": 0.8, "damping": 0.2}
+    found = lyapunov(still, periods=400, count=6, settle=20, **shared)
+    # every mode but the common one swings: half the damping; the common one has 0 and -damping
+    assert found.exponents[0] == pytest.approx(0.0, abs=1e-3)
+    assert found.exponents[1:5] == pytest.approx(4 * [-0.1], abs=1e-3)
+    assert found.exponents[5] == pytest.approx(-0.2, abs=1e-3)
+    assert found.periods == 400
+    assert found.error.shape == (6,)
+    assert (found.error >= 0.0).all()
+
+
+def test_more_exponents_than_a_ring_has_are_refused() -> None:
+    shared = {"a": 0.1, "gamma": 0.05, "k": 0.8}
+    with pytest.raises(BadInput, match="count = 7: a ring of 3 sites has 6 exponents"):
+        lyapunov((np.zeros(3), np.zeros(3)), periods=10, count=7, **shared)
+    for name, value in (("count", 0), ("periods", 9), ("settle", -1), ("seed", -1)):
+        with pytest.raises(BadInput, match=rf"^{name} = {value}: a whole number, at least"):
+            lyapunov((np.zeros(3), np.zeros(3)), **{"periods": 10, name: value}, **shared)
+
+
+# --- sweeps ---------------------------------------------------------------------------------------
+
+
+def test_a_sweep_is_lost_where_the_first_of_its_conditions_fails() -> None:
+    start = cb.symmetric(0.2, 0.04, 0.8).state(6)
+    whole = sweep(start, "a", [0.2, 0.19, 0.18, 0.17], periods=6, a=0.2, gamma=0.04, k=0.8)
+    assert math.isnan(whole.lost())
+    third = np.arange(4) == 2
+    assert replace(whole, impacts=np.where(third, 1.6, 2.0)).lost() == 0.18
+    assert replace(whole, impacts=np.where(third, 2.4, 2.0)).lost() == 0.18
+    assert math.isnan(replace(whole, impacts=np.where(third, 2.2, 2.0)).lost())
+    assert replace(whole, others=np.where(third, 0.1, 0.0)).lost() == 0.18
+    assert replace(whole, centre=np.where(third, 3, 0)).lost() == 0.18
+    assert whole.lost(1) == 0.2
+    assert math.isnan(whole.lost(6))  # site 6 of six is site 0
+    smooth = replace(whole, impacts=np.full(4, np.nan))
+    assert math.isnan(smooth.lost())
+    assert replace(smooth, participation=np.where(third, 3.0, 1.5)).lost() == 0.18
+
+
+def test_columns_of_a_sweep_are_those_of_the_breather_it_follows() -> None:
+    b = cb.symmetric(0.2, 0.04, 0.8, lattice=cb.Ring(6))
+    seen = sweep(b.state(6), "a", [0.2, 0.2], periods=6, a=9.0, gamma=0.04, k=0.8, progress=False)
+    assert seen.name == "a"
+    assert repr(seen) == "<Sweep in a from 0.2 to 0.2: 2 values; went through all its periods>"
+    assert seen.p == pytest.approx([b.p, b.p], abs=1e-9)
+    assert seen.tilt == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert (seen.impacts.tolist(), seen.others.tolist()) == ([2.0, 2.0], [0.0, 0.0])
+    assert (seen.change < 1e-9).all()
+    own = localisation(*b.state(6), a=0.2, gamma=0.04)
+    assert seen.amplitude == pytest.approx(math.sqrt(2.0 * own.energy[0]), abs=1e-9)
+    assert seen.participation == pytest.approx(float(own.participation), abs=1e-9)
+    final = seen.final
+    final.u[0] = 7.0
+    assert seen.u[-1, 0] != 7.0
+
+
+def test_tilt_is_the_flight_to_the_lower_wall_beyond_half_a_period() -> None:
+    pitchfork = cb.trace(cb.symmetric(0.7, 0.02, 0.8), "a", within={"a": (0.5, 1.2)}).first("PF")
+    arm = cb.switch(pitchfork)[0]
+    far = min(arm, key=lambda point: abs(point["a"] - pitchfork["a"] - 0.02))
+    orbit, beyond = far.solution, far["t2"] - far["t1"] - math.pi
+    shared = {"a": float(far["a"]), "gamma": 0.02, "k": 0.8}
+    seen = sweep(orbit.state(8, 0.0), "damping", [0.0], periods=4, damping=0.0, **shared)
+    assert abs(beyond) > 0.05
+    assert seen.tilt[0] == pytest.approx(math.remainder(beyond, 2.0 * math.pi), abs=1e-6)
+
+
+def test_values_of_a_sweep_there_and_back_turn_once() -> None:
+    assert there_and_back([0.5]).tolist() == [0.5]
+    assert there_and_back([1, 2]).tolist() == [1.0, 2.0, 1.0]
+    for wrong in ([], [[1.0]]):
+        with pytest.raises(BadInput, match=r"^values = .*: the values of a sweep, a row"):
+            there_and_back(wrong)
+
+
+def test_a_sweep_ends_with_a_run_that_ends() -> None:
+    """k = 1 and a damping of the flight: impacts without end in the first period of 0.31."""
+    from contbreather.dynamics import slow_sweep
+
+    run = slow_sweep._Stage.run
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            slow_sweep._Stage,
+            "run",
+            lambda self, state, value: (
+                *run(self, state, value)[:2],
+                RunStop.CHATTER if value == 0.3 else RunStop.DONE,
+            ),
+        )
+        state = [0.1, 0.2], [0.0, 0.0]
+        seen = sweep(state, "a", [0.2, 0.3, 0.4], periods=2, a=0.2, gamma=0.04, k=0.8)
+    assert seen.stop is RunStop.CHATTER
+    assert seen.value.tolist() == [0.2, 0.3]
+
+
+# --- basins ---------------------------------------------------------------------------------------
+
+
+def test_an_axis_says_which_coordinate_it_is() -> None:
+    assert (Axis("u", 3, [0.1]).label, Axis("v", -1, [0.1]).label) == ("u_3", "v_-1")
+    for wrong in ([], [[0.1]]):
+        with pytest.raises(BadInput, match=r"^values = .*: the values of an axis, a row"):
+            Axis("u", 0, wrong)
+    with pytest.raises(BadInput, match=r"^values = \['x'\]: finite real numbers were wanted"):
+        Axis("u", 0, ["x"])
+
+
+def test_starts_of_a_basin_are_where_its_axes_say() -> None:
+    """Columns are values of x, rows of y; site -1 is the last one."""
+    shared = {"a": 0.0, "gamma": 0.0, "k": 0.8, "periods": 2}
+    with ThreadPoolExecutor(1) as one:
+        found = attraction(
+            ([0.5, 0.0, 0.0], [0.0, 0.0, 0.0]), Axis("u", -1, [0.0, 0.25, 1.5, -1.0]),
+            Axis("u", 1, [0.0, 0.125, -1.5]), executor=one, tolerance=0.2, **shared,
+        )  # fmt: skip
+    far = np.maximum.outer([0.0, 0.125], [0.0, 0.25, 1.0])  # nothing moves: distances as put
+    inside = found.distance[:2][:, [0, 1, 3]]
+    assert inside == pytest.approx(far)
+    assert np.isnan(found.distance[:, 2]).all()
+    assert np.isnan(found.distance[2]).all()
+    assert (found.fate[:2, 0] == Fate.RETURNED).all()
+    assert (found.fate[:2, 1] == Fate.QUIET).all()
+    assert (found.fate[2] == Fate.OUTSIDE).all()
+    assert found.share == pytest.approx(2 / 6)
+    assert repr(found) == (
+        "<Basin of 4 x 3 starts over u_-1 and u_1: 6 OUTSIDE, 4 QUIET, 2 RETURNED>"
+    )
+    assert repr(replace(found, complete=False)).endswith("2 RETURNED; cut short>")
+
+
+def test_no_start_inside_the_walls_has_no_share() -> None:
+    with ThreadPoolExecutor(1) as one:
+        found = attraction(
+            ([0.0], [0.0]), Axis("u", 0, [2.0, -2.0]), Axis("v", 0, [0.0]),
+            a=0.0, gamma=0.0, k=0.8, periods=2, executor=one,
+        )  # fmt: skip
+    assert found.share == 0.0
+
+
+def test_another_breather_at_the_site_is_another_motion() -> None:
+    """The single oscillator beyond its pitchfork has two: each is the other one's OTHER."""
+    shared = {"a": 0.8, "gamma": 0.0, "k": 0.8}
+    settled = simulate(cb.symmetric(**shared).state(1), periods=400, **shared)
+    own = periodic(settled.final, **shared)
+    u, v = (float(x[0]) for x in own.state)
+    with ThreadPoolExecutor(1) as one:
+        found = attraction(
+            own.state, Axis("u", 0, [u]), Axis("v", 0, [v, -v - 0.3]),
+            periods=300, executor=one, **shared,
+        )  # fmt: skip
+    assert found.fate[0, 0] == Fate.RETURNED
+    assert set(found.fate[:, 0].tolist()) <= {Fate.RETURNED, Fate.OTHER}
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"x": ("u", 0)}, "an Axis"),
+        ({"site": 0.5}, r"^site = 0\.5"),
+        ({"tolerance": -1.0}, r"^tolerance = -1\.0: a distance"),
+        ({"t0": math.inf}, r"^t0 = inf: a time"),
+        ({"periods": 1}, r"^periods = 1\b"),
+    ],
+)
+def test_wrong_questions_about_basins_are_refused(changed, sentence) -> None:
+    good = {"x": Axis("u", 0, [0.1]), "y": Axis("v", 0, [0.1]), "a": 0.1, "gamma": 0.0, "k": 0.8}
+    with pytest.raises(BadInput, match=sentence):
+        attraction(([0.0], [0.0]), **{**good, **changed})
+
+
+# --- runs -----------------------------------------------------------------------------------------
+
+
+def test_impacts_of_one_site_are_counted_around_the_ring() -> None:
+    run = simulate(cb.symmetric(0.5, 0.08, 0.8).state(5), a=0.5, gamma=0.08, k=0.8, periods=3)
+    assert len(run.at_site(0)) == len(run.at_site(5)) == len(run.at_site(-5)) == 6
+    assert len(run.at_site(0, 1)) == len(run.at_site(0, -1)) == 3
+    assert (run.at_site(0, -1)["wall"] == -1).all()
+    assert len(run.at_site(1)) == 0
+    assert repr(run) == "<Run of 5 sites over 3 periods: 6 impacts; went through all its periods>"
+
+
+@pytest.mark.parametrize("walls", ["rigid", "smooth"])
+@pytest.mark.parametrize("periods", [0, 0.25, 1, 1.5])
+def test_a_fraction_of_a_period_is_at_the_end_of_a_run_and_not_in_its_section(
+    walls, periods
+) -> None:
+    shared = {"a": 0.3, "gamma": 0.05, "k": 0.8, "t0": 0.7, "sample": Sample((0, -1), 4)}
+    u0 = np.array([0.2, -0.1, 0.0])
+    state = u0, np.zeros(3)
+    make = simulate if walls == "rigid" else simulate_smooth
+    run = make(state, periods=periods, **shared, **({} if walls == "rigid" else {"m": 6}))
+    assert (run.sites, run.periods) == (3, int(periods))
+    assert run.end == pytest.approx(0.7 + PERIOD * periods, abs=1e-12)
+    assert run.times == pytest.approx(0.7 + PERIOD * np.arange(int(periods) + 1), abs=1e-12)
+    assert run.strobe.u.shape == (int(periods) + 1, 3)
+    assert isinstance(run.record, Record)
+    assert run.record.sites == (0, 2)
+    assert run.record.times == pytest.approx(0.7 + PERIOD / 4 * np.arange(4 * int(periods)))
+    if periods >= 1:
+        assert run.record.u[0] == pytest.approx(u0[[0, 2]])
+        assert run.record.u[4:].shape == (0, 2)
+    assert (np.array_equal(run.final.u, run.strobe.u[-1])) == float(periods).is_integer()
+    # the same run in two pieces
+    if periods == 1.5:
+        del shared["sample"]
+        more = {} if walls == "rigid" else {"m": 6}
+        first = make(state, periods=1, **shared, **more)
+        rest = make(first.final, periods=0.5, **{**shared, "t0": first.end}, **more)
+        assert rest.final.u == pytest.approx(run.final.u, abs=1e-8)
+
+
+@pytest.mark.parametrize("value", [0, -3, 2.5, True, "8"])
+def test_samples_in_a_period_are_a_whole_number_of_times(value) -> None:
+    with pytest.raises(BadInput, match=r"^per_period = "):
+        Sample((0,), value)
+
+
+def test_a_sample_is_of_site_0_at_64_times_unless_said() -> None:
+    assert (Sample().sites, Sample().per_period) == ((0,), 64)
+
+
+def test_states_without_a_periodic_motion_nearby_say_how_far_newton_came() -> None:
+    with pytest.raises(NotConverged, match="no periodic motion near this state") as caught:
+        periodic(([0.3], [2.0]), a=0.0, gamma=0.0, k=0.5)
+    assert caught.value.residual > 0.0
+
+
+def test_growth_is_the_logarithm_of_the_largest_multiplier_a_unit_of_time() -> None:
+    b = cb.symmetric(0.3, 0.05, 0.8)
+    shared = {"a": 0.3, "gamma": 0.05, "k": 0.8, "damping": 0.05}
+    own = periodic(b.state(4), periods=1, **shared)
+    assert math.exp(own.growth * 2.0 * math.pi) == pytest.approx(own.largest, rel=1e-12)
+    twice = periodic(b.state(4), periods=2, **shared)
+    assert twice.growth == pytest.approx(own.growth, rel=1e-6)
+    assert twice.run().periods == 2
+    assert twice.run(periods=5).periods == 5
+    assert twice.run().strobe.u[-1] == pytest.approx(own.state.u, abs=1e-9)
+    assert repr(twice).startswith("<PeriodicMotion of 4 sites at a = 0.3, gamma = 0.05, k = 0.8")
+    assert "closes after 2 x 2 pi to" in repr(twice)
+    half = periodic(b.state(4), symmetric=True, **shared)
+    assert "closes after half a period to" in repr(half)
+    assert half.multipliers == pytest.approx(half.half**2)
+    assert own.half is None
+    assert half.largest == pytest.approx(own.largest, rel=1e-7)
+    assert own.residual < 1e-9
+
+
+# --- the bar --------------------------------------------------------------------------------------
+
+
+def shown(bar: Bar, steps: range, capsys: pytest.CaptureFixture[str]) -> str:
+    with bar:
+        for done in steps:
+            bar.advance(done)
+    out, err = capsys.readouterr()
+    assert out == ""
+    return err
+
+
+def test_a_bar_counts_what_it_was_given_in_its_own_unit(monkeypatch, capsys) -> None:
+    monkeypatch.setattr("contbreather.dynamics.progress.PATIENCE", 0.0)
+    assert "3/7 rows" in shown(Bar(True, 7, "rows"), range(1, 4), capsys)
+    assert "2/2 periods" in shown(Bar(True, 2), range(1, 3), capsys)
+    assert shown(Bar(False, 7), range(1, 4), capsys) == ""
+
+
+def test_a_bar_is_shown_after_a_second_only(monkeypatch, capsys) -> None:
+    clock = [100.0]
+    monkeypatch.setattr("contbreather.dynamics.progress.time.monotonic", lambda: clock[0])
+    bar = Bar(True, 9)
+    clock[0] = 100.9
+    bar.advance(1)
+    assert bar.bar is None
+    clock[0] = 101.1
+    bar.advance(2)
+    assert bar.bar is not None
+    assert "2/9 periods" in shown(bar, range(0), capsys)
+
+
+def test_at_a_terminal_a_bar_is_wanted_unless_refused(monkeypatch) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    assert Bar(None, 3).wanted is True
+    assert Bar(False, 3).wanted is False
+    monkeypatch.setattr("sys.stderr.isatty", lambda: False, raising=False)
+    assert Bar(None, 3).wanted is False
+    assert Bar(True, 3).wanted is True
+
+
+def test_a_forcing_of_several_harmonics_is_swept_by_its_own_parameters() -> None:
+    forcing = Fourier(cos={1: -1.0, 3: 0.0})
+    still = [0.0, 0.0], [0.0, 0.0]
+    shared = {"gamma": 0.05, "k": 0.8, "damping": 0.3, "forcing": forcing}
+    seen = sweep(still, "c3", [0.9], periods=9, a=0.2, **shared)
+    run = simulate(still, periods=9, a=0.2, **{**shared, "forcing": forcing.at(c3=0.9)})
+    assert np.array_equal(seen.final.u, run.final.u)
+    assert seen.amplitude[0] < 1e-5
