@@ -153,8 +153,8 @@ def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path) -> None:
         assert os.listdir(tmp_path) == []
 
 
-# When Ctrl-C comes a module is imported that makes any exception an ImportError, as those written in
-# C do; or numba, which does the like, is at work.
+# When Ctrl-C comes a module is imported that makes any exception an ImportError, as those written
+# in C do; or numba, which does the like, is at work.
 AMID_IMPORT = """
 import signal, sys
 wanted = [sys.argv.pop(1)]
