@@ -117,6 +117,16 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         raise _refused("read", source, error) from error
 
 
+def read_text(path: str | Path) -> str:
+    """All of a text file, or a sentence."""
+    with opened(path) as stream:
+        content = stream.read()
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise BadInput(f"cannot read {path}: it is not text") from error
+
+
 def _named(verb: str, path: object) -> Path:
     if not isinstance(path, str | os.PathLike):
         raise BadInput(f"{path!r} is no name of a file; give one as text, for instance 'run.nc'")

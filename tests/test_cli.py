@@ -133,12 +133,12 @@ REFUSED = {
     ),
     "root that is not there": (
         "point --a 0.5 --gamma 0.1 --k 0.8 --root 3",
-        r"--root 3: the solutions of \(11\) are 1: p = 0\.767381929, 2: p = 0\.257470095; choose",
+        r"root 3: the solutions of \(11\) are 1: p = 0\.767381929, 2: p = 0\.257470095; choose",
     ),
-    "root zero": ("point --a 0.5 --gamma 0.1 --k 0.8 --root 0", r"--root 0: the solutions"),
+    "root zero": ("point --a 0.5 --gamma 0.1 --k 0.8 --root 0", r"root 0: the solutions"),
     "root of a branch that is not there": (
         "branch --free gamma --a 0.5 --gamma 0.1 --k 0.8 --root 3",
-        r"--root 3: the solutions",
+        r"root 3: the solutions",
     ),
     "zones without a curve": (
         "zones --k 0.8 --gamma-window 0.02 0.03 --a-window 0.3 0.4",

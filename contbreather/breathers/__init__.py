@@ -11,6 +11,7 @@ from contbreather.breathers.admissibility import (
 )
 from contbreather.breathers.closure import Closure, smallest_amplitude
 from contbreather.breathers.events import grazing, neimark_sacker, pitchfork, saddle_node
+from contbreather.breathers.search import find_event, find_symmetric
 from contbreather.breathers.symmetric import Breather, symmetric, symmetric_roots
 from contbreather.breathers.zones import Zones, zones
 
@@ -21,6 +22,8 @@ __all__ = [
     "Zones",
     "admissibility",
     "centre_margin",
+    "find_event",
+    "find_symmetric",
     "grazing",
     "highest_neighbour",
     "neighbour_peak",

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from cyclopts import App
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
+LATTICES = ("--lattice", "--site", "--damping", "--spring", "--walls")
+CHAINS_ONLY = {
+    "zones": "its curves are followed in closed form, on the infinite chain or a ring (--sites N); "
+    "contbreather boundary follows them on any lattice",
+    "figure": "the figures are those of the paper, with its lattices and walls",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -70,8 +76,12 @@ def _run(tokens: list[str]) -> int:
 
 def _sentence(error: Exception) -> str:
     """What the parser has to say, on one line, with the way on."""
-    from cyclopts import UnusedCliTokensError
+    from cyclopts import UnknownOptionError, UnusedCliTokensError
 
+    if isinstance(error, UnknownOptionError) and error.token.keyword in LATTICES:
+        for command, reason in CHAINS_ONLY.items():
+            if command in (error.command_chain or ()):
+                return f"{error.token.keyword} is no option of {command}: {reason}"
     if isinstance(error, UnusedCliTokensError):
         extra = " ".join(error.unused_tokens or ())
         return (

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -17,19 +15,14 @@ from contbreather.cli.options import (
     RingSites,
     Threshold,
     Where,
-    check_values,
-    first_in,
     interval,
     known,
-    lattice_by,
-    lattice_entry,
 )
 from contbreather.cli.output import check_ends, check_places, leave
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
-    from contbreather.continuation import Event, Point
-    from contbreather.lattice import Forcing, Lattice
+    from contbreather.lattice import Forcing
 
 KINDS = ("LP", "PF", "NS", "GR")
 
@@ -65,20 +58,18 @@ def boundary(
     NS ends where another of its waves passes the threshold first; `zones` has the whole envelope.
     """
     from contbreather import continuation
+    from contbreather.breathers import find_event
 
     check_places(csv, output)
     wanted = _kind(kind)
-    forcing = where.drive(pair)
-    _check_pair(pair, forcing)
-    span = interval(pair[0], window)
-    lattice, modulus = lattice_by(sites, threshold)
-    seed = _seed(wanted, pair, where, forcing, span, lattice, modulus)
-    within = {pair[0]: span, pair[1]: interval(pair[1], None)}
+    on = where.on(sites, threshold, pair)
+    _check_pair(pair, on.forcing)
+    given = where.need(*(name for name in PARAMETERS if name not in pair))
+    within = {pair[0]: interval(pair[0], window, on.reach), pair[1]: interval(pair[1], None, {})}
+    seed = find_event(wanted, pair, within=within, threshold=on.threshold, **{**given, **on.given})
     steps = continuation.Steps(largest=0.02)
     found, cut = kept(lambda: continuation.boundary(seed, pair, within=within, steps=steps))
-    about = {"curve": wanted, "pair": pair, "forcing": forcing.describe()}
-    about |= lattice_entry(lattice, modulus)
-    leave(found, about, csv, output, json, cut=cut)
+    leave(found, {"curve": wanted, "pair": pair, **on.entry()}, csv, output, json, cut=cut)
     check_ends(found, "curve")
 
 
@@ -94,62 +85,3 @@ def _check_pair(pair: tuple[str, str], forcing: Forcing) -> None:
         known(name, forcing)
     if pair[0] == pair[1]:
         raise BadInput(f"--pair {pair[0]} {pair[1]}: two different parameters are wanted")
-
-
-def _up_to_the_fold(events: tuple[Event, ...]) -> tuple[Event, ...]:
-    """The curve is to begin among the breathers before the fold."""
-    return tuple(replace(one, terminal=one.terminal or one.kind == "LP") for one in events)
-
-
-def _seed(
-    kind: str,
-    pair: tuple[str, str],
-    where: Where,
-    forcing: Forcing,
-    span: tuple[float, float],
-    lattice: Lattice,
-    threshold: float,
-) -> Point:
-    """The first event of the kind on branches in the second parameter."""
-    from contbreather.breathers.problem import problem_of
-    from contbreather.continuation import trace
-
-    first, free = pair
-    fixed = where.need(*(name for name in PARAMETERS if name not in pair))
-    check_values(fixed)
-    reason = ""
-    for value in _values(first, where.given.get(first), span):
-        values = {**fixed, first: value} if first in PARAMETERS else fixed
-        driven = forcing.at(**{first: value}) if first in forcing.params else forcing
-        reach = interval(free, None)
-        try:
-            start = first_in(free, reach, values, driven, lattice=lattice)
-        except BadInput as error:
-            reason = str(error)
-            continue
-        problem = problem_of(start, threshold)
-        events = _up_to_the_fold(problem.events)
-        branch = trace(problem, free, within={free: reach}, events=events, progress=False)
-        for point in branch.special:
-            if point.kind == kind and point.located:
-                return point
-        reason = f"the branch in {free} at {first} = {value:.6g} has {_labels(branch.special)}"
-    raise BadInput(f"no {kind} found for {first} between {span[0]:g} and {span[1]:g}; {reason}")
-
-
-def _labels(points: tuple[Point, ...]) -> str:
-    return ", ".join(point.label for point in points) or "no special point"
-
-
-def _values(name: str, given: float | None, span: tuple[float, float]) -> Iterator[float]:
-    """Where to look for a first point: evenly spread, the middle first."""
-    if given is not None:
-        if not span[0] <= given <= span[1]:
-            raise BadInput(
-                f"{name} = {given:g} is outside of the window {span[0]:g} to {span[1]:g}"
-            )
-        yield given
-        return
-    low, high = max(span[0], -10.0), min(span[1], 1.0 if name == "a" else 10.0)
-    for fraction in (0.5, 0.25, 0.75, 0.1, 0.9, 0.4, 0.6, 0.02, 0.98):
-        yield low + fraction * (high - low)

@@ -8,7 +8,6 @@ from cyclopts import Parameter
 
 from contbreather.cli.interrupts import kept
 from contbreather.cli.options import (
-    PARAMETERS,
     Csv,
     Json,
     Output,
@@ -17,15 +16,9 @@ from contbreather.cli.options import (
     Threshold,
     Where,
     Window,
-    around,
-    first_in,
-    interval,
-    known,
-    lattice_by,
-    lattice_entry,
+    beginning,
 )
 from contbreather.cli.output import check_ends, check_places, leave
-from contbreather.errors import BadInput
 
 
 def branch(
@@ -50,22 +43,13 @@ def branch(
     It starts at the value of the free parameter, if one is given, else at a breather that is
     found in the window.
     """
-    from contbreather.breathers.problem import problem_of
+    from contbreather.breathers.search import problem_with
     from contbreather.continuation import trace
 
     check_places(csv, output)
-    if free is None:
-        raise BadInput("--free is missing: which parameter is to vary, a, gamma or k?")
-    forcing = where.drive((free,))
-    known(free, forcing)
-    fixed = where.need(*(name for name in PARAMETERS if name != free))
-    span = interval(free, window)
-    near = around(free, where.given.get(free), span)
-    lattice, modulus = lattice_by(sites, threshold)
-    start = first_in(free, near, fixed, forcing, root=root, lattice=lattice)
-    found, cut = kept(
-        lambda: trace(problem_of(start, modulus), free, within={free: span}, towards=towards)
-    )
-    about = {"free": free, "forcing": forcing.describe(), **lattice_entry(lattice, modulus)}
-    leave(found, about, csv, output, json, cut=cut)
+    start = beginning(free, where, window, sites, threshold, root)
+    problem = problem_with(start.breather, start.free, threshold=start.on.threshold)
+    within = {start.free: start.window}
+    found, cut = kept(lambda: trace(problem, start.free, within=within, towards=towards))
+    leave(found, {"free": start.free, **start.on.entry()}, csv, output, json, cut=cut)
     check_ends(found, "branch")

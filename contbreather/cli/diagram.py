@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from contbreather.cli.interrupts import end, kept
-from contbreather.cli.options import Csv, Json, Output, Where, Window, start_in, whole_number
+from contbreather.cli.options import Csv, Json, Output, RingSites, Where, Window, shot, whole_number
 from contbreather.cli.output import (
     branch_entry,
     branch_rows,
@@ -20,7 +20,6 @@ from contbreather.cli.output import (
     to_figure,
     to_json,
 )
-from contbreather.cli.switch import Shot
 from contbreather.errors import NotConverged
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ def diagram(
             converter=whole_number,
         ),
     ] = 100,
-    sites: Shot = None,
+    sites: RingSites = None,
     csv: Csv = None,
     output: Output = None,
     json: Json = False,
@@ -60,9 +59,9 @@ def diagram(
     from contbreather.continuation.diagram import diagram
 
     check_places(csv, output)
-    start, forcing, span = start_in(free, where, window, sites)
-    assert free is not None
-    tree, cut = kept(lambda: diagram(start, free, within={free: span}, depth=depth, most=most))
+    problem, start = shot(free, where, window, sites)
+    name, within = start.free, {start.free: start.window}
+    tree, cut = kept(lambda: diagram(problem, name, within=within, depth=depth, most=most))
     made = []
     if csv is not None:
         made.append(to_csv(csv, _rows(tree), _columns(tree), cut=cut))
@@ -71,7 +70,7 @@ def diagram(
 
         made.append(to_figure(output, lambda: plot_diagram(tree), cut=cut))
     if json:
-        about = {"free": free, "forcing": forcing, "sites": sites}
+        about = {"free": free, **start.on.entry()}
         to_json({**about, **_content(tree), "written": [str(path) for path in made]})
     else:
         ends = _loose_ends(tree, depth)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from unicodedata import normalize
 
 from cyclopts import Parameter
 
+from contbreather.cli.lattices import lattice_by, walls_by
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
@@ -16,9 +17,8 @@ if TYPE_CHECKING:
 
     from cyclopts import Token
 
-    from contbreather.breathers import Breather
     from contbreather.continuation import Problem
-    from contbreather.lattice import Forcing, Lattice
+    from contbreather.lattice import Forcing
 
 
 def whole_number(_: Any, tokens: Sequence[Token]) -> int:
@@ -55,13 +55,16 @@ Sites = Annotated[
 RingSites = Annotated[
     int | None,
     Parameter(
-        help="A ring of so many sites in place of the infinite chain, stable by the paper's rule.",
+        help="Short for --lattice ring:N; stable by the paper's rule.",
         converter=whole_number,
     ),
 ]
 Threshold = Annotated[
     float | None,
-    Parameter(help="With --sites: modulus over a period beyond which it is unstable, 1.005 else."),
+    Parameter(
+        help="On finite lattices: modulus over a period beyond which it is unstable, 1.005 unless "
+        "given."
+    ),
 ]
 Window = Annotated[
     tuple[float, float] | None,
@@ -83,10 +86,13 @@ Root = Annotated[
 HARMONIC = "-cos(t)"
 ROUND = 1e-6  # a window that is wider than its parameter's by less is as good as the same
 PARAMETERS = ("a", "gamma", "k")
+NAMES = (*PARAMETERS, "damping", "spring")
 MEANING = {
     "a": "the amplitude of the forcing",
     "gamma": "the coupling, in [0, 1/4)",
     "k": "the restitution coefficient, in [0, 1]",
+    "damping": "at least 0",
+    "spring": "at least 0",
 }
 
 
@@ -104,6 +110,32 @@ class Where:
     k: Annotated[
         float | None, Parameter(help="Restitution, in [0, 1].", allow_leading_hyphen=True)
     ] = None
+    lattice: Annotated[
+        str | None,
+        Parameter(
+            help="ring:20, open:9, open:9:fixed, grid:5x5, grid:5x5:periodic, a stiffness matrix "
+            "in a .csv, a graph in a .graphml; the infinite chain unless given."
+        ),
+    ] = None
+    site: Annotated[
+        int, Parameter(help="The site that impacts.", converter=whole_number, show_default=False)
+    ] = 0
+    damping: Annotated[
+        float | None, Parameter(help="Linear damping of every site.", allow_leading_hyphen=True)
+    ] = None
+    spring: Annotated[
+        float | None, Parameter(help="On-site stiffness.", allow_leading_hyphen=True)
+    ] = None
+    walls: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help="LOW,HIGH of all sites, or SITE:LOW,HIGH of one, once for each; a wall that is "
+            "not there is none. -1,1 unless given.",
+            negative="",
+            allow_leading_hyphen=True,
+            show_default=False,
+        ),
+    ] = ()
     forcing: Annotated[
         str,
         Parameter(
@@ -120,16 +152,16 @@ class Where:
 
     @property
     def given(self) -> dict[str, float]:
-        """a, gamma and k as far as they were given."""
-        values = {name: getattr(self, name) for name in PARAMETERS}
+        """The parameters as far as they were given."""
+        values = {name: getattr(self, name) for name in NAMES}
         return {name: value for name, value in values.items() if value is not None}
 
     def need(self, *names: str) -> dict[str, float]:
-        """The values of these, or say which is missing."""
+        """The values that were given, or which of these is missing."""
         for name in names:
             if name not in self.given:
                 raise BadInput(f"--{name} is missing: {MEANING[name]}")
-        return {name: self.given[name] for name in names}
+        return self.given
 
     def drive(self, free: tuple[str, ...] = ()) -> Forcing:
         """The forcing; letters that are free and have no value begin at 1."""
@@ -139,9 +171,54 @@ class Where:
         if self.forcing.replace(" ", "") == HARMONIC and not letters:
             return Harmonic()
         for name in free:
-            if name not in PARAMETERS:
+            if name not in NAMES:
                 letters.setdefault(name, 1.0)
         return Symbolic(self.forcing, **letters)
+
+    def on(self, sites: int | None, threshold: float | None, free: tuple[str, ...] = ()) -> On:
+        """What it lives on, and is judged by."""
+        from contbreather.breathers.problem import PAPER
+
+        lattice = lattice_by(self.lattice, sites)
+        if threshold is not None and lattice.sites is None:
+            raise BadInput(
+                "--threshold needs --sites or --lattice: only finite lattices have a threshold"
+            )
+        more = {"site": self.site, "walls": walls_by(self.walls, lattice.sites)}
+        rule = PAPER if threshold is None else threshold
+        return On(lattice, rule, self.drive(free), more)
+
+
+class On(NamedTuple):
+    """What a breather lives on: its lattice with a threshold, the forcing, site and walls."""
+
+    lattice: Any
+    threshold: float
+    forcing: Forcing
+    more: dict[str, Any]
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """As `symmetric` takes it."""
+        return {"lattice": self.lattice, "forcing": self.forcing, **self.more}
+
+    @property
+    def reach(self) -> dict[str, tuple[float, float]]:
+        """The domain of each parameter that has one."""
+        from contbreather.breathers.problem import DOMAIN
+
+        own = {"damping": (0.0, math.inf), "spring": (0.0, math.inf)}
+        if getattr(self.lattice, "highest_gamma", 0.0) == math.inf:
+            own["gamma"] = (0.0, math.inf)
+        return {**DOMAIN, **own}
+
+    def entry(self) -> dict[str, Any]:
+        """For JSON; of the infinite chain the forcing alone."""
+        about: dict[str, Any] = {"forcing": self.forcing.describe()}
+        if self.lattice.sites is not None:
+            about |= {"lattice": self.lattice.describe(), "sites": self.lattice.sites}
+            about |= {"threshold": self.threshold, **self.more}
+        return about
 
 
 def _assignment(text: str) -> tuple[str, float]:
@@ -155,45 +232,18 @@ def _assignment(text: str) -> tuple[str, float]:
     return normalize("NFKC", name.strip()), number  # as Python reads the names in a formula
 
 
-def ring_of(sites: int | None, threshold: float | None) -> tuple[int, float] | None:
-    """Sites and threshold of the paper's rule, if it was asked for."""
-    if sites is None and threshold is None:
-        return None
-    if sites is None:
-        raise BadInput("--threshold needs --sites: only on a ring is there a threshold")
-    return sites, 1.005 if threshold is None else threshold
-
-
-def lattice_by(sites: int | None, threshold: float | None) -> tuple[Lattice, float]:
-    """The chain that was asked for, and the threshold of the paper's rule."""
-    from contbreather.breathers.problem import PAPER
-    from contbreather.lattice import InfiniteChain, Ring
-
-    rule = ring_of(sites, threshold)
-    return (InfiniteChain(), PAPER) if rule is None else (Ring(rule[0]), rule[1])
-
-
-def lattice_entry(lattice: Lattice, threshold: float) -> dict[str, Any]:
-    """The chain for JSON; nothing for the infinite one."""
-    return {} if lattice.sites is None else {"sites": lattice.sites, "threshold": threshold}
-
-
 def interval(
     name: str,
     window: tuple[float, float] | None,
-    reach: Mapping[str, tuple[float, float]] | None = None,
+    reach: Mapping[str, tuple[float, float]],
 ) -> tuple[float, float]:
-    """The window of a parameter: what was typed, as far as it lies in `reach`, its domain else."""
-    import math
-
-    from contbreather.breathers.problem import DOMAIN
-    from contbreather.breathers.zones import WINDOWS
+    """What was typed, as far as it lies in `reach`; by default all that is looked at."""
+    from contbreather.breathers.search import window_of
     from contbreather.cli.output import note
 
-    endless = (-math.inf, math.inf)
     if window is None:
-        return WINDOWS.get(name, endless)
-    low, high = (DOMAIN if reach is None else reach).get(name, endless)
+        return window_of(name)
+    low, high = reach.get(name, (-math.inf, math.inf))
     if not all(math.isfinite(bound) for bound in window) or not window[0] < window[1]:
         raise BadInput(
             f"window {window[0]:g} {window[1]:g} of {name}: two finite numbers were wanted, the "
@@ -215,123 +265,56 @@ def interval(
 
 def known(name: str, forcing: Forcing) -> str:
     """The name of a parameter, or which there are."""
-    names = (*PARAMETERS, *forcing.params)
+    names = (*NAMES, *forcing.params)
     if name not in names:
         raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")
     return name
 
 
-def check_values(values: dict[str, float]) -> None:
-    """Refuse what no breather can have, before one is looked for."""
-    from contbreather.lattice import check_gamma
-    from contbreather.lattice.conditions import check_amplitude, restitution_ratio
+class Beginning(NamedTuple):
+    """Where a branch begins: the breather, what it lives on, and the window of `free`."""
 
-    checks = {"a": check_amplitude, "gamma": check_gamma, "k": restitution_ratio}
-    for name, value in values.items():
-        checks[name](value)
-
-
-def rooted(found: Sequence[Breather], root: int) -> Breather:
-    """The solution with that number, or which there are."""
-    if not 1 <= root <= len(found):
-        there = ", ".join(f"{i}: p = {one.p:.9g}" for i, one in enumerate(found, start=1))
-        raise BadInput(f"--root {root}: the solutions of (11) are {there}; choose one of them")
-    return found[root - 1]
+    breather: Any
+    on: On
+    free: str
+    window: tuple[float, float]
 
 
-def first_in(
-    free: str,
-    window: tuple[float, float],
-    values: dict[str, float],
-    forcing: Forcing,
-    *,
+def beginning(
+    free: str | None,
+    where: Where,
+    window: tuple[float, float] | None,
+    sites: int | None,
+    threshold: float | None = None,
     root: int = 1,
-    lattice: Lattice | None = None,
-) -> Breather:
-    """An admissible breather somewhere in the window of the free parameter.
+) -> Beginning:
+    """At the value of the free parameter if one is given, or somewhere in its window."""
+    from contbreather.breathers import find_symmetric
 
-    Raises
-    ------
-    BadInput
-        If there is none, with the reason at the last place that was looked at.
-    """
-    from contbreather.breathers import symmetric_roots
-    from contbreather.errors import NoSolution
-
-    reason = ""
-    for value in _places(free, window, values, forcing):
-        own = {**values, free: value}
-        drive = forcing.at(**{free: value}) if free in forcing.params else forcing
-        try:
-            found = symmetric_roots(
-                own["a"], own["gamma"], own["k"], forcing=drive, lattice=lattice
-            )
-        except NoSolution as error:
-            reason = str(error)
-            continue
-        try:
-            breather = rooted(found, root)
-        except BadInput as error:
-            reason = f"at {free} = {value:.6g} {error}"
-            continue
-        verdict = breather.admissibility()
-        if verdict.ok:
-            return breather
-        reason = f"at {free} = {value:.6g} {verdict.reason}"
-    fixed = ", ".join(f"{name} = {value:g}" for name, value in values.items() if name != free)
-    raise BadInput(
-        f"no breather with {fixed} for {free} between {window[0]:g} and {window[1]:g}: {reason}"
-    )
-
-
-def _places(
-    free: str, window: tuple[float, float], values: dict[str, float], forcing: Forcing
-) -> list[float]:
-    """Where to look for a breather in a window: first next to the fold, then evenly spread."""
-    import numpy as np
-
-    from contbreather.breathers import smallest_amplitude
-
-    low, high = window
-    if free == "a":
-        fold = smallest_amplitude(values["gamma"], values["k"], forcing)
-        high = min(high, max(1.0, 2.0 * low))
-        near = [factor * fold for factor in (1.5, 1.1, 1.01) if low <= factor * fold <= high]
-    else:
-        near = [values[free]] if free in values else []
-        low, high = max(low, -10.0), min(high, 10.0)
-    spread = np.linspace(low, high, 41)[[*range(1, 41, 2), *range(0, 41, 2)]].tolist()
-    return [value for value in (*near, *spread) if free != "a" or value > 0.0]
-
-
-def start_in(
-    free: str | None, where: Where, window: tuple[float, float] | None, sites: int | None
-) -> tuple[Breather | Problem, str, tuple[float, float]]:
-    """Where a branch begins: a breather, on a ring the orbit that was shot from it.
-
-    Returns
-    -------
-    start, forcing, window
-        The forcing as a sentence, the window within the domain.
-    """
     if free is None:
         raise BadInput("--free is missing: which parameter is to vary, a, gamma or k?")
-    forcing = where.drive((free,))
-    known(free, forcing)
-    fixed = where.need(*(name for name in PARAMETERS if name != free))
-    span = interval(free, window)
-    start = first_in(free, around(free, where.given.get(free), span), fixed, forcing)
-    if sites is None:
-        return start, forcing.describe(), span
+    on = where.on(sites, threshold, (free,))
+    known(free, on.forcing)
+    given = where.need(*(name for name in PARAMETERS if name != free))
+    span = interval(free, window, on.reach)
+    near = span
+    if free in given:
+        near = given[free], given[free]
+        if not span[0] <= near[0] <= span[1]:
+            raise BadInput(
+                f"{free} = {near[0]:g} is outside of the window {span[0]:g} to {span[1]:g}"
+            )
+    return Beginning(find_symmetric(free, near, root=root, **given, **on.given), on, free, span)
+
+
+def shot(
+    free: str | None, where: Where, window: tuple[float, float] | None, sites: int | None
+) -> tuple[Problem, Beginning]:
+    """Equations that a branch can be switched from: on finite lattices those of shooting."""
+    from contbreather.breathers.search import problem_with
     from contbreather.breathers.shooting import shooting
 
-    return shooting(start, sites=sites), forcing.describe(), span
-
-
-def around(free: str, start: float | None, span: tuple[float, float]) -> tuple[float, float]:
-    """Where to look for a start: at the value that was given, else in the whole window."""
-    if start is None:
-        return span
-    if not span[0] <= start <= span[1]:
-        raise BadInput(f"{free} = {start:g} is outside of the window {span[0]:g} to {span[1]:g}")
-    return start, start
+    start = beginning(free, where, window, sites)
+    if start.on.lattice.sites is None:
+        return problem_with(start.breather), start
+    return shooting(start.breather), start

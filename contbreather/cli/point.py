@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from contbreather.cli.options import Json, Root, Sites, Threshold, Where, ring_of, rooted
+from contbreather.cli.options import NAMES, PARAMETERS, Json, Root, Sites, Threshold, Where
 from contbreather.cli.output import say, to_json
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from contbreather.breathers import Breather
+    from contbreather.cli.options import On
 
 
 def point(
@@ -23,52 +23,63 @@ def point(
 ) -> None:
     """One breather: p, phi, admissibility, stability."""
     from contbreather.breathers import symmetric_roots
+    from contbreather.breathers.search import rooted
 
-    values = where.need("a", "gamma", "k")
-    rule = ring_of(sites, threshold)
-    found = symmetric_roots(values["a"], values["gamma"], values["k"], forcing=where.drive())
+    values = where.need(*PARAMETERS)
+    rule = where.on(sites, threshold)
+    on = where.on(None, None) if where.lattice is None else rule
+    found: tuple[Any, ...] = symmetric_roots(**{**values, **on.given})
     breather = rooted(found, root)
     others = [other for other in found if other is not breather]
-    content = _content(breather, others, rule)
+    verdicts = _verdicts(breather, on, rule)
+    content = _content(breather, on, verdicts, others, sites)
     if json:
         to_json({**content, "root": root})
         return
     say(_table(content))
-    say(*_sentences(breather, others, rule))
+    say(*_sentences(breather, verdicts, others))
+
+
+def _verdicts(breather: Any, on: On, rule: On) -> list[Any]:
+    """On its own lattice, and by the paper's rule if that was asked for besides."""
+    if on.lattice.sites is not None:
+        return [breather.stability(threshold=on.threshold)]
+    if rule.lattice.sites is None:
+        return [breather.stability()]
+    ring = {"sites": rule.lattice.sites, "threshold": rule.threshold}
+    return [breather.stability(), breather.stability(**ring)]
 
 
 def _content(
-    breather: Breather, others: list[Breather], rule: tuple[int, float] | None
+    breather: Any, on: On, verdicts: list[Any], others: list[Any], sites: int | None
 ) -> dict[str, Any]:
-    verdict, margins = breather.stability(), breather.admissibility()
+    verdict, margins = verdicts[0], breather.admissibility()
+    # what goes through a wall is no motion of the lattice, be its linearisation what it may
+    judged = margins.ok
     content: dict[str, Any] = {
-        "a": breather.a,
-        "gamma": breather.gamma,
-        "k": breather.k,
-        "forcing": breather.forcing.describe(),
+        **{name: getattr(breather, name) for name in NAMES if hasattr(breather, name)},
+        **on.entry(),
         "p": breather.p,
         "phi": breather.phi,
-        "chi": breather.chi,
+        "chi": getattr(breather, "chi", None),
         "admissible": margins.ok,
         "max_neighbour": margins.max_neighbour,
         "margin": margins.margin,
         "reason": margins.reason,
-        # what goes through a wall is no motion of the chain, be its linearisation what it may
-        "stable": verdict.stable if margins.ok else None,
-        "unstable": verdict.unstable if margins.ok else None,
-        "certain": verdict.certain,
-        "over_reflecting": verdict.over_reflecting,
-        "multipliers": verdict.multipliers,
+        "stable": verdict.stable if judged else None,
+        "unstable": verdict.unstable if judged else None,
         "other_roots": [{"p": other.p, "phi": other.phi} for other in others],
     }
-    if rule is not None:
-        sites, threshold = rule
-        ring = breather.stability(sites=sites, threshold=threshold)
+    if on.lattice.sites is not None:
+        return {**content, "largest": verdict.largest if judged else None}
+    names = ("certain", "over_reflecting", "multipliers")
+    content |= {name: getattr(verdict, name) for name in names}
+    for ring in verdicts[1:]:
         content["ring"] = {
             "sites": sites,
-            "threshold": threshold,
+            "threshold": ring.threshold,
             "largest": ring.largest,
-            "unstable": ring.unstable if margins.ok else None,
+            "unstable": ring.unstable if judged else None,
         }
     return content
 
@@ -79,25 +90,22 @@ def _table(content: dict[str, Any]) -> Table:
     table = Table(title="Symmetric breather", title_justify="left", show_header=False)
     table.add_column()
     table.add_column(justify="right")
-    for name in ("a", "gamma", "k", "p", "phi", "chi"):
-        table.add_row(name, f"{content[name]:.15g}")
+    for name in (*NAMES, "p", "phi", "chi"):
+        if content.get(name) is not None:
+            table.add_row(name, f"{content[name]:.15g}")
     table.add_row("max |u_1|", f"{content['max_neighbour']:.15g}")
-    for mu in content["multipliers"] if content["admissible"] else ():
+    for mu in content.get("multipliers", ()) if content["admissible"] else ():
         table.add_row("isolated multiplier of QS", f"{mu:.12g}")
     return table
 
 
-def _sentences(
-    breather: Breather, others: list[Breather], rule: tuple[int, float] | None
-) -> list[str]:
+def _sentences(breather: Any, verdicts: list[Any], others: list[Any]) -> list[str]:
     margins = breather.admissibility()
     lines = [margins.reason]
     if margins.ok:
-        lines.append(breather.stability().describe())
-        if rule is not None:
-            lines.append(breather.stability(sites=rule[0], threshold=rule[1]).describe())
+        lines += [verdict.describe() for verdict in verdicts]
     else:
-        lines.append("nothing is said of its stability: the chain has no such motion")
+        lines.append("nothing is said of its stability: the lattice has no such motion")
     if others:
         roots = ", ".join(f"p = {other.p:.9g}" for other in others)
         lines.append(f"further roots of (11): {roots}")

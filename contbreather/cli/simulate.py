@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from contbreather.cli.interrupts import computing
-from contbreather.cli.options import Csv, Json, Output, Where, whole_number
+from contbreather.cli.lattices import lattice_by
+from contbreather.cli.options import PARAMETERS, Csv, Json, Output, Where, whole_number
 from contbreather.cli.output import check_distinct, note, say, to_csv, to_figure, to_json
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
 from contbreather.cli.starts import read_state, write_state
@@ -38,9 +39,6 @@ def simulate(
         Parameter(help="Length of the ring, 20 unless a state is given.", converter=whole_number),
     ] = None,
     periods: Annotated[float, Parameter(help="Length of the run, in periods 2 pi.")] = 200.0,
-    damping: Annotated[
-        float, Parameter(help="Linear damping of every site.", allow_leading_hyphen=True)
-    ] = 0.0,
     smooth: Annotated[
         float | None,
         Parameter(help="Smooth walls (21) of this hardness m; rigid ones unless given."),
@@ -75,7 +73,7 @@ def simulate(
     that was simulated until then is written, then judged; a second one leaves the verdict out.
     """
     asked = Asked(
-        where, sites, periods, damping, smooth, start, perturb, seed, stream, csv, impacts, final,
+        where, sites, periods, smooth, start, perturb, seed, stream, csv, impacts, final,
         output,
     )  # fmt: skip
     asked.check()
@@ -104,7 +102,6 @@ class Asked:
     where: Where
     sites: int | None
     periods: float
-    damping: float
     smooth: float | None
     start: str | None
     perturb: float
@@ -137,15 +134,30 @@ class Asked:
         if self.seed < 0:
             raise BadInput(f"--seed {self.seed}: a whole number, at least 0, was wanted")
 
+    @property
+    def sites_asked(self) -> int | None:
+        """The length of the ring, if one was given."""
+        from contbreather.lattice import Ring
+
+        where, lattice = self.where, lattice_by(self.where.lattice, self.sites)
+        ring = lattice.sites is None or isinstance(lattice, Ring)
+        if not ring or where.site or where.spring or where.walls:
+            raise BadInput(
+                "simulate moves rings, between walls at -1 and 1 and without springs: leave out "
+                "--site, --spring and --walls, and take --lattice ring:N"
+            )
+        return lattice.sites
+
     @computing()
     def simulate(self) -> Seen:
         """Run it."""
         from contbreather.dynamics import record, simulate, simulate_smooth
 
-        values = self.where.need("a", "gamma", "k")
+        values = self.where.need(*PARAMETERS)
         forcing = self.where.drive()
         state, t0 = self._state(values)
-        shared: dict[str, Any] = {**values, "damping": self.damping, "forcing": forcing, "t0": t0}
+        values.pop("spring", None)  # it is 0
+        shared: dict[str, Any] = {**values, "forcing": forcing, "t0": t0}
         if self.stream is not None:
             kept = record(self.stream, state, periods=int(self.periods), **shared)
             return seen_in(kept, int(self.periods))
@@ -159,9 +171,10 @@ class Asked:
 
         if self.start is not None:
             (u, v), t0 = read_state(self.start)
-            if self.sites is not None and self.sites != len(u):
+            sites = self.sites_asked
+            if sites is not None and sites != len(u):
                 raise BadInput(
-                    f"--sites {self.sites}: the state in {self.start} has {len(u)} sites; leave "
+                    f"--sites {sites}: the state in {self.start} has {len(u)} sites; leave "
                     "out --sites"
                 )
         else:
@@ -181,7 +194,8 @@ class Asked:
             raise BadInput(f"{margins.reason.rstrip('.')}; give a state with --start instead")
         # a period should not begin at an impact: it might be counted there or not
         t0 = 0.0 if abs(math.remainder(found.phi, math.pi)) > CLOSE else 0.5 * math.pi
-        return found.state(SITES if self.sites is None else self.sites, t0), t0
+        sites = self.sites_asked
+        return found.state(SITES if sites is None else sites, t0), t0
 
 
 # --- what is left ---------------------------------------------------------------------------------
@@ -273,7 +287,7 @@ def _window(run: Any) -> Any:
 def _content(seen: Seen, asked: Asked) -> dict[str, Any]:
     run, c = seen.run, seen.run.conditions
     content: dict[str, Any] = {
-        **asked.where.need("a", "gamma", "k"),
+        **asked.where.need(*PARAMETERS),
         "damping": c.damping,
         "forcing": c.forcing.describe(),
         "m": asked.smooth,

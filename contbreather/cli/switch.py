@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from contbreather.cli.interrupts import end, kept
-from contbreather.cli.options import Csv, Json, Output, Where, Window, start_in, whole_number
+from contbreather.cli.options import Csv, Json, Output, RingSites, Where, Window, shot
 from contbreather.cli.output import (
     branch_entry,
     branch_rows,
@@ -32,18 +32,8 @@ if TYPE_CHECKING:
     from contbreather.continuation import Branch, Point
     from contbreather.continuation.tabular import Sheet
 
-PAPER = 1.005  # modulus over a period from which a ring counts as unstable
 TIMES = ("t1", "t2", "t3", "t4")
 SHOWN = ("p", *TIMES, "c", "asymmetry", "unstable")  # columns of the table
-
-Shot = Annotated[
-    int | None,
-    Parameter(
-        name="--sites",
-        help="Shoot the orbits on a ring of so many sites instead.",
-        converter=whole_number,
-    ),
-]
 
 
 def switch(
@@ -61,7 +51,7 @@ def switch(
         ),
     ] = ("PF",),
     window: Window = None,
-    sites: Shot = None,
+    sites: RingSites = None,
     csv: Csv = None,
     output: Output = None,
     json: Json = False,
@@ -75,10 +65,9 @@ def switch(
     from contbreather.continuation.switching import switch
 
     check_places(csv, output)
-    start, forcing, span = start_in(free, where, window, sites)
-    assert free is not None
-    within = {free: span}
-    branch = continuation.trace(start, free, within=within)
+    problem, start = shot(free, where, window, sites)
+    within = {start.free: start.window}
+    branch = continuation.trace(problem, start.free, within=within)
     trail = [branch]
     arms: tuple[Branch, ...] = ()
     for kind in at[:-1]:
@@ -86,12 +75,7 @@ def switch(
         trail.append(arms[0])
     point = _first(at[-1], arms[:1] or (branch,))
     arms, cut = kept(lambda: switch(point, within=within))
-    about: dict[str, Any] = {
-        "free": free,
-        "forcing": forcing,
-        "sites": sites,
-        "at": point_entry(point),
-    }
+    about: dict[str, Any] = {"free": free, **start.on.entry(), "at": point_entry(point)}
     made = []
     if csv is not None:
         made.append(to_csv(csv, _rows(arms), _columns(arms), cut=cut))
@@ -159,10 +143,12 @@ def _name(point: Point) -> str:
 
 def _stretches(arm: Branch) -> Iterator[str]:
     """Between which of its special points an arm is stable, and on which chain."""
+    from contbreather.breathers.problem import PAPER
     from contbreather.continuation.refine import between
 
-    sites = arm[0].lattice.sites
-    on = "the infinite chain" if sites is None else f"a ring of {sites} (threshold {PAPER})"
+    on = f"the {arm[0].lattice.describe()}"
+    if arm[0].lattice.sites is not None:
+        on += f" (threshold {PAPER})"
     marks = [i for i, point in enumerate(arm) if point.kind]
     for i, j in pairwise(marks):
         # at special points the count is of a multiplier on the circle: rounding decides it

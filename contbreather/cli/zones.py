@@ -17,8 +17,6 @@ from contbreather.cli.options import (
     Threshold,
     Where,
     interval,
-    lattice_by,
-    lattice_entry,
 )
 from contbreather.cli.output import check_places, say, to_csv, to_figure, to_json
 from contbreather.errors import BadInput
@@ -84,12 +82,11 @@ def zones(
     if csv is None and output is None and not json:
         csv, output = TABLE, FIGURE
     check_places(csv, output)
-    drive = Where(forcing=forcing, set=set).drive()
+    on = Where(forcing=forcing, set=set).on(sites, threshold)
     given = {"gamma": gamma_window, "a": a_window, "k": k_window}
     windows = {n: interval(n, given[n], WINDOWS) for n in given if given[n] is not None}
-    lattice, modulus = lattice_by(sites, threshold)
-    asked: dict[str, Any] = {name: values, "lattice": lattice, "threshold": modulus}
-    found, cut = kept(lambda: diagram(**asked, forcing=drive, within=windows))
+    asked: dict[str, Any] = {name: values, "lattice": on.lattice, "threshold": on.threshold}
+    found, cut = kept(lambda: diagram(**asked, forcing=on.forcing, within=windows))
     if not any(branches for one in found for branches in one.curves.values()):
         raise BadInput(
             "no curve passes the window: breathers exist all over it, all stable or all unstable "
@@ -102,9 +99,8 @@ def zones(
         made.append(to_figure(output, lambda: _figure(found, windows), cut=cut))
     if json:
         entries = [_entry(one) for one in found]
-        about = {"forcing": drive.describe(), **lattice_entry(lattice, modulus)}
         written = [str(path) for path in made]
-        to_json({**about, "zones": entries, "interrupted": cut, "written": written})
+        to_json({**on.entry(), "zones": entries, "interrupted": cut, "written": written})
     else:
         say(*_told(found), *(f"Wrote {path}." for path in made))
     end(cut)

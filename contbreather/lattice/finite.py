@@ -151,7 +151,8 @@ class Lattice:
     @classmethod
     def from_graph(cls, graph: Any, *, weight: str = "weight", **more: Any) -> Lattice:
         """The lattice whose bonds are the edges of a networkx graph, with their weights (1 where
-        an edge has none); sites are numbered in the order of ``graph.nodes``.
+        an edge has none); sites are numbered in the order of ``graph.nodes``, and have its
+        attributes "mass" and "drive", 1 where a node has none.
 
         Examples
         --------
@@ -171,7 +172,11 @@ class Lattice:
             raise BadInput(
                 f"the weights {weight!r} of the edges must be numbers, their stiffnesses: {error}."
             ) from error
-        return cls(matrix, name="graph", **more)
+        own = {
+            name: [graph.nodes[n].get(kind, 1.0) for n in graph]
+            for name, kind in (("masses", "mass"), ("drive", "drive"))
+        }
+        return cls(matrix, name="graph", **{**own, **more})
 
     # ------------------------------------------------------------------------ what it is
 

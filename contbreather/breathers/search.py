@@ -1,0 +1,204 @@
+"""A breather, or an event, somewhere in a window: where branches and boundaries can begin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from contbreather.breathers.closure import smallest_amplitude
+from contbreather.breathers.problem import PAPER, problem_of
+from contbreather.breathers.shooting import problem_of as shooting_problem
+from contbreather.breathers.shooting import shooting
+from contbreather.breathers.symmetric import Breather, symmetric_roots
+from contbreather.breathers.zones import WINDOWS
+from contbreather.continuation import Point, Problem, trace
+from contbreather.continuation.starts import windows
+from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice import forcing_of
+from contbreather.lattice.conditions import Walls
+from contbreather.lattice.finite import Lattice
+
+SMALL = ("damping", "spring")  # 0 unless given, and at least 0
+REACH = 10.0  # how far a window without end is looked at
+Window = tuple[float, float]
+
+
+def window_of(name: str) -> Window:
+    """Where a parameter is looked at unless a window is given."""
+    least = 0.0 if name in SMALL else -math.inf
+    return WINDOWS.get(name, (least, math.inf))
+
+
+def rooted(found: tuple[Any, ...], root: int) -> Any:
+    """The solution of (11) with that number, counted from 1 by falling p."""
+    if not 1 <= root <= len(found):
+        there = ", ".join(f"{i}: p = {one.p:.9g}" for i, one in enumerate(found, start=1))
+        raise BadInput(f"root {root}: the solutions of (11) are {there}; choose one of them")
+    return found[root - 1]
+
+
+def find_symmetric(free: str, within: Window, *, root: int = 1, **given: Any) -> Any:
+    """An admissible symmetric breather somewhere in the window of one parameter.
+
+    Parameters
+    ----------
+    free : str
+        The parameter: a, gamma, k, damping, spring or one of the forcing.
+    within : (float, float)
+        Where to look for it. A value of `free` among `given` is tried first.
+    root : int
+        Which solution of (11), by falling p.
+    **given
+        The others, and all that `symmetric` takes: forcing, lattice, site, walls.
+
+    Returns
+    -------
+    Breather, or the orbit of a finite lattice
+
+    Raises
+    ------
+    NoSolution
+        If there is none, with the reason at the last value that was looked at.
+    BadInput
+        If a breather is possible nowhere in the window, for what is given is out of range.
+
+    Examples
+    --------
+    >>> round(find_symmetric("a", (0.6, 0.9), gamma=0.1, k=0.8).a, 9)
+    0.6075
+    """
+    reason, refusal = "", None
+    for value in _places(free, within, given):
+        try:
+            found = rooted(symmetric_roots(**_with(given, free, value)), root)
+        except NoSolution as error:
+            reason = str(error)
+        except BadInput as error:  # out of range here, perhaps not elsewhere in the window
+            refusal = refusal or error
+        else:
+            verdict = found.admissibility()
+            if verdict.ok:
+                return found
+            reason = f"at {free} = {value:.6g} {verdict.reason}"
+    if refusal is not None and not reason:
+        raise refusal
+    fixed = [f"{n} = {given[n]:g}" for n in ("a", "gamma", "k", *SMALL) if n in given and n != free]
+    raise NoSolution(
+        f"no breather with {', '.join(fixed)} for {free} between {within[0]:g} and "
+        f"{within[1]:g}: {reason}"
+    )
+
+
+def _with(given: Mapping[str, Any], name: str, value: float) -> dict[str, Any]:
+    """What is given, with another value of a parameter, be it one of the forcing."""
+    forcing = forcing_of(given.get("forcing"))
+    if name in forcing.params:
+        return {**given, "forcing": forcing.at(**{name: value})}
+    return {**given, name: value}
+
+
+def _places(free: str, within: Window, given: Mapping[str, Any]) -> Iterator[float]:
+    """Where to look for a breather in a window: first next to the fold, then evenly spread."""
+    low, high = within
+    first = given.get(free, 0.0 if free in SMALL else None)
+    near = [] if first is None else [first]
+    if free == "a":
+        width = abs(Walls.given(given.get("walls")).position(given.get("site", 0), 1))
+        high = min(high, max(width if math.isfinite(width) else 1.0, 2.0 * low))
+        if not isinstance(given.get("lattice"), Lattice):
+            fold = smallest_amplitude(given["gamma"], given["k"], given.get("forcing"))
+            near += [factor * fold for factor in (1.5, 1.1, 1.01)]
+    else:
+        low, high = max(low, -REACH), min(high, REACH)
+    yield from (value for value in near if within[0] <= value <= within[1])
+    spread = np.linspace(low, high, 41)[[*range(1, 41, 2), *range(0, 41, 2)]].tolist()
+    yield from (value for value in spread if free != "a" or value > 0.0)
+
+
+def problem_with(orbit: Any, *names: str, threshold: float = PAPER) -> Problem:
+    """The equations of a symmetric breather of any lattice, unstable beyond the threshold, with
+    these parameters among theirs: on a ring damping and springs are where orbits are shot."""
+    if not isinstance(orbit, Breather):
+        return shooting_problem(orbit, threshold=threshold)
+    if set(names) & set(SMALL) and orbit.lattice.sites is not None:
+        return shooting(orbit, threshold=threshold)
+    return problem_of(orbit, threshold)
+
+
+def find_event(
+    kind: str,
+    pair: tuple[str, str],
+    *,
+    within: Mapping[str, Window] | None = None,
+    threshold: float = PAPER,
+    **given: Any,
+) -> Point:
+    """The first event of a kind on branches of symmetric breathers: where a `boundary` can begin.
+
+    Parameters
+    ----------
+    kind : str
+        LP, PF, NS, GR: what such a breather has.
+    pair : (str, str)
+        The branches are in the second parameter, at some values of the first one, or at the one
+        among `given`.
+    within : dict, optional
+        Windows of both.
+    threshold : float
+        Modulus over 2 pi from which a multiplier counts as unstable, on finite lattices.
+    **given
+        As for `find_symmetric`.
+
+    Raises
+    ------
+    NoSolution
+        If there is none, with what the last branch has.
+
+    Examples
+    --------
+    >>> start = find_event("PF", ("gamma", "a"), gamma=0.04, k=0.8)
+    >>> round(start["a"], 12)
+    0.777632425944
+    """
+    first, free = pair
+    checked = windows(within or {})
+    span, reach = (checked.get(name) or window_of(name) for name in pair)
+    reason = ""
+    for value in _combed(first, given.get(first), span):
+        try:
+            start = find_symmetric(free, reach, **_with(given, first, value))
+        except NoSolution as error:
+            reason = str(error)
+            continue
+        problem = problem_with(start, *pair, threshold=threshold)
+        events = _up_to_the_fold(problem.events)
+        branch = trace(problem, free, within={free: reach}, events=events, progress=False)
+        for point in branch.special:
+            if point.kind == kind and point.located:
+                return point
+        labels = ", ".join(point.label for point in branch.special) or "no special point"
+        reason = f"the branch in {free} at {first} = {value:.6g} has {labels}"
+    raise NoSolution(f"no {kind} found for {first} between {span[0]:g} and {span[1]:g}; {reason}")
+
+
+def _up_to_the_fold(events: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The curve is to begin among the breathers before the fold."""
+    return tuple(replace(one, terminal=one.terminal or one.kind == "LP") for one in events)
+
+
+def _combed(name: str, given: float | None, span: Window) -> Iterator[float]:
+    """Where to look for a first point: evenly spread, the middle first."""
+    if given is not None:
+        if not span[0] <= given <= span[1]:
+            raise BadInput(
+                f"{name} = {given:g} is outside of the window {span[0]:g} to {span[1]:g}"
+            )
+        yield given
+        return
+    low, high = max(span[0], -REACH), min(span[1], 1.0 if name == "a" else REACH)
+    for fraction in (0.5, 0.25, 0.75, 0.1, 0.9, 0.4, 0.6, 0.02, 0.98):
+        yield low + fraction * (high - low)
