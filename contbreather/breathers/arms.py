@@ -178,7 +178,7 @@ def pitchfork_arms(
     -------
     tuple of two Branch
         Columns p, t1, t2, c, asymmetry and the parameters. The first point of each is the
-        pitchfork, ``arm[0].detail["parent"]`` as it is on the symmetric branch; on the first arm
+        pitchfork, ``arm[0].parent`` as it is on the symmetric branch; on the first arm
         t2 - t1 > pi, the second is its mirror image u(t) -> -u(t + pi).
 
     Raises

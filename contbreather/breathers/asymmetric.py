@@ -26,9 +26,11 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.impacts import Impact, forcing_at
 from contbreather.breathers.orbit_events import (
+    doubled_arm,
     events_on,
     orbit_fold,
     pitchfork_of_arms,
+    symmetric_arms,
     unstable,
 )
 from contbreather.breathers.orbit_images import simpler_than
@@ -209,6 +211,7 @@ def problem_from(
         interpret=interpret,
         images=_mirror_image,
         simpler=_symmetric_again,
+        lifts={"PF": symmetric_arms, "PD": doubled_arm},
         label="asymmetric breather",
     )
 

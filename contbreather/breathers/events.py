@@ -20,6 +20,7 @@ from contbreather.breathers.admissibility import Rival, admissibility, motion, p
 from contbreather.breathers.symmetric import Breather, flight_slope_of
 from contbreather.checks import check_kind, real
 from contbreather.continuation import Event, Locus, Point
+from contbreather.continuation.events import Judged, Meeting
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
@@ -75,9 +76,7 @@ def pitchfork() -> Event:
         "PF",
         _on_breather(_pitchfork),
         locus=_scalar_locus(_pitchfork, _pitchfork_slope),
-        verify=_verify_pitchfork,
-        arms=_asymmetric_arms,
-        analysis=_pitchfork_form,
+        examine=_examine_pitchfork,
     )
 
 
@@ -107,8 +106,12 @@ def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float =
     event = _pair_leaves(lattice, threshold)
     ring = isinstance(lattice, Ring)
     about = f"stability of a ring of {lattice.sites}, threshold {threshold:g}" if ring else ""
-    return replace(
-        event,
+    return Judged(
+        "NS",
+        event.test,
+        count=event.count,
+        locus=event.locus,
+        examine=event.examine,
         record={"unstable": lambda point: unstable(point.solution, lattice, threshold)},
         about=about,
     )
@@ -123,7 +126,7 @@ def unstable(breather: Breather, lattice: Lattice, threshold: float) -> int:
 
 def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
     if isinstance(on, InfiniteChain):
-        return Event("NS", _miss, count=_passed, locus=_arc_locus, verify=_verify_angle)
+        return Event("NS", _miss, count=_passed, locus=_arc_locus, examine=_examine_angle)
     check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
@@ -134,7 +137,7 @@ def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
         "NS",
         _on_breather(lambda breather: outermost(_upper(breather, on), math.sqrt(threshold))),
         locus=lambda point: _circle_locus(point, on, threshold),
-        verify=_verify_angle,
+        examine=_examine_angle,
     )
 
 
@@ -148,10 +151,9 @@ def grazing() -> Event:
     return Event(
         "GR",
         _on_breather(lambda breather: admissibility(breather).margin),
-        terminal=True,
-        positive=True,
+        ends="domain",
         locus=_grazing_locus,
-        analysis=lambda point: {"kind": "VI"} if point["p"] < _VANISHED else {},
+        examine=lambda point: {"kind": "VI"} if point["p"] < _VANISHED else {},
     )
 
 
@@ -160,7 +162,7 @@ def _on_breather(test: Callable[[Breather], float]) -> Callable[[Point], float]:
 
 
 def _breather(curve: Curve, z: Array) -> Breather:
-    breather: Breather = Point(curve, z, np.empty(0), 0.0, 0.0).solution
+    breather: Breather = Point(curve, z).solution
     return breather
 
 
@@ -227,7 +229,7 @@ def _scalar_locus(value: Scalar, slope: Slope) -> Callable[[Point], Locus]:
     return lambda point: locus
 
 
-def _asymmetric_arms(point: Point) -> tuple[Seed, ...]:
+def asymmetric_arms(point: Point) -> tuple[Seed, ...]:
     """Both arms of asymmetric breathers, in the problem that knows them."""
     from contbreather.breathers.arms import lift
 
@@ -245,14 +247,14 @@ def _pitchfork_form(point: Point) -> Mapping[str, Any]:
     return {"criticality": form.criticality, "coefficient": form.coefficient}
 
 
-def _verify_pitchfork(point: Point) -> str:
+def _examine_pitchfork(point: Point) -> str | Mapping[str, Any]:
     breather: Breather = point.solution
     size = abs(breather.acceleration) + breather.p
     if abs(_pitchfork(breather)) > _ZERO * size:
         return f"a f'' - 2 p sigma = {_pitchfork(breather):.2g} is not zero"
     if abs(_fold(breather)) < _ZERO * size:
         return "a fold of the closure, not a pitchfork"
-    return ""
+    return _pitchfork_form(point)
 
 
 # --- Neimark-Sacker on the infinite chain -------------------------------------------------------
@@ -321,7 +323,7 @@ def _along(curve: Curve, breather: Breather, F: OnArc | Gradient) -> Array:
     return np.stack([*columns, F.d_nu], axis=-1)
 
 
-def _verify_angle(point: Point) -> str:
+def _examine_angle(point: Point) -> str:
     if "nu" not in point.detail and point["k"] < 1.0:
         return "a pair was seen to leave or to turn real, but no angle solves the locus"
     return ""
@@ -382,7 +384,7 @@ def _next_wave(ring: Ring, threshold: float) -> Event:
         return _circle_locus(point, ring, threshold, point.detail["next"])
 
     met = replace(neimark_sacker(on=ring, threshold=threshold), locus=locus)
-    return Event("NS-NS", test, terminal=True, positive=True, met=met, analysis=analysis)
+    return Meeting("NS-NS", test, ends="domain", met=met, examine=analysis)
 
 
 # --- grazing --------------------------------------------------------------------------------------
@@ -442,8 +444,8 @@ def _other_grazing(site: int) -> Event:
     def test(point: Point) -> float:
         return closest(point).margin
 
-    met = Event("GR", test, terminal=True, positive=True, locus=locus)
-    return Event("GR-GR", test, terminal=True, positive=True, met=met, analysis=analysis)
+    met = Event("GR", test, ends="domain", locus=locus)
+    return Meeting("GR-GR", test, ends="domain", met=met, examine=analysis)
 
 
 def _motion_slope(breather: Breather, site: int, t: float, name: str) -> tuple[float, float]:

@@ -200,8 +200,8 @@ def _from_the_limit(singles: Sequence[Single], lattice: Finite, on: Conditions) 
         )
     if on.gamma <= first:
         curve = Curve(start, ("gamma",))
-        return Branch((Point(curve, curve.start, np.empty(0), 0.0, 0.0),), Stop.START)
-    ends = (replace(fold(), terminal=True), contact())
+        return Branch((Point(curve, curve.start),), Stop.START)
+    ends = (replace(fold(), ends="branch"), contact())
     return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
 
 

@@ -23,7 +23,8 @@ from contbreather.breathers.orbit_admissibility import (
 )
 from contbreather.breathers.orbits import EQUAL, Orbit
 from contbreather.continuation import Event, Locus, Point, fold
-from contbreather.continuation.boundary import met
+from contbreather.continuation.boundary import meeting
+from contbreather.continuation.events import Meeting
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
@@ -56,7 +57,7 @@ def orbit_fold() -> Event:
     def off_pitchfork(event: Event) -> Event:
         def test(point: Point) -> float:
             asymmetry = _orbit(point.ground).asymmetry
-            return math.nan if asymmetry == 0.0 else event.test(point) / asymmetry
+            return math.nan if asymmetry == 0.0 else event.value(point) / asymmetry
 
         return replace(event, test=test)
 
@@ -66,7 +67,7 @@ def orbit_fold() -> Event:
         own = plain.locus(point)
         return replace(own, events=tuple(map(off_pitchfork, own.events)))
 
-    return replace(off_pitchfork(Event("LP", plain.test, verify=plain.verify)), locus=locus)
+    return replace(off_pitchfork(plain), locus=locus)
 
 
 def pitchfork_of_arms() -> Event:
@@ -89,8 +90,6 @@ def pitchfork_of_arms() -> Event:
         "PF",
         lambda point: _orbit(point).asymmetry,
         locus=lambda point: locus,
-        meets={"GR": ()},  # there it is an end, on the side of the arm: see `_meeting_of_arms`
-        arms=_symmetric_arms,
     )
 
 
@@ -101,8 +100,7 @@ def period_doubling() -> Event:
         lambda point: _orbit(point).map.minus_one(),
         count=_outside,
         locus=lambda point: Locus({}, _minus_one, _slopes(_minus_one)),
-        verify=_verify_doubling,
-        arms=_doubled_arm,
+        examine=_examine_doubling,
     )
 
 
@@ -113,7 +111,9 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = PAPER)
     over one period, as in the paper.
     """
     if not isinstance(on, Ring):
-        return Event("NS", _chain_miss, count=_chain_pairs, locus=_arc_locus, verify=_verify_angle)
+        return Event(
+            "NS", _chain_miss, count=_chain_pairs, locus=_arc_locus, examine=_examine_angle
+        )
     if not (math.isfinite(threshold) and threshold > 1.0):
         raise BadInput(
             f"threshold = {threshold}: on a ring multipliers sit on the unit circle; a modulus "
@@ -124,7 +124,7 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = PAPER)
         lambda point: pair_gap(_multipliers(_orbit(point).map), threshold)[0],
         count=lambda point: pair_gap(_multipliers(_orbit(point).map), threshold)[1],
         locus=lambda point: _circle_locus(point, threshold),
-        verify=_verify_angle,
+        examine=_examine_angle,
     )
 
 
@@ -134,10 +134,9 @@ def orbit_grazing() -> Event:
     return Event(
         "GR",
         lambda point: admissibility(_orbit(point)).margin,
-        terminal=True,
-        positive=True,
+        ends="domain",
         locus=_grazing_locus,
-        analysis=_vanishing,
+        examine=_vanishing,
     )
 
 
@@ -178,7 +177,7 @@ def tally() -> Event:
         found = _counted(_orbit(point).map, 1.0)
         return found.count if found.certain else math.nan
 
-    return Event("MX", outside, tally=True)
+    return Event("MX", None, count=outside)
 
 
 @lru_cache(maxsize=4)
@@ -189,7 +188,7 @@ def _orbit(point: Point) -> Orbit:
 
 
 def _at(curve: Curve, z: Array) -> Orbit:
-    return _orbit(Point(curve, z, np.empty(0), 0.0, 0.0))
+    return _orbit(Point(curve, z))
 
 
 # --- equal flights ------------------------------------------------------------------------------
@@ -205,7 +204,7 @@ def _equal_flights_slope(curve: Curve, z: Array, extra: Array) -> Array:
     return row
 
 
-def _symmetric_arms(point: Point) -> tuple[Seed, ...]:
+def symmetric_arms(point: Point) -> tuple[Seed, ...]:
     """Both directions of the branch of symmetric breathers, in its own problem."""
     from contbreather.breathers.orbit_images import simpler_than
 
@@ -224,13 +223,13 @@ def _minus_one(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([_at(curve, z).map.minus_one()])
 
 
-def _doubled_arm(point: Point) -> tuple[Seed, ...]:
+def doubled_arm(point: Point) -> tuple[Seed, ...]:
     from contbreather.breathers.doubling import doubled_seed
 
     return (doubled_seed(point),)  # the other direction is the same orbit, a period later
 
 
-def _verify_doubling(point: Point) -> str:
+def _examine_doubling(point: Point) -> str:
     map = _orbit(point).map
     size = float(np.prod([1.0 + abs(kick.b) for kick in map.kicks]))
     value = map.minus_one()
@@ -278,7 +277,7 @@ def _room(curve: Curve, z: Array, extra: Array) -> float:
     return max(0.02 * abs(map.edge - float(extra[0])) / (1.0 + steepness), 1e-8)
 
 
-def _verify_angle(point: Point) -> str:
+def _examine_angle(point: Point) -> str:
     """A pair outside may also turn real, one of the two coming in through +1 or -1 later on."""
     kappa = point.detail.get("kappa")
     if kappa is None:
@@ -366,7 +365,9 @@ def _grazing_locus(point: Point) -> Locus:
         _, v, acceleration = moved(orbit, site, t)
         return wall * np.array([*rows, (v, acceleration)]).T
 
-    return Locus({"t": t}, conditions, derivative, events=_ends_of_grazing(orbit, site))
+    # the pitchfork of the arms is among what ends it, on the side of the arm
+    ends = _ends_of_grazing(orbit, site)
+    return Locus({"t": t}, conditions, derivative, events=ends, meets={"PF": ()})
 
 
 def _vanishing(point: Point) -> dict[str, str]:
@@ -441,10 +442,9 @@ def _ends_of_grazing(orbit: Orbit, site: int | None) -> tuple[Event, ...]:
         return (_other_grazing(site),)
     side = math.copysign(1.0, asymmetry)
     pitchfork = replace(
-        met("GR", pitchfork_of_arms()),
+        meeting("GR", pitchfork_of_arms()),
         test=lambda point: side * _orbit(point.ground).asymmetry,
-        terminal=True,
-        positive=True,
+        ends="domain",
     )
     return (pitchfork, _other_grazing(site, side))
 
@@ -476,5 +476,5 @@ def _other_grazing(site: int | None, side: float = 0.0) -> Event:
         asymmetry = side * _orbit(point).asymmetry
         return margin(point) / asymmetry if asymmetry > EQUAL else math.nan
 
-    other = Event("GR", margin, locus=_grazing_locus)
-    return Event("GR-GR", test, terminal=True, positive=True, met=other)
+    other = Event("GR", margin, locus=_grazing_locus, ends="domain")
+    return Meeting("GR-GR", test, ends="domain", met=other)

@@ -14,7 +14,7 @@ from contbreather.breathers.impacts import (
     check_times,
     forcing_at,
 )
-from contbreather.breathers.orbit_events import events_on, unstable
+from contbreather.breathers.orbit_events import doubled_arm, events_on, unstable
 from contbreather.breathers.orbit_images import images_of, simpler_than
 from contbreather.breathers.orbits import EQUAL, Orbit
 from contbreather.continuation import Point, Problem, branch_point, fold
@@ -50,6 +50,7 @@ def impact_problem(orbit: Orbit) -> Problem:
         interpret=lambda point: orbit_from(equations, point.x, point.params),
         images=lambda x, params: _images(equations, x, params),
         simpler=_simpler,
+        lifts={"PD": doubled_arm},
         label="orbit with impacts",
     )
 

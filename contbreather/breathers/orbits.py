@@ -367,7 +367,7 @@ def orbit_of(breather: Breather) -> Orbit:
 
 def orbit_at(problem: Problem) -> Orbit:
     """The orbit at the start of a problem of orbits."""
-    orbit: Orbit = Point(Curve(problem, ()), problem.x, np.empty(0), 0.0, 0.0).solution
+    orbit: Orbit = Point(Curve(problem, ()), problem.x).solution
     return orbit
 
 

@@ -5,9 +5,16 @@ from __future__ import annotations
 from math import inf
 
 from contbreather.breathers.closure import Closure
-from contbreather.breathers.events import grazing, neimark_sacker, pitchfork, saddle_node
+from contbreather.breathers.events import (
+    asymmetric_arms,
+    grazing,
+    neimark_sacker,
+    pitchfork,
+    saddle_node,
+)
 from contbreather.breathers.symmetric import Breather
 from contbreather.continuation import Event, Point, Problem
+from contbreather.continuation.events import Judged
 from contbreather.lattice import Lattice, Ring
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
@@ -44,9 +51,10 @@ def problem_of(breather: Breather, threshold: float = PAPER) -> Problem:
         jacobian=closure.jacobian,
         sensitivity=closure.sensitivity,
         events=events,
-        record={name: column for event in events for name, column in event.record.items()},
+        record=next(event for event in events if isinstance(event, Judged)).record,
         domain=DOMAIN,
         interpret=interpret,
+        lifts={"PF": asymmetric_arms},
         label=f"symmetric breather{where}",
     )
 

@@ -187,7 +187,7 @@ def find_event(
 
 def _up_to_the_fold(events: tuple[Any, ...]) -> tuple[Any, ...]:
     """The curve is to begin among the breathers before the fold."""
-    return tuple(replace(one, terminal=one.terminal or one.kind == "LP") for one in events)
+    return tuple(replace(one, ends="branch") if one.kind == "LP" else one for one in events)
 
 
 def _combed(name: str, given: float | None, span: Window) -> Iterator[float]:

@@ -22,7 +22,7 @@ from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary, check_walls
 from contbreather.breathers.refusals import ImpossibleSequence, Inadmissible
 from contbreather.breathers.ring_orbit import RingOrbit
-from contbreather.breathers.shooting_events import PAPER, events_of
+from contbreather.breathers.shooting_events import LIFTS, PAPER, events_of
 from contbreather.breathers.shooting_images import images_of, simpler_than
 from contbreather.breathers.shooting_seeds import (
     by_hand,
@@ -162,6 +162,7 @@ def problem_of(orbit: RingOrbit, *, threshold: float = PAPER) -> Problem:
         interpret=shooting.interpret,
         images=shooting.images,
         simpler=shooting.simpler,
+        lifts=LIFTS,
         label=f"shooting, {itinerary.describe()}",
     )
 
@@ -187,7 +188,7 @@ def _columns(itinerary: Itinerary, threshold: float) -> dict[str, Any]:
 def shot_orbit(problem: Problem) -> RingOrbit:
     """The orbit that a shooting problem starts from."""
     here = Curve(problem, ())
-    orbit: RingOrbit = Point(here, here.start, np.empty(0), 0.0, math.nan).solution
+    orbit: RingOrbit = Point(here, here.start).solution
     return orbit
 
 

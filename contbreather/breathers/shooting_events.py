@@ -27,9 +27,11 @@ from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.ring_orbit import EPS, RingOrbit
 from contbreather.continuation import Event, Locus, Point, branch_point, fold
 from contbreather.continuation.derivatives import differences
+from contbreather.continuation.events import Meeting, Singular, bordered
 from contbreather.continuation.newton import Undefined, newton
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.seed import Seed
+from contbreather.continuation.switching import across
 from contbreather.errors import BadInput
 from contbreather.stability.pairs import beyond, outermost
 
@@ -75,7 +77,6 @@ def symmetry_breaking() -> Event:
         test,
         count=lambda point: beyond(point.solution.coupled, 1.0),
         locus=locus,
-        arms=_both_arms,
     )
 
 
@@ -92,7 +93,6 @@ def period_doubling() -> Event:
         lambda point: determinant(point.solution, -1.0),
         count=lambda point: beyond(point.solution.coupled, -1.0),
         locus=_null_locus(-1.0),
-        arms=_doubled_arm,
     )
 
 
@@ -114,25 +114,23 @@ def branching() -> Event:
     a determinant for its test, which large rings can afford."""
 
     def test(point: Point) -> float:
-        if not point.tangent.size:
+        if point.tangent is None:
             return math.nan
         section = point.solution.section
         whole = np.vstack([point.curve.jacobian(point.z), point.curve.dual(point.tangent)])
         return _in_units_of_flight(section, whole, section.itinerary.sign)
 
-    plain = branch_point()
-
-    def arms(point: Point) -> tuple[Seed, ...]:
-        assert plain.arms is not None
-        seeds = plain.arms(point)
-        if _kinked(point, np.asarray(seeds[0].tangent)):
-            return tuple(_one_sided(point, seed) for seed in seeds)
-        return seeds
-
     def count(point: Point) -> int:
         return beyond(point.solution.coupled, point.solution.section.itinerary.sign)
 
-    return replace(plain, test=test, count=count, arms=arms)
+    return replace(branch_point(), test=Singular(bordered, test), count=count)
+
+
+def _crossing_arms(point: Point) -> tuple[Seed, ...]:
+    seeds = across(point)
+    if _kinked(point, np.asarray(seeds[0].tangent)):
+        return tuple(_one_sided(point, seed) for seed in seeds)
+    return seeds
 
 
 def _kinked(point: Point, across: FloatArray) -> bool:
@@ -156,6 +154,10 @@ def _one_sided(point: Point, seed: Seed) -> Seed:
         near.append(found.z)
     tangent = curve.normalised(4.0 * near[0] - near[1] - 3.0 * start)
     return seed._replace(tangent=tangent)
+
+
+# where other curves leave the events of an orbit
+LIFTS = {"PF": _both_arms, "PD": _doubled_arm, "BP": _crossing_arms}
 
 
 def ring_neimark_sacker(threshold: float = PAPER) -> Event:
@@ -182,15 +184,14 @@ def contact() -> Event:
     return Event(
         "GR",
         lambda point: point.solution.admissibility().margin,
-        terminal=True,
-        positive=True,
+        ends="domain",
         locus=_contact_locus,
-        analysis=_vanishing,
+        examine=_vanishing,
     )
 
 
 def _orbit(curve: Curve, z: FloatArray) -> RingOrbit:
-    orbit: RingOrbit = Point(curve, z, np.empty(0), 0.0, 0.0).solution
+    orbit: RingOrbit = Point(curve, z).solution
     return orbit
 
 
@@ -360,5 +361,5 @@ def _other_contact(traced: Gap) -> Event:
             found = [*flights, *gaps_of_others(orbit)]
         return min((gap.margin for gap in found), default=1.0)
 
-    met = Event("GR", lambda point: test(point), locus=_contact_locus)
-    return Event("GR-GR", test, terminal=True, positive=True, met=met)
+    met = Event("GR", test, locus=_contact_locus, ends="domain")
+    return Meeting("GR-GR", test, ends="domain", met=met)

@@ -166,6 +166,6 @@ def _lift(point: Point, section: Section, what: str) -> Lift:
     moved = abs(direction[:count])
     largest = int((moved > 0.999 * moved.max()).argmax())  # the first of those that are equal
     direction = direction * math.copysign(1.0, direction[largest])
-    tangent = point.tangent
+    tangent = point.direction
     parent = np.concatenate([np.tile(tangent[: count // 2], 2), tangent[count // 2 :]])
     return Lift(problem_of(RingOrbit(section)), direction, parent, point.curve.free[0])

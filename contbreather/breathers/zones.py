@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 from contbreather.breathers.admissibility import admissibility
 from contbreather.breathers.problem import PAPER, events_on, problem_of
 from contbreather.breathers.symmetric import Breather, symmetric_roots
-from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
+from contbreather.continuation import (
+    Branch,
+    Event,
+    Point,
+    Steps,
+    boundary,
+    refined,
+    trace,
+)
+from contbreather.continuation.events import Meeting
 from contbreather.continuation.progress import Progress
 from contbreather.continuation.starts import windows
 from contbreather.errors import BadInput, NoSolution, keeping, taking
@@ -371,18 +380,20 @@ class _Search:
 
 
 def _is_meeting(point: Point) -> bool:
-    return point.event is not None and point.event.met is not None
+    return isinstance(point.event, Meeting)
 
 
 def _followed(point: Point) -> str:
     """The kind of the curve that leads on from a special point."""
     event = point.event
-    return point.kind if event is None else (event.met or event).kind
+    if event is None:
+        return point.kind
+    return event.met.kind if isinstance(event, Meeting) else event.kind
 
 
 def _ending(event: Event) -> Event:
     """A fold ends the zone: what lies behind it is the other breather."""
-    return replace(event, terminal=True) if event.kind == "LP" else event
+    return replace(event, ends="branch") if event.kind == "LP" else event
 
 
 def _narrowed(name: str, window: tuple[float, float] | None) -> tuple[float, float]:

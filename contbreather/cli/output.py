@@ -167,11 +167,8 @@ def point_entry(point: Point) -> dict[str, Any]:
         "arclength": point.arclength,
         "residual": point.residual,
         "located": point.located,
-        **{
-            name: getattr(value, "label", value)  # the point that an arm left, by its name
-            for name, value in point.detail.items()
-            if name not in numbers
-        },
+        **({"parent": point.parent.label} if point.parent else {}),
+        **{name: value for name, value in point.detail.items() if name not in numbers},
     }
 
 

@@ -137,7 +137,7 @@ def _table(arms: Sequence[Branch]) -> Sheet:
 
 def _name(point: Point) -> str:
     """The label of a point; of the start of an arm that of the point it left."""
-    label = point.detail["parent"].label if "parent" in point.detail else point.label
+    label = point.parent.label if point.parent else point.label
     return str(label) if point.located else f"{label}?"
 
 
@@ -167,13 +167,13 @@ def _ends(arm: Branch) -> Iterator[str]:
         yield f"{end.label}: {end.admissibility().reason.rstrip('.')}"
     else:
         yield ends(arm)[-1]
-    if "image_of" in arm[0].detail:
-        yield f"the mirror image of arm {arm[0].detail['image_of'] + 1}"
+    if arm.image_of is not None:
+        yield f"the mirror image of arm {arm.image_of + 1}"
 
 
 def _entry(arm: Branch) -> dict[str, Any]:
     """An arm for JSON."""
-    image = arm[0].detail.get("image_of")
+    image = arm.image_of
     return {
         **branch_entry(arm),
         "label": arm.problem.label,
@@ -212,7 +212,7 @@ def _drawn(parent: Branch, arms: Sequence[Branch]) -> Figure:
 
 def _between_folds(branch: Branch, arm: Branch) -> Branch:
     """The piece of a branch, from fold to fold, that an arm leaves."""
-    left = next(i for i, point in enumerate(branch) if point is arm[0].detail["parent"])
+    left = next(i for i, point in enumerate(branch) if point is arm[0].parent)
     folds = [i for i, point in enumerate(branch) if point.kind == "LP"]
     start = max((i for i in folds if i < left), default=0)
     end = min((i for i in folds if i > left), default=len(branch) - 1)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from .boundary import boundary
 from .branch import Branch, Point, Stop
-from .codim2 import cusp, fold, hopf
+from .codim2 import branch_point, cusp, fold, hopf
 from .columns import with_columns
-from .events import Event, Locus, branch_point, user
+from .events import Event, Locus, user
 from .problem import Problem
 from .refine import refined
 from .seed import Seed

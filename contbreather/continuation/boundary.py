@@ -12,8 +12,8 @@ import numpy as np
 from ..checks import check_kind
 from ..errors import BadInput
 from .adjoin import adjoined, lifted
-from .branch import CLEAR, Branch, Point
-from .events import Event, Locus, branch_point, branches_cross
+from .branch import Branch, Point
+from .events import Crossings, Event, Locus, Meeting, branch_point_test, branches_cross
 from .newton import Undefined
 from .problem import Curve, Problem
 from .scope import scope, titled, walls_are_lifted
@@ -107,21 +107,19 @@ def boundary_problem(
         raise BadInput(f"{event.kind} has no locus to trace in two parameters")
     curve = Curve(base, (pair[1], pair[0]))
     try:
-        locus = event.locus(replace(ground, curve=curve, z=curve.start, tangent=np.empty(0)))
+        locus = event.locus(replace(ground, curve=curve, z=curve.start, tangent=None))
     except Undefined as error:
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
     longer = adjoined(base, locus, released=pair[1], base=curve, event=event)
     others = [
         one
         for other in given
-        if other.kind != event.kind and not other.tally
-        for one in other.meets.get(event.kind, (met(event.kind, other),))
+        if other.kind != event.kind and other.test is not None
+        for one in locus.meets.get(other.kind, (meeting(event.kind, other),))
     ]
     own = locus.events
-    if walls_are_lifted(base):
-        own = tuple(
-            one for one in own if not (event.positive and one.kind == f"{event.kind}-{event.kind}")
-        )
+    if walls_are_lifted(base) and event.walls:  # what ends it is another wall
+        own = tuple(one for one in own if not (isinstance(one, Meeting) and one.met.walls))
     return replace(
         longer,
         events=(*own, *others),
@@ -133,7 +131,7 @@ def boundary_problem(
 def _beside(event: Event, column: Callable[[Point], Any]) -> Callable[[Point], Any]:
     """A column on the boundary of an event: NaN for a count of multipliers or eigenvalues, where
     the boundary is the place at which one of them passes, and rounding would decide it."""
-    if event.kind in CLEAR:
+    if not event.bifurcates:
         return column
 
     def blurred(point: Point) -> Any:
@@ -147,8 +145,8 @@ def _traceable(point: Point) -> Event:
     """The event to trace from a point: what happened there, the one that was met where two meet,
     and otherwise the one whose boundary the point lies on."""
     event, together = point.event, point.curve.problem.adjoined
-    if event is not None:
-        event = event.met or event
+    if isinstance(event, Meeting):
+        event = event.met
     if (event is None or event.locus is None) and together is not None:
         event = together.event
     if event is None and point.kind not in ("", "EP", "MX"):
@@ -160,20 +158,19 @@ def _traceable(point: Point) -> Event:
     return event
 
 
-def met(kind: str, event: Event) -> Event:
+def meeting(kind: str, event: Event) -> Meeting:
     """An event of the original problem as one on the boundary of another: PF-GR.
 
     Where both have a locus, the meeting is located by the conditions of both at once. Where
     branches cross, so do the boundaries on them: a branch point of the longer problem.
     """
-    if event.polish is not None:
-        return replace(
-            branch_point(),
-            kind=f"{kind}-{event.kind}",
-            count=None,  # of the longer problem it means nothing
-            places=None,  # to look ahead costs as much as a step
-            locus=None,
-            verify=_crossing_verify,
+    assert event.test is not None
+    if event.crosses:
+        return Meeting(
+            f"{kind}-{event.kind}",
+            branch_point_test,  # to look ahead costs as much as a step
+            locus=Crossings(),
+            examine=_examine_crossing,
             met=event,
         )
     suffix = f" of {event.kind}"
@@ -184,23 +181,23 @@ def met(kind: str, event: Event) -> Event:
         assert together is not None
         return lifted(event.locus(point.ground), together, suffix)
 
-    def verify(point: Point) -> str:
-        assert event.verify is not None
+    def examine(point: Point) -> str:
+        assert event.examine is not None
         detail = {name.removesuffix(suffix): value for name, value in point.detail.items()}
-        return event.verify(replace(point.ground, detail=detail))
+        found = event.examine(replace(point.ground, detail=detail))
+        return found if isinstance(found, str) else ""  # its normal form is that of a branch
 
-    return Event(
+    return Meeting(
         f"{kind}-{event.kind}",
-        lambda point: event.test(point.ground),
-        terminal=event.terminal,
-        positive=event.positive,
+        lambda point: event.value(point.ground),
         locus=locus if event.locus else None,
-        verify=verify if event.verify else None,
+        examine=examine if event.examine else None,
+        ends=event.ends,
         met=event,
     )
 
 
-def _crossing_verify(point: Point) -> str:
+def _examine_crossing(point: Point) -> str:
     """Whether branches cross for the original problem, too."""
     if branches_cross(point.ground):
         return ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SEAM = 1e-10  # relative arclength within which two branches meet
-# At points of all other kinds some multiplier is on the circle (some eigenvalue on the axis).
-CLEAR = {"EP", "MX", "GR", "VI", "UZ"}
 
 
 class Stop(enum.Enum):
@@ -56,8 +55,8 @@ class Point:
         The problem and its free parameters.
     z : ndarray, shape (n + 1,)
         Unknowns, then the free parameter.
-    tangent : ndarray, shape (n + 1,)
-        Unit tangent in the direction of the walk.
+    tangent : ndarray, shape (n + 1,), optional
+        Unit tangent in the direction of the walk, at points of one.
     arclength : float
         Distance from the start of the walk.
     residual : float
@@ -70,24 +69,29 @@ class Point:
         Arclengths between which the event was seen.
     located : bool
         Whether location converged and verification agreed; False keeps the point but says so.
+    parent : Point, optional
+        Where an arm sets out: the point on the branch that it left.
     detail : dict
         What the location found besides: a null vector, an angle, a time, a reason.
     """
 
     curve: Curve
     z: Array
-    tangent: Array
-    arclength: float
-    residual: float
+    tangent: Array | None = None
+    arclength: float = 0.0
+    residual: float = math.nan
     kind: str = ""
     label: str = ""
     event: Event | None = None
     bracket: tuple[float, float] | None = None
     located: bool = True
+    parent: Point | None = None
     detail: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.z.flags.writeable = self.tangent.flags.writeable = False
+        self.z.flags.writeable = False
+        if self.tangent is not None:
+            self.tangent.flags.writeable = False
 
     def __getitem__(self, name: str) -> Any:
         """An unknown, a parameter, what was found here, a recorded number, in this order.
@@ -117,6 +121,21 @@ class Point:
         return self.z[: self.curve.size]
 
     @property
+    def direction(self) -> Array:
+        """The tangent, at a point of a walk."""
+        if self.tangent is None:
+            raise BadInput(f"{self!r} has no tangent: it is no point of a walk")
+        return self.tangent
+
+    @property
+    def on_verge(self) -> bool:
+        """Whether rounding decides a count of unstable directions here."""
+        left = self.parent or self  # an arm sets out at the point that it left
+        if left.event is None:  # without its equations: only ends are known to be clear
+            return left.kind not in ("", "EP", "MX")
+        return left.event.bifurcates
+
+    @property
     def params(self) -> dict[str, float]:
         """All parameters here."""
         return self.curve.params(self.z)
@@ -138,7 +157,7 @@ class Point:
         if together is None:
             return self
         z, _ = together.split(self.x, self.params)
-        return replace(self, curve=together.base, z=z, tangent=np.empty(0))
+        return replace(self, curve=together.base, z=z, tangent=None)
 
     @property
     def solution(self) -> Any:
@@ -191,7 +210,8 @@ class Branch:
     ``branch[17]`` a `Point`, ``branch.special`` the labelled points, ``branch.first("PF")`` one of
     them. ``stop`` says why it ended where it does, ``began`` why where it starts (None where the
     walk set out); ``reason`` and ``began_reason`` add what the equations said. ``doubtful``
-    keeps candidates that failed their verification.
+    keeps candidates that failed their verification. ``image_of`` tells of an arm of which earlier
+    one it is the image under a symmetry.
     """
 
     points: tuple[Point, ...]
@@ -200,6 +220,7 @@ class Branch:
     reason: str = ""
     began_reason: str = ""
     doubtful: tuple[Point, ...] = ()
+    image_of: int | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -326,8 +347,7 @@ class Branch:
         value: complex = point[name]
         if name not in self.problem.record or not isinstance(value, int | np.integer):
             return None if value != value else value
-        left = point.detail.get("parent", point)  # an arm sets out at the point that it left
-        return value if set(left.kind.split("-")) <= CLEAR else None
+        return None if point.on_verge else value
 
     def describe(self) -> str:
         """One sentence: what was walked, how far, and why it ended."""
@@ -389,4 +409,5 @@ def _shifted(point: Point, shift: float) -> Point:
 
 def _turned(point: Point, end: float) -> Point:
     bracket = point.bracket and (end - point.bracket[1], end - point.bracket[0])
-    return replace(point, tangent=-point.tangent, arclength=end - point.arclength, bracket=bracket)
+    tangent = None if point.tangent is None else -point.tangent
+    return replace(point, tangent=tangent, arclength=end - point.arclength, bracket=bracket)

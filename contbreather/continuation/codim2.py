@@ -8,17 +8,15 @@ is verified by the eigenvalues, and by coefficients of its normal form, before i
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import events, normal_forms
-from .boundary import met
+from .boundary import meeting
 from .branch import Point
-from .events import Event, Locus
+from .events import Crossings, Event, Examined, Locus, Meeting, Singular
 from .newton import OUT_OF_DOMAIN
 
 Array = NDArray[np.float64]
@@ -42,7 +40,7 @@ def fold() -> Event:
     >>> abs(branch.first("LP")["mu"]) < 1e-12
     True
     """
-    return replace(_FOLD, meets={**_FOLD.meets, "HB": (_ON_HOPF_ZERO,)})
+    return _FOLD
 
 
 def hopf() -> Event:
@@ -66,16 +64,34 @@ def hopf() -> Event:
     >>> round(point["B"], 12), round(point.detail["l1"], 9), point.detail["criticality"]
     (2.0, -0.5, 'supercritical')
     """
-    meets = {"LP": (_BT_ON_FOLD, _ON_FOLD_HOPF), "BP": (_BT_ON_BRANCH_POINTS, _ON_BRANCH_POINTS)}
-    return replace(_HOPF, analysis=_first_lyapunov, meets=meets)
+    return _HOPF
+
+
+def branch_point() -> Event:
+    """BP: another curve of solutions crosses this one.
+
+    Verified: the derivative in unknowns and parameter together loses one rank, and the equations
+    do vanish where it does. ``point.detail["tangents"]`` are those of both curves. Curves that pass
+    each other at a distance below 1e-6 (relative to the solution) are taken to cross: the point
+    then has a residual of up to 1e-12, and two folds are missed.
+
+    Examples
+    --------
+    >>> import contbreather as cb, numpy as np
+    >>> mine = cb.Problem(lambda x, p: x * (p["mu"] - x), {"x": 0.0}, {"mu": -1.0})
+    >>> branch = cb.trace(mine, "mu", events=[branch_point()], within={"mu": (-2, 2)})
+    >>> abs(branch.first("BP")["mu"]) < 1e-12
+    True
+    """
+    return _BRANCH_POINT
 
 
 # --- on curves of folds -----------------------------------------------------------------------
 
 
 def _fold_locus(point: Point) -> Locus:
-    locus = events.fold().locus(point)  # type: ignore[misc]  # a fold has one
-    return replace(locus, events=(cusp(),))
+    locus = events.fold_locus(point)
+    return replace(locus, events=(cusp(),), meets={"HB": (_BT_ON_FOLD, _ON_FOLD_HOPF)})
 
 
 def cusp() -> Event:
@@ -92,10 +108,10 @@ def cusp() -> Event:
     >>> abs(line.first("CP")["mu"]) < 1e-12
     True
     """
-    return replace(events.cusp(), verify=_cusp_verify, analysis=_cusp_analysis)
+    return Event("CP", events.cusp_test, examine=_examine_cusp)
 
 
-def _cusp_verify(point: Point) -> str:
+def _examine_cusp(point: Point) -> Examined:
     ground = point.ground
     quadratic, cubic = normal_forms.cubic_at_cusp(ground.curve, ground.z)
     # its terms may all vanish at once (h + mu x + x^5): then it is small against the equations
@@ -106,12 +122,7 @@ def _cusp_verify(point: Point) -> str:
         return f"the cubic coefficient vanishes as well: c = {cubic.value.real:.2g}"
     if abs(quadratic.value) > 1e-4 * (quadratic.size + abs(cubic.value)):
         return f"the quadratic coefficient {quadratic.value.real:.2g} is not zero"
-    return ""
-
-
-def _cusp_analysis(point: Point) -> Mapping[str, Any]:
-    ground = point.ground
-    c = normal_forms.cubic_at_cusp(ground.curve, ground.z)[1].value.real
+    c = cubic.value.real
     return {"c": c, "degenerate": CROSSED} if events.branches_cross(ground) else {"c": c}
 
 
@@ -150,27 +161,19 @@ def _overlap(point: Point) -> float:
     return oriented_overlap(ground.jacobian()[:, : ground.curve.size])
 
 
-def _takens_verify(point: Point) -> str:
-    try:
-        return str(_takens_analysis(point).get("degenerate", ""))
-    except OUT_OF_DOMAIN as error:
-        return str(error)
+def _examine_takens(point: Point) -> Examined:
+    found = _examine_double_zero(point)
+    return found if isinstance(found, str) else found.get("degenerate", found)
 
 
-def _double_zero_verify(point: Point) -> str:
+def _examine_double_zero(point: Point) -> Examined:
     """A double zero with one eigenvector, whatever the normal form: there a curve of Hopf points
-    ends, and one of branch points meets it."""
+    ends, and one of branch points meets it. Both coefficients, and why it is another if it is."""
+    ground = point.ground
     try:
-        _takens_analysis(point)
+        a, b = normal_forms.takens_bogdanov(ground.curve, ground.z)
     except OUT_OF_DOMAIN as error:
         return str(error)
-    return ""
-
-
-def _takens_analysis(point: Point) -> Mapping[str, Any]:
-    """Both coefficients, and why the normal form is another if it is."""
-    ground = point.ground
-    a, b = normal_forms.takens_bogdanov(ground.curve, ground.z)
     found = {"a": a.value.real, "b": b.value.real}
     if events.branches_cross(ground):
         return {**found, "degenerate": CROSSED}
@@ -180,14 +183,14 @@ def _takens_analysis(point: Point) -> Mapping[str, Any]:
     return found
 
 
-def _zero_hopf_verify(point: Point) -> str:
+def _examine_zero_hopf(point: Point) -> Examined:
     """One eigenvalue zero in a fold, one pair on the axis and away from zero, no other on it."""
     if events.branches_cross(point.ground):
         return "a branch point, not a fold"
-    return _zero_and_pair(point)
+    return _examine_zero_and_pair(point)
 
 
-def _zero_and_pair(point: Point) -> str:
+def _examine_zero_and_pair(point: Point) -> Examined:
     values, small = _eigenvalues(point)
     zero = abs(values) < small
     pair = (abs(values.real) < small) & ~zero
@@ -198,13 +201,13 @@ def _zero_and_pair(point: Point) -> str:
     if pair.sum() != 2:
         real = values[~zero & (abs(values.imag) < small)].real
         return f"no pair on the imaginary axis; real eigenvalues {real}: a neutral saddle"
-    return ""
+    return {"omega": _frequency(values)}
 
 
-def _pair_analysis(point: Point) -> Mapping[str, Any]:
-    values, _ = _eigenvalues(point)
+def _frequency(values: NDArray[np.complex128]) -> float:
+    """Of the pair nearest the imaginary axis."""
     pairs = values[values.imag > 0]
-    return {"omega": float(pairs[abs(pairs.real).argmin()].imag)}
+    return float(pairs[abs(pairs.real).argmin()].imag)
 
 
 def _eigenvalues(point: Point) -> tuple[NDArray[np.complex128], float]:
@@ -218,18 +221,19 @@ def _eigenvalues(point: Point) -> tuple[NDArray[np.complex128], float]:
 
 
 def _hopf_locus(point: Point) -> Locus:
-    locus = events.hopf().locus(point)  # type: ignore[misc]  # a Hopf point has one
-    ends = tuple(
-        replace(one, verify=_double_zero_verify, analysis=_takens_analysis) for one in locus.events
-    )
-    return replace(locus, events=(*ends, _GENERALISED, _DOUBLE_HOPF))
+    locus = events.hopf_locus(point)
+    ends = (_BT_ON_HOPF, _GENERALISED, _DOUBLE_HOPF)
+    return replace(locus, events=ends, meets={"LP": (_ON_HOPF_ZERO,)})
 
 
-def _first_lyapunov(point: Point) -> Mapping[str, Any]:
+def _examine_hopf(point: Point) -> Examined:
     """omega, l1 and what the sign of l1 means, at a Hopf point; why not, where there is no l1."""
+    reason = events.not_hopf(point)
+    if reason:
+        return reason
     ground = point.ground
     square = point.detail.get("omega2")
-    omega = math.sqrt(square) if square and square > 0 else _pair_analysis(point)["omega"]
+    omega = math.sqrt(square) if square and square > 0 else _frequency(_eigenvalues(point)[0])
     try:
         l1 = normal_forms.lyapunov(ground.curve, ground.z, omega)
     except OUT_OF_DOMAIN as error:
@@ -250,7 +254,7 @@ def _lyapunov_on_hopf(point: Point) -> float:
     return l1 * events.signed_smallest(normal_forms.Forms(ground.curve, ground.z).A)
 
 
-def _generalised_verify(point: Point) -> str:
+def _examine_generalised(point: Point) -> str:
     ground = point.ground
     l1 = normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(point["omega2"]))
     # its terms may all vanish at once: then it is small against a term of order one
@@ -282,7 +286,7 @@ def _zero_beside_pair(point: Point) -> float:
     return events.least_with_sign(values, 0.0) if values.size else math.nan
 
 
-def _second_pair_verify(point: Point) -> str:
+def _examine_second_pair(point: Point) -> str:
     values, small = _eigenvalues(point)
     on_axis = values[abs(values.real) < small]
     if on_axis.size != 4 or not (abs(on_axis.imag) > small).all():
@@ -292,26 +296,39 @@ def _second_pair_verify(point: Point) -> str:
 
 # --- the events -------------------------------------------------------------------------------
 
-_FOLD = replace(events.fold(), locus=_fold_locus)
-_HOPF = replace(events.hopf(), locus=_hopf_locus)
-_GENERALISED = Event("GH", _lyapunov_on_hopf, verify=_generalised_verify)
-_DOUBLE_HOPF = Event("HH", _second_pair, verify=_second_pair_verify)
+_FOLD = Event("LP", events.fold_test, locus=_fold_locus, examine=events.examine_fold)
+_HOPF = Event(
+    "HB",
+    events.hopf_test,
+    count=events.unstable_pairs,
+    locus=_hopf_locus,
+    examine=_examine_hopf,
+)
+_GENERALISED = Event("GH", _lyapunov_on_hopf, examine=_examine_generalised)
+_DOUBLE_HOPF = Event("HH", _second_pair, examine=_examine_second_pair)
+# Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.
+_BT_ON_HOPF = Meeting(
+    "BT",
+    lambda point: point["omega2"],
+    examine=_examine_double_zero,
+    ends="domain",
+    met=_FOLD,
+)
 _ON_HOPF_ZERO = replace(
-    met("HB", _FOLD),
-    kind="ZH",
-    test=_zero_beside_pair,
-    verify=_zero_hopf_verify,
-    analysis=_pair_analysis,
+    meeting("HB", _FOLD), kind="ZH", test=_zero_beside_pair, examine=_examine_zero_hopf
 )
 _ON_FOLD_HOPF = replace(
-    met("LP", _HOPF),
-    kind="ZH",
-    test=_hopf_beside_zero,
-    verify=_zero_hopf_verify,
-    analysis=_pair_analysis,
+    meeting("LP", _HOPF), kind="ZH", test=_hopf_beside_zero, examine=_examine_zero_hopf
 )
 _ON_BRANCH_POINTS = replace(
-    met("BP", _HOPF), test=_hopf_beside_zero, verify=_zero_and_pair, analysis=_pair_analysis
+    meeting("BP", _HOPF), test=_hopf_beside_zero, examine=_examine_zero_and_pair
 )
-_BT_ON_FOLD = Event("BT", _overlap, verify=_takens_verify, analysis=_takens_analysis, met=_HOPF)
-_BT_ON_BRANCH_POINTS = replace(_BT_ON_FOLD, verify=_double_zero_verify)
+_BT_ON_FOLD = Meeting("BT", _overlap, examine=_examine_takens, met=_HOPF)
+_BT_ON_BRANCH_POINTS = replace(_BT_ON_FOLD, examine=_examine_double_zero)
+_BRANCH_POINT = Event(
+    "BP",
+    Singular(events.bordered, events.branch_point_test),
+    count=events.unstable,
+    locus=Crossings({"HB": (_BT_ON_BRANCH_POINTS, _ON_BRANCH_POINTS)}),
+    examine=events.examine_branch_point,
+)

@@ -20,7 +20,7 @@ from .recognition import Likeness, recognised, same_place, simplest
 from .seed import Seed
 from .starts import Within, all_of, windows
 from .steps import Steps
-from .switching import follow, seeds_at
+from .switching import follow, lift_of, seeds_at
 from .trace import Startable, trace
 
 if TYPE_CHECKING:
@@ -422,26 +422,24 @@ class _Growth:
         self.births.append(birth)
         places: list[Place] = []
         for point in branch.special:
-            if "parent" in point.detail or (point.kind == "EP" and branch.stop is Stop.CLOSED):
+            if point.parent is not None or (point.kind == "EP" and branch.stop is Stop.CLOSED):
                 continue  # where an arm set out is the place it was born at
             known = self._known_place(point, places)
             places.append(known or Place(index, point))
-            if known is None and point.event is not None and point.event.arms is not None:
+            if known is None and lift_of(point) is not None:
                 self._later(places[-1], birth)
         self.places.append(tuple(places))
 
     def _known_place(self, point: Point, places: Sequence[Place]) -> Place | None:
         """The place where the branch of a point crosses another one, or itself."""
-        if point.event is None or point.event.arms is None:
+        if lift_of(point) is None:
             return None
         others = (place for row in (*self.places, places) for place in row)
         return next(
             (
                 place
                 for place in others
-                if place.point.event is not None
-                and place.point.event.arms is not None
-                and same_place(point, place.point)
+                if lift_of(place.point) is not None and same_place(point, place.point)
             ),
             None,
         )

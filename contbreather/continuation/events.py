@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from .branch import Point
 from .crossing import GAP, along, crossing
 from .newton import Solution, Undefined, solve
 from .problem import Curve
-from .seed import Seed
 
 Array = NDArray[np.float64]
 
@@ -56,6 +55,9 @@ class Locus:
     domain : dict, optional
         ``{name: (low, high)}``, bounds of parameters, where they are freed, within which the
         conditions can be followed, as far as they are narrower than those of the problem.
+    meets : dict, optional
+        ``{kind: events}`` to look for on the boundary in place of the meeting with an event of that
+        kind, where that has names of its own: on a fold curve HB is met at BT and ZH.
     unfolding : callable, optional
         ``unfolding(extra) -> (value, slope)``, shapes (n,) and (n, m): what is added to the
         problem's own equations, and its derivative. Needed where these alone are singular along
@@ -67,7 +69,11 @@ class Locus:
     derivative: Callable[[Curve, Array, Array], Array] | None = None
     events: tuple[Event, ...] = ()
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
     unfolding: Callable[[Array], tuple[Array, Array]] | None = None
+
+
+Examined = str | Mapping[str, Any]
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,78 +84,128 @@ class Event:
     ----------
     kind : str
         The field's label: LP, BP, PF, NS, PD, GR, HB, UZ.
-    test : callable
+    test : callable or None
         ``test(point)`` returns a float with a zero at the event, or an int (or bool) that jumps
-        there. It may return NaN where it has no meaning: nothing is looked for there.
-    terminal : bool
-        The branch ends at the event.
-    positive : bool
-        Points are meant only where the test is positive: a start beyond is refused.
+        there. It may return NaN where it has no meaning: nothing is looked for there. A `Singular`
+        looks ahead as well. None where there is a `count` alone, of what all other events change:
+        where it changes without one, the place is kept among the doubtful.
     count : callable, optional
         ``count(point) -> int``, a number that changes by one where the test has a simple zero, of
         unstable eigenvalues for instance. Two zeros within a step, which leave no change of sign,
         are seen by it.
-    places : callable, optional
-        ``places(first, last) -> array``: where between two neighbouring points of a curve, 0 to 1
-        from the first to the last, the test should have its zeros, roughly; with a third point
-        halfway between them more exactly. It is looked at between them, so that two zeros within
-        a step leave their changes of sign.
     locus : callable, optional
         ``locus(point) -> Locus`` at a point close to the event, its curve with both parameters
         free where a boundary sets out. Needed to trace the event in two parameters, and to locate
         one whose test jumps beyond what bisection gives.
-    verify : callable, optional
-        ``verify(point) -> str``: empty if the located point is what the kind says, else why not.
-    polish : callable, optional
-        ``polish(point) -> (Solution, detail)`` sharpens a located point where curves cross: there
-        the equations are singular, and a locus needs a second parameter.
-    tally : bool
-        The test counts what all other events change. Where it changes without one, the place is
-        kept among the doubtful: something happens there that no event of this branch explains.
-    met : Event, optional
-        On a boundary of another kind: the event of the original problem that was met.
-    meets : dict, optional
-        ``{kind: events}`` to look for on the boundary of another kind in place of the meeting of
-        both, where that has names of its own: on a fold curve HB is met at BT and ZH.
-    arms : callable, optional
-        ``arms(point) -> tuple of Seed``: where the other curves set out that leave a located
-        point. `switch` follows them.
-    analysis : callable, optional
-        ``analysis(point) -> dict``: what else to know of a verified point, coefficients of its
-        normal form for instance. Kept in ``point.detail``, but for "kind", a better name.
-    record : dict, optional
-        Columns that go with the event, in place of those of the problem of the same names: a count
-        of unstable directions by the rule of this event.
-    about : str
-        What these columns are about, shown with the label of the problem.
+    examine : callable, optional
+        ``examine(point)`` returns a str, the reason why a located point is not what the kind says,
+        empty if it is; or a dict of what else to know of it, coefficients of its normal form for
+        instance. That is kept in ``point.detail``, but for "kind", a better name.
+    ends : {'', 'branch', 'domain'}
+        Whether the branch ends at the event, and whether solutions mean something on the positive
+        side of the test only: then a start beyond is refused.
 
     Examples
     --------
-    >>> Event("UZ", lambda point: point["x"] - 0.5).terminal
-    False
+    >>> Event("UZ", lambda point: point["x"] - 0.5).ends
+    ''
     """
 
     kind: str
-    test: Callable[[Point], float | int]
-    terminal: bool = field(default=False, kw_only=True)
-    positive: bool = field(default=False, kw_only=True)
-    count: Callable[[Point], int] | None = field(default=None, kw_only=True)
-    places: Callable[..., Array] | None = field(default=None, kw_only=True)
+    test: Callable[[Point], float | int] | None
+    count: Callable[[Point], int | float] | None = field(default=None, kw_only=True)
     locus: Callable[[Point], Locus] | None = field(default=None, kw_only=True)
-    verify: Callable[[Point], str] | None = field(default=None, kw_only=True)
-    polish: Callable[[Point], tuple[Solution, Mapping[str, Any]]] | None = field(
-        default=None, kw_only=True
-    )
-    tally: bool = field(default=False, kw_only=True)
-    met: Event | None = field(default=None, kw_only=True)
-    meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict, kw_only=True)
-    arms: Callable[[Point], tuple[Seed, ...]] | None = field(default=None, kw_only=True)
-    analysis: Callable[[Point], Mapping[str, Any]] | None = field(default=None, kw_only=True)
+    examine: Callable[[Point], Examined] | None = field(default=None, kw_only=True)
+    ends: Literal["", "branch", "domain"] = field(default="", kw_only=True)
+
+    def __post_init__(self) -> None:
+        if self.ends not in ("", "branch", "domain"):
+            raise BadInput(f"ends={self.ends!r}: '', 'branch' or 'domain' was wanted")
+        if self.test is None and self.count is None:
+            raise BadInput(f"an event of kind {self.kind} needs a test, or at least a count")
+
+    @property
+    def crosses(self) -> bool:
+        """Whether curves cross there: the equations are singular, and solved for otherwise."""
+        return isinstance(self.locus, Crossings)
+
+    @property
+    def walls(self) -> bool:
+        """Whether solutions mean nothing beyond it."""
+        return self.ends == "domain"
+
+    @property
+    def bifurcates(self) -> bool:
+        """Whether counts of unstable directions are decided by rounding there: not at a wall, at a
+        level that a user asked for, and where a count changes for no reason that is known."""
+        return not (self.walls or self.test is None or isinstance(self.test, Level))
+
+    def value(self, point: Point) -> float | int:
+        """What is looked at along the curve: the test, or the count where there is no test."""
+        look = self.test or self.count
+        assert look is not None
+        return look(point)
+
+    def __repr__(self) -> str:
+        return f"<Event {self.kind}{', terminal' if self.ends else ''}>"
+
+
+@dataclass(frozen=True, repr=False)
+class Judged(Event):
+    """An event with a rule of its own for who counts as unstable: the columns that go with it.
+
+    Parameters
+    ----------
+    record : dict
+        Columns in place of those of the problem of the same names.
+    about : str
+        What these columns are about, shown with the label of the problem.
+    """
+
     record: Mapping[str, Callable[[Point], float]] = field(default_factory=dict, kw_only=True)
     about: str = field(default="", kw_only=True)
 
-    def __repr__(self) -> str:
-        return f"<Event {self.kind}{', terminal' if self.terminal else ''}>"
+
+@dataclass(frozen=True, repr=False)
+class Meeting(Event):
+    """An event on a boundary; `met` is the event of the original problem that happens there too,
+    so that a meeting can be the start of either curve."""
+
+    met: Event = field(kw_only=True)
+
+    @property
+    def bifurcates(self) -> bool:
+        return self.met.bifurcates
+
+
+@dataclass(frozen=True)
+class Singular:
+    """A test by a matrix that is singular at the event.
+
+    Its smallest singular value, with the sign of the determinant, is the test, unless `size` is
+    given; and where between two points the matrix should be singular is looked at, so that two
+    zeros within a step leave their changes of sign.
+    """
+
+    matrix: Callable[[Point], Array]
+    size: Callable[[Point], float] | None = None
+
+    def __call__(self, point: Point) -> float:
+        return signed_smallest(self.matrix(point)) if self.size is None else self.size(point)
+
+
+@dataclass(frozen=True)
+class Level:
+    """A test by a named value that passes a level."""
+
+    name: str
+    value: float
+
+    def __call__(self, point: Point) -> float:
+        return float(point[self.name] - self.value)
+
+    def __str__(self) -> str:
+        return f"{self.name} = {self.value:.12g}"
 
 
 def user(name: str, value: float, *, terminal: bool = False) -> Event:
@@ -169,93 +225,28 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
     value = number("value", value, -1e300, 1e300, "the level to stop at")
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        return np.array([Point(curve, z.copy(), np.empty(0), 0.0, 0.0)[name] - value])
+        return np.array([Point(curve, z.copy())[name] - value])
 
-    level = f"{name} = {value:.12g}"
     return Event(
         "UZ",
-        lambda point: point[name] - value,
-        terminal=terminal,
+        Level(name, value),
         locus=lambda point: Locus({}, conditions),
-        analysis=lambda point: {"level": level},
+        ends="branch" if terminal else "",
     )
-
-
-def fold() -> Event:
-    """LP: the curve turns back in its free parameter.
-
-    Verified by a rank check: at a fold the derivative in the unknowns is singular, the one in
-    unknowns and parameter together is not (there it would be a branch point).
-
-    Examples
-    --------
-    >>> import contbreather as cb, numpy as np
-    >>> mine = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})
-    >>> branch = cb.trace(mine, "mu", towards="down", events=[fold()], within={"x": (-1, 2)})
-    >>> abs(branch.first("LP")["mu"]) < 1e-12
-    True
-    """
-    # all along a curve of branch points the derivative in the unknowns is singular
-    return Event("LP", _fold_test, locus=_fold_locus, verify=_fold_verify, meets={"BP": ()})
-
-
-def branch_point() -> Event:
-    """BP: another curve of solutions crosses this one.
-
-    Verified: the derivative in unknowns and parameter together loses one rank, and the equations
-    do vanish where it does. ``point.detail["tangents"]`` are those of both curves. Curves that pass
-    each other at a distance below 1e-6 (relative to the solution) are taken to cross: the point
-    then has a residual of up to 1e-12, and two folds are missed.
-
-    Examples
-    --------
-    >>> import contbreather as cb, numpy as np
-    >>> mine = cb.Problem(lambda x, p: x * (p["mu"] - x), {"x": 0.0}, {"mu": -1.0})
-    >>> branch = cb.trace(mine, "mu", events=[branch_point()], within={"mu": (-2, 2)})
-    >>> abs(branch.first("BP")["mu"]) < 1e-12
-    True
-    """
-    return Event(
-        "BP",
-        _branch_point_test,
-        count=_unstable,
-        places=_branch_point_places,
-        locus=_branch_point_locus,
-        verify=_branch_point_verify,
-        polish=_branch_point_polish,
-        arms=_branch_point_arms,
-    )
-
-
-def hopf() -> Event:
-    """HB: a complex pair of eigenvalues of the derivative in the unknowns crosses the imaginary
-    axis. A pair of real eigenvalues of opposite sign (a neutral saddle) is told apart."""
-    return Event(
-        "HB",
-        _hopf_test,
-        count=_unstable_pairs,
-        locus=_hopf_locus,
-        verify=_hopf_verify,
-    )
-
-
-def cusp() -> Event:
-    """CP, on a fold curve: two folds meet, the quadratic coefficient of the fold vanishes."""
-    return Event("CP", _cusp_test)
 
 
 # --- folds ------------------------------------------------------------------------------------
 
 
-def _fold_test(point: Point) -> float:
-    if point.tangent.size:
+def fold_test(point: Point) -> float:
+    if point.tangent is not None:
         return float(point.tangent[-1])
     return signed_smallest(_balanced(point)[:, : point.curve.size])
 
 
-def _fold_locus(point: Point) -> Locus:
+def fold_locus(point: Point) -> Locus:
     null = _null_vector(point)
-    return Locus({"null": null}, _fold_conditions, _fold_derivative, events=(cusp(),))
+    return Locus({"null": null}, _fold_conditions, _fold_derivative)
 
 
 def _fold_conditions(curve: Curve, z: Array, null: Array) -> Array:
@@ -272,8 +263,8 @@ def _fold_derivative(curve: Curve, z: Array, null: Array) -> Array:
     return rows
 
 
-def _fold_verify(point: Point) -> str:
-    if point.tangent.size and "null" not in point.detail:
+def examine_fold(point: Point) -> str:
+    if point.tangent is not None and "null" not in point.detail:
         return "a degenerate fold or a branch point: no null vector could be solved for"
     curve, z, n = point.curve, point.z, point.curve.size
     whole = _balanced(point)
@@ -288,7 +279,7 @@ def _fold_verify(point: Point) -> str:
     return ""
 
 
-def _cusp_test(point: Point) -> float:
+def cusp_test(point: Point) -> float:
     """w . F_xx v v / 2 with the left null vector w as in the adjugate, so that no sign jumps."""
     ground, null = point.ground, np.atleast_1d(point["null"])
     n = ground.curve.size
@@ -300,33 +291,44 @@ def _cusp_test(point: Point) -> float:
 # --- branch points ----------------------------------------------------------------------------
 
 
-def _branch_point_test(point: Point) -> float:
-    if not point.tangent.size:
+def branch_point_test(point: Point) -> float:
+    if point.tangent is None:
         return float("nan")  # of codimension two on a boundary: nothing to look for
-    return signed_smallest(_bordered(point))
+    return signed_smallest(bordered(point))
 
 
-def _bordered(point: Point) -> Array:
+def bordered(point: Point) -> Array:
     curve, whole = point.curve, np.empty((point.z.size, point.z.size))
-    whole[:-1], whole[-1] = curve.jacobian(point.z), curve.dual(point.tangent)
+    whole[:-1], whole[-1] = curve.jacobian(point.z), curve.dual(point.direction)
     whole *= curve.scales
     return whole
 
 
-def _branch_point_places(*points: Point) -> Array:
-    return singular_between(*map(_bordered, points))
-
-
-def _branch_point_verify(point: Point) -> str:
+def examine_branch_point(point: Point) -> str:
     return "" if "tangents" in point.detail else "no two curves were found to cross here"
 
 
-def _branch_point_polish(point: Point) -> tuple[Solution, Mapping[str, Any]]:
-    found = crossing(point.curve, point.z)
-    if found.double:
-        reason = "the derivative loses more than one rank: not a simple branch point"
-        return found.solution, {"tangents": found.tangents, "reason": reason}
-    return found.solution, {"tangents": found.tangents}
+@dataclass(frozen=True)
+class Crossings:
+    """The locus of an event where curves cross.
+
+    Along one of them the equations are singular there: it is located by `solve`, and its locus is
+    one in two parameters only.
+    """
+
+    meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
+
+    def __call__(self, point: Point) -> Locus:
+        # all along a curve of branch points the derivative in the unknowns is singular
+        return replace(_branch_point_locus(point), meets={"LP": (), **self.meets})
+
+    @staticmethod
+    def solve(point: Point) -> tuple[Solution, Mapping[str, Any]]:
+        found = crossing(point.curve, point.z)
+        if found.double:
+            reason = "the derivative loses more than one rank: not a simple branch point"
+            return found.solution, {"tangents": found.tangents, "reason": reason}
+        return found.solution, {"tangents": found.tangents}
 
 
 def branches_cross(ground: Point) -> bool:
@@ -431,20 +433,10 @@ def _refuse_to_part(point: Point) -> float:
     return float("nan")
 
 
-def _branch_point_arms(point: Point) -> tuple[Seed, ...]:
-    """Both directions of the curve that crosses the one the point was found on."""
-    if "tangents" not in point.detail:
-        raise Undefined("no directions are known here: other curves set out where curves cross")
-    row = point.curve.dual(point.tangent)
-    across = min(point.detail["tangents"], key=lambda tangent: abs(float(tangent.dot(row))))
-    problem = point.problem
-    return tuple(Seed(problem, point.z, side * across, point.tangent) for side in (1, -1))
-
-
 # --- Hopf points ------------------------------------------------------------------------------
 
 
-def _hopf_test(point: Point) -> float:
+def hopf_test(point: Point) -> float:
     """The smallest sum of two eigenvalues, with the sign of the product of all such sums."""
     values = point.curve.spectrum(point.z)
     if values.size < 2:
@@ -470,13 +462,13 @@ def _rounding(point: Point) -> float:
     return _ROUNDING * float(np.linalg.norm(_flow(point)))
 
 
-def _unstable_pairs(point: Point) -> int:
+def unstable_pairs(point: Point) -> int:
     """Half the number of eigenvalues to the right of the imaginary axis, by more than rounding."""
     beyond = point.curve.spectrum(point.z).real > _rounding(point)
     return int(np.count_nonzero(beyond)) // 2
 
 
-def _hopf_locus(point: Point) -> Locus:
+def hopf_locus(point: Point) -> Locus:
     square, real, imaginary = _axis_pair(_flow(point))
     real, imaginary = (vector * point.curve.scales[: vector.size] for vector in (real, imaginary))
     null, reference = frame(real, imaginary)
@@ -497,7 +489,7 @@ def _hopf_locus(point: Point) -> Locus:
         rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * null, reference
         return rows
 
-    return Locus({"null": null, "omega2": square}, conditions, derivative, events=(_TAKENS,))
+    return Locus({"null": null, "omega2": square}, conditions, derivative)
 
 
 def _flow(point: Point) -> Array:
@@ -531,17 +523,7 @@ def frame(one: Array, other: Array) -> tuple[Array, Array]:
     return null, reference / np.linalg.norm(reference)
 
 
-# Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.
-_TAKENS = Event(
-    "BT",
-    lambda point: point["omega2"],
-    terminal=True,
-    positive=True,
-    met=fold(),
-)
-
-
-def _hopf_verify(point: Point) -> str:
+def not_hopf(point: Point) -> str:
     """Of the two eigenvalues that add up to nothing: are they a complex pair? On a boundary they
     may be both zero, where it meets a fold curve."""
     matrix = _flow(point)
@@ -550,7 +532,7 @@ def _hopf_verify(point: Point) -> str:
     nearest = np.argmin(abs(values[first] + values[second]))
     pair = values[[first[nearest], second[nearest]]]
     zero = abs(pair).max() <= _ZERO * np.linalg.norm(matrix, 2)
-    if zero and point.tangent.size:
+    if zero and point.tangent is not None:
         return "a double zero eigenvalue: no pair on the imaginary axis"
     if not zero and not pair.imag.any():
         return (
@@ -562,7 +544,7 @@ def _hopf_verify(point: Point) -> str:
 # --- linear algebra that events share ---------------------------------------------------------
 
 
-def _unstable(point: Point) -> int:
+def unstable(point: Point) -> int:
     """Number of eigenvalues of the derivative in the unknowns with positive real part."""
     return int(np.count_nonzero(point.curve.spectrum(point.z).real > 0))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,11 +16,11 @@ from .adjoin import adjoined
 from .branch import Point
 from .crossing import GAP, crossing
 from .dips import Place, bottom, probe, told_apart
-from .events import Event
+from .events import Crossings, Event, Examined, Level, Locus, Singular
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
 from .problem import Curve
 from .segment import Segment
-from .trail import ASIDE, Trail, Value, foresee, look_at, measure
+from .trail import ASIDE, Trail, Value, foresee, look_at, measure, place_of
 
 Array = NDArray[np.float64]
 
@@ -75,12 +75,12 @@ def find(
     middle = segment.provisional(0.5)
     trails = [Trail(event, {0.0: value}) for event, value in zip(events, before, strict=True)]
     for trail in trails:
-        if not trail.event.tally:  # it is looked at last, and at few places
+        if trail.event.test is not None:  # else it is looked at last, and at few places
             trail.values[0.5] = measure(trail.event, middle)
         trail.values[1.0] = measure(trail.event, segment.last)
-    tallies = [trail for trail in trails if trail.event.tally]
-    crossings = [trail for trail in trails if trail.event.polish is not None]
-    others = [trail for trail in trails if not trail.event.tally and trail.event.polish is None]
+    tallies = [trail for trail in trails if trail.event.test is None]
+    crossings = [trail for trail in trails if trail.event.crosses]
+    others = [t for t in trails if t.event.test is not None and not t.event.crosses]
     located = list(_events_on(segment, crossings, ends))
     cuts = [p for p in located if "tangents" in p.detail] or ([crossing] if crossing else [])
     if cuts and others:
@@ -107,7 +107,7 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
     left = list(points)
     while left:
         first = left.pop(0)
-        if first.event is None or first.event.verify is None:
+        if first.event is None or first.event.examine is None:
             yield first
             continue
         reach = _SAME * (1 + first.curve.length(first.z))
@@ -115,7 +115,7 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
             other
             for other in left
             if other.event is not None
-            and other.event.verify is not None
+            and other.event.examine is not None
             and first.curve.length(other.z - first.z) <= reach
         ]
         left = [other for other in left if not any(other is one for one in here)]
@@ -125,7 +125,7 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
 
 
 def _rank(point: Point) -> tuple[bool, bool, bool]:
-    ends = point.event is not None and point.event.terminal
+    ends = point.event is not None and bool(point.event.ends)
     return point.located, ends, "tangents" in point.detail
 
 
@@ -174,7 +174,7 @@ def _dipped(segment: Segment, trail: Trail) -> Iterator[Point]:
     if not probe(segment, trail):
         for low, high, point in bottom(segment, trail):
             yield _special(point, trail.event, (low, high), segment)
-    if trail.event.places is not None:
+    if isinstance(trail.event.test, Singular):
         trail.beside(*(middle for _, middle in trail.changes()[:-1]))
 
 
@@ -467,18 +467,18 @@ def _jump(
 def _polish(segment: Segment, event: Event, u: float, left: float, right: float) -> Place | None:
     """Newton's iteration on problem and locus together, if it ends inside the bracket at a place
     where the test does change."""
-    if event.locus is None and event.polish is None:
+    if event.locus is None:
         return None
     try:
-        near = segment.provisional(u) if event.polish else segment.at(u)
-        found, detail = event.polish(near) if event.polish else _on_locus(event, near)
+        near = place_of(segment, event)(u)
+        found, detail = _solved(event.locus, near)
         if not found.converged:
             return None
         place, point = segment.settled(found, detail.get("tangents", ()))
         if not left - ASIDE <= place <= right + ASIDE:
             return None
         low, high = place - ASIDE, place + ASIDE
-        if event.polish is None and not _changes_across(segment, event, low, high):
+        if not event.crosses and not _changes_across(segment, event, low, high):
             return None
     except OUT_OF_DOMAIN:
         return None  # the locus has no value here: location goes on without it
@@ -492,10 +492,11 @@ def _changes_across(segment: Segment, event: Event, low: float, high: float) -> 
     return before * after <= 0
 
 
-def _on_locus(event: Event, near: Point) -> tuple[Solution, Mapping[str, Any]]:
-    """Solve the problem and the conditions of the event for everything at once."""
-    assert event.locus is not None
-    locus = event.locus(near)
+def _solved(locus_at: Callable[[Point], Locus], near: Point) -> tuple[Solution, Mapping[str, Any]]:
+    """Solve the problem and the conditions of an event for everything at once."""
+    if isinstance(locus_at, Crossings):
+        return locus_at.solve(near)
+    locus = locus_at(near)
     own = {f"{name} of the locus": value for name, value in locus.extra.items()}
     extended = replace(locus, extra=own)  # names that no problem has
     problem = adjoined(near.problem, extended, near.curve.free[0], base=near.curve)
@@ -517,11 +518,13 @@ def _special(point: Point, event: Event, bracket: tuple[float, float], segment: 
     start, length = segment.first.arclength, segment.length
     around = (start + bracket[0] * length, start + bracket[1] * length)
     point = replace(point, kind=event.kind, event=event, bracket=around)
-    reason = point.detail.get("reason") or (event.verify(point) if event.verify else "")
-    if reason:
-        return replace(point, located=False, detail={**point.detail, "reason": reason})
-    if event.analysis is not None:
-        found = dict(event.analysis(point))
-        kind = found.pop("kind", point.kind)
-        point = replace(point, kind=kind, detail={**point.detail, **found})
-    return point
+    found: Examined = point.detail.get("reason", "")
+    if not found and event.examine is not None:
+        found = event.examine(point)
+    if isinstance(found, str) and found:
+        return replace(point, located=False, detail={**point.detail, "reason": found})
+    known = dict(found or {})
+    if isinstance(event.test, Level):
+        known["level"] = str(event.test)
+    kind = known.pop("kind", point.kind)
+    return replace(point, kind=kind, detail={**point.detail, **known})

@@ -17,15 +17,18 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from . import events as static
 from . import normal_forms
-from .boundary import met
+from .boundary import meeting
 from .branch import Point
-from .codim2 import CROSSED, cusp, oriented_overlap, without
+from .codim2 import CROSSED, branch_point, cusp, oriented_overlap, without
 from .crossing import along
 from .cycles import Iterate, Map, cycle, generic, multiplier_matrix, shorter, units, with_period
 from .events import (
+    Crossings,
     Event,
+    Examined,
     Locus,
-    branch_point,
+    Meeting,
+    Singular,
     branches_cross,
     frame,
     least_with_sign,
@@ -117,6 +120,7 @@ def FixedPoint(
         interpret=cycle,
         images=iterate.phases,
         simpler=shorter,
+        lifts={"PD": doubled},
         label=label or generic(iterate.period),
     )
 
@@ -124,26 +128,21 @@ def FixedPoint(
 # --- the events on a branch -------------------------------------------------------------------
 
 
-def _with_multiplier_one(event: Event) -> Event:
-    """An event at which a multiplier is 1, verified for that too: along cycles with multipliers far
-    apart in size the derivative may look singular where it is not."""
+def _with_multiplier_one(examine: Callable[[Point], Examined]) -> Callable[[Point], Examined]:
+    """An event at which a multiplier is 1 is verified for that too: along cycles with multipliers
+    far apart in size the derivative may look singular where it is not."""
 
-    def verify(point: Point) -> str:
-        assert event.verify is not None
+    def examined(point: Point) -> Examined:
         sizes = np.linalg.svd(units(point) - np.eye(point.curve.size), compute_uv=False)
         if sizes[-1] > _RANK * max(1.0, sizes[0]):
             return f"no multiplier is 1: the nearest is {sizes[-1]:.2g} off"
-        return event.verify(point)
+        return examine(point)
 
-    return replace(event, verify=verify)
-
-
-def _flip_test(point: Point) -> float:
-    return signed_smallest(units(point) + np.eye(point.curve.size))
+    return examined
 
 
-def _flip_places(*points: Point) -> Array:
-    return static.singular_between(*(units(p) + np.eye(p.curve.size) for p in points))
+def _flip_matrix(point: Point) -> Array:
+    return units(point) + np.eye(point.curve.size)
 
 
 def _null(matrix: Array, scales: Array) -> Array:
@@ -155,8 +154,13 @@ def _null(matrix: Array, scales: Array) -> Array:
 def _flip_locus(point: Point) -> Locus:
     n = point.curve.size
     null = _null(units(point) + np.eye(n), point.curve.scales[:n])
-    ends = (_GENERALISED_FLIP, _R2_ON_FLIP)
-    return Locus({"null": null}, _flip_conditions, _flip_derivative, events=ends)
+    return Locus(
+        {"null": null},
+        _flip_conditions,
+        _flip_derivative,
+        events=(_GENERALISED_FLIP, _R2_ON_FLIP),
+        meets={"LP": (_FOLD_FLIP,), "NS": (_ROTATION_ON_FLIP,)},
+    )
 
 
 def _flip_conditions(curve: Curve, z: Array, null: Array) -> Array:
@@ -172,16 +176,12 @@ def _flip_derivative(curve: Curve, z: Array, null: Array) -> Array:
     return rows
 
 
-def _flip_verify(point: Point) -> str:
-    sizes = np.linalg.svd(units(point) + np.eye(point.curve.size), compute_uv=False)
+def _examine_flip(point: Point) -> Examined:
+    sizes = np.linalg.svd(_flip_matrix(point), compute_uv=False)
     if sizes[-1] > _RANK * max(1.0, sizes[0]):
         return f"no multiplier is -1: the nearest is {sizes[-1]:.2g} off"
     if sizes.size > 1 and sizes[-2] < _RANK * max(1.0, sizes[0]):
         return "two multipliers are -1, with two eigenvectors: not a simple period doubling"
-    return ""
-
-
-def _flip_analysis(point: Point) -> Mapping[str, Any]:
     ground = point.ground
     try:
         c = normal_forms.flip(ground.curve, ground.z)
@@ -191,14 +191,14 @@ def _flip_analysis(point: Point) -> Mapping[str, Any]:
     return {"c": c.value.real, "criticality": kind}
 
 
-def _doubled(point: Point) -> tuple[Seed, ...]:
+def doubled(point: Point) -> tuple[Seed, ...]:
     """The cycle of twice the period. Its two phases set out in opposite directions: one arm."""
     problem = point.problem
     iterate: Iterate = problem.residual  # type: ignore[assignment]
     curve = point.curve
     n = curve.size
     null = _null(units(point) + np.eye(n), curve.scales[:n])
-    parent = point.tangent if point.tangent.size == n + 1 else None
+    parent = point.tangent if point.tangent is not None else None
     return (Seed(with_period(problem, 2 * iterate.period), point.z, np.append(null, 0.0), parent),)
 
 
@@ -263,10 +263,16 @@ def _rotation_locus(point: Point) -> Locus:
         rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * null, reference
         return rows
 
-    return Locus({"null": null, "cosine": cosine}, conditions, derivative, events=_ON_ROTATION)
+    return Locus(
+        {"null": null, "cosine": cosine},
+        conditions,
+        derivative,
+        events=_ON_ROTATION,
+        meets={"LP": (_FOLD_ON_ROTATION,), "PD": (_FLIP_ON_ROTATION,)},
+    )
 
 
-def _rotation_verify(point: Point) -> str:
+def _examine_rotation(point: Point) -> Examined:
     """Of the two multipliers with product 1: are they a complex pair?"""
     values = np.linalg.eigvals(multiplier_matrix(point)).astype(complex)
     first, second, gaps = _pairs(values)
@@ -277,10 +283,6 @@ def _rotation_verify(point: Point) -> str:
             return f"both multipliers are {sign}: the resonance {name}"
     if not pair.imag.any():
         return f"a neutral saddle: the multipliers {pair[0].real:.4g} and {pair[1].real:.4g}"
-    return ""
-
-
-def _rotation_analysis(point: Point) -> Mapping[str, Any]:
     ground = point.ground
     angle = math.acos(max(-1.0, min(1.0, point.detail.get("cosine", _circle_pair(ground)[0]))))
     try:
@@ -295,8 +297,11 @@ def _rotation_analysis(point: Point) -> Mapping[str, Any]:
 
 
 def _fold_locus(point: Point) -> Locus:
-    locus = static.fold().locus(point)  # type: ignore[misc]  # a fold has one
-    return replace(locus, events=(cusp(), _R1_ON_FOLD))
+    return replace(
+        static.fold_locus(point),
+        events=(cusp(), _R1_ON_FOLD),
+        meets={"PD": (_FLIP_ON_FOLD,), "NS": (_ROTATION_ON_FOLD,)},
+    )
 
 
 def _overlap(sign: int) -> Callable[[Point], float]:
@@ -309,10 +314,11 @@ def _overlap(sign: int) -> Callable[[Point], float]:
     return test
 
 
-def _double_verify(sign: int) -> Callable[[Point], str]:
-    """Two multipliers there, with one eigenvector."""
+def _examine_double(sign: int, *, crossed: bool = False) -> Callable[[Point], Examined]:
+    """Two multipliers there, with one eigenvector; whether branches cross as well is asked of
+    those that have to be told apart."""
 
-    def verify(point: Point) -> str:
+    def examine(point: Point) -> Examined:
         matrix = units(point.ground)
         size = max(1.0, float(np.linalg.norm(matrix, 2)))
         near = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
@@ -321,20 +327,16 @@ def _double_verify(sign: int) -> Callable[[Point], str]:
         sizes = np.linalg.svd(matrix - sign * np.eye(len(matrix)), compute_uv=False)
         if sizes[-2] < _RANK * size:
             return f"two multipliers are {sign}, with two eigenvectors"
-        return ""
+        return {"degenerate": CROSSED} if crossed and branches_cross(point.ground) else {}
 
-    return verify
-
-
-def _double_one_analysis(point: Point) -> Mapping[str, Any]:
-    return {"degenerate": CROSSED} if branches_cross(point.ground) else {}
+    return examine
 
 
-def _on_circle(wanted: str, *, fold: bool = False) -> Callable[[Point], str]:
+def _on_circle(wanted: str, *, fold: bool = False) -> Callable[[Point], Examined]:
     """Whether the multipliers on the unit circle are those of `wanted`: of ``+1``, ``-1`` and
     ``pair`` each at most once. With `fold` the multiplier 1 must be that of a fold."""
 
-    def verify(point: Point) -> str:
+    def examine(point: Point) -> Examined:
         if fold and branches_cross(point.ground):
             return "a branch point, not a fold"
         values = np.linalg.eigvals(units(point.ground)).astype(complex)
@@ -346,7 +348,7 @@ def _on_circle(wanted: str, *, fold: bool = False) -> Callable[[Point], str]:
             return f"on the unit circle are {shown}, where {wanted.replace(' ', ' and ')} are meant"
         return ""
 
-    return verify
+    return examine
 
 
 def _flip_coefficient(point: Point) -> float:
@@ -357,7 +359,7 @@ def _flip_coefficient(point: Point) -> float:
     return c * poles * signed_smallest(units(ground) - np.eye(ground.curve.size))
 
 
-def _generalised_flip_verify(point: Point) -> str:
+def _examine_generalised_flip(point: Point) -> str:
     ground = point.ground
     c = normal_forms.flip(ground.curve, ground.z)
     if abs(c.value.real) > 1e-6 * (c.size + _unit(ground)):
@@ -382,7 +384,7 @@ def _rotation_coefficient(point: Point) -> float:
     return d * signed_smallest(units(ground) - np.eye(ground.curve.size))
 
 
-def _chenciner_verify(point: Point) -> str:
+def _examine_chenciner(point: Point) -> str:
     ground = point.ground
     d = normal_forms.rotation(ground.curve, ground.z, math.acos(point["cosine"]))
     if abs(d.value.real) > 1e-6 * (d.size + _unit(ground)):
@@ -393,39 +395,7 @@ def _chenciner_verify(point: Point) -> str:
 def _resonance(k: int) -> Event:
     """Rk on a curve of NS: multipliers ``exp(+-2 pi i / k)``."""
     cosine = math.cos(2 * math.pi / k)
-    return Event(f"R{k}", lambda point: point["cosine"] - cosine, verify=_on_circle("pair"))
-
-
-_PLAIN_FOLD = replace(_with_multiplier_one(static.fold()), locus=_fold_locus)
-_PLAIN_FLIP = Event(
-    "PD",
-    _flip_test,
-    places=_flip_places,
-    locus=_flip_locus,
-    verify=_flip_verify,
-    analysis=_flip_analysis,
-    arms=_doubled,
-)
-_PLAIN_ROTATION = Event(
-    "NS",
-    _rotation_test,
-    locus=_rotation_locus,
-    verify=_rotation_verify,
-    analysis=_rotation_analysis,
-)
-
-
-def _meeting(
-    kind: str,
-    on: str,
-    event: Event,
-    wanted: str,
-    test: Callable[[Point], float] | None = None,
-) -> dict[str, tuple[Event, ...]]:
-    """On the boundary `on`, what meeting `event` there is called."""
-    verify = _on_circle(wanted, fold="+1" in wanted and on != "BP")
-    named = replace(met(on, event), kind=kind, verify=verify, analysis=None, arms=None)
-    return {on: (named if test is None else replace(named, test=test),)}
+    return Event(f"R{k}", lambda point: point["cosine"] - cosine, examine=_on_circle("pair"))
 
 
 def _pair_beside(multiplier: int) -> Callable[[Point], float]:
@@ -454,61 +424,72 @@ def _beside_pair(multiplier: int) -> Callable[[Point], float]:
     return test
 
 
-_R1_ON_FOLD = Event("R1", _overlap(1), verify=_double_verify(1), met=_PLAIN_ROTATION)
-_R2_ON_FLIP = Event("R2", _overlap(-1), verify=_double_verify(-1), met=_PLAIN_ROTATION)
-_GENERALISED_FLIP = Event("GPD", _flip_coefficient, verify=_generalised_flip_verify)
+_FOLD = Event(
+    "LP",
+    static.fold_test,
+    locus=_fold_locus,
+    examine=_with_multiplier_one(static.examine_fold),
+)
+_FLIP = Event("PD", Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
+_ROTATION = Event("NS", _rotation_test, locus=_rotation_locus, examine=_examine_rotation)
+
+
+def _meeting(
+    kind: str,
+    on: str,
+    event: Event,
+    wanted: str,
+    test: Callable[[Point], float] | None = None,
+) -> Meeting:
+    """On the boundary `on`, what meeting `event` there is called."""
+    examine = _on_circle(wanted, fold="+1" in wanted and on != "BP")
+    named = replace(meeting(on, event), kind=kind, examine=examine)
+    return named if test is None else replace(named, test=test)
+
+
+_FOLD_FLIP = _meeting("LPPD", "PD", _FOLD, "+1 -1")
+_FLIP_ON_FOLD = _meeting("LPPD", "LP", _FLIP, "+1 -1")
+_FOLD_ON_ROTATION = _meeting("LPNS", "NS", _FOLD, "+1 pair", _beside_pair(1))
+_ROTATION_ON_FOLD = _meeting("LPNS", "LP", _ROTATION, "+1 pair", _pair_beside(1))
+_FLIP_ON_ROTATION = _meeting("PDNS", "NS", _FLIP, "-1 pair", _beside_pair(-1))
+_ROTATION_ON_FLIP = _meeting("PDNS", "PD", _ROTATION, "-1 pair", _pair_beside(-1))
+_R1_ON_FOLD = Meeting("R1", _overlap(1), examine=_examine_double(1), met=_ROTATION)
+_R2_ON_FLIP = Meeting("R2", _overlap(-1), examine=_examine_double(-1), met=_ROTATION)
+_GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
 _ON_ROTATION = (
     # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles
-    Event(
+    Meeting(
         "R1",
         lambda point: 1 - point["cosine"],
-        terminal=True,
-        positive=True,
-        verify=_double_verify(1),
-        analysis=_double_one_analysis,
-        met=_PLAIN_FOLD,
+        examine=_examine_double(1, crossed=True),
+        ends="domain",
+        met=_FOLD,
     ),
-    Event(
+    Meeting(
         "R2",
         lambda point: 1 + point["cosine"],
-        terminal=True,
-        positive=True,
-        verify=_double_verify(-1),
-        met=_PLAIN_FLIP,
+        examine=_examine_double(-1),
+        ends="domain",
+        met=_FLIP,
     ),
     _resonance(3),
     _resonance(4),
-    Event("CH", _rotation_coefficient, verify=_chenciner_verify),
+    Event("CH", _rotation_coefficient, examine=_examine_chenciner),
 )
-
-_FOLD_OF_MAP = replace(
-    _PLAIN_FOLD,
-    meets={
-        **_PLAIN_FOLD.meets,
-        **_meeting("LPPD", "PD", _PLAIN_FOLD, "+1 -1"),
-        **_meeting("LPNS", "NS", _PLAIN_FOLD, "+1 pair", _beside_pair(1)),
-    },
+_BRANCH_POINT = replace(
+    branch_point(),
+    locus=Crossings(
+        {
+            "PD": (_meeting("BP-PD", "BP", _FLIP, "+1 -1"),),
+            "NS": (
+                replace(_R1_ON_FOLD, examine=_examine_double(1, crossed=True)),
+                _meeting("BP-NS", "BP", _ROTATION, "+1 pair", _pair_beside(1)),
+            ),
+        }
+    ),
+    examine=_with_multiplier_one(static.examine_branch_point),
 )
-_FLIP = replace(
-    _PLAIN_FLIP,
-    meets={
-        **_meeting("LPPD", "LP", _PLAIN_FLIP, "+1 -1"),
-        **_meeting("PDNS", "NS", _PLAIN_FLIP, "-1 pair", _beside_pair(-1)),
-        **_meeting("BP-PD", "BP", _PLAIN_FLIP, "+1 -1"),
-    },
-)
-_ROTATION = replace(
-    _PLAIN_ROTATION,
-    meets={
-        **_meeting("LPNS", "LP", _PLAIN_ROTATION, "+1 pair", _pair_beside(1)),
-        **_meeting("PDNS", "PD", _PLAIN_ROTATION, "-1 pair", _pair_beside(-1)),
-        "BP": (
-            replace(_R1_ON_FOLD, analysis=_double_one_analysis),
-            *_meeting("BP-NS", "BP", _PLAIN_ROTATION, "+1 pair", _pair_beside(1))["BP"],
-        ),
-    },
-)
-EVENTS = (_FOLD_OF_MAP, _with_multiplier_one(branch_point()), _FLIP, _ROTATION)
+EVENTS = (_FOLD, _BRANCH_POINT, _FLIP, _ROTATION)
 
 
 def fixed_point_fold() -> Event:
@@ -526,7 +507,7 @@ def fixed_point_fold() -> Event:
     >>> abs(point["h"]) < 1e-12
     True
     """
-    return _FOLD_OF_MAP
+    return _FOLD
 
 
 def period_doubling() -> Event:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .adjoin import Adjoined
     from .branch import Point
     from .events import Event
+    from .seed import Seed
 
 Array = NDArray[np.float64]
 
@@ -67,6 +68,9 @@ class Problem:
     simpler : callable, optional
         ``simpler(point) -> Problem or None``: where a solution is one of a smaller problem too, a
         fixed point among the cycles of period 2, that problem with the solution as its start.
+    lifts : dict, optional
+        ``{kind: lift}``: where other curves leave an event of that kind, ``lift(point)`` returns a
+        tuple of `Seed`. `switch` follows them.
     label : str, optional
         Shown in tables.
     adjoined : Adjoined, optional
@@ -98,11 +102,14 @@ class Problem:
     interpret: Callable[[Point], Any] | None = field(default=None, kw_only=True)
     images: Callable[[Array, Params], tuple[Array, ...]] | None = field(default=None, kw_only=True)
     simpler: Callable[[Point], Problem | None] | None = field(default=None, kw_only=True)
+    lifts: Mapping[str, Callable[[Point], tuple[Seed, ...]]] = field(
+        default_factory=dict, kw_only=True
+    )
     label: str = field(default="", kw_only=True)
     adjoined: Adjoined | None = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
-        for what in ("start", "params", "scales", "domain", "record"):
+        for what in ("start", "params", "scales", "domain", "record", "lifts"):
             given = getattr(self, what)
             if not isinstance(given, Mapping):
                 raise BadInput(f"{what} must be a dict of names and values, got {given!r}")

@@ -144,7 +144,7 @@ def simplest(point: Point, reach: float = math.inf) -> Point:
     if small is None or not _solves(small, reach):
         return point
     curve = Curve(small, point.curve.free)
-    return simplest(Point(curve, curve.start, np.empty(0), 0.0, point.residual), reach)
+    return simplest(Point(curve, curve.start, residual=point.residual), reach)
 
 
 def _solves(small: Problem, reach: float) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from .branch import Point
-from .events import Event
+from .events import Event, Judged
 from .problem import Problem
 from .starts import all_of
 
@@ -28,9 +28,10 @@ def scope(
     if asked is None:
         return problem, problem.events
     kinds = {event.kind for event in asked}
-    walls = tuple(e for e in problem.events if e.positive and e.kind not in kinds)
+    walls = tuple(e for e in problem.events if e.walls and e.kind not in kinds)
     for event in asked:
-        problem = _judged(problem, event)
+        if isinstance(event, Judged):
+            problem = _judged(problem, event)
     return problem, (*asked, *walls)
 
 
@@ -47,25 +48,23 @@ def titled(title: str, problem: Problem) -> str:
 
 
 def _lifted(problem: Problem) -> Problem:
-    walls = [event for event in problem.events if event.positive]
+    walls = [event for event in problem.events if event.walls]
     if not walls:
         return problem
 
     def margin(point: Point) -> float:
-        return min(float(wall.test(point)) for wall in walls)
+        return min(float(wall.value(point)) for wall in walls)
 
     return replace(
         problem,
-        events=tuple(event for event in problem.events if not event.positive),
+        events=tuple(event for event in problem.events if not event.walls),
         record={**problem.record, MARGIN: margin},
         label=problem.label + _LIFTED,
     )
 
 
-def _judged(problem: Problem, event: Event) -> Problem:
+def _judged(problem: Problem, event: Judged) -> Problem:
     """The problem with the columns that an event brings, and what they are about in its label."""
-    if not event.record:
-        return problem
     plain = problem.label.removesuffix(_LIFTED)
     end = problem.label[len(plain) :]
     about = f" ({event.about})" if event.about else ""

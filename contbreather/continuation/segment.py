@@ -28,7 +28,7 @@ class Segment:
         chord = last.z - first.z
         dual = self.curve.dual(chord)
         self._row = dual / dual.dot(chord)  # row . (z - z_first) is u, on the cubic too
-        self._slopes = [point.tangent / self._row.dot(point.tangent) for point in (first, last)]
+        self._slopes = [p.direction / self._row.dot(p.direction) for p in (first, last)]
         self._known: dict[float, Point] = {0.0: first, 1.0: last}
 
     def guess(self, u: float) -> tuple[Array, Array]:

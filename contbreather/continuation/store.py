@@ -21,8 +21,8 @@ from ..errors import BadInput
 from ..files import opened, write_whole
 from .boundary import boundary_problem
 from .branch import Branch, Point, Stop, labelled
-from .codim2 import fold, hopf
-from .events import Event, branch_point
+from .codim2 import branch_point, fold, hopf
+from .events import Event
 from .newton import Undefined
 from .problem import Curve, Problem, problem_in
 from .trail import measure
@@ -201,6 +201,7 @@ def _dataset(branch: Branch, points: Sequence[Point], *, recorded: bool) -> Data
         "reason": _text(branch.reason),
         "began": branch.began.name if branch.began else "",
         "began_reason": _text(branch.began_reason),
+        "image_of": -1 if branch.image_of is None else branch.image_of,
     }
     return Dataset(variables, attrs=attributes)
 
@@ -236,7 +237,7 @@ def _of_points(points: Sequence[Point]) -> dict[str, Variable]:
     found: dict[str, Variable] = {
         "arclength": _column("", np.array([point.arclength for point in points])),
         "residual": _column("", np.array([point.residual for point in points])),
-        "point_tangent": _column("point_tangent", np.stack([point.tangent for point in points])),
+        "point_tangent": _column("point_tangent", np.stack([_tangent(point) for point in points])),
         "point_kind": (
             ("point",),
             np.array([kinds.index(point.kind) for point in points], dtype="i1"),
@@ -276,6 +277,7 @@ def _branch(group: DataTree, problem: Problem | None) -> Branch:
         str(data.attrs["reason"]),
         str(data.attrs["began_reason"]),
         tuple(_points(_regular(doubtful), curve, events)) if doubtful else (),
+        data.attrs["image_of"] if data.attrs["image_of"] >= 0 else None,
     )
 
 
@@ -327,7 +329,7 @@ def _attached(data: Dataset, problem: Problem) -> tuple[Curve, tuple[Event, ...]
         event = next((one for one in events if one.kind == kind), None)
         if event is None:
             raise BadInput(f"this is a boundary of {kind}, which the problem has no event for")
-        ground, pair = Point(curve, curve.start, np.empty(0), 0.0, off), (free[1], free[0])
+        ground, pair = Point(curve, curve.start), (free[1], free[0])
         events = boundary_problem(ground, event, pair, events).events
         own = boundary_problem(ground, event, pair)
         curve = Curve(own, bare.free)
@@ -352,6 +354,7 @@ def _points(data: Dataset, curve: Curve, events: Sequence[Event]) -> Iterator[Po
     kinds = [str(kind) for kind in np.atleast_1d(data["point_kind"].attrs["kinds"])]
     details = {name: _values(data, name) for name in _named(data, "recorded", "detail")}
     recorded = set(_named(data, "recorded"))  # where one has no value it is NaN, not absent
+    tangents = data["point_tangent"].values
     brackets = data["point_bracket"].values.tolist()
     numbers = [data[name].values.tolist() for name in ("arclength", "residual", "point_located")]
     for i, code in enumerate(data["point_kind"].values.tolist()):
@@ -359,7 +362,7 @@ def _points(data: Dataset, curve: Curve, events: Sequence[Event]) -> Iterator[Po
         point = Point(
             curve,
             z[i].copy(),
-            data["point_tangent"].values[i].copy(),
+            None if np.isnan(tangents[i]).any() else tangents[i].copy(),
             numbers[0][i],
             numbers[1][i],
             kinds[code],
@@ -384,6 +387,10 @@ def _named(data: Dataset, *roles: str) -> list[str]:
 
 def _listed(data: Dataset, which: str) -> list[str]:
     return [str(name) for name in np.atleast_1d(data.attrs[which])]
+
+
+def _tangent(point: Point) -> Array:
+    return np.full(point.z.size, np.nan) if point.tangent is None else point.tangent
 
 
 def _plain(value: Any) -> Any:

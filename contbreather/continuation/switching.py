@@ -1,13 +1,13 @@
 """From a point where curves meet, onto the other curves.
 
-Where they set out is what the event of the point knows (`Event.arms`); following them is the same
-walk as ever, along a direction that is given.
+Where they set out is what the problem knows (`Problem.lifts`), or two tangents tell; following them
+is the same walk as ever, along a direction that is given.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput, NotConverged, keeping, taking
 from .branch import Branch, Point, Stop, labelled
 from .events import Event
-from .newton import OUT_OF_DOMAIN
+from .newton import OUT_OF_DOMAIN, Undefined
 from .problem import Curve, Problem
 from .progress import Progress
 from .recognition import images, lies_on
@@ -76,10 +76,10 @@ def switch(
     -------
     tuple of Branch
         One for each arm, both directions of a crossing curve apart. The first point of each is the
-        point itself, in the problem of the arm, with ``arm[0].detail["parent"]`` the point on the
-        branch it left. A curve that comes back to the point is there once. An arm that is the
-        image of an earlier one under a symmetry of its problem says so:
-        ``arm[0].detail["image_of"]`` is the place of that one in the tuple.
+        point itself, in the problem of the arm, with ``arm[0].parent`` the point on the branch it
+        left. A curve that comes back to the point is there once. An arm that is the image of an
+        earlier one under a symmetry of its problem says so: ``arm.image_of`` is the place of that
+        one in the tuple.
 
     Raises
     ------
@@ -124,12 +124,20 @@ def switch(
     return tuple(arms)
 
 
+def lift_of(point: Point) -> Callable[[Point], tuple[Seed, ...]] | None:
+    """What knows the curves that leave a point, if any do."""
+    if point.event is None:
+        return None
+    other = across if point.event.crosses else None
+    return point.curve.problem.lifts.get(point.kind, other)
+
+
 def seeds_at(point: Point) -> tuple[Seed, ...]:
     """Where curves set out from a point, or why none do."""
-    if "parent" in point.detail:
+    if point.parent is not None:
         raise NothingToSwitch(
             f"{point!r} is where this arm sets out; switch at the point of the branch it left, "
-            "point.detail['parent']",
+            "its `parent`",
             point,
         )
     if point.event is None and point.kind not in ("", "EP", "MX"):
@@ -140,7 +148,8 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
     if point.event is None:
         what = "where a branch ends" if point.kind else "no special point"
         raise NothingToSwitch(f"{point!r} is {what}; switch at a BP, PF or PD of a branch", point)
-    if point.event.arms is None:
+    lift = lift_of(point)
+    if lift is None:
         raise NothingToSwitch(f"{point!r}: no other branch is known to leave a {point.kind}", point)
     if not point.located:
         raise NothingToSwitch(
@@ -149,13 +158,23 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
             point,
         )
     try:
-        seeds = point.event.arms(point)
+        seeds = lift(point)
     except OUT_OF_DOMAIN as error:
         raise NothingToSwitch(f"{point!r}: {error}", point) from error
     found = () if seeds is None else _checked(seeds, point)
     if not found:
         raise NothingToSwitch(f"{point!r}: no other branch leaves it", point)
     return found
+
+
+def across(point: Point) -> tuple[Seed, ...]:
+    """Both directions of the curve that crosses the one the point was found on."""
+    if "tangents" not in point.detail:
+        raise Undefined("no directions are known here: other curves set out where curves cross")
+    row = point.curve.dual(point.direction)
+    across = min(point.detail["tangents"], key=lambda tangent: abs(float(tangent.dot(row))))
+    problem = point.problem
+    return tuple(Seed(problem, point.z, side * across, point.tangent) for side in (1, -1))
 
 
 def _checked(seeds: Any, point: Point) -> tuple[Seed, ...]:
@@ -229,7 +248,7 @@ def _with_parent(arm: Branch, point: Point) -> Branch:
     first = next((p.arclength for p in arm if p.arclength > 0 and not p.kind), arm[-1].arclength)
     near = _AT_START * first
     end = arm[-1].arclength - near if arm.stop is Stop.CLOSED else math.inf
-    start = replace(arm[0], kind="EP", event=None, bracket=None, detail={"parent": point})
+    start = replace(arm[0], kind="EP", event=None, bracket=None, detail={}, parent=point)
     rest = tuple(p for p in arm.points if p.arclength > near)
     return replace(
         arm,
@@ -272,7 +291,7 @@ def _keep_apart(arm: Branch, others: Sequence[Branch]) -> None:
         distance = curve.length(arm[1].z - other[1].z) / max(reach, 1e-300)
         if distance < _APART:
             raise ArmsCoincide(
-                f"two arms of {arm[0].detail['parent']!r} coincide: after the first step, "
+                f"two arms of {arm[0].parent!r} coincide: after the first step, "
                 f"{reach:.2g}, they are {distance * reach:.2g} apart",
                 arm,
                 other,
@@ -287,7 +306,7 @@ def comes_back(arm: Branch, seed: Seed) -> bool:
         return False
     curve = arm.curve
     tangent = curve.normalised(np.asarray(seed.tangent, dtype=float))
-    return bool(np.allclose(seed.z, start.z) and start.tangent @ curve.dual(tangent) < -0.5)
+    return bool(np.allclose(seed.z, start.z) and start.direction @ curve.dual(tangent) < -0.5)
 
 
 def _with_image(arm: Branch, others: Sequence[Branch]) -> Branch:
@@ -296,6 +315,5 @@ def _with_image(arm: Branch, others: Sequence[Branch]) -> Branch:
         return arm
     for i, other in enumerate(others):
         if any(lies_on(image, other) for image in images(arm[1])):
-            start = replace(arm[0], detail={**arm[0].detail, "image_of": i})
-            return replace(arm, points=(start, *arm.points[1:]))
+            return replace(arm, image_of=i)
     return arm

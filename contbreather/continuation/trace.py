@@ -308,7 +308,8 @@ class Walker:
             yield from line
             if stop is not None:
                 return End(stop, self._rim(line[-1], stop), tuple(doubtful))
-            bend = (step.point.tangent - point.tangent) / (step.point.arclength - point.arclength)
+            turned = step.point.direction - point.direction
+            bend = turned / (step.point.arclength - point.arclength)
             point, size, tests = step.point, step.next_size, found.after
             self.side = step.side or self.side
         if point is self.origin:
@@ -348,7 +349,7 @@ class Walker:
             if failed.stop is not Stop.NO_CONVERGENCE:
                 raise
             # the scheme for derivatives was chosen, or those given were checked, at the start only
-            wrong = self.curve.reconsider(point.z + size * point.tangent, point.z)
+            wrong = self.curve.reconsider(point.z + size * point.direction, point.z)
             if wrong:
                 raise Failed(failed.stop, wrong) from failed
             return self._halving(point, bend, size)
@@ -370,15 +371,15 @@ class Walker:
 
     def _attempt(self, point: Point, bend: Array, size: float) -> Step:
         curve = self.curve
-        predicted = point.z + size * point.tangent + (0.5 * size * size) * bend
+        predicted = point.z + size * point.direction + (0.5 * size * size) * bend
         landing = self._crossed(point.z, predicted)
         if landing is None:
-            found = self._correct(predicted, curve.dual(point.tangent))
+            found = self._correct(predicted, curve.dual(point.direction))
             landing = self._crossed(point.z, found.z)
         if landing is not None:
             found = self._land(point, predicted, *landing)
         last, side, crossing = self._accepted(point, found, size)
-        turn = _angle(curve, point.tangent, last.tangent)
+        turn = _angle(curve, point.direction, last.direction)
         effort = 1.0 if found.iterations == 4 else (0.7 if found.iterations > 4 else math.inf)
         factor = min(_AIM / max(turn, 1e-12), effort, self.steps.growth)
         stop = None if landing is None else Stop.BOUND
@@ -439,11 +440,11 @@ class Walker:
         length = curve.length(chord)
         if not 0 < length <= 2 * size:
             raise Failed(Stop.NO_CONVERGENCE, "the corrector left the neighbourhood of the step")
-        tangent, side = tangent_at(curve, found.z, point.tangent)
+        tangent, side = tangent_at(curve, found.z, point.direction)
         last = Point(curve, found.z, tangent, point.arclength + length, found.residual)
         if (
-            _angle(curve, point.tangent, tangent) > _TURN
-            or _angle(curve, point.tangent, chord / length) > _TURN
+            _angle(curve, point.direction, tangent) > _TURN
+            or _angle(curve, point.direction, chord / length) > _TURN
         ):
             raise Failed(Stop.NO_CONVERGENCE, "the curve turns too sharply")
         if self._strays(point, last, length):
@@ -460,11 +461,11 @@ class Walker:
     def _strays(self, point: Point, last: Point, length: float) -> bool:
         """Whether the curve is off the cubic through both ends, a third of the way along it: one
         residual tells. (Halfway, tangents that are wrong alike would cancel.)"""
-        between = 20 * point.z + 7 * last.z + (4 * point.tangent - 2 * last.tangent) * length
+        between = 20 * point.z + 7 * last.z + (4 * point.direction - 2 * last.direction) * length
         between /= 27
         size = between.size
         matrix = np.empty((size, size))
-        matrix[:-1], matrix[-1] = self.curve.jacobian(between), self.curve.dual(point.tangent)
+        matrix[:-1], matrix[-1] = self.curve.jacobian(between), self.curve.dual(point.direction)
         right = np.zeros(size)
         right[:-1] = self.curve.equations(between)
         off = solve(matrix, right)
@@ -491,7 +492,7 @@ class Walker:
         """Whether the curve leaves the window between both ends and comes back."""
         for bound in self.bounds:
             rise = bound.value(last.z) - bound.value(point.z)
-            slopes = [bound.slope(end.z, end.tangent) for end in (point, last)]
+            slopes = [bound.slope(end.z, end.direction) for end in (point, last)]
             if not slopes[0] * slopes[1] < 0:
                 continue
             d0, d1 = length * slopes[0], length * slopes[1]
@@ -513,10 +514,10 @@ class Walker:
 
     def _first_tests(self) -> tuple[Value, ...]:
         for event in self.events:
-            event.test(self.origin)  # a test that fails here, as for a wrong name, is a mistake
+            event.value(self.origin)  # a test that fails here, as for a wrong name, is a mistake
         values = tuple(measure(event, self.origin) for event in self.events)
         for event, value in zip(self.events, values, strict=True):
-            if event.positive and value < -1e-9:
+            if event.walls and value < -1e-9:
                 raise BadInput(
                     f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
                     "positive values are meant; start elsewhere, or lift it by inadmissible=True"
@@ -545,7 +546,7 @@ class Walker:
             return line, Stop.EVENT  # it leads out of the meaningful region at once
         for special in found.points[len(starts) :]:
             line.append(special)
-            if special.event is not None and special.event.terminal:
+            if special.event is not None and special.event.ends:
                 return line, Stop.EVENT
         if self._broken(found):
             raise Failed(Stop.NO_CONVERGENCE, "the end of the meaningful region was not located")
@@ -556,13 +557,13 @@ class Walker:
     def _broken(self, found: Found) -> list[Event]:
         """The events on whose negative side the step ends, where only the positive one is meant."""
         after = zip(self.events, found.after, strict=False)
-        return [event for event, value in after if event.positive and value < 0]
+        return [event for event, value in after if event.walls and value < 0]
 
     def _returns(self, point: Point, last: Point) -> bool:
         """Whether the step passes the start of the walk, in the direction it set out."""
-        row = self.curve.dual(self.origin.tangent)
+        row = self.curve.dual(self.origin.direction)
         before, after = row.dot(point.z - self.origin.z), row.dot(last.z - self.origin.z)
-        if not before < 0 <= after or row.dot(last.tangent) < 0.5:
+        if not before < 0 <= after or row.dot(last.direction) < 0.5:
             return False
         segment = Segment(point, last, self.steps.tolerance)
         guess, slope = segment.guess(before / (before - after))
@@ -571,9 +572,9 @@ class Walker:
             return False
         if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
             off = self.curve.length(gap) / segment.length
-            return off <= _PASS and _angle(self.curve, slope, self.origin.tangent) <= _PASS
+            return off <= _PASS and _angle(self.curve, slope, self.origin.direction) <= _PASS
         # across the start only: along the curve Newton's linear condition keeps the place
-        near = self._correct(self.origin.z + gap - row.dot(gap) * self.origin.tangent, row)
+        near = self._correct(self.origin.z + gap - row.dot(gap) * self.origin.direction, row)
         gap = near.z - self.origin.z
         return self.curve.length(gap) <= _FINE * (1 + self.curve.length(near.z))
 

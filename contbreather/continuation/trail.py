@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import BadInput
 from .branch import Point
-from .events import Event
+from .events import Event, Singular, singular_between
 from .newton import OUT_OF_DOMAIN, Undefined
 from .segment import Segment
 
@@ -24,7 +24,7 @@ def measure(event: Event, point: Point) -> Value:
     """The test of an event: an int where it counts, a float where it has zeros, NaN where it has
     no value."""
     try:
-        value = event.test(point)
+        value = event.value(point)
     except OUT_OF_DOMAIN:
         return math.nan
     if isinstance(value, int | np.integer | np.bool_):
@@ -131,18 +131,19 @@ def look_at(segment: Segment, event: Event) -> Callable[[float], Value]:
 def place_of(segment: Segment, event: Event) -> Callable[[float], Point]:
     """Where an event is looked for. Next to a branch point the corrector may end on the other
     curve, so that one with its own polish is looked for on the cubic."""
-    return segment.at if event.polish is None else segment.provisional
+    return segment.provisional if event.crosses else segment.at
 
 
 def foresee(segment: Segment, trail: Trail) -> None:
     """Look between the places where a test should have its zeros, so that each leaves its change
     of sign; and beside an event at the start, where the sign is not known."""
     event, look = trail.event, list[float]()
-    if event.places is not None and segment.last.tangent.size:
+    if isinstance(event.test, Singular) and segment.last.tangent is not None:
         sizes = [abs(value) for value in trail.values.values()]
         near = min(sizes) < _LOW * max(sizes)
         middle = (segment.provisional(0.5),) if near else ()
-        places = event.places(segment.first, *middle, segment.last)
+        matrices = [event.test.matrix(p) for p in (segment.first, *middle, segment.last)]
+        places = singular_between(*matrices)
         for one, other in itertools.pairwise(places.tolist()):
             look.append((one + other) / 2)
             trail.beside(*(look[-1:] if other - one < _CLOSE else ()))

@@ -54,13 +54,13 @@ def neimark_sacker(matrix: Matrix) -> Event:
             return math.nan
         return outermost(np.linalg.eigvals(matrix(point)))
 
-    def verify(point: Point) -> str:
+    def examine(point: Point) -> str:
         beyond = test(point)
         if abs(beyond) < ON_CIRCLE:
             return ""
         return f"the outermost complex pair has the modulus 1 {beyond:+.2g}: it has become real"
 
-    return Event("NS", test, verify=verify)
+    return Event("NS", test, examine=examine)
 
 
 def tally(matrix: Matrix, slack: float) -> Event:
@@ -71,7 +71,7 @@ def tally(matrix: Matrix, slack: float) -> Event:
             return math.nan
         return int(np.count_nonzero(np.abs(np.linalg.eigvals(matrix(point))) > 1.0 + slack))
 
-    return Event("MX", outside, tally=True)
+    return Event("MX", None, count=outside)
 
 
 def _passes(matrix: Array, mu: float) -> float:

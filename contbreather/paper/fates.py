@@ -146,7 +146,7 @@ def softest(breather: Breather, damping: float, sites: int) -> float:
     start = smooth_orbit(breather.state(sites), m=HARD, damping=damping, **conditions)
     branch = trace(
         start, "m", within={"m": (5.0, HARD + 1.0)}, towards="down",
-        events=(replace(fold(), terminal=True),), progress=False,
+        events=(replace(fold(), ends="branch"),), progress=False,
     )  # fmt: skip
     return float(branch.first("LP")["m"]) if "LP" in {p.kind for p in branch.special} else math.nan
 

@@ -126,7 +126,7 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
         return columns
     from scipy.interpolate import CubicHermiteSpline
 
-    tangents = np.stack([point.tangent for point in branch])[apart]
+    tangents = np.stack([point.direction for point in branch])[apart]
     known = along[apart]
     at = known[:-1, None] + np.diff(known)[:, None] * np.arange(FINE) / FINE
     at = np.append(at.ravel(), known[-1])
@@ -139,7 +139,7 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
 
 def _meant(point: Point) -> Point:
     """Where an arm sets out, with the name of the point it left; every other point itself."""
-    parent = point.detail.get("parent")
+    parent = point.parent
     if parent is None:
         return point
     return replace(point, kind=parent.kind, label=parent.label)

@@ -125,7 +125,7 @@ def test_without_coupling_the_arm_doubles_its_period():
 def test_with_coupling_the_neighbour_ends_the_arm_before_that():
     for arm in arms(0.04, 0.8):
         assert [point.kind for point in arm.special] == ["EP", "GR"]
-        assert arm[0].detail["parent"].kind == "PF"
+        assert arm[0].parent.kind == "PF"
         assert arm.stop.name == "EVENT"
         end = arm[-1].solution
         assert end.a == pytest.approx(0.877387, abs=5e-7)
@@ -238,7 +238,7 @@ def test_arms_leave_as_the_normal_form_says():
 def test_switching_knows_the_arms_and_the_way_back():
     """cb.switch at the pitchfork gives both arms, at the arm's own pitchfork the breathers."""
     one, other = switch(pitchfork_point(0.04, 0.8), within={"a": (0, 0.999)})
-    assert other[0].detail["image_of"] == 0
+    assert other.image_of == 0
     assert one[-1]["a"] == pytest.approx(arms(0.04, 0.8)[0][-1]["a"], abs=1e-12)
     start = asymmetric(0.8, 0.04, 0.8)
     back = trace(start, "a", towards="down", within={"a": (0.7, 0.81)}).first("PF")

@@ -19,7 +19,8 @@ from contbreather.breathers.orbit_problem import impact_problem, orbit_problem
 from contbreather.breathers.orbits import orbit_of
 from contbreather.breathers.shooting import shooting
 from contbreather.continuation import Branch, Locus, Point
-from contbreather.continuation.boundary import boundary_problem, met
+from contbreather.continuation.boundary import boundary_problem
+from contbreather.continuation.boundary import meeting as meeting_of
 from contbreather.continuation.problem import Curve
 
 RICH = cb.Fourier(cos={1: -1.0, 3: -0.2}, sin={5: 0.1})
@@ -183,8 +184,8 @@ def test_a_locus_lifted_onto_another_boundary_has_its_columns_in_their_places(me
     longer = boundary_problem(point.ground, point.event, place[2], events=())
     curve = Curve(longer, place[2][:1])
     z = curve.start
-    there = Point(curve, z, np.empty(0), 0.0, 0.0)
-    event = met(point.kind, make())
+    there = Point(curve, z)
+    event = meeting_of(point.kind, make())
     locus = event.locus(there)
     assert all(name.endswith(f" of {make().kind}") for name in locus.extra)
     found, wanted = of_locus(locus, curve, z)

@@ -53,7 +53,7 @@ def test_a_doubled_breather_of_the_infinite_chain_is_repeated_by_a_ring():
     branch = doubled_branch(point, within={"a": (0, 0.999)})
     assert branch["a"][0] == pytest.approx(point["a"], abs=1e-14)
     assert branch["a"][1] > branch["a"][0]
-    assert branch[0].detail["parent"] is point
+    assert branch[0].parent is point
     assert branch.stop.name in ("EVENT", "BOUND")
     orbit = branch[len(branch) // 2].solution
     assert orbit.admissibility().ok

@@ -33,7 +33,7 @@ from contbreather.breathers.shooting_events import contact, events_of, ring_neim
 from contbreather.breathers.shooting_images import images_of, simpler_than
 from contbreather.breathers.shooting_lifts import doubled, unfolded
 from contbreather.continuation.problem import Curve
-from contbreather.continuation.switching import switch
+from contbreather.continuation.switching import seeds_at, switch
 from contbreather.lattice.conditions import Conditions
 from contbreather.stability import dense_half_map
 
@@ -558,9 +558,7 @@ def test_arms_of_the_pitchfork_are_mirror_images() -> None:
 
 def test_branch_that_is_left_is_tangent_to_its_lift() -> None:
     for point in (symmetric_branch().first("PF"), arm(1, 0.0).first("PD")):
-        assert point.event is not None
-        assert point.event.arms is not None
-        for seed in point.event.arms(point):
+        for seed in seeds_at(point):
             matrix = Curve(seed.problem, ("a",)).jacobian(seed.z)
             assert seed.parent is not None
             assert matrix @ seed.parent == pytest.approx(np.zeros(len(matrix)), abs=1e-8)
@@ -570,10 +568,8 @@ def test_branch_that_is_left_is_tangent_to_its_lift() -> None:
 
 def test_seeds_of_the_pitchfork_lead_to_both_arms() -> None:
     point = symmetric_branch().first("PF")
-    assert point.event is not None
-    assert point.event.arms is not None
     ends = []
-    for seed in point.event.arms(point):
+    for seed in seeds_at(point):
         assert abs(seed.problem.evaluate(seed.z[:-1], {**seed.problem.params})).max() < 1e-12
         branch = cb.trace(seed.problem, "a", along=seed.tangent, within={"a": (0, 0.8)}, events=())
         ends.append(branch[-1]["c"])
@@ -584,7 +580,7 @@ def test_seeds_of_the_pitchfork_lead_to_both_arms() -> None:
 def test_switching_follows_both_arms_and_knows_them_for_images() -> None:
     arms = switch(symmetric_branch().first("PF"), within={"a": (0.5, 0.85)})
     assert [arm[-1]["a"] for arm in arms] == [0.85, 0.85]
-    assert arms[1][0].detail["image_of"] == 0
+    assert arms[1].image_of == 0
     lone = switch(arm(1, 0.0).first("PD"), within={"a": (0.9, 0.95)})
     assert len(lone) == 1
     assert lone[0].problem.label.startswith("shooting, ring of 1, period 4 pi")
@@ -749,9 +745,7 @@ def test_doubled_orbit_grows_with_the_root_of_the_parameter(cascade: list[cb.Poi
 
 def test_seed_of_the_doubling_leads_to_the_doubled_orbit() -> None:
     point = arm(1, 0.0).first("PD")
-    assert point.event is not None
-    assert point.event.arms is not None
-    (seed,) = point.event.arms(point)
+    (seed,) = seeds_at(point)
     branch = cb.trace(seed.problem, "a", along=seed.tangent, within={"a": (0.9, 0.95)}, events=())
     orbit = branch[-1].solution
     assert orbit.a == 0.95

@@ -53,7 +53,7 @@ def walked(start, free, events, steps=None):
 
 def ends_only():
     """What ends a branch, whatever its name."""
-    return [event for event in cb.symmetric(0.5, 0.04, 0.8).problem.events if event.terminal]
+    return [event for event in cb.symmetric(0.5, 0.04, 0.8).problem.events if event.ends]
 
 
 def scan(start, free):

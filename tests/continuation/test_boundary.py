@@ -326,7 +326,7 @@ def test_a_neutral_saddle_cannot_be_traced_as_a_hopf_point() -> None:
 
 
 def test_positive_events_hold_on_boundaries_too() -> None:
-    wall = Event("GR", lambda point: 1.2 - point["mu"], terminal=True, positive=True)
+    wall = Event("GR", lambda point: 1.2 - point["mu"], ends="domain")
     problem = replace(CUSP.problem, events=(fold(), wall))
     first = trace(problem, "h", within={"x": (-2, 2)}).first("LP")
     line = boundary(first, ("mu", "h"), within={"mu": (0.1, 2.0)})
@@ -336,7 +336,7 @@ def test_positive_events_hold_on_boundaries_too() -> None:
 
 
 def test_walls_hold_on_what_continues_a_boundary_from_a_file(tmp_path) -> None:
-    wall = Event("GR", lambda point: 1.2 - point["mu"], terminal=True, positive=True)
+    wall = Event("GR", lambda point: 1.2 - point["mu"], ends="domain")
     problem = replace(CUSP.problem, events=(fold(), wall))
     first = trace(problem, "h", within={"x": (-2, 2)}).first("LP")
     within = {"mu": (0.1, 2.0)}
@@ -352,7 +352,7 @@ def test_walls_hold_on_what_continues_a_boundary_from_a_file(tmp_path) -> None:
 def test_two_verified_events_within_one_step_of_a_boundary_are_both_kept(apart: float) -> None:
     places = {"A": 0.8, "B": 0.8 + apart}
     events = [
-        Event(kind, lambda point, at=at: point["mu"] - at, verify=lambda point: "")
+        Event(kind, lambda point, at=at: point["mu"] - at, examine=lambda point: "")
         for kind, at in places.items()
     ]
     first = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")

@@ -288,8 +288,8 @@ def test_a_walk_refuses_at_once_not_at_its_first_point() -> None:
 
 
 def test_events_are_values() -> None:
-    event = Event("GR", lambda point: point["x"], terminal=True)
-    assert replace(event, terminal=False).kind == "GR"
+    event = Event("GR", lambda point: point["x"], ends="branch")
+    assert replace(event, ends="").kind == "GR"
     with pytest.raises(TypeError):
         Event("GR", lambda point: point["x"], True)
     assert Steps() == Steps(first=0.01)

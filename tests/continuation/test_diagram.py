@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -222,8 +223,8 @@ def test_an_arm_that_is_its_own_parent_is_a_failure_and_no_meeting() -> None:
         )
         return (Seed(twice, np.append(twice.x, point["mu"]), np.array([1.0, 1.0, 1.0])),)
 
-    mine = scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5})
-    tree = diagram(mine, "mu", within=MU, events=[Event("ODD", lambda p: p["mu"], arms=arms)])
+    mine = scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}, lifts={"ODD": arms})
+    tree = diagram(mine, "mu", within=MU, events=[Event("ODD", lambda p: p["mu"])])
     assert (len(tree), tree.met, len(tree.failed)) == (1, (), 1)
     assert "cannot be told from the branch it was to leave" in str(tree.failed[0])
 
@@ -265,10 +266,13 @@ def test_every_branch_ever_new_still_ends() -> None:
             z = np.array([point["mu"], point["mu"]])
             return (Seed(problem(level + 1), z, np.array([1.0, 1.0])),)
 
-        event = Event("ODD", lambda point: point["mu"] - 0.5, arms=arms)
-        name = f"x{level}"
+        event = Event("ODD", lambda point: point["mu"] - 0.5)
         return Problem(
-            lambda x, p: np.array([x[0] - p["mu"]]), {name: -0.6}, {"mu": -0.6}, events=(event,)
+            lambda x, p: np.array([x[0] - p["mu"]]),
+            {f"x{level}": -0.6},
+            {"mu": -0.6},
+            events=(event,),
+            lifts={"ODD": arms},
         )
 
     tree = diagram(problem(0), "mu", within=MU, depth=10**6, most=12)
@@ -280,8 +284,8 @@ def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on() -> None:
         wrong = Seed(point.problem, point.z + 0.3, np.array([1.0, 0.0]))
         return (wrong, Seed(point.problem, point.z, np.array([1.0, 0.0])))
 
-    event = Event("ODD", lambda point: point["mu"], arms=arms)
-    tree = diagram(PITCHFORK.problem, "mu", within=MU, events=[event])
+    event = Event("ODD", lambda point: point["mu"])
+    tree = diagram(replace(PITCHFORK.problem, lifts={"ODD": arms}), "mu", within=MU, events=[event])
     assert len(tree) == 2
     assert "no curve leaves the start" in str(tree.failed[0])
     assert "1 arm not followed" in tree.describe()

@@ -342,7 +342,7 @@ def test_a_terminal_event_ends_the_branch_at_its_point() -> None:
 
 
 def test_beyond_a_positive_event_nothing_is_returned() -> None:
-    wall = Event("GR", lambda point: 0.3 - point["mu"], terminal=True, positive=True)
+    wall = Event("GR", lambda point: 0.3 - point["mu"], ends="domain")
     branch = on_line(wall, steps=LONG)
     assert branch.stop is Stop.EVENT
     assert branch[-1]["mu"] == pytest.approx(0.3, abs=1e-15)
@@ -351,7 +351,7 @@ def test_beyond_a_positive_event_nothing_is_returned() -> None:
 
 
 def test_a_start_on_a_positive_event_goes_the_allowed_way() -> None:
-    wall = Event("GR", lambda point: 0.25 - point["mu"], terminal=True, positive=True)
+    wall = Event("GR", lambda point: 0.25 - point["mu"], ends="domain")
     branch = on_line(wall, start=0.25)
     assert branch.stop is Stop.EVENT
     assert branch[-1].label == "GR1"

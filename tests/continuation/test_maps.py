@@ -388,7 +388,7 @@ def test_without_a_multiplier_one_no_fold_or_branch_point_of_a_map_is_verified(k
     curve = copy(point.curve)
     curve.rows = np.array([1e9])
     there = replace(point, curve=curve, detail={"null": 1.0, "tangents": ()})
-    assert "no multiplier is 1: the nearest is 1.5 off" in event.verify(there)
+    assert "no multiplier is 1: the nearest is 1.5 off" in event.examine(there)
 
 
 def test_strong_resonances_are_named_where_the_coefficient_would_be() -> None:

@@ -16,7 +16,7 @@ from .zoo import CUSP, LINE, PITCHFORK, events_of, trace_case
 
 @pytest.mark.parametrize("largest", [0.1, 1e-2, 1e-3])
 def test_an_event_at_the_rim_of_the_domain_is_met_at_any_step(largest: float) -> None:
-    gone = Event("GR", lambda point: 0.3 * point["x"], terminal=True, positive=True)
+    gone = Event("GR", lambda point: 0.3 * point["x"], ends="domain")
     problem = Problem(LINE.problem.residual, {"x": 0.4}, {"mu": 0.2}, domain={"x": (1e-14, 9.0)})
     branch = trace(
         problem, "mu", towards="down", events=[gone], steps=Steps(first=largest, largest=largest)

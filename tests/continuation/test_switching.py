@@ -26,7 +26,13 @@ from contbreather.continuation import (
 )
 from contbreather.continuation.problem import Curve
 from contbreather.continuation.recognition import lies_on, recognised, same_place
-from contbreather.continuation.switching import ArmsCoincide, NothingToSwitch, follow, switch
+from contbreather.continuation.switching import (
+    ArmsCoincide,
+    NothingToSwitch,
+    across,
+    follow,
+    switch,
+)
 from contbreather.errors import BadInput, Interrupted, NotConverged
 
 from .zoo import (
@@ -123,7 +129,7 @@ def test_the_first_point_of_an_arm_is_the_branch_point_itself() -> None:
     point = trace_case(PITCHFORK).first("BP")
     for arm in switch(point, within=MU):
         assert np.array_equal(arm[0].z, point.z)
-        assert arm[0].detail["parent"] is point
+        assert arm[0].parent is point
         assert arm.began is Stop.EVENT
         assert [one.label for one in arm.special] == ["EP1", "EP2"]
         assert arm[0].arclength == 0 < arm[1].arclength
@@ -159,12 +165,12 @@ def test_a_curve_that_comes_back_to_the_branch_point_is_there_once(largest: floa
 def test_mirror_images_are_marked_where_the_problem_knows_its_symmetry(images: object) -> None:
     mine = scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7}, images=images)
     one, other = arms_of(mine)
-    assert "image_of" not in one[0].detail
-    assert other[0].detail.get("image_of") == (None if images is None else 0)
+    assert one.image_of is None
+    assert other.image_of == (None if images is None else 0)
 
 
-def test_any_event_can_bring_its_own_arms_into_a_larger_problem() -> None:
-    """The engine asks the event, never for its kind: here two oscillators split apart."""
+def test_any_event_can_have_its_own_arms_in_a_larger_problem() -> None:
+    """The engine asks the problem, never for a kind: here two oscillators split apart."""
 
     def apart(x: Array, p: Mapping[str, float]) -> Array:
         mean, half = 0.5 * (x[0] + x[1]), 0.5 * (x[0] - x[1])
@@ -177,8 +183,9 @@ def test_any_event_can_bring_its_own_arms_into_a_larger_problem() -> None:
         z, parent = np.array([x, x, mu]), np.array([1.0, 1.0, 1.0])
         return tuple(Seed(larger, z, side * np.array([1.0, -1.0, 0]), parent) for side in (1, -1))
 
-    event = Event("ODD", lambda point: point["mu"] - 0.5, arms=arms)
-    mine = scalar(lambda x, p: x - p["mu"], 0.0, {"mu": 0.0}, events=(event,))
+    event = Event("ODD", lambda point: point["mu"] - 0.5)
+    lifts = {"ODD": arms}
+    mine = scalar(lambda x, p: x - p["mu"], 0.0, {"mu": 0.0}, events=(event,), lifts=lifts)
     found = switch(trace(mine, "mu", within=MU).first("ODD"), within=MU)
     for arm in found:
         half = 0.5 * (arm["left"] - arm["right"])
@@ -205,7 +212,7 @@ def test_an_interruption_keeps_the_arms_there_are() -> None:
     arms = stop.value.partial
     assert [arm.stop for arm in arms] == [Stop.INTERRUPTED]
     assert len(arms[0]) > 1
-    assert arms[0][0].detail["parent"] is point
+    assert arms[0][0].parent is point
 
 
 # --- what is refused --------------------------------------------------------------------------
@@ -229,7 +236,7 @@ def test_points_that_no_branch_leaves_are_refused_with_the_point() -> None:
 
 def test_the_start_of_an_arm_says_where_to_switch_instead() -> None:
     arm = arms_of(CROSSED_CIRCLE, {"mu": (-2.0, 2.0)})[0]
-    assert "point.detail['parent']" in str(refused(arm[0]))
+    assert "its `parent`" in str(refused(arm[0]))
 
 
 def test_a_point_that_was_not_located_is_refused() -> None:
@@ -239,8 +246,9 @@ def test_a_point_that_was_not_located_is_refused() -> None:
 
 
 def test_an_event_without_arms_at_its_point_is_refused() -> None:
-    event = Event("ODD", lambda point: point["mu"], arms=lambda point: ())
-    point = trace(PITCHFORK.problem, "mu", events=[event], within=MU).first("ODD")
+    event = Event("ODD", lambda point: point["mu"])
+    mine = replace(PITCHFORK.problem, lifts={"ODD": lambda point: ()})
+    point = trace(mine, "mu", events=[event], within=MU).first("ODD")
     assert "no other branch leaves it" in str(refused(point))
 
 
@@ -250,13 +258,14 @@ def with_seed(z: Array, tangent: Array, parent: Array | None = None) -> tuple[ob
 
 
 def first_switched(arms: object) -> object:
-    event = Event("BP", lambda point: point["mu"] - 0.3, arms=arms)
-    return switch(trace(PITCHFORK.problem, "mu", within=MU, events=[event]).first("BP"))
+    event = Event("BP", lambda point: point["mu"] - 0.3)
+    mine = replace(PITCHFORK.problem, lifts={"BP": arms})
+    return switch(trace(mine, "mu", within=MU, events=[event]).first("BP"))
 
 
 def test_the_arms_of_a_branch_point_are_refused_where_none_is() -> None:
     with pytest.raises(NothingToSwitch, match="no directions are known here"):
-        first_switched(branch_point().arms)
+        first_switched(across)
 
 
 @pytest.mark.parametrize(
@@ -288,11 +297,12 @@ def test_an_arm_that_follows_its_parent_is_refused_with_the_arm() -> None:
 
 
 def test_arms_that_coincide_are_refused_with_both() -> None:
-    point = trace_case(PITCHFORK).first("BP")
-    across = np.array([1.0, 0.0])
-    twice = Event("ODD", lambda point: 0.0, arms=lambda p: (Seed(p.problem, p.z, across),) * 2)
+    aside = np.array([1.0, 0.0])
+    lifts = {"BP": lambda point: (Seed(point.problem, point.z, aside),) * 2}
+    mine = replace(PITCHFORK.problem, lifts=lifts)
+    point = trace(mine, "mu", within=MU, events=[branch_point()]).first("BP")
     with pytest.raises(ArmsCoincide, match=r"two arms of .* coincide") as caught:
-        switch(replace(point, event=twice), within=MU)
+        switch(point, within=MU)
     assert caught.value.distance < 1e-12
     assert np.allclose(caught.value.arm[1].z, caught.value.other[1].z)
 

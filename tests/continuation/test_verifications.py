@@ -38,8 +38,9 @@ FLOW = (fold(), hopf())
 
 def reason(event: Event, point: Point, **detail: Any) -> str:
     """Why the event does not accept a point, of which it was told more."""
-    assert event.verify is not None
-    return event.verify(replace(point, detail={**point.detail, **detail}))
+    assert event.examine is not None
+    found = event.examine(replace(point, detail={**point.detail, **detail}))
+    return found if isinstance(found, str) else ""
 
 
 def looked_for(curve: Branch, kind: str) -> Event:
@@ -79,17 +80,16 @@ def test_a_fold_is_refused_without_its_null_vector() -> None:
     branch = trace_case(CUSP)
     assert reason(fold(), branch.first("LP")) == ""
     bare = replace(branch.first("LP"), detail={})
-    assert "no null vector" in fold().verify(bare)
+    assert "no null vector" in fold().examine(bare)
 
 
 def test_a_branch_point_is_refused_where_the_derivative_keeps_its_rank() -> None:
     branch = trace_case(CUSP)
     event = branch_point()
-    assert event.polish is not None
     for point in (middle(branch), branch.first("LP")):
         assert "no two curves" in reason(event, point)
         with pytest.raises(Undefined):
-            event.polish(point)
+            event.locus.solve(point)
 
 
 def test_a_branch_point_is_refused_where_two_ranks_are_lost() -> None:
@@ -97,8 +97,7 @@ def test_a_branch_point_is_refused_where_two_ranks_are_lost() -> None:
     mine = flow(lambda u, p: [p["mu"] * u[0], p["mu"] * u[1]], {"x": 0.0, "y": 0.0}, {"mu": -1.0})
     branch = trace(mine, "mu", within={"mu": (-1, 1)}, events=[user("mu", 0.0)])
     event = branch_point()
-    assert event.polish is not None
-    _, detail = event.polish(branch.first("UZ"))
+    _, detail = event.locus.solve(branch.first("UZ"))
     assert "loses more than one rank" in detail["reason"]
     found = trace(mine, "mu", within={"mu": (-1, 1)}, events=[event])
     assert [point.kind for point in found.special] == ["EP", "EP"]
@@ -141,7 +140,7 @@ def test_a_hopf_point_is_refused_where_both_eigenvalues_are_zero() -> None:
 
 
 def test_a_user_s_event_needs_no_verification() -> None:
-    assert user("mu", 0.3).verify is None
+    assert user("mu", 0.3).examine is None
 
 
 # --- on curves of folds and Hopf points -----------------------------------------------------------
@@ -190,7 +189,7 @@ def test_a_degenerate_takens_bogdanov_point_is_said_to_be() -> None:
     point = trace(mine, "b2", within={"b2": (-1, 1)}, events=[user("b2", 0.0)])
     at_zero = next(p for p in point if p["b2"] == 0.0)
     both = Curve(at_zero.problem, ("b2", "b1"))
-    ground = Point(both, both.start, np.empty(0), 0.0, 0.0)
+    ground = Point(both, both.start)
     words = reason(looked_for(takens_folds(), "BT"), ground)
     assert words.startswith("degenerate: a = 1, b = ")
 
