@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers import admissibility, neighbour_peak, smallest_amplitude
+from contbreather.breathers import neighbour_peak, smallest_amplitude
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from contbreather.cli.output import to_csv
 from contbreather.errors import NotConverged
@@ -359,7 +359,7 @@ def test_point_gives_the_library_s_numbers_to_the_last_digit(run: Callable[..., 
     assert out.count("\n") == 1
     wanted = {"a": b.a, "gamma": b.gamma, "k": b.k, "p": b.p, "phi": b.phi, "chi": b.chi}
     assert {name: content[name] for name in wanted} == wanted
-    assert content["max_neighbour"] == admissibility(b).max_neighbour
+    assert content["max_neighbour"] == b.admissibility().max_neighbour
     verdict = b.stability()
     assert (content["admissible"], content["stable"], content["unstable"]) == (True, True, 0)
     assert content["over_reflecting"] == verdict.over_reflecting

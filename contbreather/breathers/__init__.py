@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from contbreather.breathers.admissibility import (
+from contbreather.breathers.clearance import (
     Admissibility,
-    admissibility,
     centre_margin,
     highest_neighbour,
     neighbour_peak,
@@ -20,7 +19,6 @@ __all__ = [
     "Breather",
     "Closure",
     "Zones",
-    "admissibility",
     "centre_margin",
     "find_event",
     "find_symmetric",

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.asymmetric import problem_from
+from contbreather.breathers.clearance import LIMIT
 from contbreather.breathers.events import pitchfork
-from contbreather.breathers.orbit_admissibility import LIMIT
 from contbreather.breathers.orbits import Orbit, orbit_at
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.symmetric import Breather, symmetric

@@ -1,63 +1,178 @@
-"""Do the sites of a shot orbit keep off their walls wherever the itinerary has no impact?
+"""Does every site keep off its walls except at the impacts that an orbit names?
 
-Margins as in `contbreather.breathers.admissibility`: floats that are positive inside, zero at the
-limit and continuous in everything. A site that hits a wall is measured between its impacts, where
-``1 - u^2`` vanishes at both ends: what counts is its ratio to ``(s + k) s (L - s)``, s the time
-since the one impact, L - s to the next. That margin vanishes, too, when an incoming velocity does.
+Three things can go wrong: a site that never hits a wall reaches one (15), a site that does touches
+one between its impacts (B3), the far field gets there. Each has a margin: a float that is positive
+inside, zero at the limit and continuous in all unknowns and parameters.
+
+Between the impacts of a site ``1 - u^2`` vanishes at both ends. What counts is its ratio to
+``(s + k) s (L - s)``, s the time since the one impact, L - s to the next, times that denominator at
+mid flight: it is regular at both, for k = 0 too, where a site leaves its wall quadratically and
+the margin turns into its inward acceleration; and it vanishes when an incoming velocity does.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.admissibility import Admissibility
-
-if TYPE_CHECKING:
-    from contbreather.breathers.ring_orbit import Hit, RingOrbit
+from contbreather.errors import BadInput
 
 FloatArray = NDArray[np.float64]
+Terms = tuple[float, float, float]  # a value and its first two derivatives
+Place = tuple[int | None, float]  # a site, None for the far field, and a time
+Wall = tuple[float, float]
 
-FINE = 64  # points to a half period of the forcing; sixteen to that of its highest harmonic
-CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
+FINE = 64  # points to half a period of the forcing, sixteen to that of its highest harmonic
 LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
-NO_WALLS = (-math.inf, math.inf)
+CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
 ALIKE = 1e-9  # sites whose motions differ by less are images of each other
+BESIDE = 1e-4  # times this close to a crest, or to half of it, are of that crest
+TELLING = 1e-12  # where margins vanish together, the least size of what still sets them apart
 ENDS = 1e-9  # relative distance from its impacts at which a flight counts as at them
+USUAL = (-1.0, 1.0)
+
+
+class Between(NamedTuple):
+    """A site between two of its impacts: speeds are those into the wall, just before."""
+
+    site: int
+    start: float
+    end: float  # the time that the second impact is known by, but for whole periods
+    length: float
+    speed: float
+    next_speed: float
+    push: float  # inward acceleration after the first impact
+
+
+class Watch(Protocol):
+    """What the clearance of an orbit is measured on."""
+
+    @property
+    def k(self) -> float: ...
+    @property
+    def highest(self) -> int:
+        """Highest harmonic of the forcing."""
+
+    @property
+    def start(self) -> float:
+        """Time of the first impact of a section."""
+
+    @property
+    def length(self) -> float:
+        """Of the section, in time."""
+
+    @property
+    def sign(self) -> int:
+        """-1 where the motion is reversed after a section, 1 where it repeats."""
+
+    @property
+    def flights(self) -> tuple[Between, ...]:
+        """Of a section."""
+
+    @property
+    def idle(self) -> NDArray[np.int64]:
+        """Sites that never hit a wall, all that may come closest to one."""
+
+    @property
+    def beside(self) -> Collection[int]:
+        """Sites coupled to one that hits a wall."""
+
+    def walls(self, site: int) -> Wall: ...
+    def far(self) -> tuple[float, float]:
+        """Time and margin of the far field, 1 where there is none."""
+
+    def at(self, site: Any, t: float) -> Terms:
+        """Displacement, velocity and acceleration of a site."""
+
+    def path(self, site: int, t: FloatArray) -> FloatArray:
+        """Displacement of a site."""
+
+    def profiles(self, sites: NDArray[np.int64], size: int) -> FloatArray:
+        """Displacements of sites at so many equal steps of the section, shape (sites, size)."""
+
+    def felt(self, site: int) -> float:
+        """How strongly a site feels the impacts, in powers of the coupling."""
+
+
+@dataclass(frozen=True)
+class Admissibility:
+    """What keeps a solution from being an orbit of the lattice, or by how much it is one.
+
+    Attributes
+    ----------
+    ok : bool
+        All margins are positive.
+    max_neighbour : float
+        Largest displacement of a site coupled to one that impacts, eq. (15): 1 less its distance
+        from the nearer wall; 0 if there is none.
+    margin : float
+        The least of the margins below.
+    reason : str
+        A sentence: what is closest to its limit, or beyond it.
+    site, time : int or None, float
+        Where and when that is; None stands for the far field.
+    neighbours : float
+        The sites that never impact: distance from the nearer wall; 1 if there are none.
+    centre : float
+        The sites that do, between their impacts, (B3).
+    far : float
+        The far field on a lattice without end: ``1 - max |c + a f|``, else 1.
+    places : dict
+        Site and time of each of the three margins, by name.
+    """
+
+    ok: bool
+    max_neighbour: float
+    margin: float
+    reason: str
+    site: int | None
+    time: float
+    neighbours: float
+    centre: float
+    far: float
+    places: Mapping[str, Place]
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+    def __repr__(self) -> str:
+        verdict = "ok" if self.ok else "not ok"
+        return f"<Admissibility {verdict}, margin {self.margin:.6g}: {self.reason.rstrip('.')}>"
 
 
 class Gap(NamedTuple):
     """The smallest of the margins of one site: by how much, where, when, and on which flight."""
 
     margin: float
-    site: int
+    site: Any  # None stands for the far field
     time: float
-    flight: int = -1  # number of the impact it starts from, in order of time; -1: never hits
+    flight: int = -1  # of `Watch.flights`; -1: never hits
 
 
-def clearance(orbit: RingOrbit) -> Admissibility:
-    """Whether, and by how much, an orbit keeps off all walls it must not touch.
+def clearance(orbit: Watch) -> Admissibility:
+    """Whether, and by how much, an orbit keeps off all walls except at its impacts.
 
-    Parameters
-    ----------
-    orbit : RingOrbit
-
-    Returns
-    -------
-    Admissibility
-        ``centre`` is the least margin of the sites that hit a wall, ``neighbours`` that of all
-        others, ``max_neighbour`` the largest displacement of those next to a site that does (1 less
-        its distance from the nearer wall).
+    Examples
+    --------
+    >>> from contbreather.breathers.symmetric import symmetric
+    >>> verdict = symmetric(0.5, 0.12, 0.4).admissibility()
+    >>> verdict.ok, round(verdict.max_neighbour, 12)
+    (True, 0.667948289045)
     """
-    flights, others = list(gaps_of_flights(orbit)), gaps_of_others(orbit)
-    worst = min(flights + others, key=lambda gap: gap.margin)
-    beside = _beside(orbit)
-    heights = [1.0 - gap.margin for gap in others if gap.site in beside]
+    when, margin = orbit.far()
+    far, centre = Gap(margin, None, when), min(gaps_of_flights(orbit))
+    idle = gaps_of_idle(orbit)
+    nobody = Gap(1.0, orbit.flights[0].site + 1, orbit.start)
+    places = {"neighbours": min(idle, default=nobody), "centre": centre, "far": far}
+    worst = min(places.values(), key=lambda gap: gap.margin)
+    beside = orbit.beside
+    heights = [1.0 - gap.margin for gap in idle if gap.site in beside]
     return Admissibility(
         ok=worst.margin > 0.0,
         max_neighbour=max(heights, default=0.0),
@@ -65,33 +180,112 @@ def clearance(orbit: RingOrbit) -> Admissibility:
         reason=_reason(orbit, worst),
         site=worst.site,
         time=worst.time,
-        neighbours=min((gap.margin for gap in others), default=1.0),
-        centre=min(gap.margin for gap in flights),
-        far=1.0,
+        places={name: (gap.site, gap.time) for name, gap in places.items()},
+        **{name: gap.margin for name, gap in places.items()},
     )
 
 
-def _reason(orbit: RingOrbit, worst: Gap) -> str:
-    there = orbit.displacement(worst.site, worst.time)
-    told = f"site {worst.site} is at u = {there:.9g} at t = {worst.time:.9g}"
-    if worst.flight >= 0:
-        start, end = flights_of(orbit)[worst.flight]
-        if not start.time < worst.time < end.time:
-            hit = start if worst.time <= start.time else end
-            told = (
-                f"site {worst.site} meets its wall at {hit.wall:+d} with the velocity "
-                f"{hit.before * hit.wall:.6g} at t = {hit.time:.9g}"
-            )
-        else:
-            told += ", between its impacts"
+def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
+    """When and how high a site that must not impact climbs: ``(t, max over t of |u_n|)``.
+
+    The time is within a period of the first impact; of a symmetric orbit the one of the two at
+    which u_n is positive, so that grazing is ``u_n(t) = 1, u_n'(t) = 0``; both hold to rounding.
+
+    Raises
+    ------
+    BadInput
+        If n is an impacting site.
+
+    Examples
+    --------
+    >>> from contbreather.breathers.symmetric import symmetric
+    >>> b = symmetric(0.5, 0.12, 0.4)
+    >>> t, height = neighbour_peak(b)
+    >>> round(height, 12), abs(b.velocity(1, t)) < 1e-14
+    (0.667948289045, True)
+    """
+    watch, sites = orbit.watch, np.array([n])
+    if n == 1 and not watch.idle.size:
+        return watch.start, 0.0
+    if any(orbit.lattice.distance(n - own.site) == 0 for own in watch.flights):
+        raise BadInput(f"n = {n}: that is the impacting site; ask about one that must not impact.")
+    u = watch.profiles(sites, _points(watch, watch.length))
+    (gap,) = _gaps(watch, sites, u, sites.tolist())
+    return gap.time, 1.0 - gap.margin
+
+
+def highest_neighbour(orbit: Any) -> tuple[int, float, float]:
+    """Which site that must not impact climbs highest: ``(n, t, |u_n|)``; height 0 if there is none.
+
+    On the upper branch of (13) it is the nearest one wherever that matters (the paper's
+    Appendix B); on the lower branch, and for other forcings, it is often the second.
+
+    Examples
+    --------
+    >>> from contbreather.breathers.symmetric import symmetric_roots
+    >>> [highest_neighbour(b)[0] for b in symmetric_roots(0.9, 0.12, 0.8)]
+    [1, 2]
+    """
+    found = clearance(orbit.watch)
+    (n, t) = found.places["neighbours"]
+    return n, t, 1.0 - found.neighbours  # type: ignore[return-value]
+
+
+def centre_margin(orbit: Any) -> float:
+    """How far the impacting sites keep off their walls between their impacts, (B3)."""
+    return min(gaps_of_flights(orbit.watch)).margin
+
+
+def closest(orbit: Watch) -> Gap:
+    """What is closest to a wall, or beyond it, the far field aside."""
+    return min([*gaps_of_flights(orbit), *gaps_of_idle(orbit)])
+
+
+def at_impact(orbit: Watch, gap: Gap) -> bool:
+    """Whether that is at an impact itself, which then has lost its velocity."""
+    if gap.flight < 0:
+        return False
+    own = orbit.flights[gap.flight]
+    return min(gap.time - own.start, own.start + own.length - gap.time) < ENDS * own.length
+
+
+def _reason(orbit: Watch, worst: Gap) -> str:
+    reach = _reach(orbit, worst)
     if abs(worst.margin) < LIMIT:
-        return f"at the limit: {told}."
+        return f"at the limit: {reach}."
     if worst.margin > 0.0:
-        return f"every site keeps off its walls; closest to the limit: {told}."
-    return f"no orbit of these impacts: {told}."
+        return f"every site keeps off its walls; closest to the limit: {reach}."
+    rule = "|a f| <= 1" if worst.site is None else "(B3)" if worst.flight >= 0 else "(15)"
+    return f"no breather: {reach}; {rule} is broken."
 
 
-# --- sites that hit a wall ------------------------------------------------------------------
+def _reach(orbit: Watch, worst: Gap) -> str:
+    margin, site, time, flight = worst
+    if site is None:
+        return f"the far field follows the forcing and reaches |u| = {1.0 - margin:.6g}"
+    if flight >= 0:
+        return _reach_between(orbit, worst, site)
+    if orbit.walls(site) == USUAL:
+        return f"site {site} reaches |u| = {1.0 - margin:.6g} at t = {time:.6g}"
+    return f"site {site} reaches u = {orbit.at(site, time)[0]:.6g} at t = {time:.6g}"
+
+
+def _reach_between(orbit: Watch, worst: Gap, site: int) -> str:
+    margin, _, time, flight = worst
+    own = orbit.flights[flight]
+    if time not in (own.start, own.end):
+        u = orbit.at(site, time)[0]
+        return f"site {site} between its impacts is at u = {u:.6g} at t = {time:.6g}"
+    if orbit.k == 0.0 and time == own.start:
+        way = "inwards" if margin > 0.0 else "into the wall, so it sticks"
+        return f"after its impact with k = 0 site {site} is pushed {way}"
+    speed = own.speed * orbit.k if time == own.start else own.next_speed
+    if abs(margin) < LIMIT:
+        return f"the impact of site {site} itself vanishes, at velocity {speed:.2g}"
+    return f"the impact of site {site} itself, at velocity {speed:.6g}"
+
+
+# --- between the impacts of a site ----------------------------------------------------------
 
 
 class Room(NamedTuple):
@@ -102,74 +296,69 @@ class Room(NamedTuple):
     high: float
 
     @property
-    def one(self) -> bool:
-        """Whether there is one wall only."""
-        return math.isinf(self.low) or math.isinf(self.high)
-
-    @property
     def width(self) -> float:
         """Size of the slope at a wall."""
-        return 1.0 if self.one else self.high - self.low
-
-    @property
-    def bend(self) -> float:
-        return 0.0 if self.one else -2.0
+        width = self.high - self.low
+        return width if math.isfinite(width) else 1.0
 
     def of(self, u: Any) -> Any:
-        if math.isinf(self.low):
+        if self.low == -math.inf:
             return self.high - u
-        return u - self.low if math.isinf(self.high) else (self.high - u) * (u - self.low)
+        return u - self.low if self.high == math.inf else (self.high - u) * (u - self.low)
 
-    def slope(self, u: float) -> float:
-        if math.isinf(self.low):
-            return -1.0
-        return 1.0 if math.isinf(self.high) else self.high + self.low - 2.0 * u
-
-
-def flights_of(orbit: RingOrbit) -> list[tuple[Hit, Hit]]:
-    """Impacts of one site and the next ones of the same site, over one section."""
-    count = orbit.itinerary.count
-    hits = orbit.hits
-    found = []
-    for i, start in enumerate(hits[:count]):
-        later = [hit for hit in hits[i + 1 :] if hit.site == start.site]
-        if not later:
-            first = next(hit for hit in hits if hit.site == start.site)
-            later = [first._replace(time=first.time + orbit.period)]
-        found.append((start, later[0]))
-    return found
+    def terms(self, u: float, v: float, w: float) -> Terms:
+        """Value and derivatives in time from those of u."""
+        low, high = self
+        if low == -math.inf:
+            return high - u, -v, -w
+        if high == math.inf:
+            return u - low, v, w
+        tilt = high + low - 2.0 * u
+        return (high - u) * (u - low), tilt * v, tilt * w - 2.0 * v * v
 
 
-def gaps_of_flights(orbit: RingOrbit) -> Iterator[Gap]:
+def gaps_of_flights(orbit: Watch) -> Iterator[Gap]:
     """The margin of each flight of a site from one impact to its next."""
-    for i, (start, end) in enumerate(flights_of(orbit)):
-        length = end.time - start.time
-        if length <= 0.0:  # the order of two impacts of one site is lost
-            yield Gap(length, start.site, end.time, i)
+    for i, own in enumerate(orbit.flights):
+        if own.length <= 0.0:  # the order of two impacts of one site is lost
+            yield Gap(own.length, own.site, own.end, i)
             continue
-        s = _grid(_points(orbit, length)) * length
-        room = Room(*orbit.conditions.walls.at(start.site))
-        u = orbit.displacement(start.site, start.time + s)
-        ratio = room.of(u) / ((s + orbit.k) * s * (length - s))
-        left, right = (room.width * end for end in _ends(orbit, start, end, length))
-        fenced = np.concatenate([[0.1 * s[0]], s, [length - 0.1 * (length - s[-1])]])
-        inner = min(
-            _deepest(
-                orbit, room, start, length, float(s[j]), (float(fenced[j]), float(fenced[j + 2]))
-            )
-            for j in _dips(ratio)
-        )
-        least, when = min(inner, (left, 0.0), (right, length))
-        scale = 0.25 * length * length * (0.5 * length + orbit.k)
-        yield Gap(least * scale, start.site, start.time + when, i)
+        room, s, ends = _seen(orbit, own)
+        ratio = room.of(orbit.path(own.site, own.start + s)) / _denominator(orbit.k, own.length, s)
+        inner = _least(partial(_flown, orbit, own, room), s, ratio, ends)
+        least, when = min(inner, *_limits(orbit.k, own, room.width))
+        scale = 0.25 * own.length * own.length * (0.5 * own.length + orbit.k)
+        yield Gap(least * scale, own.site, _named(own, when), i)
 
 
-def _ends(orbit: RingOrbit, start: Hit, end: Hit, length: float) -> tuple[float, float]:
-    """The ratio at both impacts, by de l'Hospital, in units of the width of the room."""
-    right = end.before * end.wall / (length * (length + orbit.k))
-    if orbit.k > 0.0:
-        return start.before * start.wall / length, right
-    return -0.5 * start.acceleration * start.wall / length, right
+def _seen(orbit: Watch, own: Between) -> tuple[Room, FloatArray, tuple[float, float]]:
+    """The room of a site, times of its flight to look at, and how far beyond them to look."""
+    s = _grid(_points(orbit, own.length)) * own.length
+    ends = 0.1 * float(s[0]), own.length - 1e-3 * (own.length - float(s[-1]))
+    return Room(*orbit.walls(own.site)), s, ends
+
+
+def _named(own: Between, when: float) -> float:
+    # an impact is named by its own time, not by one that is it but for rounding
+    return own.end if when == own.length else own.start + when
+
+
+def _limits(k: float, own: Between, width: float) -> tuple[tuple[float, float], ...]:
+    """The ratio at both impacts, by de l'Hospital."""
+    L = own.length
+    left = own.speed / L if k > 0.0 else 0.5 * own.push / L
+    return (width * left, 0.0), (width * own.next_speed / (L * (L + k)), L)
+
+
+def _denominator(k: float, length: float, s: Any) -> Any:
+    return (s + k) * s * (length - s)
+
+
+def _flown(orbit: Watch, own: Between, room: Room, s: float) -> tuple[Terms, Terms]:
+    """Numerator and denominator of the ratio."""
+    k, rest = orbit.k, own.length - s
+    d = (s + k) * s * rest, (2.0 * s + k) * rest - (s + k) * s, 2.0 * rest - 2.0 * (2.0 * s + k)
+    return room.terms(*orbit.at(own.site, own.start + s)), d
 
 
 @lru_cache(maxsize=32)
@@ -179,107 +368,248 @@ def _grid(size: int) -> FloatArray:
     return np.concatenate([step * 0.5 ** np.arange(6, 0, -0.5), step * np.arange(1, size)])
 
 
-def _points(orbit: RingOrbit, length: float) -> int:
-    return math.ceil(max(FINE, 16 * orbit.forcing.highest) * max(1.0, length / math.pi))
+def _points(orbit: Watch, length: float) -> int:
+    return math.ceil(max(FINE, 16 * orbit.highest) * max(1.0, length / math.pi) - 1e-9)
+
+
+def _least(
+    terms: Callable[[float], tuple[Terms, Terms]],
+    s: FloatArray,
+    ratio: FloatArray,
+    ends: tuple[float, float],
+) -> tuple[float, float]:
+    """Value and place of the least of a ratio that is known on a grid between two ends."""
+    fenced = [ends[0], *s.tolist(), ends[1]]
+    return min(
+        _deepest(terms, fenced[i + 1], float(ratio[i]), (fenced[i], fenced[i + 2]))
+        for i in _dips(ratio).tolist()
+    )
 
 
 def _dips(ratio: FloatArray) -> NDArray[np.int64]:
     """Local minima on the grid that may be the lowest; the grid misses less than a tenth."""
     lowest = float(ratio.min())
-    low = ratio <= lowest + 0.1 * max(abs(lowest), 0.1 * float(abs(ratio[-1])))
+    low = ratio <= lowest + 0.1 * max(abs(lowest), 0.1 * abs(float(ratio[-1])))
     low[1:] &= ratio[1:] <= ratio[:-1]
     low[:-1] &= ratio[:-1] <= ratio[1:]
     return np.flatnonzero(low)
 
 
 def _deepest(
-    orbit: RingOrbit, room: Room, start: Hit, length: float, s: float, within: tuple[float, float]
+    terms: Callable[[float], tuple[Terms, Terms]],
+    s: float,
+    value: float,
+    within: tuple[float, float],
 ) -> tuple[float, float]:
-    """Value and place of the minimum of the ratio next to s: Newton, kept in by bisection."""
-    best, (low, high), k = (math.inf, s), within, orbit.k
+    """The minimum of a ratio next to ``s``: Newton, kept in by bisection. `terms` are its numerator
+    and denominator, each with its first two derivatives."""
+    best, (low, high) = (value, s), within
+    bisected = 0
     for _ in range(60):
-        u, v, w = orbit.at(start.site, start.time + s)
-        n, tilt, bend = room.of(u), room.slope(u), room.bend
-        n1, n2 = tilt * v, tilt * w + bend * v * v
-        d = (s + k) * s * (length - s)
-        d1 = (2.0 * s + k) * (length - s) - (s + k) * s
-        d2 = 2.0 * (length - s) - 2.0 * (2.0 * s + k)
+        if bisected == 9:  # the ratio falls up to an end, which has a value of its own
+            break
+        (n, n1, n2), (d, d1, d2) = terms(s)
         best = min(best, (n / d, s))
         tilt, bend = n1 * d - n * d1, n2 * d - n * d2
         low, high = (low, s) if tilt > 0.0 else (s, high)
         last, s = s, s - tilt / bend if bend > 0.0 else low
         if not low < s < high:
-            s = 0.5 * (low + high)
-        if abs(s - last) <= 1e-9:  # the value is flat there: this is 1e-18 of it
+            bisected, s = bisected + 1, 0.5 * (low + high)
+        if abs(s - last) <= 1e-8:  # the value is flat there: this is 1e-16 of it
             break
     return best
 
 
-# --- all other sites ------------------------------------------------------------------------
+# --- sites that never hit a wall ------------------------------------------------------------
 
 
-def gaps_of_others(orbit: RingOrbit, besides: tuple[int, float] | None = None) -> list[Gap]:
-    """The margins of the sites that never hit a wall: the highest, and those beside it that may
-    be higher still; of mirror images the one to the right.
-
-    ``besides`` names a crest, by its site and time, that is not to be counted, on sites that move
-    alike by symmetry either.
-    """
-    walls = orbit.conditions.walls
-    watched = np.array(
-        [n for n in orbit.lattice.idle(orbit.itinerary.hit).tolist() if walls.at(n) != NO_WALLS],
-        dtype=np.int64,
-    )
-    if watched.size == 0:
+def gaps_of_idle(orbit: Watch) -> list[Gap]:
+    """The margins of the sites beside those that impact, and of every other that may be less."""
+    sites = orbit.idle
+    if not sites.size:
         return []
-    T = orbit.itinerary.length
-    size = _points(orbit, T)
-    times: FloatArray = orbit.times[0] + T / size * np.arange(size, dtype=float)
-    low, high = np.array([walls.at(n) for n in watched.tolist()]).T
-    motion = orbit.motion(times)
-    u = _height(motion[:, watched], low, high)  # of period T, by symmetry
-    before, after = np.roll(u, 1, axis=0), np.roll(u, -1, axis=0)
-    crest = (u >= before) & (u >= after)
-    bend = np.where(crest, 2.0 * u - before - after, 1.0)
-    lift = np.divide((after - before) ** 2, 8.0 * bend, out=np.zeros_like(u), where=bend > 0.0)
-    tops = np.where(crest, u + lift, -np.inf)
-    if besides is not None:
-        apart = (times - besides[1] + 0.5 * T) % T - 0.5 * T
-        alike = np.abs(motion[:, watched] - motion[:, [besides[0]]]).max(axis=0) < ALIKE
-        tops[np.ix_(np.abs(apart) < 2.5 * T / size, alike)] = -np.inf
-    top = tops.max(axis=0)
-    enough = float(top.max()) - CLOSE * abs(float(top.max()))
-    beside = _beside(orbit)
-    near = [i for i, n in enumerate(watched.tolist()) if n in beside or top[i] >= enough]
-    chosen = [i for i in near if top[i] > -np.inf]  # some site may have the excepted crest only
+    return _gaps(orbit, sites, orbit.profiles(sites, _points(orbit, orbit.length)), orbit.beside)
+
+
+def gaps_of_others(orbit: Watch, site: int) -> list[Gap]:
+    """The margins of all idle sites that feel the impacts more than this one, and of any other that
+    may be less than those of its like; apart from itself and its images by symmetry."""
+    sites = orbit.idle
+    u = orbit.profiles(np.append(sites, site), _points(orbit, orbit.length))
+    other = (abs(u[:-1] - u[-1]).max(axis=1) > ALIKE) & (sites != site)
+    sites, u, felt = sites[other], u[:-1][other], orbit.felt(site)
+    more = np.array([orbit.felt(n) > felt for n in sites.tolist()], dtype=bool)
+    near = _gaps(orbit, sites[more], u[more], sites.tolist())
+    return near + _gaps(orbit, sites[~more], u[~more], orbit.beside)
+
+
+def _gaps(
+    orbit: Watch,
+    sites: NDArray[np.int64],
+    u: FloatArray,
+    near: Collection[int],
+    walls: list[Wall] | None = None,
+) -> list[Gap]:
+    """Of sites whose motion over a section is u: those near, and the least of all."""
+    if not sites.size:
+        return []
+    walls = walls or [orbit.walls(n) for n in sites.tolist()]
+    tops, step = _crests(_heights(u, walls)), orbit.length / u.shape[1]
+    top = tops.max(axis=1)
+    # the parabola errs by a fraction of the crest, however low that is
+    enough = top.max() - CLOSE * abs(top.max())
     found = []
-    for i in chosen:
-        crests = np.flatnonzero(tops[:, i] >= top[i] - CLOSE * abs(top[i]))
-        n = int(watched[i])
-        height, time = max(_crest(orbit, n, float(times[j]), T / size) for j in crests)
-        found.append(Gap(1.0 - height, n, time))
+    for i, n in enumerate(sites.tolist()):
+        if n in near or top[i] >= enough:
+            crests = np.flatnonzero(tops[i] >= top[i] - CLOSE * abs(top[i])).tolist()
+            own = (_crest(orbit, n, walls[i], orbit.start + j * step, step) for j in crests)
+            found.append(min(own))
     return found
 
 
-def _height(u: Any, low: Any, high: Any) -> Any:
-    """1 less the distance from the nearer wall: ``|u|`` between -1 and 1."""
-    return 1.0 + np.maximum(u - high, low - u)
-
-
-def _beside(orbit: RingOrbit) -> set[int]:
-    """Sites coupled to one that hits a wall."""
-    return {n for hit in orbit.itinerary.hit for n in orbit.lattice.beside(hit)}
-
-
-def _crest(orbit: RingOrbit, n: int, time: float, step: float) -> tuple[float, float]:
-    """Height and time of the extremum of site n next to a time on the grid."""
-    best = (-math.inf, time)
-    walls = orbit.conditions.walls.at(n)
-    low, high = time - step, time + step
-    for _ in range(30):
-        u, v, w = orbit.at(n, time)
-        best = max(best, (float(_height(u, *walls)), time))
-        last, time = time, min(max(time - v / w, low), high) if w else time
-        if abs(time - last) <= 1e-9:  # the height is flat there: this is 1e-18 of it
+def _crest(orbit: Watch, n: int, walls: Wall, t: float, step: float) -> Gap:
+    """The margin of site n at the extremum of its motion within a step: Newton, kept in by
+    bisection. Where the other half of the motion mirrors this one it is that at the wall +1."""
+    low, high = t - step, t + step
+    u, v, w = orbit.at(n, t)
+    top = walls[1] - u < u - walls[0]
+    for _ in range(60):
+        low, high = (t, high) if (v > 0.0) == top else (low, t)
+        last, t = t, t - v / w if w else low
+        if not low <= t <= high:
+            t = 0.5 * (low + high)
+        if abs(t - last) <= 1e-8:  # of second order: the next step would be rounding
+            u += 0.5 * v * (t - last)
             break
-    return best
+        u, v, w = orbit.at(n, t)
+    period = orbit.length
+    if orbit.sign < 0:
+        period *= 2.0
+        if u < 0.0:
+            u, t = -u, t + orbit.length
+    return Gap(min(walls[1] - u, u - walls[0]), n, orbit.start + (t - orbit.start) % period)
+
+
+def _heights(u: FloatArray, walls: list[Wall]) -> FloatArray:
+    """1 less the distance from the nearer wall: ``|u|`` between -1 and 1."""
+    if all(own == USUAL for own in walls):
+        return np.abs(u)
+    low, high = np.array(walls).T[:, :, None]
+    return np.asarray(1.0 + np.maximum(u - high, low - u))
+
+
+def _crests(u: FloatArray) -> FloatArray:
+    """Heights of crests by a parabola through three points of the grid; nothing elsewhere."""
+    closed = np.concatenate([u[:, -1:], u, u[:, :1]], axis=1)
+    before, after = closed[:, :-2], closed[:, 2:]
+    crest = (u >= before) & (u >= after)
+    bend = np.where(crest, 2.0 * u - before - after, 1.0)
+    lift = np.divide((after - before) ** 2, 8.0 * bend, out=np.zeros_like(u), where=bend > 0.0)
+    return np.where(crest, u + lift, -np.inf)
+
+
+# --- besides a grazing crest ----------------------------------------------------------------
+
+
+def rivals(orbit: Watch, site: int | None, t: float) -> list[Gap]:
+    """Everything that may touch a wall besides the crest of one site at one time, which does.
+
+    The far field is not among them: its displacement lies between those of two neighbours far out,
+    so it is never highest by more than rounding.
+
+    Without coupling, or without an impact, all sites that do not hit follow the forcing alike, and
+    margins vanish together, like the answer of the nearer of two sites to an impact. What is
+    returned is ``m/(|m| + that)``, between -1 and 1, of the sign of each margin m and no zero that
+    says nothing; 1 where rounding decides that sign.
+    """
+    flights = list(gaps_of_flights(orbit))
+    busy = [own.site for own in orbit.flights]
+    if site is None:
+        found = [*flights, *gaps_of_idle(orbit)]
+    elif site in busy:
+        found = [*_besides_dip(orbit, site, t, flights), *gaps_of_idle(orbit)]
+    else:
+        found = [*_besides_crest(orbit, site, t), *flights, *gaps_of_others(orbit, site)]
+    least = 0.0 if site is None else orbit.felt(site)
+    sizes = [max(least, orbit.felt(gap.site)) for gap in found if gap.site is not None]
+    return [
+        gap._replace(margin=_told_apart(gap.margin, size))
+        for gap, size in zip(found, sizes, strict=True)
+    ]
+
+
+def _told_apart(margin: float, size: float) -> float:
+    return 1.0 if size < TELLING else margin / (abs(margin) + size)
+
+
+def _besides_crest(orbit: Watch, site: int, t: float) -> list[Gap]:
+    """Margins of a site whose crest at ``t`` touches a wall: that crest, a double zero, is divided
+    out, so what is left tells the others, and where it is no crest."""
+    (low, high), u = orbit.walls(site), orbit.at(site, t)[0]
+    side, wall = (1.0, high) if high - u < u - low else (-1.0, low)
+    sites = np.array([site])
+    size = _points(orbit, orbit.length)
+    path = orbit.profiles(sites, size)
+    found = [_undivided(orbit, site, t, side, wall, path[0])]
+    if orbit.sign > 0:  # otherwise the other wall is that of the other half
+        other = (low, math.inf) if side > 0.0 else (-math.inf, high)
+        if any(map(math.isfinite, other)):
+            found += _gaps(orbit, sites, path, sites.tolist(), [other])
+    return found
+
+
+def _undivided(
+    orbit: Watch, site: int, t: float, side: float, wall: float, path: FloatArray
+) -> Gap:
+    """The least of the distance from a wall over ``1 - cos`` of the time since its crest."""
+    step, period = orbit.length / path.size, orbit.length
+    if orbit.sign < 0:
+        path, period = np.concatenate([path, -path]), 2.0 * period
+    turn, crest = 2.0 * math.pi / period, (t - orbit.start) % period
+    s = step * np.arange(path.size)
+    away = np.abs(np.sin(0.5 * turn * (s - crest))) > BESIDE
+    s, u = s[away], path[away]
+    ratio = side * (wall - u) / (1.0 - np.cos(turn * (s - crest)))
+
+    def terms(s: float) -> tuple[Terms, Terms]:
+        u, v, w = orbit.at(site, orbit.start + s)
+        angle = turn * (s - crest)
+        c, bend = math.cos(angle), turn * turn * math.cos(angle)
+        if abs(math.sin(0.5 * angle)) <= BESIDE:  # 0/0 but for rounding: by de l'Hospital
+            return (-side * w, 0.0, 0.0), (bend, 0.0, 0.0)
+        d = (1.0 - c, turn * math.sin(angle), bend)
+        return (side * (wall - u), -side * v, -side * w), d
+
+    least, when = _least(terms, s, ratio, (float(s[0]) - step, float(s[-1]) + step))
+    return Gap(least, site, orbit.start + when % period)
+
+
+def _besides_dip(orbit: Watch, site: int, t: float, flights: list[Gap]) -> list[Gap]:
+    """The same of a site between its impacts, and the margins of all other flights."""
+    period = orbit.length * (1.0 if orbit.sign > 0 else 2.0)
+    found = []
+    for i, own in enumerate(orbit.flights):
+        dip = (t - own.start) % period
+        if orbit.sign < 0 and dip > own.length:
+            dip -= orbit.length
+        mine = own.site == site and 0.0 < dip < own.length
+        found.append(_besides_own_dip(orbit, i, dip) if mine else flights[i])
+    return found
+
+
+def _besides_own_dip(orbit: Watch, flight: int, dip: float) -> Gap:
+    own = orbit.flights[flight]
+    room, s, ends = _seen(orbit, own)
+    s = s[np.abs(s - dip) > BESIDE]
+    u = orbit.path(own.site, own.start + s)
+    ratio = room.of(u) / (_denominator(orbit.k, own.length, s) * (s - dip) ** 2)
+
+    def terms(s: float) -> tuple[Terms, Terms]:
+        n, (d, d1, d2) = _flown(orbit, own, room, s)
+        e = s - dip
+        if abs(e) <= BESIDE:
+            return (0.5 * n[2], 0.0, 0.0), (d, 0.0, 0.0)
+        return n, (d * e * e, (d1 * e + 2.0 * d) * e, (d2 * e + 4.0 * d1) * e + 2.0 * d)
+
+    least, when = _least(terms, s, ratio, (0.1 * float(s[0]), ends[1]))
+    return Gap(least, own.site, own.start + when, flight)

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.admissibility import Rival, admissibility, motion, phase, rivals
+from contbreather.breathers.clearance import Gap, rivals
 from contbreather.breathers.symmetric import Breather, flight_slope_of
+from contbreather.breathers.watched import phase
 from contbreather.checks import check_kind, real
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.events import Judged, Meeting
@@ -150,7 +151,7 @@ def grazing() -> Event:
     """
     return Event(
         "GR",
-        _on_breather(lambda breather: admissibility(breather).margin),
+        _on_breather(lambda breather: breather.admissibility().margin),
         ends="domain",
         locus=_grazing_locus,
         examine=lambda point: {"kind": "VI"} if point["p"] < _VANISHED else {},
@@ -397,31 +398,31 @@ def _grazing_locus(point: Point) -> Locus:
 
 def _closest(breather: Breather) -> tuple[int, float]:
     """Site and time of the crest that is closest to a wall."""
-    found = admissibility(breather)
+    found = breather.admissibility()
     if found.centre < min(found.neighbours, found.far):
         return 0, found.places["centre"][1]
     if breather.gamma < _ALIKE:
         # without coupling all neighbours climb alike: the one that does highest with a little of it
-        found = admissibility(replace(breather, gamma=_ALIKE))
+        found = replace(breather, gamma=_ALIKE).admissibility()
     site, t = found.places["neighbours"]
     assert site is not None
     return site, t
 
 
 def _crest_locus(breather: Breather, site: int, t: float) -> Locus:
-    wall = math.copysign(1.0, motion(breather, site, t)[0])
+    wall = math.copysign(1.0, breather.watch.at(site, t)[0])
     if site == 0 and not 1e-9 < t - breather.phi < math.pi - 1e-9:
         raise Undefined("the impact of site 0 itself loses its velocity: no grazing to follow")
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        u, v, _ = motion(_breather(curve, z), site, float(extra[0]))
+        u, v, _ = _breather(curve, z).watch.at(site, float(extra[0]))
         return np.array([wall * u - 1.0, wall * v])
 
     def derivative(curve: Curve, z: Array, extra: Array) -> Array:
         breather = _breather(curve, z)
         t = float(extra[0])
         rows = [_motion_slope(breather, site, t, name) for name in _names(curve)]
-        _, v, acceleration = motion(breather, site, t)
+        _, v, acceleration = breather.watch.at(site, t)
         return wall * np.array([*rows, (v, acceleration)]).T
 
     return Locus({"t": t}, conditions, derivative, events=(_other_grazing(site),))
@@ -431,12 +432,12 @@ def _other_grazing(site: int) -> Event:
     """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
     of the same one. Where it does not, the limit of existence goes on with that."""
 
-    def closest(point: Point) -> Rival:
-        return min(rivals(point.solution, site, point["t"]))
+    def closest(point: Point) -> Gap:
+        return min(rivals(point.solution.watch, site, point["t"]))
 
     def analysis(point: Point) -> Mapping[str, Any]:
-        _, other, when = closest(point)
-        return {"site": other, "time": when}
+        other = closest(point)
+        return {"site": other.site, "time": other.time}
 
     def locus(point: Point) -> Locus:
         return _crest_locus(point.solution, point.detail["site"], point.detail["time"])

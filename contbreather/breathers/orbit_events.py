@@ -15,13 +15,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.orbit_admissibility import (
-    admissibility,
-    highest_neighbour,
-    motion,
-    moved,
-)
+from contbreather.breathers.clearance import rivals
 from contbreather.breathers.orbits import EQUAL, Orbit
+from contbreather.breathers.watched import moved
 from contbreather.continuation import Event, Locus, Point, fold
 from contbreather.continuation.boundary import meeting
 from contbreather.continuation.events import Meeting
@@ -133,7 +129,7 @@ def orbit_grazing() -> Event:
     one that it does name loses its momentum instead, VI."""
     return Event(
         "GR",
-        lambda point: admissibility(_orbit(point)).margin,
+        lambda point: _orbit(point).admissibility().margin,
         ends="domain",
         locus=_grazing_locus,
         examine=_vanishing,
@@ -347,11 +343,11 @@ def _slopes(
 def _grazing_locus(point: Point) -> Locus:
     """``u = wall, u' = 0`` at an unknown time, for the site that is closest to its walls."""
     orbit = _orbit(point)
-    worst = admissibility(orbit)
+    worst = orbit.admissibility()
     site, t = worst.site, worst.time
     if site in orbit.equations.sites and any(t == impact.time for impact in orbit.impacts):
         raise Undefined(f"an impact of site {site} itself loses its velocity: no grazing to follow")
-    wall = math.copysign(1.0, motion(orbit, site, t)[0])
+    wall = math.copysign(1.0, orbit.watch.at(site, t)[0])
     share = _offset_share(orbit, site, wall)
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
@@ -459,16 +455,7 @@ def _other_grazing(site: int | None, side: float = 0.0) -> Event:
     """
 
     def margin(point: Point) -> float:
-        orbit = _orbit(point)
-        margins = admissibility(orbit)
-        if site in orbit.equations.sites:
-            return min(margins.neighbours, margins.far)
-        if orbit.gamma == 0.0:  # without coupling all idle sites follow the forcing alike
-            return margins.centre
-        if site is None:
-            return min(margins.neighbours, margins.centre)
-        _, _, next_highest = highest_neighbour(orbit, besides=(site, point["t"]))
-        return min(1.0 - next_highest, margins.centre, margins.far)
+        return min(gap.margin for gap in rivals(_orbit(point).watch, site, point["t"]))
 
     def test(point: Point) -> float:
         if side == 0.0:

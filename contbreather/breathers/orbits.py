@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbreather.breathers.clearance import Admissibility, Watch, clearance
 from contbreather.breathers.closure import EPS
 from contbreather.breathers.impacts import Impact, OrbitEquations, equations_of
+from contbreather.breathers.watched import Waves
 from contbreather.continuation import Point
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput
@@ -24,7 +26,6 @@ from contbreather.lattice.conditions import check_amplitude, restitution_ratio
 from contbreather.lattice.periodic import Wave, check_coupling, wave
 
 if TYPE_CHECKING:
-    from contbreather.breathers.orbit_admissibility import OrbitAdmissibility
     from contbreather.breathers.symmetric import Breather
     from contbreather.continuation import Problem
     from contbreather.stability.orbit import OrbitMap
@@ -299,11 +300,14 @@ class Orbit:
         impacts = tuple(impact._replace(site=home[impact.site]) for impact in self.impacts)
         return replace(self, impacts=impacts, offsets=tuple(self.offsets[i] for i in order))
 
-    def admissibility(self) -> OrbitAdmissibility:
-        """Whether all sites keep off the walls but at the impacts named: see there."""
-        from contbreather.breathers.orbit_admissibility import admissibility
+    def admissibility(self) -> Admissibility:
+        """Whether all sites keep off the walls except at the impacts named."""
+        return clearance(self.watch)
 
-        return admissibility(self)
+    @property
+    def watch(self) -> Watch:
+        """What that is measured on."""
+        return Waves(self)
 
     @cached_property
     def map(self) -> OrbitMap:

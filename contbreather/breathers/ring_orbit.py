@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbreather.breathers.clearance import Admissibility, Watch, clearance
 from contbreather.breathers.flight_map import Section, free_multipliers
 from contbreather.breathers.itinerary import Itinerary
+from contbreather.breathers.watched import Modes
 from contbreather.errors import BadInput
 from contbreather.flows.modes import turn
 from contbreather.lattice import Forcing, InfiniteChain, Lattice, Ring
@@ -20,7 +22,6 @@ from contbreather.lattice.finite import Finite, finite
 from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
 
 if TYPE_CHECKING:
-    from contbreather.breathers.admissibility import Admissibility
     from contbreather.continuation import Problem
 
 FloatArray = NDArray[np.float64]
@@ -450,9 +451,12 @@ class RingOrbit:
 
     def admissibility(self) -> Admissibility:
         """Whether all sites keep off their walls between impacts, and by how much."""
-        from contbreather.breathers.clearance import clearance
+        return clearance(self.watch)
 
-        return clearance(self)
+    @property
+    def watch(self) -> Watch:
+        """What that is measured on."""
+        return Modes(self)
 
     @property
     def problem(self) -> Problem:

@@ -15,13 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import (
-    ENDS,
-    Gap,
-    flights_of,
-    gaps_of_flights,
-    gaps_of_others,
-)
+from contbreather.breathers.clearance import at_impact, closest, rivals
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.ring_orbit import EPS, RingOrbit
@@ -307,25 +301,22 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
 def _contact_locus(point: Point) -> Locus:
     """``u_n = wall, u_n' = 0`` at an unknown time, for the site closest to its walls."""
     orbit: RingOrbit = point.solution
-    worst = min([*gaps_of_flights(orbit), *gaps_of_others(orbit)], key=lambda gap: gap.margin)
-    if worst.flight >= 0:
-        start, end = flights_of(orbit)[worst.flight]
-        near = ENDS * (end.time - start.time)
-        if not start.time + near < worst.time < end.time - near:
-            return _shallow_locus(orbit, worst, start.time if orbit.k > 0.0 else math.nan)
-    there = orbit.displacement(worst.site, worst.time)
-    place = min(orbit.conditions.walls.at(worst.site), key=lambda wall: abs(there - wall))
+    worst = closest(orbit.watch)
+    if at_impact(orbit.watch, worst):
+        return _shallow_locus(orbit)
+    site, there = worst.site, orbit.displacement(worst.site, worst.time)
+    place = min(orbit.conditions.walls.at(site), key=lambda wall: abs(there - wall))
 
     def conditions(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-        u, v, _ = _orbit(curve, z).at(worst.site, float(extra[0]))
+        u, v, _ = _orbit(curve, z).at(site, float(extra[0]))
         return np.array([u - place, v])
 
     def derivative(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
         section = _orbit(curve, z).section
-        (_, *u), (v, *du), (w, *_) = section.watched(worst.site, float(extra[0]), curve.free)
+        (_, *u), (v, *du), (w, *_) = section.watched(site, float(extra[0]), curve.free)
         return np.array([[*u, v], [*du, w]])
 
-    return Locus({"t": worst.time}, conditions, derivative, events=(_other_contact(worst),))
+    return Locus({"t": worst.time}, conditions, derivative, events=(_other_contact(site),))
 
 
 def _vanishing(point: Point) -> dict[str, str]:
@@ -333,9 +324,9 @@ def _vanishing(point: Point) -> dict[str, str]:
     return {"kind": "VI"} if least < SHALLOW else {}
 
 
-def _shallow_locus(orbit: RingOrbit, worst: Gap, start: float) -> Locus:
+def _shallow_locus(orbit: RingOrbit) -> Locus:
     """An impact whose incoming velocity vanishes."""
-    if math.isnan(start):
+    if orbit.k == 0.0:
         raise Undefined("with k = 0 a site comes to rest on its wall: no orbit of impacts goes on")
     velocities = [abs(one.velocity) for one in orbit.section.impacts]
     j = int(np.argmin(velocities))
@@ -346,19 +337,13 @@ def _shallow_locus(orbit: RingOrbit, worst: Gap, start: float) -> Locus:
     return Locus({}, conditions)  # a single number: differences of it cost little
 
 
-def _other_contact(traced: Gap) -> Event:
+def _other_contact(site: int) -> Event:
     """Where one crest touches its wall, all else must still keep off theirs: other sites, and other
     crests of the same one. So the grazing of one arm ends at the pitchfork, where the other's
     begins."""
 
     def test(point: Point) -> float:
-        orbit: RingOrbit = point.solution
-        if traced.flight < 0:
-            others = gaps_of_others(orbit, besides=(traced.site, point["t"]))
-            found = [*gaps_of_flights(orbit), *others]
-        else:
-            flights = (gap for gap in gaps_of_flights(orbit) if gap.flight != traced.flight)
-            found = [*flights, *gaps_of_others(orbit)]
+        found = rivals(point.solution.watch, site, point["t"])
         return min((gap.margin for gap in found), default=1.0)
 
     met = Event("GR", test, locus=_contact_locus, ends="domain")

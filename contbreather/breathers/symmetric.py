@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbreather.breathers.clearance import Admissibility, Watch, clearance
 from contbreather.breathers.closure import (
     EPS,
     Closure,
     roots,
     smallest_amplitude,
 )
+from contbreather.breathers.watched import ClosedForm
 from contbreather.checks import numbers, real
 from contbreather.errors import BadInput
 from contbreather.lattice import (
@@ -38,7 +40,6 @@ from contbreather.lattice.conditions import Conditions, Walls, check_amplitude, 
 from contbreather.lattice.green import Flight, flight, flight_slope
 
 if TYPE_CHECKING:
-    from contbreather.breathers.admissibility import Admissibility
     from contbreather.breathers.ring_orbit import RingOrbit
     from contbreather.continuation import Problem
     from contbreather.stability import Verdict
@@ -236,9 +237,12 @@ class Breather:
 
     def admissibility(self) -> Admissibility:
         """Whether every site keeps off the walls it must not touch: (15), (B3), the far field."""
-        from contbreather.breathers.admissibility import admissibility
+        return clearance(self.watch)
 
-        return admissibility(self)
+    @property
+    def watch(self) -> Watch:
+        """What that is measured on."""
+        return ClosedForm(self)
 
     def stability(self, sites: int | None = None, threshold: float | None = None) -> Verdict:
         """Is it stable? The verdict names the chain it is about.

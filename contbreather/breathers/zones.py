@@ -14,7 +14,6 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.admissibility import admissibility
 from contbreather.breathers.problem import PAPER, events_on, problem_of
 from contbreather.breathers.symmetric import Breather, symmetric_roots
 from contbreather.continuation import (
@@ -357,7 +356,7 @@ class _Search:
             return []
         if not self.past_folds:
             found = found[:1]
-        return [breather for breather in found if admissibility(breather).ok]
+        return [breather for breather in found if breather.admissibility().ok]
 
     def _follow(self, point: Point) -> None:
         """Trace an event as a boundary unless it lies on one already, and what takes over at its

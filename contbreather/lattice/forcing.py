@@ -60,6 +60,7 @@ class Forcing(Protocol):
     @property
     def harmonics(self) -> Harmonics: ...
     def at(self, **params: float) -> Forcing: ...
+    def motion(self, t: float) -> tuple[float, float, float]: ...
     def f_param(self, name: str, t: float, order: int = 0) -> float: ...
     def slope_harmonics(self, name: str) -> Harmonics: ...
     def peak(self) -> float: ...
@@ -91,6 +92,17 @@ class Series:
             value = b * c - a * s if order % 2 else a * c + b * s
             total += value * m**order
         return -total if order % 4 >= 2 else total
+
+    def motion(self, t: float) -> tuple[float, float, float]:
+        """f, f' and f'' at one time, in one pass."""
+        if len(self.harmonics) >= LONG:
+            return self.at(t, 0), self.at(t, 1), self.at(t, 2)
+        value = slope = bend = 0.0
+        for m, a, b in self.harmonics:
+            c, s = math.cos(m * t), math.sin(m * t)
+            own = a * c + b * s
+            value, slope, bend = value + own, slope + m * (b * c - a * s), bend - m * m * own
+        return value, slope, bend
 
     def _arrays(self, t: FloatArray, order: int) -> FloatArray:
         angle = np.multiply.outer(t, self.m)
@@ -128,6 +140,10 @@ class Periodic:
 
     def d3f(self, t: Any) -> Any:
         return self._f.at(t, 3)
+
+    def motion(self, t: float) -> tuple[float, float, float]:
+        """f, f' and f'' at one time, in one pass."""
+        return self._f.motion(t)
 
     @property
     def harmonics(self) -> Harmonics:
@@ -202,6 +218,10 @@ class Harmonic(Periodic):
 
     def d3f(self, t: Any) -> Any:
         return math.sin(t) if isinstance(t, float | int) else np.sin(t)
+
+    def motion(self, t: float) -> tuple[float, float, float]:
+        c = math.cos(t)
+        return c, -math.sin(t), -c
 
     @property
     def highest(self) -> int:

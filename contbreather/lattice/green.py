@@ -77,6 +77,16 @@ class Flight:
             total = total * z + (2 * i + 1) * (2 * i) * self.powers[i]
         return total * y + self.first * _sin(y)
 
+    def at(self, y: float) -> tuple[float, float, float]:
+        """All three, in one pass."""
+        z, c, s = y * y, self.first * math.cos(y), self.first * math.sin(y)
+        total = slope = bend = 0.0  # of a polynomial in z, with half its second derivative
+        for power in self.powers[::-1]:
+            bend = bend * z + slope
+            slope = slope * z + total
+            total = total * z + power
+        return total * y - s, total + 2.0 * z * slope - c, (6.0 * slope + 8.0 * z * bend) * y + s
+
 
 def _sin(y: Any) -> Any:
     return math.sin(y) if isinstance(y, float) else np.sin(y)

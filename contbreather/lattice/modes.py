@@ -270,6 +270,10 @@ class InfiniteChain(_TranslationInvariant):
         """How many bonds from site n to the impacting site 0."""
         return abs(int(n))
 
+    def beside(self, n: int) -> tuple[int, ...]:
+        """The sites coupled to site n."""
+        return (n - 1, n + 1)
+
     def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
         """``<cos(n theta)/(1 - w^2)>``: the answer of site n to the frequency of the forcing."""
         gamma = check_gamma(gamma)

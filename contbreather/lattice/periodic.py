@@ -84,6 +84,25 @@ class Wave:
         value, slope, curvature, jerk = self.about(math.pi - (s / n) % (2.0 * math.pi))
         return n * value, -slope, curvature / n, -jerk / (n * n)
 
+    def motion(self, s: float) -> tuple[float, float, float]:
+        """Value and first two derivatives at one time, in one pass."""
+        if self.modes is not None:
+            return self.at(s)[:3]
+        n = self.periods
+        y = math.pi - (s / n) % (2.0 * math.pi)
+        z, total, slope, bend = y * y, 0.0, 0.0, 0.0
+        for c in self.tables[0]:  # a polynomial in z, with half its second derivative
+            bend = bend * z + slope
+            slope = slope * z + total
+            total = total * z + c
+        a, b, c, s = self.first, self.second, math.cos(y), math.sin(y)
+        c2, s2 = c * c - s * s, 2.0 * c * s
+        return (
+            n * (total + a * c + b * c2),
+            a * s + 2.0 * b * s2 - 2.0 * slope * y,
+            (2.0 * slope + 8.0 * z * bend - a * c - 4.0 * b * c2) / n,
+        )
+
     def about(self, y: Any) -> Four:
         """The same for n = 1 as a function of ``y = pi - s`` in [-pi, pi], derivatives in y."""
         z = y * y

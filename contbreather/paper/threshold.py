@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from contbreather.breathers import Breather, admissibility, smallest_amplitude, symmetric
+from contbreather.breathers import Breather, smallest_amplitude, symmetric
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.characteristic import D
@@ -265,7 +265,7 @@ def _upper_end(k: float, at: Callable[[float], Crossing], start: float) -> float
     """The amplitude at which the line leaves the region where breathers exist."""
 
     def margin(a: float) -> float:
-        return admissibility(symmetric(a, at(a).gamma, k)).margin
+        return symmetric(a, at(a).gamma, k).admissibility().margin
 
     low = start
     for high in np.arange(0.05 * math.ceil(start / 0.05 + 0.5), 1.0, 0.05).tolist():

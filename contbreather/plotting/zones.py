@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import admissibility, symmetric_roots
+from contbreather.breathers import symmetric_roots
 from contbreather.breathers.events import unstable
 from contbreather.breathers.zones import KINDS, WINDOWS, Zones
 from contbreather.checks import check_kind
@@ -285,7 +285,7 @@ def _verdict(zones: Zones, x: float, y: float) -> str:
     counts = [
         unstable(breather, breather.lattice, zones.threshold)
         for breather in found
-        if admissibility(breather).ok
+        if breather.admissibility().ok
     ]
     return "" if not counts else "US" if min(counts) else "S"
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from contbreather.breathers import (
-    admissibility,
     centre_margin,
     highest_neighbour,
     neighbour_peak,
@@ -20,7 +19,7 @@ from contbreather.breathers import (
     symmetric,
     symmetric_roots,
 )
-from contbreather.breathers.admissibility import Rival, rivals
+from contbreather.breathers.clearance import Gap, rivals
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples
 
@@ -45,9 +44,9 @@ def breathers(draw, forcings=FORCINGS, lattices=LATTICES):
 
 def test_spot_values_of_the_highest_neighbour():
     b = symmetric(0.5, 0.12, 0.4)
-    assert admissibility(b).max_neighbour == pytest.approx(0.667948289045169, abs=4e-15)
+    assert b.admissibility().max_neighbour == pytest.approx(0.667948289045169, abs=4e-15)
     b = symmetric(0.3, 0.12, 0.7, forcing=TWO)
-    assert admissibility(b).max_neighbour == pytest.approx(0.581967518208344, abs=4e-15)
+    assert b.admissibility().max_neighbour == pytest.approx(0.581967518208344, abs=4e-15)
 
 
 @pytest.mark.parametrize(("gamma", "k"), [(0.1, 0.8), (0.2499, 0.4), (0.02, 0.05)])
@@ -90,7 +89,7 @@ def test_every_peak_is_the_top_of_the_motion_and_has_no_velocity(b):
 @settings(max_examples=100, deadline=None)
 @given(breathers(lattices=[CHAIN, Ring(3), Ring(40), Ring(41)]))
 def test_no_site_however_far_climbs_higher_than_the_verdict_says(b):
-    verdict = admissibility(b)
+    verdict = b.admissibility()
     t = b.phi + np.linspace(0.0, math.pi, 400)
     sites = [n for n in [*range(1, 21), 33, 64, 65, 300, 301] if b.lattice.distance(n)]
     top = np.abs(b.displacement(np.array(sites)[:, None], t)).max()
@@ -106,7 +105,7 @@ def test_on_the_lower_branch_it_is_the_second_neighbour_that_comes_closest():
     assert highest_neighbour(upper)[0] == 1
     assert highest_neighbour(lower)[0] == 2
     assert neighbour_peak(lower, 2)[1] > neighbour_peak(lower, 1)[1] + 0.015
-    assert admissibility(lower).neighbours == 1.0 - neighbour_peak(lower, 2)[1]
+    assert lower.admissibility().neighbours == 1.0 - neighbour_peak(lower, 2)[1]
 
 
 @settings(max_examples=60, deadline=None)
@@ -120,7 +119,7 @@ def test_on_the_upper_limit_of_the_upper_branch_it_is_the_first(gamma, k):
 
     assume(above(lowest * 1.001) < 0)
     a = brentq(above, lowest * 1.001, 1.0 + 1e-9, xtol=1e-14)
-    verdict = admissibility(symmetric(a, gamma, k))
+    verdict = symmetric(a, gamma, k).admissibility()
     assert abs(1.0 - highest_neighbour(symmetric(a, gamma, k))[2]) < 1e-12
     assert verdict.margin == pytest.approx(0.0, abs=1e-12)
     assert verdict.far > -1e-9
@@ -140,8 +139,8 @@ def test_of_two_crests_nearly_as_high_the_higher_is_found():
 
 
 def test_upper_limit_of_the_theory_notes():
-    assert abs(admissibility(symmetric(0.806417833236, 0.1, 0.8)).margin) < 2e-12
-    inside, outside = (admissibility(symmetric(a, 0.1, 0.8)) for a in (0.80641, 0.80642))
+    assert abs(symmetric(0.806417833236, 0.1, 0.8).admissibility().margin) < 2e-12
+    inside, outside = (symmetric(a, 0.1, 0.8).admissibility() for a in (0.80641, 0.80642))
     assert inside.ok
     assert "keeps off its walls" in inside.reason
     assert not outside.ok
@@ -181,7 +180,7 @@ def test_of_two_dips_of_the_centre_the_deeper_is_found():
 
 
 def test_site_0_meets_its_wall_again_for_small_k_as_the_paper_found():
-    verdict = admissibility(symmetric(0.99, 0.0, 0.005))
+    verdict = symmetric(0.99, 0.0, 0.005).admissibility()
     assert not verdict.ok
     assert verdict.site == 0
     assert "(B3) is broken" in verdict.reason
@@ -198,7 +197,7 @@ def test_the_zero_of_the_centre_s_margin_is_a_graze():
 
     k = brentq(margin, 0.005, 0.1, xtol=1e-15)
     b = symmetric(0.97, 0.0, k)
-    t = admissibility(b).time
+    t = b.admissibility().time
     assert b.displacement(0, t) == pytest.approx(1.0, abs=1e-12)
     assert b.velocity(0, t) == pytest.approx(0.0, abs=1e-6)
     assert 0.01 < k < 0.06
@@ -212,7 +211,7 @@ def test_without_rebound_it_is_the_acceleration_that_decides(a, gamma, says):
     assert b.velocity(0, b.phi) == pytest.approx(0.0, abs=1e-15)
     inwards = b.acceleration < 0
     assert inwards == ("inwards" in says)
-    verdict = admissibility(b)
+    verdict = b.admissibility()
     assert (verdict.centre > 0) == inwards
     s = np.linspace(1e-3, math.pi - 1e-3, 2000)
     assert np.all(np.abs(b.displacement(0, b.phi + s)) < 1) == inwards
@@ -235,7 +234,7 @@ def test_a_dip_between_the_last_of_the_grid_and_the_impact_is_found_at_its_botto
         b = symmetric(0.45, 0.2, k, forcing=forcing)
         s = math.pi - rest
         ratio = (1 - b.displacement(0, b.phi + s) ** 2) / ((s + k) * s * rest)
-        verdict = admissibility(b)
+        verdict = b.admissibility()
         deepest = int(ratio.argmin())
         assert 0 < deepest < rest.size - 1
         when = b.phi + float(s[deepest])
@@ -247,7 +246,7 @@ def test_a_dip_between_the_last_of_the_grid_and_the_impact_is_found_at_its_botto
 # ------------------------------------------------------------------- besides a grazing crest
 
 
-def undone(rival: Rival, size: float) -> float:
+def undone(rival: Gap, size: float) -> float:
     """The margin m of ``m/(|m| + size)``."""
     return size * rival.margin / (1 - abs(rival.margin))
 
@@ -260,14 +259,14 @@ GRAZING = [Harmonic(), TWO, Fourier(cos={1: -1.0, 3: -0.15}, sin={3: 0.3, 5: 0.2
 def test_besides_the_graze_of_site_0_the_least_of_its_own_flight_is_told(forcing, gamma) -> None:
     k = brentq(lambda k: centre_margin(symmetric(0.97, gamma, k, forcing=forcing)), 0.0, 0.4)
     b = symmetric(0.97, gamma, k, forcing=forcing)
-    site, t = admissibility(b).places["centre"]
+    site, t = b.admissibility().places["centre"]
     assert site == 0
     dip = t - b.phi
     s = np.linspace(0, math.pi, 200001)[1:-1]
     s = s[abs(s - dip) > 1e-2]
     room = (s + k) * s * (math.pi - s) * (s - dip) ** 2
     ratio = (1 - b.displacement(0, b.phi + s) ** 2) / room
-    own = rivals(b, 0, t)[0]
+    own = rivals(b.watch, 0, t)[0]
     assert own.site == 0
     assert undone(own, b.p) == pytest.approx(float(ratio.min()), rel=1e-3)
     # both a dip and the very end, where it falls off, may be the least
@@ -290,7 +289,7 @@ def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(
     wall = math.copysign(1.0, float(b.displacement(site, t)))
     s = np.linspace(1e-2, 2 * math.pi - 1e-2, 100001)
     ratio = (1 - wall * b.displacement(site, t + s)) / (1 - np.cos(s))
-    own = rivals(b, site, t)[0]
+    own = rivals(b.watch, site, t)[0]
     assert own.site == site
     assert undone(own, b.p * gamma**site) == pytest.approx(float(ratio.min()), rel=1e-5)
     apart = (own.time - t - float(s[ratio.argmin()]) + math.pi) % (2 * math.pi) - math.pi
@@ -309,7 +308,7 @@ def test_where_a_flat_crest_grazes_the_least_besides_is_its_own_curvature(gamma)
     t, _ = neighbour_peak(b, site)
     h = 1e-4
     bend = float(b.velocity(site, t + h) - b.velocity(site, t - h)) / (2 * h)
-    own = rivals(b, site, t)[0]
+    own = rivals(b.watch, site, t)[0]
     assert 0.05 < abs(bend) < 0.2
     assert undone(own, b.p * gamma**site) == pytest.approx(abs(bend), rel=1e-5)
     assert abs(own.time - t) % (2 * math.pi) < 1e-3
@@ -318,9 +317,9 @@ def test_where_a_flat_crest_grazes_the_least_besides_is_its_own_curvature(gamma)
 @pytest.mark.parametrize("site", [0, 1])
 def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_margin(site) -> None:
     b = symmetric(0.6, 0.1, 0.8)
-    verdict = admissibility(b)
+    verdict = b.admissibility()
     t = neighbour_peak(b, 1)[0] if site else verdict.places["centre"][1]
-    found = {rival.site: rival for rival in rivals(b, site, t)[1:]}
+    found = {rival.site: rival for rival in rivals(b.watch, site, t)[1:]}
     assert site not in found
     for n, rival in found.items():
         margin = 1 - neighbour_peak(b, n)[1] if n else verdict.centre
@@ -331,7 +330,7 @@ def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_m
 def test_without_coupling_no_neighbour_is_told_from_a_graze_by_rounding() -> None:
     b = symmetric(0.9, 0.0, 0.8)
     t, _ = neighbour_peak(b, 1)
-    own, centre = rivals(b, 1, t)
+    own, centre = rivals(b.watch, 1, t)
     assert (own.margin, own.site) == (1.0, 1)
     assert centre.site == 0
     assert undone(centre, b.p) == pytest.approx(centre_margin(b), rel=1e-12)
@@ -341,28 +340,28 @@ def test_without_coupling_no_neighbour_is_told_from_a_graze_by_rounding() -> Non
 
 
 def test_the_far_field_is_a_limit_of_its_own():
-    weak = admissibility(symmetric(0.5, 0.12, 0.4))
+    weak = symmetric(0.5, 0.12, 0.4).admissibility()
     assert weak.far == 0.5
-    strong = admissibility(symmetric(1.05, 0.12, 0.4))
+    strong = symmetric(1.05, 0.12, 0.4).admissibility()
     assert strong.far == pytest.approx(-0.05, abs=1e-15)
     lower = symmetric_roots(0.99, 0.0, 0.4)[1]
-    assert admissibility(lower).far == pytest.approx(0.01, abs=1e-15)
+    assert lower.admissibility().far == pytest.approx(0.01, abs=1e-15)
     # a square wave's answer is not as high as its coefficients say
     t = 2 * np.pi * np.arange(64) / 64
     forcing = Samples(-np.cos(t) + 9 * 0.1 * np.cos(3 * t))
     b = symmetric(0.9, 0.05, 0.5, forcing=forcing)
     dense = np.abs(forcing.f(np.linspace(0, 7, 20001))).max()
-    assert admissibility(b).far == pytest.approx(1 - 0.9 * dense, abs=1e-6)
+    assert b.admissibility().far == pytest.approx(1 - 0.9 * dense, abs=1e-6)
 
 
 def test_a_ring_has_no_far_field_and_a_single_oscillator_no_neighbours():
-    alone = admissibility(symmetric(1.3, 0.1, 0.6, lattice=Ring(1)))
+    alone = symmetric(1.3, 0.1, 0.6, lattice=Ring(1)).admissibility()
     assert alone.ok
     assert (alone.max_neighbour, alone.neighbours, alone.far) == (0.0, 1.0, 1.0)
     assert alone.site == 0
     assert neighbour_peak(symmetric(1.3, 0.1, 0.6, lattice=Ring(1)))[1] == 0.0
     assert highest_neighbour(symmetric(1.3, 0.1, 0.6, lattice=Ring(1)))[2] == 0.0
-    pair = admissibility(symmetric(0.5, 0.1, 0.6, lattice=Ring(2)))
+    pair = symmetric(0.5, 0.1, 0.6, lattice=Ring(2)).admissibility()
     assert pair.max_neighbour == neighbour_peak(symmetric(0.5, 0.1, 0.6, lattice=Ring(2)))[1]
 
 
@@ -372,7 +371,7 @@ def test_a_ring_has_no_far_field_and_a_single_oscillator_no_neighbours():
 @settings(max_examples=100, deadline=None)
 @given(breathers())
 def test_the_verdict_is_the_worst_margin_at_the_place_it_names(b):
-    verdict = admissibility(b)
+    verdict = b.admissibility()
     assert verdict.margin == min(verdict.neighbours, verdict.centre, verdict.far)
     assert verdict.ok == bool(verdict) == (verdict.margin > 0)
     assert math.isfinite(verdict.margin)
@@ -394,7 +393,7 @@ def test_margins_are_continuous_along_a_branch(name):
         margins = []
         for value in np.linspace(*where, count + 1):
             point = {"a": 0.9, "gamma": 0.15, "k": 0.2} | {name: float(value)}
-            verdict = admissibility(symmetric(**point))
+            verdict = symmetric(**point).admissibility()
             margins.append((verdict.margin, verdict.neighbours, verdict.centre, verdict.far))
         changes.append(np.abs(np.diff(margins, axis=0)).max(axis=0))
     # (the fold at the start of a branch in a has a square root: 1.3 and not 1.8)
@@ -409,7 +408,7 @@ def test_the_impacting_site_has_no_peak_to_ask_for(n):
 
 
 def test_repr_is_one_line_with_the_verdict_and_what_is_closest() -> None:
-    good, bad = admissibility(symmetric(0.5, 0.04, 0.8)), admissibility(symmetric(0.95, 0.1, 0.8))
+    good, bad = symmetric(0.5, 0.04, 0.8).admissibility(), symmetric(0.95, 0.1, 0.8).admissibility()
     for margins, word in ((good, "ok"), (bad, "not ok")):
         shown = repr(margins)
         assert shown.startswith(f"<Admissibility {word}, margin {margins.margin:.6g}: ")

@@ -406,7 +406,7 @@ def test_neimark_sacker_line_in_k_and_gamma_follows_the_edge_of_the_band_to_elas
 
 
 def test_arm_beyond_its_grazing_is_refused_with_the_solution_and_the_contact():
-    with pytest.raises(Inadmissible, match="no orbit of the chain") as refused:
+    with pytest.raises(Inadmissible, match="no breather") as refused:
         asymmetric(0.95, 0.04, 0.8)
     error = refused.value
     assert error.site == 1

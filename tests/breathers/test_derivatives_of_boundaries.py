@@ -15,6 +15,7 @@ import pytest
 import contbreather as cb
 from contbreather.breathers import pitchfork
 from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.clearance import rivals
 from contbreather.breathers.orbit_problem import impact_problem, orbit_problem
 from contbreather.breathers.orbits import orbit_of
 from contbreather.breathers.shooting import shooting
@@ -225,5 +226,9 @@ def test_beside_the_crest_that_grazes_all_others_are_watched() -> None:
         ]
         grazing = max(height for _, height in crests(orbit, 1))
         assert grazing == pytest.approx(1.0, abs=1e-6)
-        wanted = (1.0 - max(heights)) / abs(orbit.asymmetry)
-        assert event.test(point) == pytest.approx(wanted, rel=1e-4)
+        own, *others = rivals(orbit.watch, 1, point["t"])
+        size = orbit.watch.felt(1)  # a margin m of those that vanish together is m/(m + size)
+        margins = [size * gap.margin / (1.0 - gap.margin) for gap in others if gap.flight < 0]
+        assert min(margins) == pytest.approx(1.0 - max(heights), rel=1e-4)
+        least = min(gap.margin for gap in (own, *others))
+        assert event.test(point) == pytest.approx(least / abs(orbit.asymmetry), rel=1e-12)

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.breathers import centre_margin
-from contbreather.breathers.clearance import _ends, clearance, flights_of
+from contbreather.breathers.clearance import _limits
 from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary
 from contbreather.breathers.refusals import ImpossibleSequence, Inadmissible
@@ -851,20 +851,18 @@ def test_margins_are_those_of_the_symmetric_breather() -> None:
 
 def test_ends_of_a_flight_are_limits_of_its_ratio() -> None:
     for orbit in (tilted(), in_phase()):
-        for start, end in flights_of(orbit):
-            length = end.time - start.time
-            s = np.array([1e-6, length - 1e-6])
-            u = orbit.displacement(start.site, start.time + s)
-            ratio = (1 - u * u) / ((s + orbit.k) * s * (length - s))
-            assert ratio == pytest.approx(
-                [2 * at for at in _ends(orbit, start, end, length)], rel=1e-5
-            )
+        for own in orbit.watch.flights:
+            s = np.array([1e-6, own.length - 1e-6])
+            u = orbit.displacement(own.site, own.start + s)
+            ratio = (1 - u * u) / ((s + orbit.k) * s * (own.length - s))
+            wanted = [at for at, _ in _limits(orbit.k, own, 2.0)]
+            assert ratio == pytest.approx(wanted, rel=1e-5)
 
 
 def test_inadmissible_orbit_says_which_site_and_when() -> None:
     start, window = arm()[-2].problem, {"a": (0, 0.9)}
     branch = cb.trace(start, "a", within=window, towards="up", events=(), inadmissible=True)
-    verdict = clearance(branch[-1].solution)
+    verdict = branch[-1].solution.admissibility()
     assert not verdict.ok
     assert verdict.margin < 0
     assert (verdict.site, verdict.far) == (1, 1.0)
@@ -875,11 +873,11 @@ def test_inadmissible_orbit_says_which_site_and_when() -> None:
 
 def test_inadmissible_orbit_is_returned_by_name_only_and_marked() -> None:
     beyond = cb.symmetric(0.97, 0.04, 0.8)
-    with pytest.raises(cb.NoSolution, match=r"site 1 is at u = -?1\.04.* inadmissible=True"):
+    with pytest.raises(cb.NoSolution, match=r"site 1 reaches \|u\| = 1\.04.* inadmissible=True"):
         shooting(beyond, sites=RING)
     orbit = shot_orbit(shooting(beyond, sites=RING, inadmissible=True))
-    assert "no orbit of these impacts: site 1" in repr(orbit)
-    assert "no orbit" not in repr(arm()[-1].solution)  # at the limit, not beyond it
+    assert "no breather: site 1" in repr(orbit)
+    assert "no breather" not in repr(arm()[-1].solution)  # at the limit, not beyond it
 
 
 def test_margin_vanishes_with_the_velocity_of_an_impact() -> None:
@@ -1128,7 +1126,7 @@ def test_orbit_of_other_impacts_than_asked_for_is_carried_by_its_refusal() -> No
 
 
 def test_inadmissible_solution_is_carried_with_site_and_time() -> None:
-    with pytest.raises(cb.NoSolution, match="no orbit of these impacts") as refused:
+    with pytest.raises(cb.NoSolution, match="no breather") as refused:
         shooting(cb.symmetric(0.97, 0.04, 0.8), sites=RING)
     error = refused.value
     assert isinstance(error, Inadmissible)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers import Breather, admissibility, neighbour_peak, smallest_amplitude
+from contbreather.breathers import Breather, neighbour_peak, smallest_amplitude
 from contbreather.errors import BadInput, NotConverged
 from contbreather.paper.threshold import (
     STRIDE,
@@ -84,7 +84,7 @@ def test_line_runs_from_the_fold_to_the_grazing_of_the_neighbour(line) -> None:
     end = cb.symmetric(float(line.a[-1]), float(line.gamma[-1]), line.k)
     assert neighbour_peak(end)[1] == pytest.approx(1.0, abs=1e-10)
     for a, gamma in zip(line.a[1:-1], line.gamma[1:-1], strict=True):
-        assert admissibility(cb.symmetric(float(a), float(gamma), line.k)).ok
+        assert cb.symmetric(float(a), float(gamma), line.k).admissibility().ok
 
 
 def test_rule_gives_the_verdicts_of_the_simulations_in_section_4() -> None:

@@ -1,0 +1,314 @@
+"""What the clearance of an orbit is measured on: its motion by the closed form of the symmetric
+breather, by the Green's function of chain and ring, or by the modes of any finite lattice.
+
+Beyond a dozen sites from the last that impacts the answer of the chain is one harmonic, whose
+amplitude shrinks and changes sign from site to site. The largest displacement is a convex function
+of that amplitude, so the first two such sites and the far field bound all the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.clearance import USUAL, Between, Terms, Wall
+from contbreather.lattice import Forcing, Lattice
+from contbreather.lattice.green import POWERS, TERMS, Flight, response_weights
+from contbreather.lattice.periodic import is_resonant, wave, wave_basis, wave_table
+
+FloatArray = NDArray[np.float64]
+Sites = NDArray[np.int64]
+
+HALF_PI = 0.5 * math.pi
+NEAR = 13  # (0.072)^13 < 1e-14: the third harmonic has died out two sites earlier
+FAINT = 1e-17  # an answer to the impacts this small moves a site by less than rounding
+NO_WALLS = (-math.inf, math.inf)
+
+
+# --- the closed form ------------------------------------------------------------------------
+
+
+class ClosedForm:
+    """A symmetric breather of chain or ring, with the site 0 that impacts; of each pair of sites
+    that are mirror images one is watched."""
+
+    length = math.pi
+    sign = -1
+    beside = (1,)
+
+    def __init__(self, breather: Any) -> None:
+        self.breather = breather
+        self.k, self.start = float(breather.k), float(breather.phi)
+        self.highest = int(breather.forcing.highest)
+        self._flights: dict[int, Flight] = {}
+
+    @cached_property
+    def flights(self) -> tuple[Between]:
+        b = self.breather
+        speed, end = b.w_minus, self.start + math.pi
+        return (Between(0, self.start, end, math.pi, speed, speed, -b.acceleration),)
+
+    @cached_property
+    def idle(self) -> Sites:
+        b, sites = self.breather, _distances(self.breather.lattice)
+        first = _answers(b.lattice, b.gamma, tuple(sites.tolist()))[0]
+        # sites that the impacts do not reach move as the first of them does
+        return sites[: 1 + int(np.count_nonzero(b.p * np.abs(first) > FAINT))]
+
+    def walls(self, site: int) -> Wall:
+        return USUAL
+
+    def far(self) -> tuple[float, float]:
+        b = self.breather
+        endless = b.lattice.sites is None
+        return b.phi, 1.0 - b.a * b.forcing.peak() if endless else 1.0
+
+    def felt(self, site: int) -> float:
+        b = self.breather
+        return float(b.p * b.gamma ** b.lattice.distance(site))
+
+    def at(self, site: int, t: float) -> Terms:
+        b = self.breather
+        y, sign = phase(b, t)
+        own = self._flights.get(site)
+        if own is None:
+            own = self._flights[site] = b.flight(site)
+        u, v, w = own.at(y)
+        f, df, d2f = b.forcing.motion(t)
+        a, p = b.a, sign * b.p
+        return a * f + p * u, a * df + p * v, a * d2f + p * w
+
+    def path(self, site: int, t: FloatArray) -> FloatArray:
+        """Between two impacts."""
+        b = self.breather
+        own = b.flight(site).value(t - self.start - HALF_PI)
+        return np.asarray(b.a * b.forcing.f(t) + b.p * own)
+
+    def profiles(self, sites: Sites, size: int) -> FloatArray:
+        b, (s, sine, powers) = self.breather, _grid(size)
+        first, own = _answers(b.lattice, b.gamma, tuple(sites.tolist()))
+        return np.asarray(
+            b.a * b.forcing.f(b.phi + s) + b.p * (own @ powers - first[:, None] * sine)
+        )
+
+
+def phase(breather: Any, t: float) -> tuple[float, float]:
+    """Time from the middle of the flight, and its sign."""
+    flights = math.floor((t - breather.phi) / math.pi)
+    sign = -1.0 if flights % 2 else 1.0
+    return t - breather.phi - (flights + 0.5) * math.pi, sign
+
+
+@lru_cache(maxsize=16)
+def _grid(size: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times of one flight, sin y and the odd powers of y there."""
+    s = math.pi * np.arange(size) / size
+    y = s - HALF_PI
+    return s, np.sin(y), y ** (2.0 * np.arange(POWERS)[:, None] + 1.0)
+
+
+@lru_cache(maxsize=64)
+def _distances(lattice: Lattice) -> Sites:
+    """Distances of the sites to look at."""
+    return np.array(sorted({lattice.distance(n) for n in range(1, NEAR + 1)} - {0}), dtype=int)
+
+
+@lru_cache(maxsize=64)
+def _answers(
+    lattice: Lattice, gamma: float, sites: tuple[int, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Amplitudes of -sin y and of the odd powers of y, per unit p, for several sites."""
+    first = 4.0 / math.pi * lattice.first_harmonic(gamma, np.array(sites, dtype=int))
+    return first, _weights(lattice, sites) @ (4.0 * gamma) ** np.arange(TERMS + 1)
+
+
+@lru_cache(maxsize=64)
+def _weights(lattice: Lattice, sites: tuple[int, ...]) -> FloatArray:
+    """What makes flights of powers of 4 gamma."""
+    moments = np.array([lattice.moments(n) for n in sites]).reshape(len(sites), 1, TERMS + 1)
+    return np.asarray(response_weights() * moments)
+
+
+# --- the periodic Green's function ----------------------------------------------------------
+
+
+class Waves:
+    """An orbit of chain or ring with any impacts."""
+
+    sign = 1
+
+    def __init__(self, orbit: Any) -> None:
+        self.orbit = orbit
+        self.k, self.length = float(orbit.k), float(orbit.period)
+        self.start, self.highest = float(orbit.impacts[0].time), int(orbit.forcing.highest)
+        self.hit = tuple(sorted({impact.site for impact in orbit.impacts}))
+        self._offsets: dict[int | None, float] = {}
+
+    @cached_property
+    def flights(self) -> tuple[Between, ...]:
+        orbit = self.orbit
+        rows = zip(
+            orbit.impacts, orbit.incoming.tolist(), orbit.accelerations.tolist(), strict=True
+        )
+        hits = [(one.site, one.time, one.wall * w, -one.wall * bend) for one, w, bend in rows]
+        return flights_between(hits, len(hits), self.length)
+
+    @property
+    def _resonant(self) -> bool:
+        return is_resonant(self.orbit.lattice, self.orbit.gamma, self.orbit.periods)
+
+    @cached_property
+    def idle(self) -> Sites:
+        first, last, ring = self.hit[0], self.hit[-1], self.orbit.lattice.sites
+        left = 1 if len(self.hit) == 1 else -NEAR  # around one site both sides are alike
+        near = range(ring or 0) if self._resonant else range(first + left, last + NEAR + 1)
+        sites = {site % ring for site in near} if ring else set(near)
+        return np.array(sorted(sites - set(self.hit)), dtype=int)
+
+    @property
+    def beside(self) -> Collection[int]:
+        return {n for site in self.hit for n in self.orbit.lattice.beside(site)}
+
+    def walls(self, site: int) -> Wall:
+        return USUAL
+
+    def far(self) -> tuple[float, float]:
+        orbit, offset = self.orbit, self._far_offset
+        if orbit.lattice.sites is not None:
+            return self.start, 1.0
+        margin = 1.0 - abs(offset) - orbit.a * orbit.forcing.peak()
+        return _highest(orbit.forcing, math.copysign(1.0, offset)), margin
+
+    @property
+    def _far_offset(self) -> float:
+        """The larger of the offsets at both ends of the chain; none where there is no coupling."""
+        offsets = self.orbit.offsets
+        return max((offsets[0], offsets[-1]), key=abs) if self.orbit.gamma else 0.0
+
+    def felt(self, site: int) -> float:
+        orbit = self.orbit
+        away = min(orbit.lattice.distance(site - busy) for busy in self.hit)
+        return float(0.5 * np.abs(orbit.impulses).max() * orbit.gamma**away)
+
+    def at(self, site: int | None, t: float) -> Terms:
+        """None stands for the far field."""
+        u, v, w = moved(self.orbit, site, t)
+        if site not in self._offsets:
+            own = self._far_offset if site is None else float(self.orbit.offset(site))
+            self._offsets[site] = own
+        return u + self._offsets[site], v, w
+
+    def path(self, site: int, t: FloatArray) -> FloatArray:
+        return self._many([site], t)[0]
+
+    def profiles(self, sites: Sites, size: int) -> FloatArray:
+        step = self.length / size
+        return self._many(sites.tolist(), self.start + step * np.arange(size, dtype=float))
+
+    def _many(self, sites: Sequence[int], t: FloatArray) -> FloatArray:
+        orbit = self.orbit
+        lattice, gamma, n = orbit.lattice, orbit.gamma, orbit.periods
+        u = orbit.offset(sites)[:, None] + orbit.a * np.asarray(orbit.forcing.f(t))
+        for impact in orbit.impacts:
+            apart = tuple(lattice.distance(site - impact.site) for site in sites)
+            table = wave_table(lattice, gamma, apart, n)
+            if table is None:
+                answer = np.array(
+                    [wave(lattice, gamma, d, n).at(t - impact.time)[0] for d in apart]
+                )
+            else:
+                answer = table @ wave_basis(t - impact.time, n)
+            u += impact.impulse * answer
+        return np.asarray(u)
+
+
+@lru_cache(maxsize=64)
+def _highest(forcing: Forcing, sign: float) -> float:
+    """When f is largest in one direction."""
+    t = np.linspace(0.0, 2.0 * math.pi, 64 * forcing.highest, endpoint=False)
+    return float(t[int((sign * forcing.f(t)).argmax())])
+
+
+def moved(orbit: Any, site: int | None, t: float) -> Terms:
+    """Displacement, velocity and acceleration of a site (None: the far field) at one time, without
+    its static offset."""
+    a, (u, v, w) = orbit.a, orbit.forcing.motion(t)
+    u, v, w = a * u, a * v, a * w
+    for impact in orbit.impacts if site is not None else ():
+        distance = orbit.lattice.distance(site - impact.site)
+        h = wave(orbit.lattice, orbit.gamma, distance, orbit.periods).motion(t - impact.time)
+        u, v, w = u + impact.impulse * h[0], v + impact.impulse * h[1], w + impact.impulse * h[2]
+    return u, v, w
+
+
+# --- modes of a finite lattice --------------------------------------------------------------
+
+
+class Modes:
+    """A shot orbit of any finite lattice."""
+
+    def __init__(self, orbit: Any) -> None:
+        self.orbit = orbit
+        self.k, self.sign = float(orbit.k), int(orbit.itinerary.sign)
+        self.start, self.length = float(orbit.times[0]), float(orbit.itinerary.length)
+        self.highest = int(orbit.forcing.highest)
+        self.hit = orbit.itinerary.hit
+        self.walls = orbit.walls.at
+
+    @cached_property
+    def flights(self) -> tuple[Between, ...]:
+        orbit = self.orbit
+        hits = [
+            (one.site, one.time, one.wall * one.before, -one.wall * one.acceleration)
+            for one in orbit.hits
+        ]
+        return flights_between(hits, orbit.itinerary.count, orbit.period)
+
+    @cached_property
+    def idle(self) -> Sites:
+        sites = self.orbit.lattice.idle(self.hit)
+        watched = [self.walls(n) != NO_WALLS for n in sites.tolist()]
+        return np.asarray(sites[np.array(watched, dtype=bool)])
+
+    @property
+    def beside(self) -> Collection[int]:
+        return {n for site in self.hit for n in self.orbit.lattice.beside(site)}
+
+    def far(self) -> tuple[float, float]:
+        return self.start, 1.0
+
+    def felt(self, site: int) -> float:
+        """A lattice knows no distances."""
+        return 1.0
+
+    def at(self, site: int, t: float) -> Terms:
+        found: Terms = self.orbit.at(site, t)
+        return found
+
+    def path(self, site: int, t: FloatArray) -> FloatArray:
+        return np.asarray(self.orbit.displacement(site, t))
+
+    def profiles(self, sites: Sites, size: int) -> FloatArray:
+        step = self.length / size
+        motion = self.orbit.motion(self.start + step * np.arange(size, dtype=float))
+        return np.asarray(motion[:, sites].T)
+
+
+def flights_between(
+    hits: Sequence[tuple[int, float, float, float]], count: int, period: float
+) -> tuple[Between, ...]:
+    """The flights that start with the first `count` of the impacts (site, time, speed, push) of a
+    period; times count modulo the period."""
+    first, found = hits[0][1], []
+    order = sorted(hits, key=lambda hit: (hit[1] - first) % period)
+    for i, (site, time, speed, push) in enumerate(order[:count]):
+        later = (hit for hit in (*order[i + 1 :], *order[:i]) if hit[0] == site)
+        _, end, next_speed, _ = again = next(later, order[i])
+        length = period if again is order[i] else (end - time) % period
+        found.append(Between(site, time, end, length, speed, next_speed, push))
+    return tuple(found)
