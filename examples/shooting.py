@@ -55,7 +55,7 @@ def main(folder: Path = Path()) -> list[Path]:
     """Draw the arms and the cascade into a folder."""
     figure, (above, below) = new_figure(2)
     with style():
-        cb.plot_diagram(arms_on_a_ring(), x="a", y="asymmetry", ax=above)
+        cb.plotting.plot_diagram(arms_on_a_ring(), x="a", y="asymmetry", ax=above)
     above.set(ylabel="$t_2 - t_1 - \\pi$", xticks=np.arange(0.7, 0.91, 0.05))
     for branch in (refined(branch, 60) for branch in cascade()):
         # half the momentum of every impact on the wall at +1

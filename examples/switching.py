@@ -32,9 +32,9 @@ def arms(folder: Path) -> Path:
     for arm in both:
         print(f"an arm ends at a = {arm[-1]['a']:.12f}: {arm[-1].admissibility().reason}")
     figure, (above, below) = new_figure(2)
-    cb.plot_diagram([branch, *both], y="p", ax=above)
+    cb.plotting.plot_diagram([branch, *both], y="p", ax=above)
     flat = with_columns(branch, asymmetry=lambda point: 0.0)
-    cb.plot_diagram([flat, *both], y="asymmetry", ax=below)
+    cb.plotting.plot_diagram([flat, *both], y="asymmetry", ax=below)
     delta = np.linspace(-0.9, 0.9, 101)
     below.plot(point["a"] + delta**2 / point["coefficient"], delta, ":", color="C7", lw=1)
     below.set(ylabel="$t_2 - t_1 - \\pi$", xlim=above.get_xlim())

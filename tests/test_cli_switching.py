@@ -219,17 +219,17 @@ def test_arms_that_fail_are_told_and_have_status_1(
 
 def test_branches_of_different_problems_share_a_figure_and_the_name_of_their_point() -> None:
     tree = cb.diagram(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.1, 0.9)})
-    ax = cb.plot_diagram(tree)
+    ax = cb.plotting.plot_diagram(tree)
     assert ax.get_ylabel() == "$t_1$"
     words = [text.get_text() for text in ax.texts]
     assert words.count("PF1") == 1
     assert words.count("GR1") == 2
-    on_arms = cb.plot_diagram(tree, y="asymmetry")  # breathers have no such column
+    on_arms = cb.plotting.plot_diagram(tree, y="asymmetry")  # breathers have no such column
     assert [text.get_text() for text in on_arms.texts].count("PF1") == 1
     with pytest.raises(cb.BadInput, match="no branch has a column 'q'; there are"):
-        cb.plot_diagram(tree, y="q")
+        cb.plotting.plot_diagram(tree, y="q")
     with pytest.raises(cb.BadInput, match="no branch to draw"):
-        cb.plot_diagram([])
+        cb.plotting.plot_diagram([])
 
 
 def test_a_figure_of_any_number_that_points_have() -> None:
@@ -237,7 +237,7 @@ def test_a_figure_of_any_number_that_points_have() -> None:
         return float(point.displacement(1, 0.0))
 
     branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.4, 0.6)})
-    ax = cb.plot_diagram([branch], y=height)
+    ax = cb.plotting.plot_diagram([branch], y=height)
     assert ax.get_ylabel() == "height"
     x, y = ax.get_lines()[0].get_data()
     assert y[0] == pytest.approx(cb.symmetric(x[0], 0.04, 0.8).displacement(1, 0.0), abs=1e-12)

@@ -40,7 +40,7 @@ def entries(b: cb.Breather) -> dict[str, tuple[Callable[..., Any], dict[str, Any
         return cb.simulate(**{**ring, "periods": 1, **numbers})
 
     def smooth(**numbers: Any) -> Any:
-        return cb.simulate_smooth(**{**ring, "periods": 1, "m": 6, **numbers})
+        return cb.dynamics.simulate_smooth(**{**ring, "periods": 1, "m": 6, **numbers})
 
     def window(low: Any, high: Any) -> Any:
         return cb.trace(b, "a", within={"a": (low, high)}, steps=cb.Steps(most=2))
@@ -63,8 +63,8 @@ def entries(b: cb.Breather) -> dict[str, tuple[Callable[..., Any], dict[str, Any
         "fourier": (lambda c: cb.Fourier(cos={1: c}), {"c": -1.0}),
         "simulate": (run, {**HERE, "periods": 1, "damping": 0.0, "t0": 0.0}),
         "smooth": (smooth, {"a": 0.5, "gamma": 0.04, "k": 0.8, "m": 6, "damping": 0.0}),
-        "sample": (lambda n: cb.Sample((0,), n), {"n": 20}),
-        "axis": (lambda site: cb.Axis("u", site, [0.0]), {"site": 0}),
+        "sample": (lambda n: cb.dynamics.Sample((0,), n), {"n": 20}),
+        "axis": (lambda site: cb.dynamics.Axis("u", site, [0.0]), {"site": 0}),
     }
 
 
@@ -77,7 +77,7 @@ def test_what_is_no_number_is_refused_at_every_entry(breather: cb.Breather) -> N
             for bad in rng.sample(NO_NUMBERS, 3):
                 try:
                     call(**{**good, argument: bad})
-                except cb.ContbreatherError as error:
+                except cb.errors.ContbreatherError as error:
                     assert str(error)  # noqa: PT017
                 else:
                     answered.append((name, argument, bad))
@@ -96,7 +96,7 @@ def test_an_amplitude_that_is_none_is_named(bad: Any) -> None:
 
 def test_samples_without_sites_are_refused() -> None:
     with pytest.raises(cb.BadInput, match="one site or several were wanted"):
-        cb.Sample(sites=())
+        cb.dynamics.Sample(sites=())
 
 
 # --- what the command line accepts ----------------------------------------------------------------
@@ -165,14 +165,14 @@ def test_a_loaded_point_without_equations_says_so_to_switch(
 
 
 def test_a_run_is_drawn_by_its_record(breather: cb.Breather) -> None:
-    sample = cb.Sample((0, 1), 20)
+    sample = cb.dynamics.Sample((0, 1), 20)
     run = cb.simulate(breather.state(6), **HERE, periods=2, sample=sample)
-    lines = [line.get_ydata() for line in cb.plot_motion(run).get_lines()]
+    lines = [line.get_ydata() for line in cb.plotting.plot_motion(run).get_lines()]
     assert run.record is not None
     np.testing.assert_array_equal(np.transpose(lines), run.record.u)
     bare = cb.simulate(breather.state(6), **HERE, periods=2)
     with pytest.raises(cb.BadInput, match="sample=Sample"):
-        cb.plot_motion(bare)
+        cb.plotting.plot_motion(bare)
 
 
 PLOTS = ("plot", "plot_diagram", "plot_zones", "plot_motion", "plot_section", "plot_localisation",
@@ -182,7 +182,7 @@ PLOTS = ("plot", "plot_diagram", "plot_zones", "plot_motion", "plot_section", "p
 @pytest.mark.parametrize("name", PLOTS)
 def test_what_cannot_be_drawn_is_refused(name: str) -> None:
     with pytest.raises(cb.BadInput, match="wanted, got an int"):
-        getattr(cb, name)(3)
+        getattr(cb.plotting, name)(3)
 
 
 # --- compiled code --------------------------------------------------------------------------------

@@ -141,7 +141,7 @@ def test_ends_of_several_branches_are_dots_without_names(in_a: Branch) -> None:
 def test_points_of_one_name_in_a_corner_are_named_once() -> None:
     """The doublings of a cascade, each the first of its branch, crowd at its end."""
     logistic = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
-    ax = cb.plot_diagram(cb.diagram(logistic, "r", within={"r": (0.5, 3.6)}, depth=5))
+    ax = cb.plotting.plot_diagram(cb.diagram(logistic, "r", within={"r": (0.5, 3.6)}, depth=5))
     words = [text for text in ax.texts if text.get_text() == "PD1"]
     places = [ax.transData.transform(word.xy) for word in words]
     apart = [np.hypot(*(a - b)) for a, b in itertools.combinations(places, 2)]

@@ -134,11 +134,11 @@ def test_folds_are_passed_on_request_and_not_passed_on_request() -> None:
 
 
 @pytest.fixture(scope="module")
-def ring() -> cb.Zones:
+def ring() -> cb.breathers.Zones:
     return cb.zones(k=0.8, lattice=cb.Ring(50), within={"gamma": (0.0, 0.2)})
 
 
-def test_the_line_of_the_papers_rule_on_a_ring_is_whole(ring: cb.Zones) -> None:
+def test_the_line_of_the_papers_rule_on_a_ring_is_whole(ring: cb.breathers.Zones) -> None:
     """Against the envelope that Newton's method finds for all pairs at once."""
     from contbreather.paper.threshold import neimark_sacker_line
 
@@ -154,7 +154,7 @@ def test_the_line_of_the_papers_rule_on_a_ring_is_whole(ring: cb.Zones) -> None:
         assert min(gaps) < 1e-4
 
 
-def test_the_pieces_of_that_line_join_end_to_end(ring: cb.Zones) -> None:
+def test_the_pieces_of_that_line_join_end_to_end(ring: cb.breathers.Zones) -> None:
     ends = [end for line in ring["NS"] for end in (line[0], line[-1])]
     joints = [end for end in ends if end.kind == "NS-NS"]
     assert len(joints) >= 10
@@ -165,7 +165,7 @@ def test_the_pieces_of_that_line_join_end_to_end(ring: cb.Zones) -> None:
     assert all(point.kind != "NS-NS" for point in ring.special)
 
 
-def test_regions_of_a_ring_are_lettered_by_its_own_multipliers(ring: cb.Zones) -> None:
+def test_regions_of_a_ring_are_lettered_by_its_own_multipliers(ring: cb.breathers.Zones) -> None:
     from contbreather.plotting.zones import regions
 
     found, _ = regions(ring)

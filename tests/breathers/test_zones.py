@@ -17,7 +17,7 @@ KS = (0.001, 0.05, 0.2, 0.4, 0.8, 0.95, 0.99)
 
 
 @lru_cache(maxsize=8)
-def zones(k: float) -> cb.Zones:
+def zones(k: float) -> cb.breathers.Zones:
     return cb.zones(k=k)
 
 
@@ -204,7 +204,9 @@ def roots_at(a: float, gamma: float, forcing: cb.Forcing) -> int:
 
 
 @pytest.mark.parametrize("gamma", [0.12, 0.205])
-def test_all_sheets_of_a_forcing_with_several_breathers(gamma: float, several: cb.Zones) -> None:
+def test_all_sheets_of_a_forcing_with_several_breathers(
+    gamma: float, several: cb.breathers.Zones
+) -> None:
     """Every event on the branch through every admissible root lies on a curve of the diagram."""
     seen: list[cb.Point] = []
     for a in np.linspace(0.05, 0.7, 14):
@@ -222,7 +224,7 @@ def test_all_sheets_of_a_forcing_with_several_breathers(gamma: float, several: c
 
 
 @pytest.fixture(scope="module")
-def several() -> cb.Zones:
+def several() -> cb.breathers.Zones:
     return cb.zones(k=0.8, forcing=WELLS, within={"gamma": (0.1, 0.21)})
 
 

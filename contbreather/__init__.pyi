@@ -1,0 +1,47 @@
+"""The names of the front desk and where each lives, for Python and for type checkers."""
+
+from .breathers import Breather as Breather
+from .breathers import grazing as grazing
+from .breathers import neimark_sacker as neimark_sacker
+from .breathers import pitchfork as pitchfork
+from .breathers import symmetric as symmetric
+from .breathers import symmetric_roots as symmetric_roots
+from .breathers import zones as zones
+from .breathers.multi import multibreather as multibreather
+from .breathers.multi import multibreathers as multibreathers
+from .breathers.shooting import shooting as shooting
+from .continuation import Branch as Branch
+from .continuation import Event as Event
+from .continuation import Point as Point
+from .continuation import Problem as Problem
+from .continuation import Steps as Steps
+from .continuation import Stop as Stop
+from .continuation import boundary as boundary
+from .continuation import branch_point as branch_point
+from .continuation import fold as fold
+from .continuation import hopf as hopf
+from .continuation import load as load
+from .continuation import save as save
+from .continuation import trace as trace
+from .continuation import user as user
+from .continuation.diagram import diagram as diagram
+from .continuation.maps import FixedPoint as FixedPoint
+from .continuation.switching import switch as switch
+from .dynamics import simulate as simulate
+from .errors import BadInput as BadInput
+from .errors import Interrupted as Interrupted
+from .errors import NoSolution as NoSolution
+from .errors import NotConverged as NotConverged
+from .lattice import Fourier as Fourier
+from .lattice import Harmonic as Harmonic
+from .lattice import InfiniteChain as InfiniteChain
+from .lattice import Ring as Ring
+from .lattice import Samples as Samples
+from .lattice import Symbolic as Symbolic
+from .lattice.finite import Grid as Grid
+from .lattice.finite import Lattice as Lattice
+from .lattice.finite import OpenChain as OpenChain
+from .plotting import plot as plot
+from .plotting import save_figure as save_figure
+
+__version__: str
