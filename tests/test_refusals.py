@@ -1,0 +1,227 @@
+"""What cannot be answered is refused in a sentence: what was given, what is wanted, what to do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.checks import MOST, check_kind, kind_of, number, numbers, real, row, whole
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import Fourier, Harmonic, Ring
+
+LINE: dict[str, Any] = {
+    "residual": lambda x, p: x - p["mu"],
+    "start": {"x": 0.0},
+    "params": {"mu": 0.0},
+}
+
+
+def problem(**changed: Any) -> cb.Problem:
+    return cb.Problem(**{**LINE, **changed})
+
+
+def grown(x: Any, p: Any) -> Any:
+    return p["r"] * x * (1.0 - x)
+
+
+PAIR = np.array([[1.0, -1.0], [-1.0, 1.0]])
+APART = np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+CASES: list[tuple[Callable[[], Any], str]] = [
+    # problems
+    (lambda: problem(residual=3.0), r"residual must be a function, got 3\.0"),
+    (lambda: problem(residual=None), r"residual must be a function, got None"),
+    (lambda: problem(jacobian=3.0), r"jacobian must be a function, got 3\.0"),
+    (lambda: problem(sensitivity="no"), r"sensitivity must be a function, got 'no'"),
+    (lambda: problem(start=[1.0]), r"start must be a dict of names and values, got \[1\.0\]"),
+    (lambda: problem(params=2.0), r"params must be a dict of names and values"),
+    (lambda: problem(scales=[1.0]), r"scales must be a dict of names and values"),
+    (lambda: problem(domain=[1.0]), r"domain must be a dict of names and values"),
+    (lambda: problem(record=[1.0]), r"record must be a dict of names and values"),
+    (lambda: problem(start={}), r"at least one unknown: start is empty"),
+    (lambda: problem(params={"x": 1.0}), r"\['x'\] are named both as unknowns and as parameters"),
+    (lambda: problem(scales={"x": 0.0}), r"scale of 'x' must be finite and positive, got 0\.0"),
+    (lambda: problem(scales={"x": -1.0}), r"scale of 'x' must be finite and positive, got -1\.0"),
+    (lambda: problem(scales={"x": math.inf}), r"scale of 'x' must be finite and positive"),
+    (lambda: problem(scales={"y": 1.0}), r"no 'y' in this problem; it has \['x', 'mu'\]"),
+    (lambda: cb.user(3, 0.1), r"user\(3, \.\.\.\): the name of an unknown or a parameter"),
+    (lambda: cb.user("mu", "x"), r"value = 'x': the level to stop at"),
+    (lambda: cb.user("mu", math.nan), r"value = nan: the level to stop at"),
+    # maps
+    (lambda: cb.FixedPoint(3.0, {"x": 0.6}, {"r": 2.5}), r"a map, and its jacobian, are functions"),
+    (
+        lambda: cb.FixedPoint(grown, {"x": 0.6}, {"r": 2.5}, jacobian=1.0),
+        r"a map, and its jacobian, are functions; got .* and 1\.0",
+    ),
+    (
+        lambda: cb.FixedPoint(grown, {"x": 0.6}, {"r": 2.5}, record=[1]),
+        r"record must be a dict of names and functions, got \[1\]",
+    ),
+    *(
+        (
+            lambda period=period: cb.FixedPoint(grown, {"x": 0.6}, {"r": 2.5}, period=period),
+            rf"a period is a positive integer, got {period!r}",
+        )
+        for period in (0, -1, 1.5, True, "2")
+    ),
+    # lattices
+    (lambda: cb.Lattice([[1.0, "a"], [0.0, 1.0]]), "the stiffness is no matrix of numbers"),
+    (
+        lambda: cb.Lattice([[1.0, 2.0]]),
+        r"the stiffness has shape \(1, 2\); a square matrix",
+    ),
+    (lambda: cb.Lattice(np.zeros((0, 0))), r"the stiffness has shape \(0, 0\)"),
+    (lambda: cb.Lattice([1.0, 2.0]), r"the stiffness has shape \(2,\)"),
+    (lambda: cb.Lattice([[1.0, 0.0], [0.0, math.nan]]), r"stiffness\[1, 1\] = nan is not finite"),
+    (
+        lambda: cb.Lattice([[1.0, -0.5], [-1.0, 1.0]]),
+        r"stiffness\[0, 1\] = -0\.5 but stiffness\[1, 0\] = -1: a spring pulls both ends alike",
+    ),
+    (lambda: cb.Lattice(-PAIR), r"has the eigenvalue -2: it must be positive semidefinite"),
+    (lambda: cb.Lattice(PAIR, masses=[1.0, 0.0]), r"masses\[1\] = 0: every mass must be positive"),
+    (
+        lambda: cb.Lattice(PAIR, masses=[-2.0, 1.0]),
+        r"masses\[0\] = -2: every mass must be",
+    ),
+    (lambda: cb.Lattice(PAIR, masses=[1.0]), r"masses has shape \(1,\); one number for each of 2"),
+    (
+        lambda: cb.Lattice(PAIR, drive=[1.0, 1.0, 1.0]),
+        r"drive has shape \(3,\); one number for each",
+    ),
+    (lambda: cb.Lattice(PAIR, drive=["a", "b"]), r"drive = \['a', 'b'\]: one number for each site"),
+    (lambda: cb.Lattice(PAIR, drive=[1.0, math.inf]), r"drive = \[1\.0, inf\]: finite numbers"),
+    (lambda: cb.Lattice(PAIR, masses=[math.nan, 1.0]), r"masses = \[nan, 1\.0\]: finite numbers"),
+    (
+        lambda: cb.Lattice.from_graph(3),
+        r"graph = 3: an undirected networkx graph with at least",
+    ),
+    (lambda: cb.Lattice.from_graph(nx.DiGraph([(0, 1)])), r"an undirected networkx graph"),
+    (lambda: cb.Lattice.from_graph(nx.Graph()), r"an undirected networkx graph with at least one"),
+    (
+        lambda: cb.Lattice.from_graph(nx.Graph([(0, 1, {"weight": "heavy"})])),
+        r"the weights 'weight' of the edges must be numbers, their stiffnesses",
+    ),
+    (
+        lambda: cb.Lattice(APART).basis((1, 2)),
+        r"site 2 of this lattice has no bond to any other: alone it is a single oscillator",
+    ),
+    # forcings
+    (lambda: Fourier(cos=[1.0]), r"cos = \[1\.0\]: coefficients by harmonic were wanted"),
+    (lambda: Fourier(cos={}, sin=3.0), r"sin = 3\.0: coefficients by harmonic were wanted"),
+    *(
+        (
+            lambda m=m: Fourier(cos={m: 1.0}),
+            rf"cos harmonic {m!r}: the forcing must be antisymmetric",
+        )
+        for m in (0, 2, -1, 1.5, True)
+    ),
+    (lambda: Fourier(sin={1: math.nan}), r"sin harmonic 1: its coefficient nan is no finite"),
+    (lambda: Fourier(sin={1: "a"}), r"sin harmonic 1: its coefficient 'a' is no finite"),
+    (lambda: Fourier(cos={1: 1e-200}), r"too little to be computed with; .* scale it up"),
+    (lambda: Fourier(cos={1: 1e200}), r"too large to be computed with; .* scale it down"),
+    (lambda: Harmonic().slope_harmonics("c3"), r"unknown forcing parameter 'c3': this forcing"),
+    (lambda: Fourier(cos={1: -1.0}).f_param("s1", 0.1), r"unknown forcing parameter 's1'"),
+    (lambda: Fourier(cos={1: -1.0}).at(c3=0.1), r"unknown forcing parameter 'c3': .* has c1"),
+]
+
+
+@pytest.mark.parametrize(("made", "sentence"), CASES, ids=[words[:40] for _, words in CASES])
+def test_it_is_refused_in_a_sentence(made: Callable[[], Any], sentence: str) -> None:
+    with pytest.raises(BadInput, match=sentence):
+        made()
+
+
+# --- numbers as they come in ----------------------------------------------------------------------
+
+
+def test_real_takes_numbers_and_nothing_that_looks_like_one() -> None:
+    for good in (2, 2.0, np.float32(2), np.int8(2), Fraction(2), np.array(2.0)):
+        assert real(good) == 2.0
+        assert type(real(good)) is float
+    for bad in ("2", b"2", bytearray(b"2"), True, np.True_, None, 2j, [2.0], np.array([2.0]), {}):
+        assert math.isnan(real(bad))
+    assert math.isnan(real(10**400))
+
+
+def test_a_number_is_within_its_range_ends_included() -> None:
+    for value in (0.0, 1, 0.5):
+        assert number("k", value, 0.0, 1.0, "a share") == value
+    for value in (-1e-9, 1.0000001, math.nan, math.inf, -math.inf, "0.5"):
+        with pytest.raises(BadInput, match=r"^k = .*: a share, a finite number, was wanted\."):
+            number("k", value, 0.0, 1.0, "a share")
+    with pytest.raises(BadInput):
+        number("a", math.inf, 0.0, math.inf, "an amplitude")
+
+
+def test_a_whole_number_is_one_that_can_be_counted() -> None:
+    assert [whole("n", value, 1) for value in (1, 7, np.int64(3), MOST)] == [1, 7, 3, MOST]
+    assert type(whole("n", np.int64(3), 1)) is int
+    for value in (0, -5, 2.0, 1.5, True, "3", None):
+        with pytest.raises(BadInput, match=r"^n = .*: a whole number, at least 1, was wanted\."):
+            whole("n", value, 1)
+    with pytest.raises(BadInput, match=rf"^n is above {MOST}: no computer counts that far\."):
+        whole("n", MOST + 1, 1)
+    with pytest.raises(BadInput, match="no computer counts that far"):
+        whole("n", 10**400, 1)
+
+
+def test_numbers_keep_their_shape() -> None:
+    assert numbers("u", [[1, 2], [3, 4]]).shape == (2, 2)
+    assert numbers("u", 3).shape == ()
+    assert numbers("u", np.arange(3, dtype=np.uint8)).dtype == float
+    assert numbers("u", [Fraction(1, 2), 2]).tolist() == [0.5, 2.0]
+    wrong = ([1.0, math.nan], [math.inf], ["1"], [True, False], [1j], [[1.0], [1.0, 2.0]], None)
+    for value in (*wrong, [object()], [10**400]):
+        with pytest.raises(BadInput, match=r"^u = .*: finite real numbers were wanted\."):
+            numbers("u", value)
+
+
+def test_a_row_has_one_number_at_least() -> None:
+    assert row("u", 3.0, "a row of it").tolist() == [3.0]
+    assert row("u", (1, 2), "a row of it").tolist() == [1.0, 2.0]
+    for value in ([], [[1.0, 2.0]]):
+        with pytest.raises(BadInput, match=r"^u = .*: a row of it, a row of finite numbers"):
+            row("u", value, "a row of it")
+
+
+def test_kinds_are_called_with_their_article() -> None:
+    assert [kind_of(one) for one in (None, 1, [], "a", np.zeros(1), Ring(3))] == [
+        "None", "an int", "a list", "a str", "a ndarray", "a Ring",
+    ]  # fmt: skip
+    check_kind(1, (int, str), "a word or a number")
+    check_kind("a", (int, str), "a word or a number")
+    with pytest.raises(BadInput, match=r"^a word or a number was wanted, got a list$"):
+        check_kind([], (int, str), "a word or a number")
+
+
+# --- branches -------------------------------------------------------------------------------------
+
+
+def test_a_branch_is_asked_by_name_or_by_number() -> None:
+    branch = cb.trace(problem(), "mu", within={"mu": (-1, 1)}, events=())
+    assert branch[0] is branch.points[0]
+    assert branch[1:3] == branch.points[1:3]
+    for wrong in (1.5, None, (0, 1)):
+        with pytest.raises(BadInput, match=r"^branch\[.*\]: the name of a column or the number of"):
+            branch[wrong]
+    with pytest.raises(BadInput, match="'nu'"):
+        branch["nu"]
+
+
+def test_equations_without_a_finite_newton_step_are_not_solved() -> None:
+    steep = problem(residual=lambda x, p: np.array([1.0 + 0.0 * x[0]]), start={"x": 0.5})
+    with pytest.raises((BadInput, NotConverged)):
+        cb.trace(steep, "mu", within={"mu": (-1, 1)}, events=())
+
+
+@pytest.mark.parametrize("value", [1j, "a", None, [[1.0], [2.0]]])
+def test_equations_that_give_no_real_numbers_are_refused(value: Any) -> None:
+    with pytest.raises((BadInput, NotConverged)):
+        cb.trace(problem(residual=lambda x, p: [value]), "mu", events=())
