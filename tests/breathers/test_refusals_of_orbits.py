@@ -1,0 +1,299 @@
+"""Seeds, sequences and questions that make no orbit: a sentence each; and those that just do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.breathers.shooting import shot_orbit
+from contbreather.errors import BadInput
+from contbreather.lattice import InfiniteChain, Ring
+
+HERE: dict[str, Any] = {"a": 0.5, "gamma": 0.02, "k": 0.8}
+ALONE: dict[str, Any] = {"a": 0.82, "gamma": 0.0, "k": 0.8}
+
+
+@pytest.fixture(scope="module")
+def half():
+    """A symmetric orbit shot over half its period."""
+    return shot_orbit(cb.shooting(cb.symmetric(**HERE), sites=6))
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """The same, shot over all of it."""
+    return shot_orbit(cb.shooting(cb.symmetric(**HERE), sites=6, symmetric=False))
+
+
+@pytest.fixture(scope="module")
+def lopsided():
+    """An asymmetric orbit of the single oscillator, beyond its pitchfork."""
+    branch = cb.trace(cb.symmetric(0.7, 0.0, 0.8, lattice=Ring(1)), "a", within={"a": (0.5, 0.9)})
+    arm = cb.switch(branch.first("PF"), within={"a": (0.5, 0.83)})[0]
+    return arm[-1].solution
+
+
+SEEDS: list[tuple[Callable[..., Any], str]] = [
+    (lambda b, o, w: cb.shooting(b), "lives on the infinite chain: say on which ring, sites=N"),
+    (
+        lambda b, o, w: cb.shooting(b, sites=5, lattice=Ring(6)),
+        r"sites = 5 and the ring of 6: give one of the two",
+    ),
+    (lambda b, o, w: cb.shooting(w, symmetric=True), "was not shot as a symmetric one"),
+    (
+        lambda b, o, w: cb.shooting(w, sequence=((0, -1), (0, 1))),
+        r"this orbit has the impacts \(\(0, 1\), \(0, -1\)\), not \(\(0, -1\), \(0, 1\)\)",
+    ),
+    (lambda b, o, w: cb.shooting({"t1": 0.1}, sites=4, **HERE), "needs sites=... and sequence"),
+    (
+        lambda b, o, w: cb.shooting({"t1": 0.1}, sequence=((0, 1),), **HERE),
+        "needs sites=... and sequence",
+    ),
+    (
+        lambda b, o, w: cb.shooting({"t2": 0.1}, sites=4, sequence=((0, 1),), **HERE),
+        r"one time for each impact, \['t1'\]: missing \['t1'\], not known \['t2'\]",
+    ),
+    (
+        lambda b, o, w: cb.shooting({"t1": "x"}, sites=4, sequence=((0, 1),), **HERE),
+        "impact times {'t1': 'x'}: finite numbers were wanted",
+    ),
+    (lambda b, o, w: cb.shooting(3.0, sites=4, **HERE), "a seed is a breather, an orbit, .* float"),
+    (lambda b, o, w: cb.shooting("ab", sites=4, **HERE), "a seed is a breather, an orbit, .* str"),
+    (
+        lambda b, o, w: cb.shooting(([0.1, 0.2], [0.1, 0.2]), sites=3, **HERE),
+        "the state has 2 sites, but sites = 3 was asked for",
+    ),
+    (
+        lambda b, o, w: cb.shooting((["a"], [0.1]), sites=1, **HERE),
+        r"a state is a pair \(u, v\) of rows of numbers",
+    ),
+    (
+        lambda b, o, w: cb.shooting(([0.1, 0.2], [0.1]), **HERE),
+        r"rows of equal length; shapes \(2,\) and \(1,\)",
+    ),
+    (
+        lambda b, o, w: cb.shooting(([0.1, math.nan], [0.1, 0.2]), **HERE),
+        r"u\[1\] = nan of the state is not finite",
+    ),
+    (
+        lambda b, o, w: cb.shooting(([0.1, 0.1], [math.inf, 0.2]), **HERE),
+        r"v\[0\] = inf of the state is not finite",
+    ),
+    (
+        lambda b, o, w: cb.shooting(([0.1, 0.2], [0.1, 0.2]), a=0.5, k=0.8),
+        "this seed does not know gamma: give them by name",
+    ),
+    (
+        lambda b, o, w: cb.shooting(([0.0], [0.0]), a=1e-3, gamma=0.0, k=0.8),
+        r"the seed meets no wall within a section of length 6\.28319 from t = 0: it flies free",
+    ),
+    (lambda b, o, w: cb.shooting(b, sites=5, period=5.0), "period = 5.0: the forcing has period"),
+    (lambda b, o, w: cb.shooting(b, sites=5, period=math.inf), "period = inf: the forcing"),
+    (lambda b, o, w: cb.shooting(b, sites=5, period=0.0), "period = 0.0: the forcing"),
+    (
+        lambda b, o, w: cb.shooting(
+            {"t1": 0.1}, sites=4, sequence=((0, 1),), symmetric=True, period=4 * math.pi, **HERE
+        ),
+        r"a symmetric orbit of period 4 pi: .* needs an odd n, .*; n = 2 was given",
+    ),
+    *(
+        (
+            lambda b, o, w, bad=bad: cb.shooting({"t1": 0.1}, sites=4, sequence=bad, **HERE),
+            words,
+        )
+        for bad, words in (
+            ((), "the sequence of impacts is empty"),
+            ((1, 2), r"impacts are pairs \(site, wall\)"),
+            (((4, 1),), "no such site on the ring of 4; sites are whole numbers from 0 to 3"),
+            (((-4, 1),), "no such site on the ring of 4"),
+            (((0.5, 1),), "no such site on the ring of 4"),
+            (((True, 1),), "no such site on the ring of 4"),
+            (((0, 2),), r"impact \(0, 2\): walls are \+1 and -1"),
+            (((0, True),), r"impact \(0, True\): walls are \+1 and -1"),
+        )
+    ),
+    (
+        lambda b, o, w: cb.shooting(b, sites=5, walls={7: (-1, 1)}),
+        "walls of site 7: there is no such site on the ring of 5; sites are 0 to 4",
+    ),
+    (
+        lambda b, o, w: cb.shooting(b, sites=5, walls={0: (-1, None)}),
+        "the walls are not symmetric|has no wall on that side",
+    ),
+    # questions
+    (lambda b, o, w: o.displacement(0.5, 0.0), "n = 0.5: sites are whole numbers"),
+    (lambda b, o, w: o.velocity(0, math.nan), "a time is not finite"),
+    (lambda b, o, w: w.phi, "phi belongs to symmetric orbits with one impact in half a period"),
+    (lambda b, o, w: w.multipliers(half=True), "was not shot on half its period: it has no half"),
+    (lambda b, o, w: o.state(7), "lives on the ring of 6, not on 7 sites: shoot it there first"),
+    (
+        lambda b, o, w: o.stability(threshold=0.9),
+        r"threshold = 0\.9: .*, so a finite threshold above 1 is",
+    ),
+    (
+        lambda b, o, w: o.stability(threshold=math.inf),
+        r"threshold = inf: .*, so a finite threshold above 1 is",
+    ),
+    (lambda b, o, w: b.multipliers(), r"continuous spectrum; ask for multipliers\(sites=N\)"),
+    # many sites
+    (
+        lambda b, o, w: cb.multibreather(3, lattice=Ring(6), **HERE),
+        "3: a list of sites is wanted, or a dict of sites and orbits",
+    ),
+    (lambda b, o, w: cb.multibreather([], lattice=Ring(6), **HERE), "name at least one site"),
+    (lambda b, o, w: cb.multibreather([2, 2], lattice=Ring(6), **HERE), "name at least one site"),
+    (
+        lambda b, o, w: cb.multibreather({0: "middle"}, lattice=Ring(6), **HERE),
+        "site 0: 'middle' was given; 'upper', 'lower' or an orbit of the single oscillator",
+    ),
+    (
+        lambda b, o, w: cb.multibreather({0: b}, lattice=Ring(6), **HERE),
+        "has gamma = 0.02; an orbit of the single oscillator, without coupling, is wanted",
+    ),
+    (
+        lambda b, o, w: cb.multibreather({0: o}, lattice=Ring(6), **HERE),
+        "is no orbit of the single oscillator",
+    ),
+    *(
+        (
+            lambda b, o, w, most=most: cb.multibreathers(Ring(4), most=most, **HERE),
+            f"most = {most!r}: a whole number of sites, 1 to 4",
+        )
+        for most in (0, 5, 1.5, True, "2")
+    ),
+]
+
+
+@pytest.mark.parametrize(("made", "sentence"), SEEDS, ids=[words[:50] for _, words in SEEDS])
+def test_it_is_refused_in_a_sentence(
+    made: Callable[..., Any], sentence: str, half: Any, whole: Any
+) -> None:
+    with pytest.raises(BadInput, match=sentence):
+        made(cb.symmetric(**HERE), half, whole)
+
+
+# --- and what is none of that ---------------------------------------------------------------------
+
+
+def test_a_sequence_that_the_orbit_has_is_taken(half: Any, whole: Any) -> None:
+    for orbit, sequence in ((half, ((0, 1),)), (whole, ((0, 1), (0, -1)))):
+        again = shot_orbit(cb.shooting(orbit, sequence=sequence))
+        assert again.sequence == sequence
+        assert again.times == pytest.approx(orbit.times, abs=1e-10)
+
+
+def test_a_symmetric_orbit_is_opened_up(half: Any, whole: Any) -> None:
+    opened = shot_orbit(cb.shooting(half, symmetric=False))
+    assert not opened.symmetric
+    assert opened.sequence == whole.sequence
+    assert opened.times == pytest.approx(whole.times, abs=1e-9)
+    again = shot_orbit(cb.shooting(opened, symmetric=False))  # nothing left to open
+    assert again.times == pytest.approx(whole.times, abs=1e-9)
+
+
+def test_a_breather_is_shot_by_another_listing_of_its_impacts() -> None:
+    b = cb.symmetric(**HERE)
+    other = shot_orbit(cb.shooting(b, sites=6, symmetric=False, sequence=((0, -1), (0, 1))))
+    assert other.sequence == ((0, -1), (0, 1))
+    assert sorted(other.times % (2 * math.pi)) == pytest.approx(
+        sorted([b.phi % (2 * math.pi), (b.phi + math.pi) % (2 * math.pi)]), abs=1e-3
+    )
+
+
+def test_a_breather_is_taken_to_a_lattice_it_does_not_know(half: Any) -> None:
+    b = cb.symmetric(**HERE)
+    open_chain = cb.OpenChain(5)
+    taken = shot_orbit(cb.shooting(b, lattice=open_chain, sequence=((2, 1),)))
+    assert taken.sequence == ((2, 1),)
+    assert taken.phi == pytest.approx(b.phi, abs=1e-2)
+    with pytest.raises(BadInput, match=r"the seed has 1 impacts in a section, the sequence .* 2"):
+        cb.shooting(b, lattice=open_chain, sequence=((2, 1), (2, -1)))
+
+
+def test_an_orbit_written_with_twice_its_period_is_known_as_the_simpler_one(whole: Any) -> None:
+    b = cb.symmetric(**HERE)
+    times = {f"t{j + 1}": b.phi + j * math.pi for j in range(4)}
+    sequence = ((0, 1), (0, -1)) * 2
+    twice = cb.shooting(times, sites=6, sequence=sequence, period=4 * math.pi, **HERE)
+    point = cb.trace(twice, "a", within={"a": (0.49, 0.51)}, events=())[0]
+    simple = point.curve.problem.simpler(point)
+    assert simple is not None
+    assert shot_orbit(simple).period == pytest.approx(2 * math.pi)
+    assert shot_orbit(simple).times == pytest.approx(point.solution.times[:2], abs=1e-9)
+    within = {"a": (0.49, 0.51)}
+    single = cb.trace(cb.shooting(whole), "a", within=within, events=())[0]
+    assert shot_orbit(single.curve.problem.simpler(single)).symmetric
+    half = cb.trace(cb.shooting(cb.symmetric(**HERE), sites=6), "a", within=within, events=())[0]
+    assert half.curve.problem.simpler(half) is None
+
+
+def test_momentum_and_phase_of_a_shot_orbit_are_those_of_the_breather(half: Any) -> None:
+    ring = cb.symmetric(**HERE, lattice=Ring(6))
+    assert half.p == pytest.approx(ring.p, abs=1e-10)
+    assert half.phi == pytest.approx(ring.phi, abs=1e-10)
+    assert half.c == 0.0
+    lower = shot_orbit(cb.shooting(half.state(t=math.pi), t=math.pi, symmetric=True, **HERE))
+    assert lower.phi == pytest.approx(ring.phi, abs=1e-9)
+
+
+def test_impacts_of_different_momenta_have_no_p(lopsided: Any) -> None:
+    """Two sites, one of them on its lower root."""
+    both = cb.multibreather({0: "upper", 3: "lower"}, a=0.5, gamma=0.003, k=0.8, lattice=Ring(6))
+    with pytest.raises(BadInput, match="the impacts have different momenta: half of them are"):
+        both.p  # noqa: B018
+
+
+def test_orbits_of_the_single_oscillator_are_choices_of_a_multibreather(lopsided: Any) -> None:
+    """A symmetric breather and an asymmetric orbit, both at gamma = 0, a site each."""
+    a = float(lopsided.a)
+    upper = cb.symmetric(a, 0.0, 0.8)
+    found = cb.multibreather({0: upper, 3: lopsided}, a=a, gamma=1e-3, k=0.8, lattice=Ring(6))
+    named = cb.multibreather({0: "upper", 3: lopsided}, a=a, gamma=1e-3, k=0.8, lattice=Ring(6))
+    assert found.sequence == named.sequence
+    assert found.times == pytest.approx(named.times, abs=1e-9)
+    assert sorted(n for n, _ in found.sequence) == [0, 0, 3, 3]
+    own = [t for t, (n, _) in zip(found.times, found.sequence, strict=True) if n == 3]
+    flights = sorted((own[1] - own[0], 2 * math.pi - own[1] + own[0]))
+    two = np.sort(np.asarray(lopsided.times) % (2 * math.pi))
+    wanted = sorted((two[1] - two[0], 2 * math.pi - two[1] + two[0]))
+    assert flights == pytest.approx(wanted, abs=0.02)
+    assert wanted[1] - wanted[0] > 0.3
+
+
+def test_a_choice_that_has_no_orbit_without_coupling_is_in_the_catalogue_as_that() -> None:
+    found = cb.multibreathers(Ring(4), a=0.01, gamma=0.02, k=0.4, most=1)
+    (one,) = found
+    assert (one.sites, one.copies, one.exists, one.orbit) == ((0,), 4, False, None)
+    assert (one.gamma, one.ended) == (0.0, "no orbit without coupling")
+    assert one.stable() is False
+
+
+def test_the_catalogue_counts_each_class_of_choices_once() -> None:
+    found = cb.multibreathers(Ring(5), a=0.5, gamma=0.002, k=0.8, most=2)
+    assert [(one.sites, one.copies) for one in found] == [((0,), 5), ((0, 1), 5), ((0, 2), 5)]
+    assert sum(one.copies for one in found) == 5 + 10
+    assert all(one.exists and one.gamma == 0.002 and one.ended == "" for one in found)
+    assert all(one.stable(threshold=1.5) for one in found)
+    for one in found:
+        largest = one.orbit.stability().largest
+        assert one.stable(threshold=largest + 1e-9)
+    (grown,) = cb.multibreathers(Ring(8), a=0.8, gamma=0.045, k=0.8, most=1)
+    assert grown.exists
+    assert not grown.stable()
+    assert not grown.stable(threshold=1.13)
+    assert grown.stable(threshold=1.14)
+
+
+def test_elsewhere_an_orbit_takes_its_own_lattice(half: Any) -> None:
+    assert half.on(Ring(6)) is half or half.on(Ring(6)).times == pytest.approx(half.times)
+    far = half.on(Ring(12))
+    assert far.lattice == Ring(12)
+    assert far.p == pytest.approx(cb.symmetric(**HERE, lattice=Ring(12)).p, abs=1e-9)
+    back = cb.symmetric(**HERE).on(Ring(6))
+    assert back.p == pytest.approx(half.p, abs=1e-10)
+    assert isinstance(cb.symmetric(**HERE).lattice, InfiniteChain)
