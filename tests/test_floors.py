@@ -229,6 +229,18 @@ def test_every_module_stands_on_a_drawn_floor_and_every_drawn_one_exists() -> No
     assert there == set(FLOORS) - PLANNED
 
 
+def test_the_paper_s_threshold_is_written_once() -> None:
+    home = f"{FRONT_DESK}.stability.verdict"
+    threshold = import_module(home).THRESHOLD
+    found = [
+        name
+        for name, tree in modules(PACKAGE).items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and node.value == threshold
+    ]
+    assert found == [home]
+
+
 def test_file_names_say_what_is_inside() -> None:
     names = {part for module in modules(PACKAGE) for part in module.split(".")}
     assert names & MEANINGLESS == set()

@@ -32,6 +32,7 @@ from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import closest_approach
 from contbreather.stability.pairs import outermost
+from contbreather.stability.verdict import THRESHOLD
 from contbreather.stability.winding import unstable_count
 
 Array = NDArray[np.float64]
@@ -81,7 +82,9 @@ def pitchfork() -> Event:
     )
 
 
-def neimark_sacker(*, on: InfiniteChain | Ring | None = None, threshold: float = 1.005) -> Event:
+def neimark_sacker(
+    *, on: InfiniteChain | Ring | None = None, threshold: float = THRESHOLD
+) -> Event:
     """NS: a complex pair of multipliers leaves the unit circle.
 
     Parameters

@@ -29,6 +29,7 @@ from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
 from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, Lattice, finite, stiffness_of
+from contbreather.stability.verdict import THRESHOLD
 
 ROOTS = ("upper", "lower")
 # Without symmetry nothing holds the idle sites at gamma = 0: such orbits set out from here.
@@ -237,7 +238,7 @@ class Multibreather:
         """Whether it lives at the coupling that was asked for."""
         return self.orbit is not None and not self.ended
 
-    def stable(self, threshold: float = 1.005) -> bool:
+    def stable(self, threshold: float = THRESHOLD) -> bool:
         """Whether it exists, and no multiplier of it is beyond the threshold."""
         return (
             self.exists

@@ -29,12 +29,12 @@ from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.pairs import beyond, pair_gap
+from contbreather.stability.verdict import THRESHOLD as PAPER
 from contbreather.stability.winding import Count
 
 Array = NDArray[np.float64]
 
 _VANISHED = 1e-8  # an impact of a smaller impulse is none
-PAPER = 1.005  # threshold on rings, over one period
 
 # As k -> 1 the line of Neimark-Sacker points of arms runs into their pitchfork, angle and asymmetry
 # shrinking like sqrt(1 - k), or the angle into the edge of the band, like (1 - k)^2: within

@@ -24,6 +24,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, Ring
 from contbreather.lattice.conditions import check_amplitude, restitution_ratio
 from contbreather.lattice.periodic import Wave, check_coupling, wave
+from contbreather.stability.verdict import THRESHOLD
 
 if TYPE_CHECKING:
     from contbreather.breathers.symmetric import Breather
@@ -323,7 +324,7 @@ class Orbit:
         kicks.sort(key=lambda kick: kick.time)
         return OrbitMap(self.gamma, self.k, tuple(kicks), self.periods, self.lattice)
 
-    def stability(self, sites: int | None = None, threshold: float = 1.005) -> Verdict:
+    def stability(self, sites: int | None = None, threshold: float = THRESHOLD) -> Verdict:
         """Is it stable? The verdict names the chain it is about.
 
         Parameters

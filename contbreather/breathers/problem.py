@@ -16,12 +16,12 @@ from contbreather.breathers.symmetric import Breather
 from contbreather.continuation import Event, Point, Problem
 from contbreather.continuation.events import Judged
 from contbreather.lattice import Lattice, Ring
+from contbreather.stability.verdict import THRESHOLD as PAPER
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
 # forcing that is at a = 1, where the far field grazes. Without forcing there is no phase, and at
 # gamma = 1/4 everything ends in one singular point.
 DOMAIN = {"gamma": (0.0, 0.24999), "k": (0.0, 1.0), "a": (1e-9, inf), "p": (1e-14, inf)}
-PAPER = 1.005  # threshold of the paper's rule, on rings
 
 
 def problem_of(breather: Breather, threshold: float = PAPER) -> Problem:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from contbreather.breathers.closure import smallest_amplitude
-from contbreather.breathers.problem import PAPER, problem_of
+from contbreather.breathers.problem import problem_of
 from contbreather.breathers.shooting import problem_of as shooting_problem
 from contbreather.breathers.shooting import shooting
 from contbreather.breathers.symmetric import Breather, symmetric_roots
@@ -21,6 +21,7 @@ from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import forcing_of
 from contbreather.lattice.conditions import Walls
 from contbreather.lattice.finite import Lattice
+from contbreather.stability.verdict import THRESHOLD
 
 SMALL = ("damping", "spring")  # 0 unless given, and at least 0
 REACH = 10.0  # how far a window without end is looked at
@@ -119,7 +120,7 @@ def _places(free: str, within: Window, given: Mapping[str, Any]) -> Iterator[flo
     yield from (value for value in spread if free != "a" or value > 0.0)
 
 
-def problem_with(orbit: Any, *names: str, threshold: float = PAPER) -> Problem:
+def problem_with(orbit: Any, *names: str, threshold: float = THRESHOLD) -> Problem:
     """The equations of a symmetric breather of any lattice, unstable beyond the threshold, with
     these parameters among theirs: on a ring damping and springs are where orbits are shot."""
     if not isinstance(orbit, Breather):
@@ -134,7 +135,7 @@ def find_event(
     pair: tuple[str, str],
     *,
     within: Mapping[str, Window] | None = None,
-    threshold: float = PAPER,
+    threshold: float = THRESHOLD,
     **given: Any,
 ) -> Point:
     """The first event of a kind on branches of symmetric breathers: where a `boundary` can begin.

@@ -22,7 +22,7 @@ from contbreather.breathers.flight_map import Section
 from contbreather.breathers.itinerary import Itinerary, check_walls
 from contbreather.breathers.refusals import ImpossibleSequence, Inadmissible
 from contbreather.breathers.ring_orbit import RingOrbit
-from contbreather.breathers.shooting_events import LIFTS, PAPER, events_of
+from contbreather.breathers.shooting_events import LIFTS, events_of
 from contbreather.breathers.shooting_images import images_of, simpler_than
 from contbreather.breathers.shooting_seeds import (
     by_hand,
@@ -38,6 +38,7 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Ring, check_gamma, forcing_of
 from contbreather.lattice.conditions import OWN, Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
+from contbreather.stability.verdict import THRESHOLD as PAPER
 
 FloatArray = NDArray[np.float64]
 

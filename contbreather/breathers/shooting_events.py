@@ -28,11 +28,11 @@ from contbreather.continuation.seed import Seed
 from contbreather.continuation.switching import across
 from contbreather.errors import BadInput
 from contbreather.stability.pairs import beyond, outermost
+from contbreather.stability.verdict import THRESHOLD as PAPER
 
 FloatArray = NDArray[np.float64]
 Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
 
-PAPER = 1.005  # over the whole period
 REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
 ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
 VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding

@@ -38,6 +38,7 @@ from contbreather.lattice import (
 )
 from contbreather.lattice.conditions import Conditions, Walls, check_amplitude, restitution_ratio
 from contbreather.lattice.green import Flight, flight, flight_slope
+from contbreather.stability.verdict import THRESHOLD
 
 if TYPE_CHECKING:
     from contbreather.breathers.ring_orbit import RingOrbit
@@ -271,7 +272,7 @@ class Breather:
 
         own = self if sites is None else self.on(Ring(sites))
         if threshold is None:
-            threshold = 1.005
+            threshold = THRESHOLD
         elif not isinstance(own.lattice, Ring):
             raise BadInput(
                 f"threshold = {threshold}: the infinite chain has none, its verdict is exact; "

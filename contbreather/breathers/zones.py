@@ -14,7 +14,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.problem import PAPER, events_on, problem_of
+from contbreather.breathers.problem import events_on, problem_of
 from contbreather.breathers.symmetric import Breather, symmetric_roots
 from contbreather.continuation import (
     Branch,
@@ -31,6 +31,7 @@ from contbreather.continuation.starts import windows
 from contbreather.errors import BadInput, NoSolution, keeping, taking
 from contbreather.lattice import Forcing, Lattice, check_gamma, forcing_of, lattice_of
 from contbreather.lattice.conditions import check_amplitude, restitution_ratio
+from contbreather.stability.verdict import THRESHOLD as PAPER
 
 Array = NDArray[np.float64]
 Place = Point | Mapping[str, float]

@@ -177,7 +177,7 @@ class Where:
 
     def on(self, sites: int | None, threshold: float | None, free: tuple[str, ...] = ()) -> On:
         """What it lives on, and is judged by."""
-        from contbreather.breathers.problem import PAPER
+        from contbreather.stability.verdict import THRESHOLD
 
         lattice = lattice_by(self.lattice, sites)
         if threshold is not None and lattice.sites is None:
@@ -185,7 +185,7 @@ class Where:
                 "--threshold needs --sites or --lattice: only finite lattices have a threshold"
             )
         more = {"site": self.site, "walls": walls_by(self.walls, lattice.sites)}
-        rule = PAPER if threshold is None else threshold
+        rule = THRESHOLD if threshold is None else threshold
         return On(lattice, rule, self.drive(free), more)
 
 

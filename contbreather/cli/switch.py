@@ -143,12 +143,12 @@ def _name(point: Point) -> str:
 
 def _stretches(arm: Branch) -> Iterator[str]:
     """Between which of its special points an arm is stable, and on which chain."""
-    from contbreather.breathers.problem import PAPER
     from contbreather.continuation.refine import between
+    from contbreather.stability.verdict import THRESHOLD
 
     on = f"the {arm[0].lattice.describe()}"
     if arm[0].lattice.sites is not None:
-        on += f" (threshold {PAPER})"
+        on += f" (threshold {THRESHOLD})"
     marks = [i for i, point in enumerate(arm) if point.kind]
     for i, j in pairwise(marks):
         # at special points the count is of a multiplier on the circle: rounding decides it

@@ -17,6 +17,7 @@ from contbreather.paper.threshold import ThresholdLine
 from contbreather.plotting.canvas import new_figure, style
 from contbreather.plotting.labels import place_words
 from contbreather.plotting.zones import LINES, draw_panels, explain, names_of_meetings
+from contbreather.stability.verdict import THRESHOLD
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,7 +100,7 @@ def figure2(
     restitutions: Sequence[float] = RESTITUTIONS,
     *,
     sites: int = rule.SITES,
-    threshold: float = rule.THRESHOLD,
+    threshold: float = THRESHOLD,
     points: int = 100,
     progress: bool | None = None,
 ) -> Figure2:
@@ -143,7 +144,7 @@ def chain_lengths(
     k: float = 0.8,
     sites: Sequence[int] = (200, 400, 800),
     *,
-    threshold: float = rule.THRESHOLD,
+    threshold: float = THRESHOLD,
 ) -> dict[str, float]:
     """The Neimark-Sacker coupling by the paper's rule for several rings, and the exact one.
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contbreather.breathers import Breather, symmetric
-from contbreather.paper.threshold import SITES, THRESHOLD
+from contbreather.paper.threshold import SITES
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, new_figure, style
 from contbreather.plotting.multipliers import plot_multipliers
+from contbreather.stability.verdict import THRESHOLD
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

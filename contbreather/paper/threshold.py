@@ -24,12 +24,12 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.characteristic import D
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import unstable_multipliers
+from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[Any]
 Path = Callable[[float], Breather]
 
 SITES = 400
-THRESHOLD = 1.005
 NEAREST = 24  # pairs with the largest modulus; the next one to cross is among them
 TINY = 1e-7  # step in gamma of the derivative of a multiplier
 STRIDE = 3e-3  # longest step in gamma
