@@ -9,7 +9,8 @@
 Needs `coverage` and the map that `python record.py CHECKOUT` makes (which test executes which
 line); map and copies are kept in PLANT_HOME.  One fault at
 a time, in a private copy; resumes where FILE ends.  Tests that run: those that execute the faulty
-statement, those of the file's own topic first, others spread over all test files, quickest first.
+statement, those of the file's own topic first, others spread over all test files, quickest first;
+of defaults those that read them from the source, too.
 What 60 of them, or 120 s, do not catch gets up to 400 more and 600 s, unless --quick.  A test that
 takes more than ten times as long as usual (at least 60 s) hangs: caught.
 
@@ -46,6 +47,7 @@ from record import HOME, MAP, TREE, compiled_before, copy, environment  # noqa: 
 
 PACKAGE = "contbreather"
 STRUCTURE = ("tests/test_floors.py", "tests/test_project.py", "tests/test_import_cost.py")
+READS_DEFAULTS = ("tests/test_defaults.py",)  # from the source, so that no line of it is executed
 TESTS, SECONDS = 60, 120.0  # at most, for one fault
 DEEP_TESTS, DEEP_SECONDS = 400, 600.0
 COMPILED_SECONDS = 420.0  # compiling all loops anew comes on top
@@ -560,6 +562,12 @@ class Map:
         seen = self.on(fault.file, fault.lines) if fault.how == "run" else set()
         if fault.how == "default":
             seen = self.on(fault.file, fault.body)
+        read = {
+            t
+            for t, e in self.tests.items()
+            if e["file"].startswith(READS_DEFAULTS)
+            and ("not_said" in t or f"[{fault.file.removeprefix(PACKAGE + '/')}]" in t)
+        }
         folder = self.topic(fault)
         if fault.how == "compiled":
             limit, seconds = 2 * limit, 2 * seconds
@@ -601,10 +609,11 @@ class Map:
         spread = [t for row in zip_longest(*by_file.values()) for t in row if t is not None]
         order = own[: limit // 2] + [t for pair in zip_longest(home, spread) for t in pair if t]
         order += own[limit // 2 :]
-        order = list(dict.fromkeys([*sorted(rare, key=quick)[: limit // 3], *order]))
+        first = sorted(read) if fault.how in ("default", "import") else []
+        order = list(dict.fromkeys([*first, *sorted(rare, key=quick)[: limit // 3], *order]))
         chosen, total = [], 0.0
         for t in order:
-            if len(chosen) < limit and total + quick(t) <= seconds:
+            if t in first or (len(chosen) < limit and total + quick(t) <= seconds):
                 chosen.append(t)
                 total += quick(t)
         if not chosen and order:

@@ -1,0 +1,333 @@
+"""The looks of all pictures: type, widths and layers of a journal column, and sizes of sheets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+import contbreather as cb
+from contbreather.breathers.zones import Zones
+from contbreather.dynamics import Axis, Basin, Sample, sweep, there_and_back
+from contbreather.errors import BadInput
+from contbreather.plotting import (
+    new_figure,
+    plot,
+    plot_basin,
+    plot_diagram,
+    plot_localisation,
+    plot_motion,
+    plot_multipliers,
+    plot_section,
+    plot_sweep,
+    plot_zones,
+    save_figure,
+)
+from contbreather.plotting.canvas import MARKERS, marker, size, style, symbol
+
+HERE = {"a": 0.2, "gamma": 0.04, "k": 0.8}
+
+
+# --- the style ------------------------------------------------------------------------------------
+
+
+def test_type_and_widths_are_those_of_a_journal_column() -> None:
+    with style():
+        own = dict(mpl.rcParams)
+    for name in ("font.size", "axes.labelsize", "axes.titlesize"):
+        assert own[name] == 8.0
+    for name in ("xtick.labelsize", "ytick.labelsize", "legend.fontsize"):
+        assert own[name] == 7.0
+    assert own["axes.linewidth"] == own["xtick.major.width"] == own["ytick.major.width"] == 0.6
+    assert own["xtick.major.size"] == own["ytick.major.size"] == 2.5
+    assert own["lines.linewidth"] == 2 * own["axes.linewidth"]
+    assert own["xtick.direction"] == own["ytick.direction"] == "in"
+    assert own["xtick.top"] is own["ytick.right"] is True
+    assert (own["pdf.fonttype"], own["svg.fonttype"]) == (42, "none")
+
+
+def test_the_style_of_the_caller_comes_back() -> None:
+    before = mpl.rcParams["axes.linewidth"]
+    with style():
+        assert mpl.rcParams["axes.linewidth"] != before
+    assert mpl.rcParams["axes.linewidth"] == before
+
+
+def test_names_are_written_as_in_the_paper() -> None:
+    written = {
+        "gamma": r"$\gamma$", "phi": r"$\varphi$", "a": "$a$", "k": "$k$", "p": "$p$",
+        "t1": "$t_1$", "mu": r"$\mu$", "c": "$c$", "x": "x",
+    }  # fmt: skip
+    assert {name: symbol(name) for name in written} == written
+
+
+def test_kinds_have_markers_and_those_with_little_inside_are_larger() -> None:
+    assert marker("LP") == "s"
+    assert marker("GR") == "X"
+    assert marker("HB") == "*"
+    assert marker("something") == "d"
+    assert marker("NS-GR") == marker("LP-NS") == "p"
+    assert len(set(MARKERS.values())) == len(MARKERS)
+    sizes = {kind: size(kind) for kind in (*MARKERS, "something", "NS-GR")}
+    assert sizes["HB"] == 2 * sizes["LP"] == 9.0
+    assert all(4.5 <= one <= 9.0 for one in sizes.values())
+
+
+# --- sheets ---------------------------------------------------------------------------------------
+
+
+def centimetres(figure: Figure) -> tuple[float, float]:
+    width, height = (round(2.54 * float(inches), 9) for inches in figure.get_size_inches())
+    return width, height
+
+
+def test_a_sheet_is_a_column_wide_and_as_high_as_its_panels() -> None:
+    for rows, columns in ((1, 1), (2, 1), (1, 2), (3, 2)):
+        figure, axes = new_figure(rows, columns)
+        assert centimetres(figure) == (8.5, 6.5 * rows)
+        assert len(axes) == rows * columns
+        places = [one.get_subplotspec() for one in axes]
+        assert [(p.rowspan.start, p.colspan.start) for p in places] == [
+            (i, j) for i in range(rows) for j in range(columns)
+        ]
+    assert centimetres(new_figure(width=12.0, height=3.0)[0]) == (12.0, 3.0)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg", ".PNG"])
+def test_a_figure_is_saved_by_itself_and_by_its_axes(tmp_path: Path, suffix: str) -> None:
+    figure, axes = new_figure(2)
+    axes[0].plot([0, 1], [0, 1])
+    for one in (figure, axes[0], axes):
+        made = save_figure(one, tmp_path / f"made{suffix}")
+        assert made.stat().st_size > 500
+    start = made.read_bytes()[:5]
+    assert (
+        start
+        == {"p": b"\x89PNG\r", "d": b"%PDF-", "v": b"<?xml"}[
+            {"png": "p", "pdf": "d", "svg": "v"}[suffix.lower()[1:]]
+        ]
+    )
+
+
+def test_axes_that_have_no_figure_any_more_are_not_saved(tmp_path: Path) -> None:
+    _, (axes,) = new_figure()
+    axes.remove()
+    with pytest.raises(BadInput, match="these axes have no figure any more; draw them anew"):
+        save_figure(axes, tmp_path / "gone.png")
+
+
+@pytest.mark.parametrize("name", ["made", "made.jpg", "made.txt", "made.png.gz"])
+def test_other_suffixes_are_refused_with_those_that_are_known(tmp_path: Path, name: str) -> None:
+    with pytest.raises(BadInput, match=r"its suffix must be one of \.png, \.pdf, \.svg"):
+        save_figure(new_figure()[0], tmp_path / name)
+
+
+# --- all pictures ---------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def diagram() -> Zones:
+    return cb.zones(k=0.8, within={"gamma": (0.0, 0.12)})
+
+
+@pytest.fixture(scope="module")
+def run() -> cb.dynamics.Run:
+    state = cb.symmetric(**HERE).state(6)
+    return cb.simulate(state, **HERE, periods=30, sample=Sample((0, 1, 3), 64))
+
+
+@pytest.fixture(scope="module")
+def pictures(diagram: Zones, run: cb.dynamics.Run) -> dict[str, Axes]:
+    branch = cb.trace(cb.symmetric(**HERE), "a", within={"a": (0.05, 0.9)})
+    arms = cb.switch(branch.first("PF"), within={"a": (0.05, 0.9)})
+    state = cb.symmetric(**HERE).state(6)
+    loop = sweep(state, "a", there_and_back([0.2, 0.19, 0.18]), periods=4, **HERE, damping=0.01)
+    fate = np.array([[-1, 0, 1], [2, 3, 4]], np.int8)
+    plane = Axis("u", 0, [-0.5, 0.0, 0.5]), Axis("v", 0, [0.0, 1.0])
+    basin = Basin(*plane, fate, np.zeros((2, 3)), True)
+    return {
+        "branch": plot(branch),
+        "diagram": plot_diagram((branch, *arms)),
+        "zones": plot_zones(diagram),
+        "multipliers": plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), sites=40),
+        "motion": plot_motion(run),
+        "section": plot_section(run),
+        "localisation": plot_localisation(run),
+        "sweep": plot_sweep(loop),
+        "basin": plot_basin(basin),
+    }
+
+
+NAMES = (
+    "branch", "diagram", "zones", "multipliers", "motion", "section", "localisation", "sweep",
+    "basin",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_lines_dots_and_words_have_sizes_that_print(pictures, name: str) -> None:
+    ax = pictures[name]
+    for line in ax.get_lines():
+        width = line.get_linewidth()
+        assert 0.25 <= width <= 1.6 or width == 5.0  # the band on the unit circle
+        assert 1.0 <= line.get_markersize() <= 9.0
+        assert 0.0 < line.get_markeredgewidth() <= 1.2
+        assert line.get_alpha() is None or 0.2 <= line.get_alpha() <= 1.0
+        assert -1 <= line.get_zorder() <= 10
+    words = [*ax.texts, ax.xaxis.label, ax.yaxis.label, *ax.get_xticklabels(), ax.title]
+    for word in words:
+        assert 5.0 <= word.get_fontsize() <= 12.0
+    legend = ax.get_legend()
+    if legend is not None:
+        assert all(6.0 <= word.get_fontsize() <= 8.0 for word in legend.get_texts())
+        assert legend.get_frame().get_alpha() is None or legend.get_frame().get_alpha() <= 1.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_everything_that_is_drawn_is_inside_the_axes_and_the_axes_inside_the_sheet(
+    pictures, name: str
+) -> None:
+    ax = pictures[name]
+    figure = ax.figure
+    figure.draw_without_rendering()
+    whole = figure.bbox
+    box = ax.get_tightbbox()
+    assert box.x0 >= whole.x0 - 1
+    assert box.y0 >= whole.y0 - 1
+    assert box.x1 <= whole.x1 + 1
+    assert box.y1 <= whole.y1 + 1
+    assert centimetres(figure)[0] == 8.5
+    for line in ax.get_lines():
+        if line.get_transform() != ax.transData:
+            continue
+        x, y = (np.asarray(part, dtype=float) for part in line.get_data())
+        seen = np.isfinite(x) & np.isfinite(y)
+        place = ax.transAxes.inverted().transform(ax.transData.transform(np.c_[x[seen], y[seen]]))
+        assert place.min(initial=0.0) >= -1e-6
+        assert place.max(initial=1.0) <= 1.0 + 1e-6
+
+
+def layers(ax: Axes, wanted) -> set[float]:
+    return {line.get_zorder() for line in ax.get_lines() if wanted(line)}
+
+
+def test_dots_of_multipliers_lie_above_the_band_and_that_above_the_circle(pictures) -> None:
+    ax = pictures["multipliers"]
+    dots = layers(ax, lambda line: line.get_marker() == "o")
+    band = layers(ax, lambda line: line.get_linewidth() == 5.0)
+    rest = layers(ax, lambda line: line.get_marker() != "o" and line.get_linewidth() < 5.0)
+    assert max(rest) < min(band) <= max(band) < min(dots)
+    axis = [line for line in ax.get_lines() if len(line.get_xdata()) == 2]
+    assert len(axis) == 2
+    assert all(line.get_linewidth() == 0.3 for line in axis)
+    assert max(line.get_zorder() for line in axis) == min(rest)
+
+
+def test_meetings_of_zones_lie_above_curves_and_these_above_the_shading(pictures, diagram) -> None:
+    ax = pictures["zones"]
+    meetings = layers(ax, lambda line: line.get_marker() == "p")
+    curves = layers(ax, lambda line: line.get_marker() != "p")
+    (image,) = ax.get_images()
+    letters = {word.get_zorder() for word in ax.texts if word.get_text() in ("S", "US")}
+    assert image.get_zorder() < min(letters | curves)
+    assert min(meetings) > max(curves | letters)
+    assert len(layers(ax, lambda line: True)) >= 2
+    assert all(word.get_ha() == word.get_va() == "center" for word in ax.texts
+               if word.get_text() in ("S", "US"))  # fmt: skip
+    whole = image.get_extent()
+    for kind, branch in diagram:
+        assert whole[0] - 1e-12 <= branch["gamma"].min(), kind
+        assert branch["gamma"].max() <= whole[1] + 1e-12, kind
+
+
+def test_the_shading_of_zones_is_the_right_way_up(pictures) -> None:
+    ax = pictures["zones"]
+    (image,) = ax.get_images()
+    assert image.origin == "lower"
+    table = np.asarray(image.get_array())
+    x0, x1, y0, y1 = image.get_extent()
+
+    def colour(gamma: float, a: float) -> tuple[float, ...]:
+        row = int((a - y0) / (y1 - y0) * table.shape[0])
+        column = int((gamma - x0) / (x1 - x0) * table.shape[1])
+        return tuple(np.round(table[row, column], 3))
+
+    stable, unstable, none = colour(0.02, 0.3), colour(0.05, 0.87), colour(0.1, 0.01)
+    assert stable[3] == unstable[3] == 1.0
+    assert none[3] == 0.0
+    assert stable[2] > stable[0]  # blue
+    assert unstable[0] > unstable[2]  # red
+
+
+@pytest.mark.parametrize("legend", [True, False])
+def test_in_axes_of_the_caller_zones_are_explained_inside_unless_refused(diagram, legend) -> None:
+    figure, (ax,) = new_figure()
+    found = plot_zones(diagram, ax, legend=legend)
+    assert found is ax
+    assert (ax.get_legend() is not None) == legend
+    assert figure.legends == []
+    if legend:
+        words = [text.get_text() for text in ax.get_legend().get_texts()]
+        kinds = [kind for kind in ("LP", "GR", "PF", "NS") if diagram.curves[kind]]
+        assert all(any(kind in word for word in words) or kind == "NS" for kind in kinds)
+        assert len(words) == len(kinds)
+    names = [text.get_text() for text in ax.texts]
+    for point in diagram.special:
+        assert any(set(name.split("\N{EN DASH}")) == set(point.kind.split("-")) for name in names)
+
+
+def test_two_panels_of_the_caller_take_one_diagram_each(diagram) -> None:
+    _, axes = new_figure(2)
+    found = plot_zones([diagram, diagram], axes)
+    assert list(found) == list(axes)
+    assert [ax.get_title(loc="left") for ax in axes] == ["(a) $k$ = 0.8", "(b) $k$ = 0.8"]
+    assert axes[0].get_legend() is not None
+    assert axes[1].get_legend() is None
+    with pytest.raises(BadInput, match="2 zone diagrams need as many axes, got 1"):
+        plot_zones([diagram, diagram], axes[:1])
+    with pytest.raises(BadInput, match="plot_zones needs at least one zone diagram, and a curve"):
+        plot_zones([])
+
+
+def test_a_branch_is_drawn_over_its_arclength_too(diagram) -> None:
+    branch = cb.trace(cb.symmetric(**HERE), "a", within={"a": (0.15, 0.3)})
+    for name in ("arclength", "residual"):
+        ax = plot(branch, x=name, y="p")
+        column = branch[name]
+        x = np.concatenate([np.atleast_1d(line.get_xdata()) for line in ax.get_lines()])
+        assert x.min() == pytest.approx(column.min(), abs=1e-12)
+        assert x.max() == pytest.approx(column.max(), abs=1e-12)
+
+
+def test_a_run_is_looked_at_by_the_numbers_of_its_sites(run) -> None:
+    for site in (0.5, "0", None, (0,)):
+        with pytest.raises(BadInput, match=r"site = .*: the number of a site was wanted"):
+            plot_section(run, site=site)
+    with pytest.raises(BadInput, match=r"skip = 31: the run has 30 periods to leave out"):
+        plot_section(run, skip=31)
+    assert len(plot_section(run, skip=30).get_lines()[0].get_xdata()) == 1
+    ax = plot_section(run, site=-1, skip=10)
+    (line,) = ax.get_lines()
+    assert line.get_xdata() == pytest.approx(run.strobe.u[10:, 5])
+    assert line.get_ydata() == pytest.approx(run.strobe.v[10:, 5])
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{-1}$", r"$\dot u_{-1}$")
+    assert line.get_markersize() == 3.0
+    long = cb.simulate(run.final, **HERE, periods=250)
+    assert plot_section(long).get_lines()[0].get_markersize() == 1.2
+
+
+def test_labels_of_multipliers_have_as_many_decimals_as_asked(diagram) -> None:
+    b = cb.symmetric(0.8, 0.045, 0.8)
+    for digits in (0, 2, 5):
+        words = [w.get_text() for w in plot_multipliers(b, sites=40, digits=digits).texts]
+        real = [w for w in words if w and "i" not in w]
+        assert real
+        assert all(len(w.partition(".")[2]) == digits for w in real)
+    with pytest.raises(BadInput, match=r"^digits = -1"):
+        plot_multipliers(b, sites=40, digits=-1)
+    with pytest.raises(BadInput, match="a breather was wanted, got a float"):
+        plot_multipliers(0.5)  # type: ignore[arg-type]
