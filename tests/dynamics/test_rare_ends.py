@@ -1,0 +1,420 @@
+"""Ends that hardly ever come: of runs, of files under way, of workers; each a sentence."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import math
+import os
+import pathlib
+import signal
+from concurrent.futures import Executor
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.continuation import Stop
+from contbreather.dynamics import (
+    Axis,
+    Explicit,
+    RunStop,
+    SmoothRun,
+    State,
+    attraction,
+    basin,
+    damped_orbit,
+    open_recording,
+    periodic,
+    record,
+    recording,
+    simulate,
+    simulate_smooth,
+    smooth_orbit,
+)
+from contbreather.dynamics.conditions import PERIOD
+from contbreather.dynamics.impacting import walk
+from contbreather.dynamics.quasiperiodic import Kind
+from contbreather.dynamics.smooth_verdict import judge_smooth
+from contbreather.errors import BadInput, NotConverged
+
+HERE: dict[str, Any] = {"a": 0.2, "gamma": 0.04, "k": 0.8}
+STATE = cb.symmetric(**HERE).state(4)
+
+
+# --- runs -----------------------------------------------------------------------------------------
+
+
+def test_velocities_beyond_all_reason_end_a_run(monkeypatch) -> None:
+    from contbreather.dynamics import cruise
+
+    monkeypatch.setattr(cruise, "cruise", lambda *given: (0, cruise.WILD, 0))
+    with pytest.raises(NotConverged, match=r"the motion blows up in period 0 \(a = 0\.2, k = 0\.8"):
+        simulate(STATE, **HERE, periods=2)
+
+
+def test_a_search_that_finds_no_end_is_to_be_reported(monkeypatch) -> None:
+    from contbreather.dynamics import cruise
+
+    monkeypatch.setattr(cruise, "cruise", lambda *given: (0, cruise.ASTRAY, 0))
+    with pytest.raises(NotConverged, match=r"in period 0 the search .* please report it"):
+        simulate(STATE, **HERE, periods=2)
+
+
+def test_a_run_that_ends_in_its_first_stretch_ends_where_it_began(monkeypatch) -> None:
+    monkeypatch.setattr("contbreather.dynamics.impacting.MOST", 500)
+    fast = {"a": 0.5, "gamma": 0.0, "k": 1.0}
+    for periods in (3, 0.5, 1.5):
+        run = simulate(([0.1], [1e3]), periods=periods, t0=0.3, **fast)
+        assert run.stop is RunStop.CHATTER
+        assert (run.periods, run.end) == (0, 0.3)
+        assert (run.final.u[0], run.final.v[0]) == (0.1, 1e3)
+        assert repr(run).startswith("<Run of 1 sites over 0 periods: ")
+        assert run.reason in repr(run)
+
+
+def test_a_run_that_ends_later_keeps_the_periods_before(monkeypatch) -> None:
+    run = simulate(STATE, **HERE, periods=6)
+    monkeypatch.setattr("contbreather.dynamics.impacting.MOST", 1)  # two in every period
+    cut = simulate(STATE, **HERE, periods=6)
+    assert cut.stop is RunStop.CHATTER
+    assert cut.periods == 0
+    assert np.array_equal(cut.final.u, run.strobe.u[0])
+    assert "site 0 has more than 1 impacts in period 0" in cut.reason
+
+
+@pytest.mark.parametrize(("room", "most"), [(1, 1), (16, 2), (17, 2), (32, 4), (7, 1)])
+def test_a_stretch_holds_what_has_room_and_a_period_at_least(monkeypatch, room, most) -> None:
+    """Of four sites a period has eight numbers."""
+    monkeypatch.setattr("contbreather.dynamics.impacting.ROOM", room)
+    conditions = simulate(STATE, **HERE, periods=0).conditions
+    start = State(*(np.array(x) for x in STATE))
+    ahead = walk(start, conditions, periods=13, t0=0.0, progress=False)
+    first, *lengths = [one.periods for one in ahead]  # how long a period takes is seen on the first
+    assert first + sum(lengths) == 13
+    assert max(lengths) == most
+
+
+def test_where_the_ring_does_not_go_on_a_branch_of_its_motions_ends(monkeypatch) -> None:
+    shared = {**HERE, "damping": 0.05}
+    own = periodic(simulate(STATE, **shared, periods=60).final, **shared)
+    problem = damped_orbit(own)
+    monkeypatch.setattr("contbreather.dynamics.impacting.MOST", 1)
+    with pytest.raises(ArithmeticError, match="has more than 1 impacts in period 0"):
+        problem.residual(np.concatenate(own.state), problem.params)
+    monkeypatch.undo()
+    off = problem.residual(np.concatenate(own.state), problem.params)
+    assert np.abs(off).max() < 1e-9
+
+
+# --- smooth runs ----------------------------------------------------------------------------------
+
+
+def smooth_run(u: np.ndarray, v: np.ndarray, **more: Any) -> SmoothRun:
+    made = simulate_smooth(([0.0] * u.shape[1], [0.0] * u.shape[1]), a=1e-3, gamma=0.05, k=0.8, m=6,
+                           damping=0.01, periods=0)  # fmt: skip
+    times = PERIOD * np.arange(len(u))
+    return replace(made, times=times, strobe=State(u, v), final=State(u[-1], v[-1]), **more)
+
+
+def test_smooth_sites_in_unison_are_synchronised() -> None:
+    u = np.repeat(np.random.default_rng(0).normal(size=(60, 1)), 5, axis=1)
+    found = judge_smooth(smooth_run(u, 0.5 * u))
+    assert found.kind is Kind.SYNCHRONISED
+    assert found.reason == "all 5 sites are within 0 of each other"
+    apart = u + 1e-5 * np.arange(5)
+    assert judge_smooth(smooth_run(apart, 0.5 * u)).kind is not Kind.SYNCHRONISED
+    assert judge_smooth(smooth_run(u, 0.5 * u + 1e-5 * np.arange(5))).kind is not Kind.SYNCHRONISED
+    assert judge_smooth(smooth_run(u[:, :1], u[:, :1])).kind is not Kind.SYNCHRONISED
+
+
+def test_smooth_energy_all_over_the_ring_is_delocalised() -> None:
+    rng = np.random.default_rng(0)
+    u, v = 1e-3 * rng.normal(size=(2, 60, 5))
+    v[:, :4] += 1.0
+    found = judge_smooth(smooth_run(u, v))
+    assert found.kind is Kind.DELOCALISED
+    assert found.reason == "participation ratio 4.0 of 5"
+    v[:, 1:4] -= 1.0
+    assert judge_smooth(smooth_run(u, v)).kind is not Kind.DELOCALISED
+
+
+@pytest.mark.parametrize(("period", "kind"), [(1, Kind.PERIODIC), (2, Kind.UNDECIDED)])
+def test_of_a_long_smooth_ring_no_multipliers_are_computed(period: int, kind: Kind) -> None:
+    sites = 61
+    u, v = np.zeros((2, 60, sites))
+    v[:, 0] = 1.0 + 0.1 * (np.arange(60) % period)
+    found = judge_smooth(smooth_run(u, v))
+    assert found.kind is kind
+    after = "a period" if period == 1 else "2 periods"
+    assert found.reason == f"returns to 0 after {after}, its multipliers were not computed"
+    noisy = v + 1e-7 * np.random.default_rng(0).normal(size=v.shape)
+    assert judge_smooth(smooth_run(u, noisy)).kind is not Kind.PERIODIC
+
+
+@pytest.mark.parametrize(
+    ("exponent", "error", "kind"),
+    [
+        (0.1, 0.001, Kind.CHAOTIC),
+        (0.1, 0.03, Kind.UNDECIDED),  # positive, but not known so well
+        (1e-7, 1e-8, Kind.QUASI_PERIODIC),
+        (-0.1, 0.001, Kind.UNDECIDED),
+        (1e-4, 1e-3, Kind.QUASI_PERIODIC),
+        (1e-4, 2e-3, Kind.UNDECIDED),
+    ],
+)
+def test_what_turns_steadily_is_a_torus_or_chaos_by_its_exponent(
+    monkeypatch, exponent: float, error: float, kind: Kind
+) -> None:
+    from contbreather.dynamics import smooth_verdict
+
+    monkeypatch.setattr(smooth_verdict, "_exponent", lambda run: (exponent, error))
+    t = 2.0 * math.pi * 0.3819660113 * np.arange(600)
+    u, v = np.zeros((2, 600, 3))
+    u[:, 0], v[:, 0] = 0.3 * np.cos(t), 0.4 * np.sin(t) - 1.0
+    found = judge_smooth(smooth_run(u, v))
+    assert found.kind is kind, found.reason
+    assert found.evidence["exponent"] == exponent
+    assert found.evidence["exponent_error"] == error
+    assert found.evidence["rotation"] == pytest.approx(0.3819660113, abs=1e-7)
+    assert "largest exponent" in found.reason
+
+
+def test_a_smooth_motion_that_blows_up_is_no_equation_to_the_engine(monkeypatch) -> None:
+    problem = smooth_orbit(STATE, **HERE, m=6)
+
+    def stuck(*given: Any) -> Any:
+        raise NotConverged("the solver cannot go on")
+
+    monkeypatch.setattr(Explicit, "states", stuck)
+    with pytest.raises(ArithmeticError, match="the solver cannot go on"):
+        problem.residual(np.concatenate(STATE), problem.params)
+
+
+def test_a_solver_that_cannot_go_on_says_where(monkeypatch) -> None:
+    import scipy.integrate
+
+    class Stuck(scipy.integrate.ode):
+        def successful(self) -> bool:
+            return False
+
+    monkeypatch.setattr(scipy.integrate, "ode", Stuck)
+    with pytest.raises(NotConverged, match=r"^dop853 cannot go on at t = 6\.28319: its step"):
+        simulate_smooth(([0.1], [0.0]), a=0.1, gamma=0.0, k=0.8, m=6, periods=1, solver=Explicit())
+
+
+# --- recordings and the system --------------------------------------------------------------------
+
+
+def refusing(name: str, code: int) -> Any:
+    def refuse(*given: Any, **more: Any) -> Any:
+        raise OSError(code, os.strerror(code))
+
+    return refuse
+
+
+def test_a_folder_that_cannot_be_made_is_a_sentence(tmp_path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(BadInput, match=r"^cannot write .*file/run: Not a directory; choose"):
+        record(tmp_path / "file" / "run", STATE, **HERE, periods=1)
+    deep = record(tmp_path / "one" / "two", STATE, **HERE, periods=1)  # these are made
+    assert deep.periods == 1
+
+
+def test_a_system_without_locks_is_a_sentence(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(fcntl, "flock", refusing("flock", errno.ENOLCK))
+    with pytest.raises(BadInput, match=r"^cannot lock .*run: No locks available; choose another"):
+        record(tmp_path / "run", STATE, **HERE, periods=1)
+
+
+@pytest.mark.parametrize("code", [errno.EAGAIN, errno.EACCES])
+def test_a_lock_that_is_taken_is_another_run(tmp_path, monkeypatch, code: int) -> None:
+    monkeypatch.setattr(fcntl, "flock", refusing("flock", code))
+    with pytest.raises(BadInput, match="is being written to by another run; wait for its end"):
+        record(tmp_path / "run", STATE, **HERE, periods=1)
+
+
+def test_a_folder_that_cannot_be_read_is_a_sentence(tmp_path, monkeypatch) -> None:
+    kept = record(tmp_path / "run", STATE, **HERE, periods=1)
+    monkeypatch.setattr(pathlib.Path, "iterdir", refusing("iterdir", errno.EIO))
+    with pytest.raises(BadInput, match=r"^cannot read .*run: Input/output error; choose another"):
+        kept.files  # noqa: B018
+
+
+def test_a_file_that_cannot_be_read_is_damaged(tmp_path, monkeypatch) -> None:
+    record(tmp_path / "run", STATE, **HERE, periods=1)
+    monkeypatch.setattr("builtins.open", refusing("open", errno.EIO))
+    with pytest.raises(BadInput, match=r"start\.npz is damaged: Input/output error; bring it back"):
+        open_recording(tmp_path / "run")
+
+
+def test_a_file_that_this_version_does_not_write_is_refused(tmp_path) -> None:
+    """Sound by its checksum, yet with another content: what is missing, or what is out of range."""
+    kept = record(tmp_path / "run", STATE, **HERE, periods=2)
+    about = recording._about(kept)
+    start = tmp_path / "run" / "start.npz"
+    for changed, words in (
+        ({"gamma": 0.3}, r"^gamma = 0\.3"),
+        ({"damping": -1.0}, r"^damping = -1\.0"),
+        ({"harmonics": [[2, 1.0, 0.0]]}, "must be antisymmetric"),
+    ):
+        text = np.array(json.dumps({**about, **changed}))
+        recording.save(start, {"about": text, **kept.start._asdict()})
+        with pytest.raises(BadInput, match=words):
+            open_recording(tmp_path / "run")
+    for missing in ("k", "t0", "sample"):
+        text = np.array(json.dumps({k: v for k, v in about.items() if k != missing}))
+        recording.save(start, {"about": text, **kept.start._asdict()})
+        with pytest.raises(BadInput, match=rf"does not write such a file \('{missing}'\)"):
+            open_recording(tmp_path / "run")
+    recording.save(start, {"about": np.array("no json"), **kept.start._asdict()})
+    with pytest.raises(BadInput, match="this version does not write such a file"):
+        open_recording(tmp_path / "run")
+
+
+def test_a_file_under_the_name_of_another_is_refused(tmp_path) -> None:
+    kept = record(tmp_path / "run", STATE, **HERE, periods=2)
+    (path,) = kept.files
+    path.rename(path.with_name("000000000000-000000000003.npz"))
+    with pytest.raises(BadInput, match=r"\(its name is that of another file\)"):
+        _ = open_recording(tmp_path / "run").impacts
+
+
+@pytest.mark.parametrize("name", ["left.part", "lock"])
+def test_what_a_killed_process_left_does_not_stand_in_the_way(tmp_path, name: str) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / name).write_text("half of it")
+    assert record(tmp_path / "run", STATE, **HERE, periods=1).periods == 1
+
+
+def test_an_empty_recording_is_where_it_starts(tmp_path) -> None:
+    kept = record(tmp_path / "run", STATE, **HERE, periods=0, t0=0.5)
+    assert (kept.periods, kept.files, kept.end, kept.stop) == (0, [], 0.5, RunStop.DONE)
+    assert kept.final is kept.start
+    assert len(kept.impacts) == 0
+    assert kept.strobe(0).u.shape == (1,)
+    assert kept.strobe().u.shape == (1, 4)
+    again = open_recording(tmp_path / "run")
+    assert (again.t0, again.sample, again.interrupted) == (0.5, None, False)
+    assert again.conditions == kept.conditions
+
+
+def test_times_of_a_recording_are_those_of_a_run(tmp_path) -> None:
+    kept = record(tmp_path / "run", STATE, **HERE, periods=3, t0=0.5)
+    run = simulate(STATE, **HERE, periods=3, t0=0.5)
+    assert kept.end == pytest.approx(run.end, abs=1e-12)
+    assert kept.impacts["time"] == pytest.approx(run.impacts["time"], abs=1e-12)
+    assert kept.strobe(1).u == pytest.approx(run.strobe.u[:, 1], abs=0)
+    assert kept.strobe(slice(1, 3)).v.shape == (4, 2)
+    firsts = [one.first for one in kept.stretches()]
+    assert firsts == sorted(firsts)
+
+
+# --- workers --------------------------------------------------------------------------------------
+
+
+class Recorder(Executor):
+    """In place of a pool of processes: how it was asked for, and that it computes here."""
+
+    made: ClassVar[dict[str, Any]] = {}
+
+    def __init__(self, workers: int, context: Any, *, initializer: Any, initargs: Any) -> None:
+        Recorder.made = {"workers": workers, "method": context.get_start_method(),
+                         "initializer": initializer, "stop": initargs[0]}  # fmt: skip
+
+    def submit(self, call: Any, *given: Any) -> Any:
+        from concurrent.futures import Future
+
+        assert not Recorder.made["stop"].is_set()
+        done: Any = Future()
+        done.set_result(call(*given))
+        return done
+
+
+def test_unless_told_otherwise_all_cores_compute_in_fresh_processes(monkeypatch) -> None:
+    monkeypatch.setattr(basin, "ProcessPoolExecutor", Recorder)
+    monkeypatch.setattr(os, "cpu_count", lambda: 7)
+    axes = Axis("u", 0, [0.0, 0.1]), Axis("v", 0, [0.0])
+    found = attraction(([0.0], [0.0]), *axes, a=0.1, gamma=0.0, k=0.8, periods=2)
+    assert found.complete
+    assert (Recorder.made["workers"], Recorder.made["method"]) == (7, "spawn")
+    assert Recorder.made["stop"].is_set()  # before the pool waits for what is under way
+
+
+def test_a_worker_leaves_ctrl_c_to_who_waits_and_stops_when_told(monkeypatch) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    halts: list[Any] = []
+    monkeypatch.setattr(basin, "_HALTS", halts)
+
+    class Halt:
+        told = False
+
+        def is_set(self) -> bool:
+            return self.told
+
+    halt = Halt()
+    try:
+        basin._begin(halt)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert halts == [halt]
+    axes = Axis("u", 0, [0.0, 0.1]), Axis("v", 0, [0.0])
+    conditions = simulate(([0.0], [0.0]), a=0.1, gamma=0.0, k=0.8, periods=0).conditions
+    still = State(np.zeros(1), np.zeros(1))
+    task = basin._Task(still, conditions, *axes, 2, 0, 0.0, 1e-3)
+    fates, distances = basin._row(task, 0)
+    assert (fates.shape, fates.dtype, distances.shape) == ((2,), np.int8, (2,))
+    halt.told = True
+    with pytest.raises(KeyboardInterrupt):
+        basin._row(task, 0)
+
+
+# --- loops ----------------------------------------------------------------------------------------
+
+
+def test_the_name_of_a_compiled_loop_carries_the_text_of_all_of_them(tmp_path, monkeypatch) -> None:
+    from contbreather.dynamics import compiled
+
+    text = b"x = 1\n@compiled\ndef f(): ...\n"
+    (tmp_path / "one.py").write_bytes(text)
+    (tmp_path / "none.py").write_bytes(b"nothing here\n")
+    monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))
+    first = compiled._digest()
+    (tmp_path / "none.py").write_bytes(b"something else\n")
+    assert compiled._digest() == first
+    (tmp_path / "two.py").write_bytes(text)
+    assert compiled._digest() != first
+    assert len(first) == 64
+    assert len(compiled.TEXT) == 12
+
+
+def test_without_a_place_to_keep_them_loops_are_compiled_for_this_session(monkeypatch) -> None:
+    from contbreather.dynamics import compiled
+
+    asked = []
+
+    def njit(**options: Any) -> Any:
+        asked.append(options)
+        if options.get("cache"):
+            raise RuntimeError("no locator available")
+        return lambda function: function
+
+    monkeypatch.setattr(compiled, "njit", njit)
+
+    def loop(x: float) -> float:
+        return 2.0 * x
+
+    made = compiled.compiled(loop)
+    assert made(2.0) == 4.0
+    assert made.__qualname__.endswith(f"loop_{compiled.TEXT}")
+    assert asked == [{"cache": True, "error_model": "numpy"}, {"error_model": "numpy"}]
+
+
+def test_a_stop_of_a_walk_and_of_a_run_are_sentences() -> None:
+    for stop in (*RunStop, *Stop):
+        assert len(stop.value.split()) >= 2
+    assert len({stop.value for stop in RunStop}) == len(RunStop)
