@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Protocol, overload
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,22 +37,10 @@ class Forcing(Protocol):
     the order-th derivative of f with respect to one of them.
     """
 
-    @overload
-    def f(self, t: float) -> float: ...
-    @overload
-    def f(self, t: FloatArray) -> FloatArray: ...
-    @overload
-    def df(self, t: float) -> float: ...
-    @overload
-    def df(self, t: FloatArray) -> FloatArray: ...
-    @overload
-    def d2f(self, t: float) -> float: ...
-    @overload
-    def d2f(self, t: FloatArray) -> FloatArray: ...
-    @overload
-    def d3f(self, t: float) -> float: ...
-    @overload
-    def d3f(self, t: FloatArray) -> FloatArray: ...
+    def f(self, t: Any) -> Any: ...
+    def df(self, t: Any) -> Any: ...
+    def d2f(self, t: Any) -> Any: ...
+    def d3f(self, t: Any) -> Any: ...
     @property
     def params(self) -> dict[str, float]: ...
     @property
@@ -157,6 +145,16 @@ class Periodic:
     def params(self) -> dict[str, float]:
         return {}
 
+    def at(self, **params: float) -> Any:
+        """The same forcing with some parameters changed."""
+        if params:
+            raise self._unknown(list(params))
+        return self
+
+    def f_param(self, name: str, t: float, order: int = 0) -> float:
+        """Derivative of the order-th derivative of f with respect to one parameter."""
+        raise self._unknown([name])
+
     def slope_harmonics(self, name: str) -> Harmonics:
         """The series of the derivative of f with respect to one parameter."""
         raise self._unknown([name])
@@ -229,14 +227,6 @@ class Harmonic(Periodic):
 
     def peak(self) -> float:
         return 1.0
-
-    def at(self, **params: float) -> Harmonic:
-        if params:
-            raise self._unknown(list(params))
-        return self
-
-    def f_param(self, name: str, t: float, order: int = 0) -> float:
-        raise self._unknown([name])
 
     def describe(self) -> str:
         return "F = -a cos t"
@@ -451,14 +441,6 @@ class Samples(Periodic):
     @property
     def _f(self) -> Series:
         return self._series  # type: ignore[attr-defined]
-
-    def at(self, **params: float) -> Samples:
-        if params:
-            raise self._unknown(list(params))
-        return self
-
-    def f_param(self, name: str, t: float, order: int = 0) -> float:
-        raise self._unknown([name])
 
     def describe(self) -> str:
         return f"F = a times {len(self.values)} samples, harmonics up to {self.highest}"

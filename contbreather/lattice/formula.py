@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,7 +63,7 @@ _ARITHMETIC = {
     ast.Div: operator.truediv,
     ast.Pow: operator.pow,
 }
-_SIGNS = (ast.UAdd, ast.USub)
+_OPERATORS = (*_ARITHMETIC, ast.UAdd, ast.USub)
 
 
 class NotExact(Exception):
@@ -106,8 +106,11 @@ def parsed(text: str) -> ast.expr:
         ) from None
     except (RecursionError, MemoryError):
         raise too_large(text) from None
-    for node in _parts(tree):
-        _check(node, text)
+    nodes = list(ast.walk(tree))
+    called = {node.func for node in nodes if isinstance(node, ast.Call)}
+    for node in nodes:
+        if node not in called:
+            _check(node, text)
     return tree
 
 
@@ -117,36 +120,24 @@ def too_large(text: str) -> BadInput:
     )
 
 
-def _parts(tree: ast.expr) -> Iterator[ast.AST]:
-    """All nodes but the names of functions that are called, operators and contexts."""
-    waiting: list[ast.AST] = [tree]
-    while waiting:
-        node = waiting.pop()
-        yield node
-        called = isinstance(node, ast.Call)
-        waiting += [*node.args, *node.keywords] if called else ast.iter_child_nodes(node)  # type: ignore[attr-defined]
-
-
 def _check(node: ast.AST, text: str) -> None:
     """Refuse whatever is no part of a formula."""
-    good = isinstance(node, ast.operator | ast.unaryop | ast.expr_context)
     match node:
         case ast.Constant(value=value):
             good = type(value) in (int, float)
         case ast.Name(id=name):
             good = name not in NAMES
-        case ast.BinOp(op=op):
-            good = type(op) in _ARITHMETIC
-        case ast.UnaryOp(op=op):
-            good = isinstance(op, _SIGNS)
-        case ast.Call(func=ast.Name(id=name), args=args):
-            good = name in NAMES
-            wanted = 2 if name == BESSEL else 1
-            if good and len(args) != wanted:
+        case ast.BinOp(op=op) | ast.UnaryOp(op=op):
+            good = isinstance(op, _OPERATORS)
+        case ast.Call(func=ast.Name(id=name), args=args) if name in NAMES:
+            good, wanted = True, 2 if name == BESSEL else 1
+            if len(args) != wanted:
                 raise BadInput(
                     f"cannot read {shown(text)}: {name} takes {wanted} argument"
                     f"{'s' * (wanted > 1)}, not {len(args)}."
                 )
+        case _:
+            good = isinstance(node, (*_OPERATORS, ast.Load))
     if not good:
         raise BadInput(
             f"{shown(text)} holds {shown(ast.unparse(node))}, which no forcing may: use numbers, "
@@ -155,25 +146,24 @@ def _check(node: ast.AST, text: str) -> None:
         )
 
 
+def _names(tree: ast.expr) -> set[str]:
+    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - NAMES
+
+
 def letters(tree: ast.expr) -> frozenset[str]:
     """The names in a formula that need a value."""
     return frozenset(_names(tree) - {"t", "pi"})
 
 
-def _names(tree: ast.expr) -> set[str]:
-    return {node.id for node in _parts(tree) if isinstance(node, ast.Name)}
-
-
 def size(tree: ast.expr) -> int:
-    return sum(isinstance(node, ast.expr) for node in _parts(tree))
+    return sum(isinstance(node, ast.expr) for node in ast.walk(tree))
 
 
 def work(tree: ast.expr) -> int:
     """What a sample costs, in additions; one of a function of Bessel's costs as much as 200."""
-    calls = [node.func.id for node in _parts(tree) if isinstance(node, ast.Call)]  # type: ignore[attr-defined]
-    costs = [FUNCTIONS[name].cost if name in FUNCTIONS else 200 for name in calls]
-    powers = sum(isinstance(node, ast.Pow) for node in _parts(tree))
-    return size(tree) + sum(costs) + 10 * powers
+    costs = {name: function.cost for name, function in FUNCTIONS.items()} | {BESSEL: 200}
+    calls = sum(costs.get(getattr(node, "id", ""), 0) for node in ast.walk(tree))
+    return size(tree) + calls + 10 * sum(isinstance(node, ast.Pow) for node in ast.walk(tree))
 
 
 # --- what half a period does ----------------------------------------------------------------------
@@ -405,14 +395,7 @@ class Waves:
     def __pow__(self, n: Any) -> Waves:
         if isinstance(n, Waves) or not float(n).is_integer() or n < 0:
             raise NotExact
-        if n == 0:
-            return Waves(np.ones(1, dtype=complex))
-        result = self
-        for bit in f"{int(n):b}"[1:]:
-            result = result * result
-            if bit == "1":
-                result = result * self
-        return result
+        return math.prod([self] * int(n), start=Waves(np.ones(1, dtype=complex)))
 
     def sine_and_cosine(self) -> tuple[Waves, Waves]:
         """Of what is a multiple of t and a constant."""
@@ -425,13 +408,16 @@ class Waves:
                 f"the forcing has the harmonic {abs(self.rate):.10g}: harmonics up to {HIGHEST} "
                 "are resolved in time."
             )
-        m = int(self.rate)
         # pi is rounded: where a quarter turn is meant, the other part would not quite vanish
         parts = np.array([np.cos(shift), np.sin(shift)])
         parts[abs(parts) < 4e-16 * min(max(1.0, abs(shift)), 100.0)] = 0.0
-        turned = 0.5 * complex(*parts)
-        sine, cosine = np.zeros((2, 2 * abs(m) + 1), dtype=complex)
-        for order, phase in ((m, turned), (-m, turned.conjugate())):
-            cosine[abs(m) + order] += phase
-            sine[abs(m) + order] += phase * (-1j if phase is turned else 1j)
-        return Waves(sine, 0.0, self.cost), Waves(cosine, 0.0, self.cost)
+        half = 0.5 * complex(*parts)
+        return self._pair(-1j * half), self._pair(half)
+
+    def _pair(self, half: complex) -> Waves:
+        """``half exp(i m t)`` and its conjugate, m the rate."""
+        m = int(self.rate)
+        c = np.zeros(2 * abs(m) + 1, dtype=complex)
+        c[abs(m) + m] += half
+        c[abs(m) - m] += half.conjugate()
+        return Waves(c, 0.0, self.cost)
