@@ -37,7 +37,7 @@ from contbreather.lattice import (
     lattice_of,
 )
 from contbreather.lattice.conditions import Conditions, Walls, check_amplitude, restitution_ratio
-from contbreather.lattice.green import Flight, flight, flight_slope
+from contbreather.lattice.green import Flight, flight
 from contbreather.stability.verdict import THRESHOLD
 
 if TYPE_CHECKING:
@@ -54,14 +54,14 @@ __all__ = ["Breather", "Closure", "smallest_amplitude", "symmetric", "symmetric_
 @lru_cache(maxsize=4096)
 def flight_of(lattice: Lattice, gamma: float, distance: int) -> Flight:
     """One site between impacts, per unit p; kept, because profiles ask for it again and again."""
-    return flight(float(lattice.first_harmonic(gamma, distance)), lattice.moments(distance), gamma)
+    return flight(float(lattice.first_harmonic(gamma, distance)), lattice.powers(gamma, distance))
 
 
 @lru_cache(maxsize=1024)
 def flight_slope_of(lattice: Lattice, gamma: float, distance: int) -> Flight:
     """Derivative of `flight_of` with respect to gamma, at the same time since the impact."""
     slope = float(lattice.dfirst_harmonic(gamma, distance))
-    return flight_slope(slope, lattice.moments(distance), gamma)
+    return flight(slope, lattice.dpowers(gamma, distance))
 
 
 @dataclass(frozen=True)

@@ -124,14 +124,8 @@ def _answers(
 ) -> tuple[FloatArray, FloatArray]:
     """Amplitudes of -sin y and of the odd powers of y, per unit p, for several sites."""
     first = 4.0 / math.pi * lattice.first_harmonic(gamma, np.array(sites, dtype=int))
-    return first, _weights(lattice, sites) @ (4.0 * gamma) ** np.arange(TERMS + 1)
-
-
-@lru_cache(maxsize=64)
-def _weights(lattice: Lattice, sites: tuple[int, ...]) -> FloatArray:
-    """What makes flights of powers of 4 gamma."""
-    moments = np.array([lattice.moments(n) for n in sites]).reshape(len(sites), 1, TERMS + 1)
-    return np.asarray(response_weights() * moments)
+    powers = np.array([lattice.powers(gamma, n) for n in sites]).reshape(len(sites), TERMS + 1)
+    return first, powers @ response_weights().T
 
 
 # --- the periodic Green's function ----------------------------------------------------------

@@ -47,7 +47,7 @@ COMBS = {
     "a": (0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
 }
 PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
-CHECKS = {"a": check_amplitude, "gamma": check_gamma, "k": restitution_ratio}
+CHECKS: dict[str, Any] = {"a": check_amplitude, "gamma": check_gamma, "k": restitution_ratio}
 FEWEST = 80  # points on a curve
 JOINT = "NS-NS"  # between two pieces of the envelope that is the paper's rule on a ring
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
@@ -219,7 +219,7 @@ def zones(
     if np.ndim(value):
         shared = {"forcing": forcing, "lattice": lattice, "within": within, "progress": progress}
         return _several(name, value, **shared, threshold=threshold, past_folds=past_folds)
-    CHECKS[name](value)  # type: ignore[arg-type]
+    CHECKS[name](value)
     value = float(value)  # type: ignore[arg-type]
     if name == "k" and value in (0.0, 1.0):
         raise BadInput(

@@ -96,51 +96,29 @@ def _cos(y: Any) -> Any:
     return math.cos(y) if isinstance(y, float) else np.cos(y)
 
 
-def flight(first_harmonic: float, moments: FloatArray, gamma: float) -> Flight:
-    """The `Flight` of a site from what its lattice says of it.
+def flight(first_harmonic: float, powers: FloatArray) -> Flight:
+    """The `Flight` of a site from what its lattice says of it, or its slope in any parameter from
+    the slopes of both.
 
     Parameters
     ----------
     first_harmonic : float
         ``<cos(n theta)/(1 - w^2)>``.
-    moments : ndarray, shape (TERMS + 1,)
-        ``<q^j cos(n theta)>`` with ``w^2 = 4 gamma q``.
-    gamma : float
-        Coupling in [0, 1/4).
+    powers : ndarray, shape (TERMS + 1,)
+        ``<w^2j cos(n theta)>``.
 
     Examples
     --------
     >>> from contbreather.lattice.modes import InfiniteChain
     >>> chain = InfiniteChain()
-    >>> answer = flight(float(chain.first_harmonic(0.12, 0)), chain.moments(0), 0.12)
+    >>> answer = flight(float(chain.first_harmonic(0.12, 0)), chain.powers(0.12, 0))
     >>> round(answer.value(-math.pi / 2) - chain.chi(0.12), 14)
     0.0
-    """
-    powers = response_weights() @ (moments * (4.0 * gamma) ** np.arange(TERMS + 1))
-    return Flight(4.0 / math.pi * first_harmonic, tuple(powers.tolist()))
-
-
-def flight_slope(dfirst_harmonic: float, moments: FloatArray, gamma: float) -> Flight:
-    """Derivative of `flight` with respect to gamma at fixed y: again a `Flight`.
-
-    Parameters
-    ----------
-    dfirst_harmonic : float
-        Derivative of ``<cos(n theta)/(1 - w^2)>``.
-    moments, gamma
-        As in `flight`.
-
-    Examples
-    --------
-    >>> from contbreather.lattice.modes import InfiniteChain
-    >>> chain = InfiniteChain()
-    >>> slope = flight_slope(float(chain.dfirst_harmonic(0.12, 0)), chain.moments(0), 0.12)
+    >>> slope = flight(float(chain.dfirst_harmonic(0.12, 0)), chain.dpowers(0.12, 0))
     >>> round(slope.value(-math.pi / 2) - chain.dchi(0.12), 13)
     0.0
     """
-    j = np.arange(1, TERMS + 1)
-    powers = response_weights()[:, 1:] @ (moments[1:] * 4.0 * j * (4.0 * gamma) ** (j - 1))
-    return Flight(4.0 / math.pi * dfirst_harmonic, tuple(powers.tolist()))
+    return Flight(4.0 / math.pi * first_harmonic, tuple((response_weights() @ powers).tolist()))
 
 
 class Modal(Protocol):

@@ -12,15 +12,15 @@ and the moments of ``q``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import zeta
+from scipy.special import comb, zeta
 
-from contbreather.checks import MOST, real
+from contbreather.checks import MOST, number, real
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Waves, waves
 from contbreather.lattice.green import TERMS, flight
@@ -29,66 +29,90 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
-def check_gamma(gamma: float) -> float:
+def check_gamma(gamma: float, spring: float = 0.0) -> float:
     """Return ``gamma`` as a float, or say why no breather can live at this coupling.
 
     Raises
     ------
     BadInput
-        If gamma is not a number in [0, 1/4): at 1/4 the band reaches the forcing frequency 1.
+        If the band ``[spring, spring + 4 gamma]`` of w^2 reaches the forcing frequency 1.
     """
-    number = real(gamma)
-    if 0.0 <= number < 0.25:
-        return number
+    found = real(gamma)
+    if found >= 0.0 and spring + 4.0 * found < 1.0:
+        return found
+    if not spring:
+        raise BadInput(
+            f"gamma = {gamma!r}: the coupling must be a number with 0 <= gamma < 1/4, so that the "
+            "band [0, 2 sqrt(gamma)] stays below the forcing frequency 1; choose gamma in that "
+            "range."
+        )
     raise BadInput(
-        f"gamma = {gamma!r}: the coupling must be a number with 0 <= gamma < 1/4, so that the "
-        "band [0, 2 sqrt(gamma)] stays below the forcing frequency 1; choose gamma in that range."
+        f"gamma = {gamma!r}, spring = {spring!r}: the band [spring, spring + 4 gamma] of w^2 must "
+        "stay below 1, the harmonic of the drive that the infinite chain would radiate; choose "
+        "0 <= gamma < (1 - spring)/4, or take a ring."
     )
 
 
-class _Series(NamedTuple):
-    """A mean as ``constant + sum of weight * excess(x/s^2) + polynomial(x)``, x = 4 gamma."""
+class _Raw(NamedTuple):
+    """A function of ``w^2``: its value at 0, its poles as ``weight w^2/(P - w^2)``, and the
+    coefficients of w^2, w^4, ... of all the rest."""
 
     constant: float
-    first: float  # weight of the pole at w = 1
-    second: float  # weight of the pole at w = 2
-    powers: tuple[float, ...]  # coefficients of x^1, x^2, ...
-    slopes: tuple[float, ...]  # those of the derivative: 1*c1, 2*c2, ...
+    poles: tuple[tuple[float, float], ...]  # (weight, P)
+    tail: FloatArray
 
 
-def _series(
-    constant: float, first: float, second: float, tail: FloatArray, moments: FloatArray
-) -> _Series:
-    powers = tail * moments[1:]
-    slopes = powers * np.arange(1, TERMS + 1)
-    # reversed once here, so that Horner runs straight through the tuple
-    return _Series(
-        constant, first, second, tuple(powers[::-1].tolist()), tuple(slopes[::-1].tolist())
-    )
-
-
-class _Means(NamedTuple):
-    chi: _Series
-    eta: _Series
-    sigma: _Series
-    psi: _Series
-
-
-@lru_cache(maxsize=128)
-def _means(sites: int | None) -> _Means:
-    """Expansions of the four means; ``sites=None`` is the infinite chain."""
-    moments = q_moments(sites, 0)
+@lru_cache(maxsize=1)
+def _functions() -> dict[str, _Raw]:
     j = np.arange(1, TERMS + 1)
     odd = 4.0**-j * zeta(2 * j, 1.5)  # sum over 3, 5, 7... of s^-2j
     odd2 = 0.25 * 4.0**-j * zeta(2 * j + 2, 1.5)  # the same of s^-(2j+2)
     even = 4.0**-j * zeta(2 * j, 2.0)  # sum over 4, 6, 8... of s^-2j
+    even2 = 0.25 * 4.0**-j * zeta(2 * j + 2, 2.0)
     f = 4.0 / math.pi
-    return _Means(
-        chi=_series(math.pi / 2, f, 0.0, f * odd2, moments),
-        eta=_series(0.0, f, 0.0, f * odd, moments),
-        sigma=_series(1 / math.pi, f / 2, -f / 2, f / 2 * (odd - even), moments),
-        psi=_series(2 / math.pi, 0.0, -f, -f * even, moments),
+    return {
+        "chi": _Raw(math.pi / 2, ((f, 1.0),), f * odd2),
+        "eta": _Raw(0.0, ((f, 1.0),), f * odd),
+        "sigma": _Raw(1 / math.pi, ((f / 2, 1.0), (-f / 2, 4.0)), f / 2 * (odd - even)),
+        "psi": _Raw(2 / math.pi, ((-f, 4.0),), -f * even),
+        "tau": _Raw(-math.pi / 6, ((-f / 4, 4.0),), -f * even2),  # without its pole at w = 0
+    }
+
+
+class _Series(NamedTuple):
+    """A mean as ``constant + sum of weight * excess(scale x) + polynomial(x)``, x = 4 gamma."""
+
+    constant: float
+    poles: tuple[tuple[float, float], ...]  # (weight, scale)
+    powers: tuple[float, ...]  # coefficients of x^1, x^2, ...
+    slopes: tuple[float, ...]  # those of the derivative: 1*c1, 2*c2, ...
+
+
+@lru_cache(maxsize=256)
+def _means(sites: int | None, spring: float = 0.0) -> dict[str, _Series]:
+    """Expansions of the means; ``sites=None`` is the infinite chain."""
+    return {name: _series(raw, sites, spring) for name, raw in _functions().items()}
+
+
+def _series(raw: _Raw, sites: int | None, spring: float) -> _Series:
+    tail = np.concatenate([[raw.constant], raw.tail]) @ _shift(spring)
+    powers = tail[1:] * q_moments(sites, 0)[1:]
+    slopes = powers * np.arange(1, TERMS + 1)
+    held = [(weight * P / (P - spring), 1.0 / (P - spring)) for weight, P in raw.poles]
+    constant = float(tail[0]) + sum(weight * spring / (P - spring) for weight, P in raw.poles)
+    # reversed once here, so that Horner runs straight through the tuple
+    return _Series(
+        constant, tuple(held), tuple(powers[::-1].tolist()), tuple(slopes[::-1].tolist())
     )
+
+
+@lru_cache(maxsize=256)
+def _shift(spring: float) -> FloatArray:
+    """``(spring + x)^j`` in powers of x: row j, shape (TERMS + 1, TERMS + 1)."""
+    j = np.arange(TERMS + 1)
+    apart = np.maximum(j[:, None] - j, 0)
+    rows = comb(j[:, None], j) * spring**apart
+    return np.asarray(np.tril(rows))
 
 
 @lru_cache(maxsize=1024)
@@ -130,17 +154,25 @@ class Lattice(Protocol):
     def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]: ...
     @property
     def sites(self) -> int | None: ...
+    @property
+    def spring(self) -> float: ...
+    def check(self, gamma: float) -> float: ...
     def distance(self, n: int) -> int: ...
     def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
     def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
     def moments(self, n: int) -> FloatArray: ...
+    def powers(self, gamma: float, n: int) -> FloatArray: ...
+    def dpowers(self, gamma: float, n: int) -> FloatArray: ...
     def response(self, gamma: float, n: int, s: ArrayLike) -> tuple[FloatArray, ...]: ...
 
 
 class _TranslationInvariant:
     """The four means, for any lattice that can give `_excess` and its slope."""
 
-    _expansions: _Means
+    sites: Any
+    spring: float
+    _expansions: dict[str, _Series]
+    _limit: float  # of gamma
 
     if TYPE_CHECKING:
 
@@ -153,32 +185,46 @@ class _TranslationInvariant:
     def _dexcess(self, z: float) -> float:
         raise NotImplementedError
 
-    def _mean(self, gamma: float, series: _Series) -> float:
-        if not 0.0 <= gamma < 0.25:
-            check_gamma(gamma)
-        x = 4.0 * gamma
+    def check(self, gamma: float) -> float:
+        """gamma as a float, or why there is no breather at this coupling."""
+        return check_gamma(gamma, self.spring)
+
+    def _mean(self, gamma: float, name: str) -> float:
+        series = self._expansions[name]
+        x = 4.0 * (gamma if 0.0 <= gamma < self._limit else self.check(gamma))
         total = 0.0
         for c in series.powers:
             total = total * x + c
         total = total * x + series.constant
-        if series.first:
-            total += series.first * self._excess(x)
-        if series.second:
-            total += series.second * self._excess(0.25 * x)
+        for weight, scale in series.poles:
+            total += weight * self._excess(scale * x)
         return total
 
-    def _slope(self, gamma: float, series: _Series) -> float:
-        if not 0.0 <= gamma < 0.25:
-            check_gamma(gamma)
-        x = 4.0 * gamma
+    def _slope(self, gamma: float, name: str) -> float:
+        series = self._expansions[name]
+        x = 4.0 * (gamma if 0.0 <= gamma < self._limit else self.check(gamma))
         total = 0.0
         for c in series.slopes:
             total = total * x + c
-        if series.first:
-            total += series.first * self._dexcess(x)
-        if series.second:
-            total += 0.25 * series.second * self._dexcess(0.25 * x)
+        for weight, scale in series.poles:
+            total += weight * scale * self._dexcess(scale * x)
         return 4.0 * total
+
+    def powers(self, gamma: float, n: int) -> FloatArray:
+        """``<w^2j cos(n theta)>`` for j = 0, 1, ..."""
+        own = self.moments(n) * (4.0 * gamma) ** np.arange(TERMS + 1)
+        return _shift(self.spring) @ own if self.spring else own
+
+    def dpowers(self, gamma: float, n: int) -> FloatArray:
+        """Derivative of `powers` with respect to gamma."""
+        j = np.arange(TERMS + 1)
+        own = self.moments(n) * 4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0)
+        return _shift(self.spring) @ own if self.spring else own
+
+    def spring_powers(self, gamma: float, n: int) -> FloatArray:
+        """Derivative of `powers` with respect to the spring."""
+        own = np.arange(TERMS + 1) * np.roll(self.powers(gamma, n), 1)
+        return np.asarray(own)
 
     def response(self, gamma: float, n: int, s: ArrayLike) -> tuple[FloatArray, ...]:
         """Site n between two impacts of site 0, per unit p: its v, v' and v''.
@@ -199,41 +245,51 @@ class _TranslationInvariant:
         -------
         tuple of three ndarrays, the shape of ``s``
         """
-        answer = flight(float(self.first_harmonic(gamma, n)), self.moments(n), gamma)
+        answer = flight(float(self.first_harmonic(gamma, n)), self.powers(gamma, n))
         y = np.asarray(s, dtype=float) - 0.5 * math.pi
         return answer.value(y), answer.slope(y), answer.curvature(y)
 
     def chi(self, gamma: float) -> float:
         """``<tan(pi w/2)/w>``, eq. (10): displacement of site 0 at the impact per unit p."""
-        return self._mean(float(gamma), self._expansions.chi)
+        return self._mean(gamma, "chi")
 
     def eta(self, gamma: float) -> float:
         """``<w tan(pi w/2)>``: the restoring acceleration at the impact per unit p."""
-        return self._mean(float(gamma), self._expansions.eta)
+        return self._mean(gamma, "eta")
 
     def sigma(self, gamma: float) -> float:
         """``<w/sin(pi w)>``: the harmonic pitchfork is at ``a = p sqrt(q^2 + 4 sigma^2)``."""
-        return self._mean(float(gamma), self._expansions.sigma)
+        return self._mean(gamma, "sigma")
 
     def psi(self, gamma: float) -> float:
         """``<w cot(pi w/2)>``: the pitchfork of any forcing is at ``b = (1+k)^2 psi/2``."""
-        return self._mean(float(gamma), self._expansions.psi)
+        return self._mean(gamma, "psi")
 
     def dchi(self, gamma: float) -> float:
         """Derivative of `chi` with respect to gamma."""
-        return self._slope(float(gamma), self._expansions.chi)
+        return self._slope(gamma, "chi")
 
     def deta(self, gamma: float) -> float:
         """Derivative of `eta` with respect to gamma."""
-        return self._slope(float(gamma), self._expansions.eta)
+        return self._slope(gamma, "eta")
 
     def dsigma(self, gamma: float) -> float:
         """Derivative of `sigma` with respect to gamma."""
-        return self._slope(float(gamma), self._expansions.sigma)
+        return self._slope(gamma, "sigma")
 
     def dpsi(self, gamma: float) -> float:
         """Derivative of `psi` with respect to gamma."""
-        return self._slope(float(gamma), self._expansions.psi)
+        return self._slope(gamma, "psi")
+
+    def by_spring(self, gamma: float, name: str) -> float:
+        """Derivative of `chi`, `eta`, `sigma` or `psi` with respect to the spring."""
+        raw, s, x = _functions()[name], self.spring, 4.0 * self.check(gamma)
+        total = float((np.arange(1, TERMS + 1) * raw.tail) @ self.powers(gamma, 0)[:-1])
+        for weight, P in raw.poles:
+            z = x / (P - s)
+            more = 1.0 + self._excess(z) + z * self._dexcess(z)
+            total += weight * P / (P - s) ** 2 * more
+        return total
 
 
 @dataclass(frozen=True)
@@ -246,17 +302,42 @@ class InfiniteChain(_TranslationInvariant):
     2.0678739703938
     """
 
+    spring: float = field(default=0.0, repr=False)  # to the ground, at every site
+
+    def __post_init__(self) -> None:
+        spring = number("spring", self.spring, 0.0, 1.0, "0 <= spring < 1")
+        check_gamma(0.0, spring)
+        object.__setattr__(self, "_expansions", _means(None, spring))
+        object.__setattr__(self, "_limit", 0.25 * (1.0 - spring))
+
     @property
     def sites(self) -> None:
         """No end: there is a far field."""
         return
 
+    def held(self, spring: float) -> InfiniteChain:
+        """The same chain with springs to the ground."""
+        return self if spring == self.spring else _held(spring)
+
     def describe(self) -> str:
         return "infinite chain"
 
-    @property
-    def _expansions(self) -> _Means:  # type: ignore[override]
-        return _INFINITE
+    def tau(self, gamma: float) -> float:
+        """``<cot(pi w/2)/w>``: what a mean push does; infinite where no spring holds the chain."""
+        s = self.spring
+        loose = 2.0 / math.pi / math.sqrt(s * (s + 4.0 * gamma)) if s else math.inf
+        return loose + self._mean(gamma, "tau")
+
+    def dtau(self, gamma: float) -> float:
+        """Derivative of `tau` with respect to gamma, for a spring above 0."""
+        s, edge = self.spring, self.spring + 4.0 * gamma
+        return self._slope(gamma, "tau") - 4.0 / (math.pi * edge * math.sqrt(s * edge))
+
+    def tau_by_spring(self, gamma: float) -> float:
+        """Derivative of `tau` with respect to the spring, above 0."""
+        s, edge = self.spring, self.spring + 4.0 * gamma
+        loose = (s + edge) / (math.pi * (s * edge) ** 1.5)
+        return self.by_spring(gamma, "tau") - loose
 
     def _excess(self, z: float) -> float:
         r = math.sqrt(1.0 - z)
@@ -276,20 +357,28 @@ class InfiniteChain(_TranslationInvariant):
 
     def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
         """``<cos(n theta)/(1 - w^2)>``: the answer of site n to the frequency of the forcing."""
-        gamma = check_gamma(gamma)
-        r = math.sqrt(1.0 - 4.0 * gamma)
-        xi = -4.0 * gamma / (1.0 + r) ** 2  # (A3): from one site to the next
-        return np.asarray(xi ** np.abs(np.asarray(n)) / r)
+        rest = 1.0 - self.spring
+        x = 4.0 * self.check(gamma) / rest
+        r = math.sqrt(1.0 - x)
+        xi = -x / (1.0 + r) ** 2  # (A3): from one site to the next
+        return np.asarray(xi ** np.abs(np.asarray(n)) / (r * rest))
 
     def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
         """Derivative of `first_harmonic` with respect to gamma."""
-        gamma = check_gamma(gamma)
+        rest = 1.0 - self.spring
+        x = 4.0 * self.check(gamma) / rest
         m = np.abs(np.asarray(n))
-        r = math.sqrt(1.0 - 4.0 * gamma)
-        rho = 4.0 * gamma / (1.0 + r) ** 2
+        r = math.sqrt(1.0 - x)
+        rho = x / (1.0 + r) ** 2
         ahead = np.where(m > 0, m * rho ** np.maximum(m - 1, 0), 0.0)
         slope = ahead / (r * (1.0 + r)) ** 2 + rho**m / (2.0 * r**3)
-        return np.asarray(4.0 * (-1.0) ** m * slope)
+        return np.asarray(4.0 * (-1.0) ** m * slope / rest**2)
+
+    def first_by_spring(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """Derivative of `first_harmonic` with respect to the spring: it is homogeneous in
+        gamma and ``1 - spring``, of degree -1."""
+        by_gamma = gamma * self.dfirst_harmonic(gamma, n)
+        return (self.first_harmonic(gamma, n) + by_gamma) / (1.0 - self.spring)
 
     def moments(self, n: int) -> FloatArray:
         """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
@@ -319,12 +408,13 @@ class InfiniteChain(_TranslationInvariant):
         >>> complex(InfiniteChain().resolvent(0.0, 2.0)).real
         -0.25
         """
-        gamma = check_gamma(gamma)
-        s2 = np.square(np.asarray(s, dtype=complex))
+        gamma = self.check(gamma)
+        s2 = np.square(np.asarray(s, dtype=complex)) - self.spring
         if np.any((s2.imag == 0.0) & (s2.real <= 4.0 * gamma) & (s2.real >= 0.0)):
+            low, high = math.sqrt(self.spring), math.sqrt(self.spring + 4.0 * gamma)
             raise BadInput(
                 f"the mean <1/(w^2 - s^2)> does not exist for real s in the band "
-                f"[0, {2 * math.sqrt(gamma):.6g}] of gamma = {gamma}; move s off the real axis."
+                f"[{low:.6g}, {high:.6g}] of gamma = {gamma}; move s off the real axis."
             )
         # 1 - 4 gamma/s^2 is negative only on the band, so the principal root is the right one
         return np.asarray(-1.0 / (s2 * np.sqrt(1.0 - 4.0 * gamma / s2)))
@@ -339,14 +429,19 @@ class InfiniteChain(_TranslationInvariant):
         -------
         theta, weight, w : ndarray, shape (M,)
         """
-        gamma = check_gamma(gamma)
-        r = math.sqrt(1.0 - 4.0 * gamma)
+        gamma = self.check(gamma)
+        r = math.sqrt(1.0 - 4.0 * gamma / (1.0 - self.spring))
         width = 2.0 * math.atanh(min(r, 1.0 - 1e-12))  # strip of analyticity about the real axis
         half = 8 + (int(40.0 / width) + int(reach) + 1) // 2
         theta = np.linspace(0.0, math.pi, half + 1)
         weight = np.full(half + 1, 1.0 / half)
         weight[[0, -1]] *= 0.5
-        return theta, weight, 2.0 * math.sqrt(gamma) * np.sin(0.5 * theta)
+        return theta, weight, np.sqrt(self.spring + 4.0 * gamma * np.sin(0.5 * theta) ** 2)
+
+
+@lru_cache(maxsize=64)
+def _held(spring: float) -> InfiniteChain:
+    return InfiniteChain(spring)
 
 
 @dataclass(frozen=True)
@@ -372,6 +467,12 @@ class Ring(_TranslationInvariant):
             )
         object.__setattr__(self, "sites", int(self.sites))
         object.__setattr__(self, "_expansions", _means(self.sites))
+        object.__setattr__(self, "_limit", 0.25)
+
+    @property
+    def spring(self) -> float:  # type: ignore[override]
+        """Closed forms of rings are without."""
+        return 0.0
 
     def _excess(self, z: float) -> float:
         r = math.sqrt(1.0 - z)
@@ -551,6 +652,3 @@ def _quarter_waves(sites: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     theta, weight, _ = Ring(sites).nodes(0.0)
     rest = np.pi * (sites - 2.0 * np.arange(theta.size)) / (2 * sites)  # pi/2 - theta/2, exactly
     return np.sin(0.5 * theta) ** 2, np.sin(rest) ** 2, weight
-
-
-_INFINITE = _means(None)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import comb, zeta
 
-from contbreather.lattice.modes import q_moments
+from contbreather.lattice.modes import InfiniteChain, Ring
 
 Array = NDArray[Any]  # real on the real axis, complex off it
 
@@ -60,15 +60,15 @@ def _tables() -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=256)
-def tail_coefficients(gamma: float, sites: int | None) -> tuple[Array, Array]:
-    """Coefficients in nu^2 of the tails of (R/nu, B, C), ``[3, POWERS]``, and their d/dgamma."""
-    j = np.arange(ORDERS)
-    q = q_moments(sites, 0)[:ORDERS]
-    x = 4.0 * gamma
-    moments = q * x**j
-    slopes = np.zeros(ORDERS)
-    slopes[1:] = 4.0 * j[1:] * q[1:] * x ** (j[1:] - 1)
-    return _tables() @ moments, _tables() @ slopes
+def tail_coefficients(
+    gamma: float, sites: int | None, spring: float = 0.0
+) -> tuple[Array, Array, Array]:
+    """Coefficients in nu^2 of the tails of (R/nu, B, C), ``[3, POWERS]``, and their derivatives
+    with respect to gamma and the spring."""
+    lattice = InfiniteChain().held(spring) if sites is None else Ring(sites)
+    rows = (lattice.powers, lattice.dpowers, lattice.spring_powers)
+    powers, by_gamma, by_spring = (_tables() @ of(gamma, 0)[:ORDERS] for of in rows)
+    return powers, by_gamma, by_spring
 
 
 class Alias(NamedTuple):
@@ -79,8 +79,20 @@ class Alias(NamedTuple):
     h_gamma: Array
 
 
-def alias(gamma: float, s: Array, sites: int | None = None) -> Array:
+def sprung(gamma: float, s: Array, spring: float) -> Alias:
+    """`alias_slopes` of the chain with springs, ``h = s^2/sqrt(A (A - 4 gamma))``,
+    ``A = s^2 - spring``; off the band, or with A a little below it."""
+    s2 = s * s
+    A = s2 - spring
+    edge = A - 4.0 * gamma
+    h = s2 / (A * np.sqrt(1.0 - 4.0 * gamma / A))
+    return Alias(np.asarray(h), h * (2.0 / s - s * (A + edge) / (A * edge)), 2.0 * h / edge)
+
+
+def alias(gamma: float, s: Array, sites: int | None = None, spring: float = 0.0) -> Array:
     """``h = -s^2 g(s)``, g the resolvent of the chain (``sites=None``) or ring, off the band."""
+    if spring:
+        return sprung(gamma, s, spring).h
     z = 4.0 * gamma / (s * s)
     r = np.sqrt(1.0 - z)
     if sites is None:
@@ -121,12 +133,12 @@ def _powers(x: Array) -> Array:
     return np.multiply.accumulate(rows, axis=0, out=rows)
 
 
-def regular(gamma: float, nu: Array, sites: int | None = None) -> Regular:
+def regular(gamma: float, nu: Array, sites: int | None = None, spring: float = 0.0) -> Regular:
     """R, B, C at ``|Re nu| <= 1, |Im nu| <= 1`` (real arithmetic for real nu)."""
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
-    h = alias(gamma, s, sites)
+    h = alias(gamma, s, sites, spring)
     hs = h / s
-    tail = tail_coefficients(gamma, sites)[0] @ _powers(nu * nu)
+    tail = tail_coefficients(gamma, sites, spring)[0] @ _powers(nu * nu)
     r, b, c = tail.reshape(3, *nu.shape)
     return Regular(
         nu * r - hs.sum(0) / math.pi,
@@ -136,12 +148,13 @@ def regular(gamma: float, nu: Array, sites: int | None = None) -> Regular:
 
 
 def regular_slopes(
-    gamma: float, nu: Array, sites: int | None = None
+    gamma: float, nu: Array, sites: int | None = None, spring: float = 0.0
 ) -> tuple[Regular, Regular, Regular]:
     """`regular` with its derivatives with respect to nu and to gamma."""
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
-    h, h_s, h_gamma = alias_slopes(gamma, s, sites)
-    coefficients, in_gamma = tail_coefficients(gamma, sites)
+    found = sprung(gamma, s, spring) if spring else alias_slopes(gamma, s, sites)
+    h, h_s, h_gamma = found
+    coefficients, in_gamma, _ = tail_coefficients(gamma, sites, spring)
     powers = _powers(nu * nu)
     r, b, c, r_g, b_g, c_g = (np.concatenate([coefficients, in_gamma]) @ powers).reshape(
         6, *nu.shape
@@ -164,6 +177,21 @@ def regular_slopes(
         c_g - h_gamma.sum(0) / math.pi,
     )
     return value, in_nu, by_gamma
+
+
+def regular_by_spring(gamma: float, nu: Array, spring: float) -> Regular:
+    """Derivatives of `regular` on the infinite chain with respect to the spring."""
+    s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
+    A = s * s - spring
+    edge = A - 4.0 * gamma
+    h = sprung(gamma, s, spring).h * 0.5 * (A + edge) / (A * edge)
+    tail = tail_coefficients(gamma, None, spring)[2] @ _powers(nu * nu)
+    r, b, c = tail.reshape(3, *nu.shape)
+    return Regular(
+        nu * r - (h / s).sum(0) / math.pi,
+        b + (h / (s * s)).sum(0) / math.pi,
+        c - h.sum(0) / math.pi,
+    )
 
 
 def slope_at_zero(gamma: float) -> float:

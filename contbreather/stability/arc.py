@@ -20,6 +20,7 @@ edge; R, B, C on a fixed grid in alpha depend on gamma alone and are remembered.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice.modes import check_gamma
-from contbreather.stability.aliases import regular, regular_slopes
+from contbreather.stability.aliases import regular, regular_by_spring, regular_slopes
 
 Array = NDArray[Any]
 
@@ -46,17 +47,23 @@ class Arc(NamedTuple):
     C: Array
 
 
-def sample(gamma: float, alpha: Array) -> Arc:
-    """R, B, C at ``nu = 2 sqrt(gamma) sin(alpha)``."""
-    sine = np.sin(alpha)
-    nu = 2.0 * math.sqrt(gamma) * sine
-    return Arc(alpha, nu, 4.0 * gamma * sine * np.cos(alpha), *regular(gamma, nu))
+def angle(gamma: float, alpha: Any, spring: float = 0.0) -> Any:
+    """nu, the frequency of the wave ``theta = 2 alpha``."""
+    sine = 2.0 * math.sqrt(gamma) * np.sin(alpha)
+    return np.sqrt(spring + sine * sine) if spring else sine
+
+
+def sample(gamma: float, alpha: Array, spring: float = 0.0) -> Arc:
+    """R, B, C at ``nu^2 = spring + 4 gamma sin(alpha)^2``."""
+    nu = angle(gamma, alpha, spring)
+    v = 4.0 * gamma * np.sin(alpha) * np.cos(alpha)
+    return Arc(alpha, nu, v, *regular(gamma, nu, None, spring))
 
 
 @lru_cache(maxsize=64)
-def grid(gamma: float) -> Arc:
+def grid(gamma: float, spring: float = 0.0) -> Arc:
     """`sample` on the fixed grid; what a branch in a, k or b uses again and again."""
-    arc = sample(gamma, np.linspace(0.0, 0.5 * math.pi, GRID + 1))
+    arc = sample(gamma, np.linspace(0.0, 0.5 * math.pi, GRID + 1), spring)
     for column in arc:
         column.setflags(write=False)
     return arc
@@ -84,9 +91,10 @@ class OnArc(NamedTuple):
     d_gamma: Array
     d_k: Array
     d_b: Array
+    d_spring: Array
 
 
-def on_arc(gamma: float, nu: float, k: float, b: float) -> OnArc:
+def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> OnArc:
     """The two equations of a Neimark-Sacker point of the infinite chain, with their Jacobian.
 
     F has the zeros of D, the limit from |mu| > 1 at mu = exp(i pi nu), but no poles at the ends
@@ -97,7 +105,9 @@ def on_arc(gamma: float, nu: float, k: float, b: float) -> OnArc:
     gamma, k, b : float
         Coupling, restitution, off-diagonal entry of the saltation matrix (19).
     nu : float
-        Angle/pi, with 0 < nu < 2 sqrt(gamma).
+        Angle/pi inside the band.
+    spring : float
+        That holds every site to the ground.
 
     Raises
     ------
@@ -110,23 +120,27 @@ def on_arc(gamma: float, nu: float, k: float, b: float) -> OnArc:
     >>> bool(abs(on_arc(0.1, angle, 0.8, b).value).max() < 1e-14)
     True
     """
-    gamma = check_gamma(gamma)
+    gamma = check_gamma(gamma, spring)
     x = np.asarray(nu, dtype=float)
-    if not np.all((x > 0.0) & (x * x < 4.0 * gamma)):
+    low = x * x - spring
+    high = 4.0 * gamma - low
+    if not np.all((x > 0.0) & (low > (-1.0 if spring == 0.0 else 0.0)) & (high > 0.0)):
         raise BadInput(
-            f"nu = {nu}: the band of gamma = {gamma} has angles between 0 and "
-            f"{2 * math.sqrt(gamma):.6g} (times pi); choose one of them."
+            f"nu = {nu}: the band of gamma = {gamma} has angles between {math.sqrt(spring):.6g} "
+            f"and {math.sqrt(spring + 4.0 * gamma):.6g} (times pi); choose one of them."
         )
-    value, in_nu, in_gamma = regular_slopes(gamma, x)
-    root = np.sqrt(4.0 * gamma - x * x)
-    at = _Place(x, x * root, *value, 1.0 + k, 0.5 * (1.0 - k), b)
+    value, in_nu, in_gamma = regular_slopes(gamma, x, None, spring)
+    v = np.sqrt(low * high)
+    at = _Place(x, v, *value, 1.0 + k, 0.5 * (1.0 - k), b)
     zero = (0.0, 0.0, 0.0)
+    by_spring = regular_by_spring(gamma, x, spring)
     return OnArc(
         _pair(at),
-        _pair_slope(at, _Place(1.0, root - x * x / root, *in_nu, 0.0, 0.0, 0.0)),
-        _pair_slope(at, _Place(0.0, 2.0 * x / root, *in_gamma, 0.0, 0.0, 0.0)),
+        _pair_slope(at, _Place(1.0, x * (high - low) / v, *in_nu, 0.0, 0.0, 0.0)),
+        _pair_slope(at, _Place(0.0, 2.0 * low / v, *in_gamma, 0.0, 0.0, 0.0)),
         _pair_slope(at, _Place(0.0, 0.0, *zero, 1.0, -0.5, 0.0)),
         _pair_slope(at, _Place(0.0, 0.0, *zero, 0.0, 0.0, 1.0)),
+        _pair_slope(at, _Place(0.0, 0.5 * (low - high) / v, *by_spring, 0.0, 0.0, 0.0)),
     )
 
 
@@ -166,10 +180,10 @@ def _pair_slope(at: _Place, by: _Place) -> Array:
     return np.array([real, imag + (cc_ * wave + cc * wave_ + beta_) / math.pi])
 
 
-def _angle_equation(gamma: float, arc: Arc, q: float) -> Array:
+def _angle_equation(gamma: float, arc: Arc, q: float, spring: float) -> Array:
     """(v/nu) times the equation for a Neimark-Sacker angle: negative at both ends of the band."""
     alpha, nu, v, R, B, _ = arc
-    root = 2.0 * math.sqrt(gamma) * np.cos(alpha)  # = v/nu
+    root = v / nu if spring else 2.0 * math.sqrt(gamma) * np.cos(alpha)
     square = (R + nu * B) ** 2 - 0.25 * q * q
     return np.asarray(root * square - q * (1.0 / math.pi - math.pi * v * root * R * B))
 
@@ -188,7 +202,7 @@ class NeimarkSacker(NamedTuple):
     b: float
 
 
-def neimark_sacker(gamma: float, k: float) -> tuple[NeimarkSacker, ...]:
+def neimark_sacker(gamma: float, k: float, spring: float = 0.0) -> tuple[NeimarkSacker, ...]:
     """All Neimark-Sacker points of the infinite chain at this coupling and restitution.
 
     They are roots in one variable, the angle, each with an explicit b: no seed is needed. Sorted
@@ -199,13 +213,13 @@ def neimark_sacker(gamma: float, k: float) -> tuple[NeimarkSacker, ...]:
     >>> [round(point.nu, 4) for point in neimark_sacker(0.0969710, 0.8)]
     [0.4875, 0.5581]
     """
-    gamma = check_gamma(gamma)
+    gamma = check_gamma(gamma, spring)
     q = (1.0 - k) / (1.0 + k)
     if gamma == 0.0 or q <= 0.0:
         return ()
-    alpha, values = grid(gamma).alpha, _on_grid(gamma, q)
+    alpha, values = grid(gamma, spring).alpha, _on_grid(gamma, q, spring)
     if values.max() <= 0.0:  # a pair of roots between two nodes?
-        crest = _crest(gamma, q, values)
+        crest = _crest(gamma, q, values, spring)
         if crest.y[1] <= 0.0:
             return ()
         place = int(np.searchsorted(alpha, crest.arc.alpha[1]))
@@ -214,12 +228,13 @@ def neimark_sacker(gamma: float, k: float) -> tuple[NeimarkSacker, ...]:
             for column, at in ((alpha, crest.arc.alpha), (values, crest.y))
         )
     up = np.flatnonzero((values[:-1] > 0.0) != (values[1:] > 0.0))
-    arc = sample(gamma, _roots(gamma, q, alpha[[up, up + 1]], values[[up, up + 1]]))
+    found = _roots(gamma, q, alpha[[up, up + 1]], values[[up, up + 1]], spring)
+    arc = sample(gamma, found, spring)
     return tuple(map(NeimarkSacker, arc.nu.tolist(), _needed(arc, k).tolist()))
 
 
-def _on_grid(gamma: float, q: float) -> Array:
-    values = _angle_equation(gamma, grid(gamma), q)
+def _on_grid(gamma: float, q: float, spring: float) -> Array:
+    values = _angle_equation(gamma, grid(gamma, spring), q, spring)
     values[[0, -1]] = -q / math.pi  # next to gamma = 1/4 rounding of cos(pi/2) would hide it
     return values
 
@@ -235,9 +250,9 @@ class _Crest(NamedTuple):
     height: float
 
 
-def _crest(gamma: float, q: float, values: Array) -> _Crest:
+def _crest(gamma: float, q: float, values: Array, spring: float) -> _Crest:
     """The equation for the angle has one crest; only one next to zero is looked at closely."""
-    arc = grid(gamma)
+    arc = grid(gamma, spring)
     i = int(np.clip(values.argmax(), 1, GRID - 1))
     found = _parabola(Arc(*(column[i - 1 : i + 2] for column in arc)), values[i - 1 : i + 2])
     step = 0.5 * math.pi / GRID
@@ -245,8 +260,8 @@ def _crest(gamma: float, q: float, values: Array) -> _Crest:
         top = float(found.arc.alpha[1]) + step * found.vertex
         step *= 0.05
         top = min(max(top, step), 0.5 * math.pi - step)
-        arc = sample(gamma, top + step * np.array([-1.0, 0.0, 1.0]))
-        found = _parabola(arc, _angle_equation(gamma, arc, q))
+        arc = sample(gamma, top + step * np.array([-1.0, 0.0, 1.0]), spring)
+        found = _parabola(arc, _angle_equation(gamma, arc, q, spring))
     return found
 
 
@@ -256,7 +271,7 @@ def _parabola(arc: Arc, y: Array) -> _Crest:
     return _Crest(arc, y, bend, vertex, float(y[1]) + 0.25 * tilt * vertex)
 
 
-def _roots(gamma: float, q: float, x: Array, y: Array) -> Array:
+def _roots(gamma: float, q: float, x: Array, y: Array, spring: float) -> Array:
     """One root in each bracket, columns of x, with the values y there: secants, kept inside."""
     (low, high), rising = x.copy(), y[1] > y[0]
     (old, new), (before, after) = x, y
@@ -270,7 +285,7 @@ def _roots(gamma: float, q: float, x: Array, y: Array) -> Array:
         new = np.where(inside | (after == 0.0), step, 0.5 * (low + high))
         if np.all(np.abs(new - old) <= 4e-16):
             break
-        after = _angle_equation(gamma, sample(gamma, new), q)
+        after = _angle_equation(gamma, sample(gamma, new, spring), q, spring)
         under = (after < 0.0) == rising
         low, high = np.where(under, new, low), np.where(under, high, new)
     return np.asarray(new)
@@ -298,12 +313,13 @@ class Window(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def window(gamma: float, k: float) -> Window:
+def window(gamma: float, k: float, spring: float = 0.0) -> Window:
     """Where a pair is outside at this coupling and restitution.
 
     At k = 1 there are neutral multipliers between the band and -1. The pair that comes out of the
     band's edge for k < 1 is one of them, and leaves the circle only where two have met: beyond the
-    largest b of any.
+    largest b of any; and with springs, which open a gap between the band and +1, short of the least
+    b of any there.
 
     Examples
     --------
@@ -314,15 +330,15 @@ def window(gamma: float, k: float) -> Window:
     if gamma == 0.0:
         return Window(0.0, -1.0)
     if k == 1.0:
-        found = [_neutral_until(gamma), float(4.0 * sample(gamma, np.zeros(1)).C[0])]
+        found = [_neutral_until(gamma, spring), _neutral_from(gamma, spring)]
         if found[0] >= found[1]:
             return Window(found[1], -1.0)
     else:
-        found = [point.b for point in neimark_sacker(gamma, k)]
+        found = [point.b for point in neimark_sacker(gamma, k, spring)]
     if len(found) == 2:
         return Window(0.5 * (found[0] + found[1]), 0.25 * (found[0] - found[1]) ** 2)
     q = (1.0 - k) / (1.0 + k)
-    crest = _crest(gamma, q, _on_grid(gamma, q))
+    crest = _crest(gamma, q, _on_grid(gamma, q, spring), spring)
     b, x = _needed(crest.arc, k), crest.vertex
     slope = 0.5 * float(b[2] - b[0])
     centre = float(b[1]) + x * slope + 0.5 * x * x * float(b[0] - 2.0 * b[1] + b[2])
@@ -331,18 +347,41 @@ def window(gamma: float, k: float) -> Window:
     return Window(centre, min(square, 0.0))
 
 
-def _neutral_until(gamma: float) -> float:
+def _neutral_until(gamma: float, spring: float) -> float:
     """For k = 1 the largest b for which D, real there, has a zero between the band and mu = -1."""
-    edge = 2.0 * math.sqrt(gamma)
+    edge = math.sqrt(spring + 4.0 * gamma)
 
     def needed(t: Array) -> Array:
         nu = edge + (1.0 - edge) * t * t
-        R, B, C = regular(gamma, nu)
-        inverse = math.pi * nu * np.sqrt((1.0 - edge) * (nu + edge)) * t  # of the alias in the band
-        return np.asarray(
-            4.0 * (C + (inverse * R * R - nu * (2.0 * R + nu * B)) / (1.0 + inverse * B))
-        )
+        inverse = math.pi * np.sqrt((nu * nu - spring) * (1.0 - edge) * (nu + edge)) * t
+        return _elastic(gamma, spring, nu, inverse)
 
+    return _highest(needed)
+
+
+def _neutral_from(gamma: float, spring: float) -> float:
+    """For k = 1 the least b for which it has one between the band and mu = 1."""
+    if spring == 0.0:  # the band starts there
+        return float(4.0 * sample(gamma, np.zeros(1)).C[0])
+    floor = math.sqrt(spring)
+
+    def needed(t: Array) -> Array:
+        nu = floor * (1.0 - t * t)
+        below = floor * (floor + nu)
+        inverse = -math.pi * np.sqrt(below * (below * t * t + 4.0 * gamma)) * t
+        return -_elastic(gamma, spring, nu, inverse)
+
+    return -_highest(needed)
+
+
+def _elastic(gamma: float, spring: float, nu: Array, inverse: Array) -> Array:
+    """The b with which D has a zero off the band for k = 1; ``inverse = -pi/g``."""
+    R, B, C = regular(gamma, nu, None, spring)
+    return np.asarray(4.0 * (C + (inverse * R * R - nu * (2.0 * R + nu * B)) / (1.0 + inverse * B)))
+
+
+def _highest(needed: Callable[[Array], Array]) -> float:
+    """Of a function on [0, 1], by a grid that closes in on it."""
     t = np.linspace(0.0, 1.0, GRID + 1)
     values = needed(t)
     for _ in range(4):

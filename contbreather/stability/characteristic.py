@@ -52,9 +52,15 @@ def sites_of(lattice: object) -> int | None:
     )
 
 
-def modes(gamma: float, sites: int) -> Modes:
+def spring_of(lattice: object) -> float:
+    """What holds every site to the ground."""
+    return float(getattr(lattice, "spring", 0.0))
+
+
+def modes(gamma: float, sites: int, spring: float = 0.0) -> Modes:
     """The even modes of a ring: all of them that the impacting site sees."""
     _, weight, w = Ring(sites).nodes(gamma)
+    w = np.sqrt(w * w + spring) if spring else w
     sine = np.sin(np.pi * w)
     # np.sinc(w) = sin(pi w)/(pi w) has its limit at w = 0
     return Modes(w, weight, np.cos(np.pi * w), np.pi * np.sinc(w), w * sine)
@@ -98,22 +104,35 @@ class _Alias0(NamedTuple):
     g_gamma: Array
 
 
-def in_band(gamma: float, nu: Array) -> Array:
-    return (nu.imag == 0.0) & (nu.real**2 < 4.0 * gamma)
+def _within(gamma: float, nu: Array, spring: float) -> Array:
+    """Where Re nu is in the band."""
+    square = nu.real**2 - spring
+    low = square >= 0.0 if spring == 0.0 else square > 0.0
+    return low & (square < 4.0 * gamma)
 
 
-def _alias0(gamma: float, nu: Array, sites: int | None, continued: bool = False) -> _Alias0:
+def in_band(gamma: float, nu: Array, spring: float = 0.0) -> Array:
+    return (nu.imag == 0.0) & _within(gamma, nu, spring)
+
+
+def _alias0(
+    gamma: float, nu: Array, sites: int | None, spring: float = 0.0, continued: bool = False
+) -> _Alias0:
     """``g(nu) = <1/(w^2 - nu^2)>`` and slopes; inside the band the limit from Im nu < 0.
 
     ``continued``: also above the band, Im nu > 0, what comes through it from below.
     """
-    z = 4.0 * gamma / (nu * nu)
+    z = 4.0 * gamma / (nu * nu - spring)
     r = np.sqrt(1.0 - z)
     if sites is None:
-        band = in_band(gamma, nu)
+        band = in_band(gamma, nu, spring)
         r = np.where(band, -1j * np.copysign(np.sqrt(np.abs(z - 1.0)), nu.real), r)
         if continued:
-            r = np.where((nu.imag > 0.0) & (nu.real**2 < 4.0 * gamma), -r, r)
+            r = np.where((nu.imag > 0.0) & _within(gamma, nu, spring), -r, r)
+    if spring:  # g = -1/(A r), A = nu^2 - spring
+        A = nu * nu - spring
+        g, rise = -1.0 / (A * r), (2.0 * A - 4.0 * gamma) / (A * (A - 4.0 * gamma))
+        return _Alias0(g, -g * nu * rise, 2.0 * g / (A - 4.0 * gamma))
     h, h_nu, h_gamma = alias_slopes(gamma, nu, sites, r)
     s2 = nu * nu
     return _Alias0(-h / s2, (2.0 * h / nu - h_nu) / s2, -h_gamma / s2)
@@ -163,19 +182,21 @@ def G(gamma: float, nu: ArrayLike, lattice: object = InfiniteChain()) -> Array:
     >>> round(chi, 12)
     2.067873970394
     """
-    gamma = check_gamma(gamma)
-    sites = sites_of(lattice)
+    sites, spring = sites_of(lattice), spring_of(lattice)
+    gamma = check_gamma(gamma, spring)
     values = _strip(nu)
     flat = values.ravel()
     out = np.empty((flat.size, 2, 2), dtype=complex)
     far = np.abs(flat.imag) > NEAR
     if np.any(far):
-        g11, g12, g21, *_ = mode_sums(np.exp(1j * np.pi * flat[far]), _few_modes(gamma, sites))
+        g11, g12, g21, *_ = mode_sums(
+            np.exp(1j * np.pi * flat[far]), _few_modes(gamma, sites, spring)
+        )
         out[far] = np.moveaxis(np.array([[g11, g12], [g21, g11]]), 2, 0)
     s = flat[~far]
     with np.errstate(divide="ignore", invalid="ignore"):
-        g = _alias0(gamma, s, sites).g
-        R, B, C = regular(gamma, s, sites)
+        g = _alias0(gamma, s, sites, spring).g
+        R, B, C = regular(gamma, s, sites, spring)
         g11 = 0.5 - 1j * (R + s * g / math.pi)
         out[~far] = np.moveaxis(
             np.array([[g11, B - g / math.pi], [C + s * s * g / math.pi, g11]]), 2, 0
@@ -183,8 +204,8 @@ def G(gamma: float, nu: ArrayLike, lattice: object = InfiniteChain()) -> Array:
     return _finite(out.reshape(*values.shape, 2, 2), gamma, lattice)
 
 
-def _few_modes(gamma: float, sites: int | None) -> Modes:
-    return modes(gamma, MODES if sites is None else min(sites, MODES))
+def _few_modes(gamma: float, sites: int | None, spring: float) -> Modes:
+    return modes(gamma, MODES if sites is None else min(sites, MODES), spring)
 
 
 def D(
@@ -204,19 +225,19 @@ def D(
     >>> abs(D(0.0, 1j, 0.8, 1.0) - D(0.0, 1j, 0.8, 1.0, Ring(1))) < 1e-15
     np.True_
     """
-    gamma = check_gamma(gamma)
-    sites = sites_of(lattice)
+    sites, spring = sites_of(lattice), spring_of(lattice)
+    gamma = check_gamma(gamma, spring)
     values = _strip(nu)
     flat = values.ravel()
     far = np.abs(flat.imag) > NEAR
     value = np.empty_like(flat)
     if np.any(far):
         mu = np.exp(1j * np.pi * flat[far])
-        value[far] = determinant(mu, _few_modes(gamma, sites), k, b)[0]
+        value[far] = determinant(mu, _few_modes(gamma, sites, spring), k, b)[0]
     s = flat[~far]
     with np.errstate(divide="ignore", invalid="ignore"):
-        smooth, L = smooth_and_L(s, k, b, regular(gamma, s, sites))
-        value[~far] = smooth + _alias0(gamma, s, sites).g * L / math.pi
+        smooth, L = smooth_and_L(s, k, b, regular(gamma, s, sites, spring))
+        value[~far] = smooth + _alias0(gamma, s, sites, spring).g * L / math.pi
     return _finite(value.reshape(values.shape), gamma, lattice)
 
 
@@ -228,20 +249,20 @@ def D_slope(
     lattice: object = InfiniteChain(),
 ) -> tuple[Array, Array]:
     """D and its analytic derivative dD/dnu; see `D`."""
-    gamma = check_gamma(gamma)
-    sites = sites_of(lattice)
+    sites, spring = sites_of(lattice), spring_of(lattice)
+    gamma = check_gamma(gamma, spring)
     values = _strip(nu)
     flat = values.ravel()
     value, slope = np.empty_like(flat), np.empty_like(flat)
     far = np.abs(flat.imag) > NEAR
     if np.any(far):
         mu = np.exp(1j * np.pi * flat[far])
-        value[far], slope_mu = determinant(mu, _few_modes(gamma, sites), k, b)
+        value[far], slope_mu = determinant(mu, _few_modes(gamma, sites, spring), k, b)
         slope[far] = 1j * np.pi * mu * slope_mu
     near = ~far
     if np.any(near):
         with np.errstate(divide="ignore", invalid="ignore"):
-            value[near], slope[near] = near_slope(gamma, flat[near], k, b, sites)
+            value[near], slope[near] = near_slope(gamma, flat[near], k, b, sites, spring)
     _finite(value, gamma, lattice)
     return value.reshape(values.shape), slope.reshape(values.shape)
 
@@ -278,21 +299,29 @@ def split(nu: Array, k: float, b: float, value: Regular, slope: Regular) -> Spli
     )
 
 
-def continued_slope(gamma: float, nu: Array, k: float, b: float) -> tuple[Array, Array]:
+def continued_slope(
+    gamma: float, nu: Array, k: float, b: float, spring: float = 0.0
+) -> tuple[Array, Array]:
     """D of the infinite chain and dD/dnu, continued from the outside through the band.
 
     For |Im nu| <= 1. Equal to `D_slope` outside and on the circle; a zero just inside is a
     resonance, a multiplier-to-be. Neither finite nor checked at the poles.
     """
-    return near_slope(gamma, nu, k, b, None, continued=True)
+    return near_slope(gamma, nu, k, b, None, spring, continued=True)
 
 
 def near_slope(
-    gamma: float, nu: Array, k: float, b: float, sites: int | None, continued: bool = False
+    gamma: float,
+    nu: Array,
+    k: float,
+    b: float,
+    sites: int | None,
+    spring: float = 0.0,
+    continued: bool = False,
 ) -> tuple[Array, Array]:
     """D and dD/dnu by aliases, for |Im nu| <= 1; neither finite nor checked at the poles."""
-    g, g_nu, _ = _alias0(gamma, nu, sites, continued)
-    value, slope, _ = regular_slopes(gamma, nu, sites)
+    g, g_nu, _ = _alias0(gamma, nu, sites, spring, continued)
+    value, slope, _ = regular_slopes(gamma, nu, sites, spring)
     part = split(nu, k, b, value, slope)
     return (
         part.smooth + g * part.L / math.pi,
@@ -329,14 +358,14 @@ def D_gradient(
     >>> bool(abs(change / 1e-6 - F.d_b) < 1e-6)
     True
     """
-    gamma = check_gamma(gamma)
-    sites = sites_of(lattice)
+    sites, spring = sites_of(lattice), spring_of(lattice)
+    gamma = check_gamma(gamma, spring)
     x = _strip(nu)
     if np.any(np.abs(x.imag) > NEAR):
         raise BadInput(f"nu = {nu!r}: derivatives are known for |Im nu| <= {NEAR:g} only.")
     with np.errstate(divide="ignore", invalid="ignore"):
-        g, g_nu, g_gamma = (part / math.pi for part in _alias0(gamma, x, sites))
-        (R, B, C), in_nu, in_gamma = regular_slopes(gamma, x, sites)
+        g, g_nu, g_gamma = (part / math.pi for part in _alias0(gamma, x, sites, spring))
+        (R, B, C), in_nu, in_gamma = regular_slopes(gamma, x, sites, spring)
         c, cc, a = 1.0 + k, (1.0 + k) ** 2, 0.5 * (1.0 - k) + 1j * (1.0 + k) * R
         beta, wave = b - cc * C, 2j * c * x * a - cc * x * x * B
         by_b = B - g  # D is linear in beta

@@ -46,11 +46,11 @@ class HalfMap:
 
     def count(self) -> Count:
         """Multipliers outside the unit circle of the infinite chain."""
-        return unstable_count(self.gamma, self.k, self.b)
+        return unstable_count(self.gamma, self.k, self.b, self.lattice)
 
     def unstable_multipliers(self) -> Array:
         """The same, one by one."""
-        return unstable_multipliers(self.gamma, self.k, self.b)
+        return unstable_multipliers(self.gamma, self.k, self.b, self.lattice)
 
     @cached_property
     def over_period(self) -> Array:
@@ -65,8 +65,8 @@ class HalfMap:
 
     def over_reflection(self) -> OverReflection:
         """How much waves of the infinite chain come back amplified."""
-        return over_reflection(self.gamma, self.k, self.b)
+        return over_reflection(self.gamma, self.k, self.b, self.lattice.spring)
 
     def over_reflects(self) -> bool:
         """Whether they do."""
-        return over_reflects(self.gamma, self.k, self.b)
+        return over_reflects(self.gamma, self.k, self.b, self.lattice.spring)

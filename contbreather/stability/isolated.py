@@ -7,15 +7,15 @@ continues the outside through the band; what it finds must agree with the windin
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.modes import InfiniteChain, Ring, check_gamma
-from contbreather.stability.arc import curve, sample
-from contbreather.stability.characteristic import NEAR, D_slope, continued_slope
+from contbreather.stability.arc import angle, curve, sample
+from contbreather.stability.characteristic import NEAR, D_slope, continued_slope, spring_of
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.winding import check_kb, check_radius, resolved_arc, unstable_count
 
@@ -30,21 +30,22 @@ APART = 1e-7  # roots closer than this in nu are one
 DEPTHS = (0.01, 0.05, 0.15, 0.4, 1.0)  # -Im nu of the starts: |mu| from 1.03 to 23
 
 
-def _starts(gamma: float, k: float, b: float, more: int) -> Array:
-    arc, F, _ = resolved_arc(gamma, k, b)
+def _starts(gamma: float, k: float, b: float, spring: float, more: int) -> Array:
+    arc, F, _ = resolved_arc(gamma, k, b, spring)
     real = np.log(np.array([1.001, 1.03, 1.1, 1.3, 2.0, 4.0, 16.0, 4.0 + 4.0 * abs(b)])) / math.pi
     across = np.linspace(0.0, 1.0, 6 * more)[:, None]
     depth = np.array(DEPTHS)
     starts = [-1j * real, 1.0 - 1j * real, (across - 1j * depth).ravel()]
     if gamma > 0.0:
-        edge = 2.0 * math.sqrt(gamma)
         # Newton's first step off the arc, in alpha, from wherever a zero looks nearest
         with np.errstate(divide="ignore", invalid="ignore"):  # F is flat as gamma goes to 0
             step = np.nan_to_num(F / np.gradient(F, arc.alpha), nan=math.inf)
         likely = np.argsort(np.abs(step))[: 6 * max(more, 1)]
         alpha = arc.alpha[likely] - np.where(np.isfinite(step[likely]), step[likely], 0.0)
-        near_arc = edge * np.sin(alpha.real + 1j * np.clip(alpha.imag, -1.0, 0.3))
-        starts += [near_arc, edge * (1.0 + 0.1j * depth), (edge * (across - 0.1j * depth)).ravel()]
+        near_arc = angle(gamma, alpha.real + 1j * np.clip(alpha.imag, -1.0, 0.3), spring)
+        edge, floor = math.sqrt(spring + 4.0 * gamma), math.sqrt(spring)
+        along = floor + (edge - floor) * across
+        starts += [near_arc, edge * (1.0 + 0.1j * depth), (along - 0.1j * edge * depth).ravel()]
     return np.concatenate(starts)
 
 
@@ -53,36 +54,47 @@ def _fold_in(nu: Array) -> Array:
     return np.abs((nu.real + 1.0) % 2.0 - 1.0) + 1j * nu.imag
 
 
-def _slopes(gamma: float, k: float, b: float, nu: Array) -> tuple[Array, Array]:
+def _slopes(gamma: float, k: float, b: float, spring: float, nu: Array) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
         if np.all(np.abs(nu.imag) <= NEAR):
-            return continued_slope(gamma, nu, k, b)
+            return continued_slope(gamma, nu, k, b, spring)
         value, slope = np.empty_like(nu), np.empty_like(nu)
         far = nu.imag < -NEAR
-        value[far], slope[far] = D_slope(gamma, nu[far], k, b)
-        value[~far], slope[~far] = continued_slope(gamma, nu[~far], k, b)
+        value[far], slope[far] = D_slope(gamma, nu[far], k, b, InfiniteChain().held(spring))
+        value[~far], slope[~far] = continued_slope(gamma, nu[~far], k, b, spring)
     return value, slope
 
 
-def _step(gamma: float, k: float, b: float, nu: Array) -> Array:
-    """Newton's step for D (1 - 1/mu) sqrt(1 - 2 cos(2 pi sqrt(gamma))/mu + 1/mu^2).
+def _step(gamma: float, k: float, b: float, spring: float, nu: Array) -> Array:
+    """Newton's step for D times ``sqrt(1 - 2 cos(pi w)/mu + 1/mu^2)`` at both edges w of the band.
 
-    These factors have no zeros outside, and take away the pole and the square roots of D.
+    These factors have no zeros outside, and take away the square roots of D (without springs its
+    pole at mu = 1).
     """
-    value, slope = _slopes(gamma, k, b, nu)
+    value, slope = _slopes(gamma, k, b, spring, nu)
     zeta = np.exp(-1j * math.pi * nu)
-    cosine = math.cos(2.0 * math.pi * math.sqrt(gamma))
+    factors = 1j * math.pi * _log_slope(zeta, math.sqrt(spring + 4.0 * gamma))
+    factors += 1j * math.pi * _log_slope(zeta, math.sqrt(spring))
     with np.errstate(all="ignore"):
-        roots = zeta * (cosine - zeta) / (1.0 - 2.0 * cosine * zeta + zeta * zeta)
-        factors = 1j * math.pi * (zeta / (1.0 - zeta) + roots)  # log-derivative of the two
-        return value / (slope + value * factors)
+        return np.asarray(value / (slope + value * factors))
 
 
-def _newton(gamma: float, k: float, b: float, nu: Array, steps: int = STEPS) -> Array:
+def _log_slope(zeta: Array, w: float) -> Array:
+    """Of one of those factors, by nu, over i pi."""
+    cosine = math.cos(math.pi * w)
+    with np.errstate(all="ignore"):
+        if w == 0.0:
+            return np.asarray(zeta / (1.0 - zeta))
+        return np.asarray(zeta * (cosine - zeta) / (1.0 - 2.0 * cosine * zeta + zeta * zeta))
+
+
+def _newton(
+    gamma: float, k: float, b: float, spring: float, nu: Array, steps: int = STEPS
+) -> Array:
     """Zeros with 0 <= Re nu <= 1 reached from the starts ``nu``, with repetitions."""
     found: list[Array] = []
     for _ in range(steps):
-        step = _step(gamma, k, b, nu)
+        step = _step(gamma, k, b, spring, nu)
         size = np.abs(step)
         done = size < ROUGH
         found.append(_fold_in(nu[done] - step[done]))
@@ -111,18 +123,20 @@ def _on_axis(nu: Array) -> Array:
     return nu
 
 
-def _polish(gamma: float, k: float, b: float, nu: Array) -> Array:
+def _polish(gamma: float, k: float, b: float, spring: float, nu: Array) -> Array:
     """Two more Newton steps; what does not hold is dropped."""
     for _ in range(2):
-        step = _step(gamma, k, b, nu)
+        step = _step(gamma, k, b, spring, nu)
         nu = (nu - step)[np.abs(step) < ROUGH]
     return _on_axis(nu)
 
 
-def _outside(gamma: float, k: float, b: float, more: int) -> Array:
+def _outside(gamma: float, k: float, b: float, spring: float, more: int) -> Array:
     """Multipliers outside the circle or on it, the largest first, conjugates together."""
-    nu = _distinct(_newton(gamma, k, b, _starts(gamma, k, b, more), STEPS if more else 12))
-    nu = _polish(gamma, k, b, _on_axis(nu))
+    nu = _distinct(
+        _newton(gamma, k, b, spring, _starts(gamma, k, b, spring, more), STEPS if more else 12)
+    )
+    nu = _polish(gamma, k, b, spring, _on_axis(nu))
     nu = nu[nu.imag < ON_CIRCLE]
     nu = nu[np.argsort(nu.imag)]
     twice = np.where((nu.real == 0.0) | (nu.real == 1.0), 1, 2)  # a real one stands alone
@@ -134,15 +148,15 @@ def _outside(gamma: float, k: float, b: float, more: int) -> Array:
     return mu
 
 
-def _chain_multipliers(gamma: float, k: float, b: float) -> Array:
-    wanted = unstable_count(gamma, k, b)
+def _chain_multipliers(gamma: float, k: float, b: float, chain: InfiniteChain) -> Array:
+    wanted, spring = unstable_count(gamma, k, b, chain), chain.spring
     mu = np.empty(0, dtype=complex)
     for more in (0, 1, 3, 9):
         if wanted.count:
-            mu = _outside(gamma, k, b, more)
+            mu = _outside(gamma, k, b, spring, more)
         # those on the circle to within rounding are outside only if the winding number says so;
         # next to gamma = 1/4 the band's edge comes so close to -1 that D is rounding there
-        slack = NEXT_TO_EDGE if 0.25 - gamma < RISKY else 4.0 * ON_CIRCLE
+        slack = NEXT_TO_EDGE if 0.25 * (1.0 - spring) - gamma < RISKY else 4.0 * ON_CIRCLE
         if mu.size >= wanted.count and np.all(np.abs(mu[wanted.count :]) < 1.0 + slack):
             return mu[: wanted.count]
     if not wanted.certain:  # one of them sits on the circle to within rounding
@@ -187,11 +201,11 @@ def unstable_multipliers(
     >>> unstable_multipliers(0.0, 0.8, 1.1)
     array([1.39793319+0.j])
     """
-    gamma = check_gamma(gamma)
+    gamma = check_gamma(gamma, spring_of(lattice))
     k, b = check_kb(k, b)
     sites = check_radius(radius, lattice)
     if sites is None:
-        mu = _chain_multipliers(gamma, k, b)
+        mu = _chain_multipliers(gamma, k, b, cast(InfiniteChain, lattice))
     else:
         mu = even_multipliers(Ring(sites), gamma, k, b)
         mu = mu[np.lexsort((-mu.imag, -np.round(np.abs(mu), 12)))]
@@ -205,7 +219,7 @@ class Approach(NamedTuple):
     distance: float
 
 
-def closest_approach(gamma: float, k: float, b: float) -> Approach:
+def closest_approach(gamma: float, k: float, b: float, spring: float = 0.0) -> Approach:
     """Angle in the band at which a multiplier is nearest to coming out: the start for a NS point.
 
     A zero of D close by, outside or just inside (continued through the band), gives its angle;
@@ -223,19 +237,20 @@ def closest_approach(gamma: float, k: float, b: float) -> Approach:
     >>> bool(abs(closest_approach(0.15, 0.7, b).nu - angle) < 1e-12)
     True
     """
-    gamma = check_gamma(gamma)
+    gamma = check_gamma(gamma, spring)
     k, b = check_kb(k, b)
     if gamma == 0.0:
         raise BadInput("gamma = 0: without coupling there is no band to leave; take gamma > 0.")
-    arc, F, _ = resolved_arc(gamma, k, b)
+    arc, F, _ = resolved_arc(gamma, k, b, spring)
     speed = np.gradient(F, arc.alpha)
     inner = slice(1, -1)  # F is small at the edges because v is
     best = 1 + int(np.argmin(np.abs(F[inner] / speed[inner])))
     alpha = arc.alpha[best] - F[best] / speed[best]
-    edge = 2.0 * math.sqrt(gamma)
-    start = edge * np.sin(alpha.real + 1j * min(max(alpha.imag, -0.5), 0.5))
-    found = _newton(gamma, k, b, np.array([start]), 12)
-    found = found[(found.real > 0.0) & (found.real < edge) & (np.abs(found.imag) < edge)]
+    floor, edge = math.sqrt(spring), math.sqrt(spring + 4.0 * gamma)
+    start = angle(gamma, alpha.real + 1j * min(max(alpha.imag, -0.5), 0.5), spring)
+    found = _newton(gamma, k, b, spring, np.array([start]), 12)
+    found = found[(found.real > floor) & (found.real < edge) & (np.abs(found.imag) < edge)]
     nu = float(found[0].real) if found.size else float(arc.nu[best])
-    place = sample(gamma, np.array([math.asin(nu / edge)]))
+    share = (nu * nu - spring) / (4.0 * gamma)
+    place = sample(gamma, np.array([math.asin(math.sqrt(min(max(share, 0.0), 1.0)))]), spring)
     return Approach(nu, float(np.abs(curve(place, k, b)[0][0])))

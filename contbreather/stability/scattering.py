@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice.modes import InfiniteChain, check_gamma
 from contbreather.stability.aliases import slope_at_zero
-from contbreather.stability.arc import Arc, curve, grid, sample
+from contbreather.stability.arc import Arc, angle, curve, grid, sample
 from contbreather.stability.winding import check_kb, resolved_arc
 
 Array = NDArray[Any]
@@ -69,7 +69,7 @@ def _log_gain(arc: Arc, k: float, b: float) -> Array:
     return np.asarray(0.5 * np.log1p(np.maximum(ratio, -1.0)))
 
 
-def scattering(gamma: float, nu: ArrayLike, k: float, b: float) -> Array:
+def scattering(gamma: float, nu: ArrayLike, k: float, b: float, spring: float = 0.0) -> Array:
     """S at the angles nu (times pi) of the band, 0 < nu < 2 sqrt(gamma).
 
     Parameters
@@ -93,20 +93,21 @@ def scattering(gamma: float, nu: ArrayLike, k: float, b: float) -> Array:
     >>> bool(abs(abs(scattering(0.1, 0.3, 1.0, 0.2)) - 1) < 1e-14)  # nothing is lost at k = 1
     True
     """
-    gamma = check_gamma(gamma)
+    gamma = check_gamma(gamma, spring)
     k, b = check_kb(k, b)
     x = np.asarray(nu, dtype=float)
-    edge = 2.0 * math.sqrt(gamma)
-    if not np.all((x > 0.0) & (x < edge)):
+    low, high = math.sqrt(spring), math.sqrt(spring + 4.0 * gamma)
+    if not np.all((x > low) & (x < high)):
         raise BadInput(
-            f"nu = {nu!r}: waves of the band of gamma = {gamma} have angles between 0 and "
-            f"{edge:.6g} (times pi); choose one of them."
+            f"nu = {nu!r}: waves of the band of gamma = {gamma} have angles between {low:.6g} and "
+            f"{high:.6g} (times pi); choose one of them."
         )
-    out, into = curve(sample(gamma, np.arcsin(x / edge)), k, b)
+    alpha = np.arcsin(np.sqrt((x * x - spring) / (4.0 * gamma)))
+    out, into = curve(sample(gamma, alpha, spring), k, b)
     return np.asarray(into / out)
 
 
-def over_reflects(gamma: float, k: float, b: float) -> bool:
+def over_reflects(gamma: float, k: float, b: float, spring: float = 0.0) -> bool:
     """Whether waves of some angle come back larger than they went in: W < 0 somewhere on the band.
 
     Examples
@@ -114,27 +115,34 @@ def over_reflects(gamma: float, k: float, b: float) -> bool:
     >>> over_reflects(0.08, 0.8, 0.468), over_reflects(0.08, 1.0, 0.468)
     (True, False)
     """
-    gamma = check_gamma(gamma)
+    gamma = check_gamma(gamma, spring)
     k, b = check_kb(k, b)
     if gamma == 0.0 or k == 1.0:  # no waves; nothing lost and nothing won
         return False
-    arc = grid(gamma)
-    d = 0.5 * (1.0 - k)
-    beta0 = b - 0.5 * (1.0 + k) ** 2 * InfiniteChain().psi(gamma)
-    lowest = slope_at_zero(gamma) * beta0 + d * d  # the limit nu -> 0, the minimum as a rule
-    inside = float(np.min(_margin(arc, k, b)[1:] / arc.nu[1:]))
-    return min(lowest, inside) < -ROUNDING * (1.0 + abs(b))
+    arc = grid(gamma, spring)
+    lowest = float(np.min(_margin(arc, k, b)[1:] / arc.nu[1:]))
+    if spring == 0.0:  # the limit nu -> 0, the minimum as a rule
+        beta0 = b - 0.5 * (1.0 + k) ** 2 * InfiniteChain().psi(gamma)
+        lowest = min(lowest, slope_at_zero(gamma) * beta0 + 0.25 * (1.0 - k) ** 2)
+    return lowest < -ROUNDING * (1.0 + abs(b))
 
 
-def _zoom(gamma: float, k: float, b: float, left: Array, right: Array, growth: Array) -> Array:
+def _speed(gamma: float, arc: Arc, spring: float) -> Array:
+    """The group velocity ``v/(2 nu)``."""
+    return np.asarray(0.5 * arc.v / arc.nu if spring else math.sqrt(gamma) * np.cos(arc.alpha))
+
+
+def _zoom(
+    gamma: float, k: float, b: float, spring: float, left: Array, right: Array, growth: Array
+) -> Array:
     """Maxima of ln|S| (or pi v_g ln|S| where ``growth``) in brackets: rows (value, alpha)."""
     ninths = np.linspace(0.0, 1.0, 9)
     rows = np.arange(left.size)
     for _ in range(ZOOMS):
         alpha = left[:, None] + (right - left)[:, None] * ninths
-        arc = sample(gamma, alpha.ravel())
+        arc = sample(gamma, alpha.ravel(), spring)
         values = _log_gain(arc, k, b).reshape(alpha.shape)
-        weight = math.pi * math.sqrt(gamma) * np.cos(alpha)  # pi v_g
+        weight = math.pi * _speed(gamma, arc, spring).reshape(alpha.shape)
         values = np.where(growth[:, None], weight * values, values)
         i = np.clip(values.argmax(axis=1), 1, 7)
         left, right = alpha[rows, i - 1], alpha[rows, i + 1]
@@ -155,7 +163,7 @@ def _brackets(values: Array) -> Array:
     return np.clip(peak[order], 1, values.size - 2)
 
 
-def over_reflection(gamma: float, k: float, b: float) -> OverReflection:
+def over_reflection(gamma: float, k: float, b: float, spring: float = 0.0) -> OverReflection:
     """The largest amplification of a wave by the breather, and the growth of long rings it causes.
 
     Parameters
@@ -179,18 +187,18 @@ def over_reflection(gamma: float, k: float, b: float) -> OverReflection:
     >>> round(worst.gain, 4), round(worst.nu, 4), round(worst.growth, 4)
     (1.257, 0.3685, 0.8488)
     """
-    if not over_reflects(gamma, k, b):
+    if not over_reflects(gamma, k, b, spring):
         return OverReflection(False, 0.0, 0.0, 0.0, 0.0)
-    arc, _, _ = resolved_arc(gamma, k, b)
+    arc, _, _ = resolved_arc(gamma, k, b, spring)
     gain = _log_gain(arc, k, b)
     gain_at = _brackets(gain)
-    growth_at = _brackets(np.cos(arc.alpha) * gain)
+    growth_at = _brackets(_speed(gamma, arc, spring) * gain)
     if gain_at.size == 0:  # amplified, but by less than rounding shows
         return OverReflection(True, 0.0, 0.0, 0.0, 0.0)
     i = np.concatenate([gain_at, growth_at])
     kind = np.repeat([False, True], [gain_at.size, growth_at.size])
-    value, alpha = _zoom(gamma, k, b, arc.alpha[i - 1], arc.alpha[i + 1], kind)
-    nu = 2.0 * math.sqrt(gamma) * np.sin(alpha)
+    value, alpha = _zoom(gamma, k, b, spring, arc.alpha[i - 1], arc.alpha[i + 1], kind)
+    nu = angle(gamma, alpha, spring)
     best = int(value[~kind].argmax())
     most = gain_at.size + int(value[kind].argmax())
     return OverReflection(

@@ -117,7 +117,7 @@ class Verdict:
     def _on_the_chain(self) -> str:
         half = isinstance(self.map, HalfMap)
         text = f"{'QS' if half else 'the orbit'} outside the unit circle"
-        if not self.certain and 0.25 - self.map.gamma <= RIM:
+        if not self.certain and 0.25 * (1.0 - self.map.lattice.spring) - self.map.gamma <= RIM:
             text += "; uncertain, the band's edge is within rounding of mu = -1"
         elif not self.certain:
             text += f"; one on it to within rounding, at the angle {self.nu:.6g} pi"

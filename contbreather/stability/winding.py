@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from contbreather.checks import real
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.modes import InfiniteChain, check_gamma
-from contbreather.stability.arc import Arc, curve, grid, sample, window
-from contbreather.stability.characteristic import D, sites_of
+from contbreather.stability.arc import Arc, angle, curve, grid, sample, window
+from contbreather.stability.characteristic import D, sites_of, spring_of
 
 Array = NDArray[Any]
 
@@ -104,13 +104,13 @@ def _steep(F: Array, noise: float = 0.0) -> Array:
 
 
 def resolved_arc(
-    gamma: float, k: float, b: float, *, inside: bool = False
+    gamma: float, k: float, b: float, spring: float = 0.0, *, inside: bool = False
 ) -> tuple[Arc, Array, Array]:
     """Samples on the band so close that F = v D turns by less than a radian between them.
 
     Also v times D continued from the inside; with ``inside`` that, too, is resolved.
     """
-    arc = grid(gamma)
+    arc = grid(gamma, spring)
     out, into = curve(arc, k, b)
     if gamma == 0.0:
         return arc, out, into
@@ -123,7 +123,7 @@ def resolved_arc(
         steep = steep[arc.alpha[steep + 1] - arc.alpha[steep] > 1e-15]
         if steep.size == 0:
             break
-        middle = sample(gamma, 0.5 * (arc.alpha[steep] + arc.alpha[steep + 1]))
+        middle = sample(gamma, 0.5 * (arc.alpha[steep] + arc.alpha[steep + 1]), spring)
         new = curve(middle, k, b)
         out, into = np.insert(out, steep + 1, new[0]), np.insert(into, steep + 1, new[1])
         arc = Arc(*(np.insert(old, steep + 1, x) for old, x in zip(arc, middle, strict=True)))
@@ -144,11 +144,14 @@ def _crossings(F: Array, noise: float) -> int:
     return int(np.sum(up[left]))
 
 
-def _ends(gamma: float, k: float, b: float) -> tuple[float, float, float, float]:
-    """beta0 and D(-1), each with the size of its terms."""
-    chain = InfiniteChain()
+def _ends(
+    gamma: float, k: float, b: float, chain: InfiniteChain
+) -> tuple[float, float, float, float]:
+    """beta0, which has the sign of -D(1), and D(-1), each with the size of its terms."""
     half_c2, d = 0.5 * (1.0 + k) ** 2, 0.5 * (1.0 - k)
     pitchfork, fold = half_c2 * chain.psi(gamma), half_c2 * chain.eta(gamma)
+    if chain.spring:
+        pitchfork += 2.0 * d * d / chain.tau(gamma)
     chi = chain.chi(gamma)
     return (
         b - pitchfork,
@@ -158,15 +161,16 @@ def _ends(gamma: float, k: float, b: float) -> tuple[float, float, float, float]
     )
 
 
-def _chain_count(gamma: float, k: float, b: float) -> Count:
-    beta0, beta0_size, fold, fold_size = _ends(gamma, k, b)
-    arc, F, _ = resolved_arc(gamma, k, b)
+def _chain_count(gamma: float, k: float, b: float, chain: InfiniteChain) -> Count:
+    beta0, beta0_size, fold, fold_size = _ends(gamma, k, b, chain)
+    arc, F, _ = resolved_arc(gamma, k, b, chain.spring)
     size = np.abs(F[1:-1]) / (abs(b) + 1.0)  # the terms of F are of order b and 1
     i = int(size.argmin())
     distances = (abs(beta0) / beta0_size, float(size[i]), abs(fold) / fold_size)
     nearest = int(np.argmin(distances))
     where = (0.0, float(arc.nu[i + 1]), 1.0)[nearest]
-    miss, room = window(gamma, k).miss(b), 0.25 - gamma
+    miss = window(gamma, k, chain.spring).miss(b)
+    room = 0.25 * (1.0 - chain.spring) - gamma
     pairs = int(miss < 0.0)
     certain = min(distances[nearest], abs(miss)) > ROUNDING + 1e-16 / room and room > RIM
     if k < 1.0 and gamma > 0.0:
@@ -179,9 +183,10 @@ def _circle_count(gamma: float, k: float, b: float, lattice: object, radius: flo
     """Turning of D along a circle outside all its poles."""
     depth = -math.log(radius) / math.pi
     sites = sites_of(lattice) or 1
-    edge = 2.0 * math.sqrt(gamma)
-    band = edge * np.sin(np.linspace(0.0, 0.5 * math.pi, 2 * sites + 33))
-    x = np.concatenate([band, np.linspace(edge, 1.0, 33)[1:]])
+    spring = spring_of(lattice)
+    band = angle(gamma, np.linspace(0.0, 0.5 * math.pi, 2 * sites + 33), spring)
+    below = np.linspace(0.0, band[0], 33)[:-1] if spring else band[:0]
+    x = np.concatenate([below, band, np.linspace(band[-1], 1.0, 33)[1:]])
     values = D(gamma, x + 1j * depth, k, b, lattice)
     for _ in range(DEPTH):
         steep = np.flatnonzero(_steep(values))
@@ -238,8 +243,8 @@ def unstable_count(
     >>> unstable_count(0.1144, 0.8, 0.236).count, unstable_count(0.1144, 0.8, 0.235).count
     (0, 2)
     """
-    gamma = check_gamma(gamma)
+    gamma = check_gamma(gamma, spring_of(lattice))
     k, b = check_kb(k, b)
     if check_radius(radius, lattice) is None and radius == 1.0:
-        return _chain_count(gamma, k, b)
+        return _chain_count(gamma, k, b, cast(InfiniteChain, lattice))
     return _circle_count(gamma, k, b, lattice, float(radius))

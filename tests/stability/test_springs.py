@@ -1,0 +1,204 @@
+"""Springs to the ground on the infinite chain: sums over modes, and long rings solved dense."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contbreather.errors import BadInput
+from contbreather.lattice.green import flight
+from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.stability import (
+    D,
+    neimark_sacker,
+    on_arc,
+    over_reflection,
+    over_reflects,
+    scattering,
+    stability,
+    unstable_count,
+    unstable_multipliers,
+    window,
+)
+
+NAMES = ("chi", "eta", "sigma", "psi", "tau")
+SPRUNG = [(0.2, 0.05), (0.05, 0.2), (0.6, 0.09), (0.9, 0.02), (1e-3, 0.1)]
+
+
+def modes(spring: float, gamma: float, sites: int = 6000) -> tuple[np.ndarray, np.ndarray]:
+    theta = 2 * np.pi * np.arange(sites) / sites
+    return theta, np.sqrt(spring + 4 * gamma * np.sin(theta / 2) ** 2)
+
+
+def summed(name: str, w: np.ndarray) -> float:
+    half = 0.5 * np.pi * w
+    of = {
+        "chi": np.tan(half) / w,
+        "eta": w * np.tan(half),
+        "sigma": w / np.sin(2 * half),
+        "psi": w / np.tan(half),
+        "tau": 1 / np.tan(half) / w,
+    }
+    return float(of[name].mean())
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("spring", "gamma"), SPRUNG)
+def test_means_are_sums_over_the_modes(name: str, spring: float, gamma: float) -> None:
+    found = getattr(InfiniteChain(spring), name)(gamma)
+    assert found == pytest.approx(summed(name, modes(spring, gamma)[1]), rel=2e-14)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("spring", "gamma"), SPRUNG[:4])
+def test_slopes_are_those_of_the_means(name: str, spring: float, gamma: float) -> None:
+    chain, h = InfiniteChain(spring), 1e-5
+
+    def slope(of) -> float:
+        values = [of(m * h) for m in (-2, -1, 1, 2)]
+        return (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * h)
+
+    in_spring = slope(lambda e: getattr(InfiniteChain(spring + e), name)(gamma))
+    in_gamma = slope(lambda e: getattr(chain, name)(gamma + e))
+    by_spring = chain.tau_by_spring(gamma) if name == "tau" else chain.by_spring(gamma, name)
+    assert by_spring == pytest.approx(in_spring, rel=1e-7)
+    assert getattr(chain, "d" + name)(gamma) == pytest.approx(in_gamma, rel=1e-7)
+
+
+@pytest.mark.parametrize(("spring", "gamma"), SPRUNG)
+@pytest.mark.parametrize("n", [0, 1, 4])
+def test_flights_are_sums_over_the_modes(spring: float, gamma: float, n: int) -> None:
+    chain, (theta, w) = InfiniteChain(spring), modes(spring, gamma)
+    s = np.linspace(0, math.pi, 9)
+    y = 0.5 * math.pi - s[:, None]
+    share = np.cos(n * theta) / np.cos(0.5 * np.pi * w)
+    exact = (
+        (np.sin(w * y) / w * share).mean(axis=1),
+        (-np.cos(w * y) * share).mean(axis=1),
+        (-w * np.sin(w * y) * share).mean(axis=1),
+    )
+    scale = float(chain.first_harmonic(gamma, 0))
+    for found, wanted in zip(chain.response(gamma, n, s), exact, strict=True):
+        assert found == pytest.approx(wanted, abs=3e-14 * scale)
+    h = 1e-4
+    first = (chain.first_by_spring(gamma, n), chain.dfirst_harmonic(gamma, n))
+    powers = (chain.spring_powers(gamma, n), chain.dpowers(gamma, n))
+    near = (
+        [InfiniteChain(spring + m * h).response(gamma, n, s)[0] for m in (-2, -1, 1, 2)],
+        [chain.response(gamma + m * h, n, s)[0] for m in (-2, -1, 1, 2)],
+    )
+    for one, more, values in zip(first, powers, near, strict=True):
+        slope = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * h)
+        if spring > 0.01:
+            answer = flight(float(one), more).value(s - 0.5 * math.pi)
+            assert answer == pytest.approx(slope, rel=2e-5, abs=1e-7)
+
+
+def even_half_map(sites: int, spring: float, gamma: float, k: float, b: float) -> np.ndarray:
+    """QS of a ring in the modes that the impact sees."""
+    _, weight, w = Ring(sites).nodes(gamma)
+    w = np.sqrt(w * w + spring)
+    size, share = w.size, np.sqrt(weight)
+    cosine, sine = np.diag(np.cos(np.pi * w)), np.sin(np.pi * w)
+    Q = np.block([[cosine, np.diag(sine / w)], [np.diag(-w * sine), cosine]])
+    E = np.zeros((2 * size, 2))
+    E[:size, 0] = E[size:, 1] = share
+    return Q @ (np.eye(2 * size) + E @ np.array([[-k - 1, 0], [b, -k - 1]]) @ E.T)
+
+
+def test_isolated_multipliers_are_those_of_a_long_ring() -> None:
+    rng = np.random.default_rng(11)
+    seen = set()
+    for _ in range(24):
+        spring = rng.uniform(0.01, 0.7)
+        gamma, k, b = rng.uniform(0.01, 0.24) * (1 - spring), rng.uniform(0, 1), rng.uniform(-3, 4)
+        chain = InfiniteChain(spring)
+        count, mu = unstable_count(gamma, k, b, chain), unstable_multipliers(gamma, k, b, chain)
+        seen.add(count.count)
+        assert count.certain
+        assert mu.size == count.count
+        assert abs(D(gamma, np.log(mu + 0j) / (1j * math.pi), k, b, chain)).max(initial=0) < 1e-9
+        ring = np.linalg.eigvals(even_half_map(300, spring, gamma, k, b))
+        ring, far = ring[abs(ring) > 1.08], mu[abs(mu) > 1.08]
+        assert ring.size == far.size
+        assert all(abs(ring - one).min() < 1e-7 for one in far)
+    assert seen >= {0, 1, 2}
+
+
+@pytest.mark.parametrize(("spring", "gamma"), [(0.2, 0.05), (0.2, 0.15), (0.6, 0.05)])
+def test_elastic_impacts_free_a_pair_between_two_neutral_gaps(spring: float, gamma: float) -> None:
+    centre, square = window(gamma, 1.0, spring)
+    for b in centre + math.sqrt(square) * np.array([-1.1, -0.9, 0.0, 0.9, 1.1]):
+        ring = np.linalg.eigvals(even_half_map(120, spring, gamma, 1.0, float(b)))
+        outside = np.count_nonzero(abs(ring) > 1 + 1e-5)
+        assert unstable_count(gamma, 1.0, float(b), InfiniteChain(spring)).count == outside
+
+
+@pytest.mark.parametrize(("spring", "gamma"), SPRUNG[:3])
+def test_plus_and_minus_one_are_where_the_scalars_vanish(spring: float, gamma: float) -> None:
+    chain, k = InfiniteChain(spring), 0.8
+    d = 0.5 * (1 - k)
+    fork = (1 + k) ** 2 * chain.psi(gamma) / 2 + 2 * d * d / chain.tau(gamma)
+    fold = -2 * d * d / chain.chi(gamma) - (1 + k) ** 2 * chain.eta(gamma) / 2
+    assert abs(D(gamma, 1e-13, k, fork, chain)) < 1e-10
+    assert abs(D(gamma, 1.0, k, fold, chain)) < 1e-13
+    for b, place in ((fork, 1.0), (fold, -1.0)):
+        near = np.linalg.eigvals(even_half_map(400, spring, gamma, k, b))
+        assert abs(near - place).min() < 1e-7
+        before, after = (unstable_count(gamma, k, b + e, chain).count for e in (-1e-6, 1e-6))
+        assert abs(before - after) == 1
+
+
+def test_neimark_sacker_points_are_on_the_arc_with_their_slopes() -> None:
+    gamma, k, spring, h = 0.12, 0.7, 0.2, 2e-6
+    points, chain = neimark_sacker(gamma, k, spring), InfiniteChain(spring)
+    assert len(points) == 2
+    for nu, b in points:
+        assert math.sqrt(spring) < nu < math.sqrt(spring + 4 * gamma)
+        at = on_arc(gamma, nu, k, b, spring)
+        assert abs(at.value).max() < 1e-13
+        for i, slope in enumerate((at.d_gamma, at.d_nu, at.d_k, at.d_b, at.d_spring)):
+            step = h * np.eye(5)[i]
+            up, down = (
+                on_arc(*(np.array([gamma, nu, k, b, spring]) + side * step)).value
+                for side in (1, -1)
+            )
+            assert slope == pytest.approx((up - down) / (2 * h), rel=1e-6, abs=1e-7)
+        pairs = [unstable_count(gamma, k, b + e, chain).pairs for e in (-1e-7, 1e-7)]
+        assert sorted(pairs) == [0, 1]
+    assert stability(gamma, k, 0.5 * sum(b for _, b in points), chain).unstable >= 2
+
+
+def test_long_rings_grow_as_the_scattering_says() -> None:
+    gamma, k, b, spring = 0.05, 0.8, 0.5, 0.2
+    worst = over_reflection(gamma, k, b, spring)
+    assert worst.over_reflecting
+    assert over_reflects(gamma, k, b, spring)
+    assert abs(scattering(gamma, worst.nu, k, b, spring)) == pytest.approx(math.exp(worst.gain))
+    grown = [
+        sites * (abs(np.linalg.eigvals(even_half_map(sites, spring, gamma, k, b))).max() - 1)
+        for sites in (200, 400)
+    ]
+    assert grown[1] == pytest.approx(worst.growth, rel=0.05)
+    assert abs(grown[1] - worst.growth) < abs(grown[0] - worst.growth)
+    assert not over_reflects(gamma, 1.0, b, spring)
+
+
+def test_no_spring_is_the_limit_of_a_weak_one() -> None:
+    weak, none = InfiniteChain(1e-9), InfiniteChain()
+    for b in (-0.6, 0.3, 1.4):
+        counts = [unstable_count(0.1, 0.8, b, chain).count for chain in (weak, none)]
+        assert counts[0] == counts[1]
+    nu = np.array([0.3 - 0.2j, 0.8 - 0.01j])
+    assert D(0.1, nu, 0.8, 0.4, weak) == pytest.approx(D(0.1, nu, 0.8, 0.4), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("spring", "gamma", "says"),
+    [(0.7, 0.08, r"must stay below 1"), (1.2, 0.01, "spring"), (-0.1, 0.1, "spring")],
+)
+def test_a_band_at_the_harmonic_of_the_drive_is_refused(spring, gamma, says) -> None:
+    with pytest.raises(BadInput, match=says):
+        InfiniteChain(spring).chi(gamma)
