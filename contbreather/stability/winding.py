@@ -83,7 +83,7 @@ def check_kb(k: float, b: float) -> tuple[float, float]:
 def check_radius(radius: float, lattice: object) -> int | None:
     """The number of sites of the lattice, if its multipliers outside this circle can be counted."""
     sites = sites_of(lattice)
-    if 1.0 < radius < math.inf or (radius == 1.0 and sites is None):
+    if 1.0 < real(radius) < math.inf or (real(radius) == 1.0 and sites is None):
         return sites
     raise BadInput(
         f"radius = {radius}: multipliers are counted outside a circle of radius 1 (infinite chain "

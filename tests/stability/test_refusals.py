@@ -1,0 +1,155 @@
+"""Questions about multipliers that have no answer, or one in another place; and orders of lists."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import InfiniteChain, Ring
+from contbreather.stability import isolated, unstable_count, unstable_multipliers, winding
+from contbreather.stability.characteristic import D, D_gradient
+from contbreather.stability.half_map import dense_half_map
+from contbreather.stability.isolated import closest_approach
+from contbreather.stability.orbit import OrbitMap, _zeros
+from contbreather.stability.pairs import beyond, outermost, pair_gap
+
+KICKS = [(0, 0.0, 0.5), (0, 3.0, 0.5)]
+UNSTABLE = (0.11, 0.8, -0.28657)  # two multipliers of the infinite chain outside
+
+
+def test_derivatives_far_inside_or_outside_are_refused() -> None:
+    for nu in (0.4 - 1.001j, 0.4 + 1.001j):
+        with pytest.raises(BadInput, match=r"derivatives are known for \|Im nu\| <= 1 only"):
+            D_gradient(0.1, nu, 0.8, 0.3, Ring(9))
+    for nu in (0.4 - 1.0j, 0.4 - 0.999j):
+        found = D_gradient(0.1, nu, 0.8, 0.3, Ring(9))
+        assert found.value == pytest.approx(D(0.1, nu, 0.8, 0.3, Ring(9)), rel=1e-12)
+
+
+def test_without_coupling_there_is_no_band_to_approach() -> None:
+    with pytest.raises(BadInput, match="gamma = 0: without coupling there is no band to leave"):
+        closest_approach(0.0, 0.8, 0.3)
+    near = closest_approach(1e-6, 0.8, 0.3)
+    assert 0.0 < near.nu < 2e-3
+    assert near.distance > 0.0
+
+
+def test_of_a_ring_all_multipliers_are_asked_for() -> None:
+    with pytest.raises(BadInput, match=r"on a ring ask for multipliers\(\) and compare"):
+        OrbitMap(0.04, 0.8, KICKS, lattice=Ring(9)).unstable_multipliers()
+    assert OrbitMap(0.04, 0.8, KICKS).unstable_multipliers().size == 0
+
+
+def test_zeros_are_looked_for_from_somewhere() -> None:
+    none = _zeros(lambda kappa: kappa - 0.3 + 0.2j, np.empty(0, dtype=complex))
+    assert none.size == 0
+    found = _zeros(lambda kappa: kappa - 0.3 + 0.02j, np.array([0.29 - 0.03j]))
+    mu = np.exp(2j * math.pi * (0.3 - 0.02j))
+    assert sorted(found, key=lambda z: z.imag) == pytest.approx([mu.conj(), mu], abs=1e-9)
+
+
+def test_newton_is_held_to_the_winding_number(monkeypatch) -> None:
+    assert unstable_count(*UNSTABLE).count == 2
+    looks = []
+
+    def nothing(gamma: float, k: float, b: float, more: int) -> np.ndarray:
+        looks.append(more)
+        return np.empty(0, dtype=complex)
+
+    monkeypatch.setattr(isolated, "_outside", nothing)
+    with pytest.raises(NotConverged, match=r"the winding number says 2 .* found 0") as caught:
+        unstable_multipliers(*UNSTABLE)
+    assert looks == sorted(looks)  # each time from more starts
+    assert len(looks) >= 3
+    assert caught.value.residual > 0.0
+    sure = isolated.unstable_count
+    monkeypatch.setattr(isolated, "unstable_count", lambda *at: replace(sure(*at), certain=False))
+    assert unstable_multipliers(*UNSTABLE).size == 0  # on the circle to within rounding
+
+
+def test_more_than_the_winding_number_says_is_cut_to_it(monkeypatch) -> None:
+    own = isolated._outside
+    real = unstable_multipliers(*UNSTABLE)
+    on_circle = np.exp(1j * np.array([0.4, -0.4]))
+    monkeypatch.setattr(isolated, "_outside", lambda *at: np.concatenate([own(*at), on_circle]))
+    assert unstable_multipliers(*UNSTABLE) == pytest.approx(real)
+
+
+def test_a_count_that_turns_too_fast_is_refused(monkeypatch) -> None:
+    monkeypatch.setattr(winding, "MOST", 100)
+    with pytest.raises(NotConverged, match=r"D turns too fast on the circle of radius 1\.0000001"):
+        unstable_count(0.1, 0.8, 0.3, Ring(20), radius=1.0 + 1e-7)
+
+
+@pytest.mark.parametrize("sites", [8, 9, 20])
+def test_multipliers_outside_a_circle_are_listed_from_the_largest_in_pairs(sites: int) -> None:
+    gamma, k, b = UNSTABLE
+    whole = np.linalg.eigvals(dense_half_map(sites, gamma, k, b))
+    for radius in (1.0025, 1.02):
+        found = unstable_multipliers(gamma, k, b, Ring(sites), radius=radius)
+        outside = whole[np.abs(whole) > radius]
+        assert found.size == outside.size == unstable_count(gamma, k, b, Ring(sites),
+                                                            radius=radius).count  # fmt: skip
+        assert np.sort(np.abs(found)) == pytest.approx(np.sort(np.abs(outside)), abs=1e-9)
+        assert (np.diff(np.abs(found)) <= 1e-9).all()
+        complexes = found[found.imag != 0.0]
+        assert complexes[1::2] == pytest.approx(complexes[::2].conj())
+        assert (complexes[::2].imag > 0.0).all()
+
+
+def test_on_the_chain_they_are_listed_from_the_largest_in_pairs_too() -> None:
+    found = unstable_multipliers(*UNSTABLE)
+    assert found.size == 2
+    assert found[0] == pytest.approx(found[1].conj(), abs=1e-12)
+    assert found[0].imag > 0.0
+    assert abs(D(UNSTABLE[0], np.log(found[0]) / (1j * math.pi), *UNSTABLE[1:])) < 1e-10
+    larger = unstable_multipliers(*UNSTABLE, radius=float(abs(found[0])) + 1e-6)
+    assert larger.size == 0
+    assert unstable_multipliers(0.0, 0.8, 1.1)[0].imag == 0.0
+
+
+@pytest.mark.parametrize("radius", [0.99, 0.0, -1.0, math.nan, math.inf, "1"])
+def test_a_radius_is_at_least_one(radius) -> None:
+    for lattice in (InfiniteChain(), Ring(5)):
+        with pytest.raises(BadInput, match="radius"):
+            unstable_count(0.1, 0.8, 0.3, lattice, radius=radius)
+    with pytest.raises(BadInput, match="radius"):
+        unstable_count(0.1, 0.8, 0.3, Ring(5), radius=1.0)
+
+
+# --- real ones, and pairs, next to a circle -------------------------------------------------------
+
+
+def test_real_multipliers_beyond_a_place_are_counted_on_its_side() -> None:
+    mu = np.array([2.0, 1.0, 0.5, -0.5, -1.0, -3.0, 5.0 + 1.0j, 5.0 - 1.0j])
+    assert [beyond(mu, place) for place in (0.4, 1.0, 1.5, 2.0)] == [3, 1, 1, 0]
+    assert [beyond(mu, place) for place in (-0.4, -1.0, -2.0, -3.0)] == [3, 1, 1, 0]
+
+
+def test_the_gap_of_pairs_changes_its_sign_with_every_pair_that_leaves() -> None:
+    def pair(size: float) -> list[complex]:
+        return [size * np.exp(1j), size * np.exp(-1j)]
+
+    for sizes, gap, outside in (
+        ((0.8,), 1.0 - 0.64, 0),
+        ((1.2,), 1.0 - 1.44, 1),
+        ((1.2, 1.5), 1.44 - 1.0, 2),
+        ((1.2, 0.95), -(1.0 - 0.95**2), 1),
+        ((1.0,), 0.0, 0),
+    ):
+        mu = np.array([one for size in sizes for one in pair(size)])
+        assert pair_gap(mu) == pytest.approx((gap, outside), abs=1e-12)
+        assert outermost(mu) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
+        wide, out = pair_gap(1.1 * mu, 1.1)
+        assert (wide / 1.21, out) == pytest.approx((gap, outside), abs=1e-12)
+        assert outermost(1.1 * mu, 1.1) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
+    real = np.array([2.0 + 0.0j, 0.7 + 0.0j])  # whose product counts as that of a pair
+    assert pair_gap(real) == pytest.approx((1.0 - 1.4, 1))
+    assert math.isnan(outermost(real))
+    gap, outside = pair_gap(np.array([0.3 + 0.0j]))
+    assert math.isnan(gap)
+    assert outside == 0
