@@ -1,6 +1,6 @@
 """The names of the front desk and where each lives, for Python and for type checkers."""
 
-from .breathers import Breather as Breather
+from .breathers import Orbit as Orbit
 from .breathers import grazing as grazing
 from .breathers import neimark_sacker as neimark_sacker
 from .breathers import pitchfork as pitchfork

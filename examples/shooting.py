@@ -63,7 +63,7 @@ def main(folder: Path = Path()) -> list[Path]:
             [0.5 * (hit.before - hit.after) for hit in point.solution.hits if hit.wall > 0]
             for point in branch
         ]
-        below.plot(branch["a"], p, "-", color=f"C{branch[0].solution.itinerary.turns % 10}", lw=1)
+        below.plot(branch["a"], p, "-", color=f"C{branch[0].solution.section.turns % 10}", lw=1)
     below.set(xlabel="$a$", ylabel="$p$ of impacts on +1", xlim=(0.9, 1.0), ylim=(1.28, 1.48))
     return [save_figure(figure, folder / "shooting.png")]
 

@@ -24,7 +24,7 @@ def column(content: dict[str, Any], name: str) -> np.ndarray:
     return np.array(content["columns"][name])
 
 
-def on_ring(a: float, gamma: float) -> cb.Breather:
+def on_ring(a: float, gamma: float) -> cb.Orbit:
     return cb.symmetric(a, gamma, 0.8, lattice=cb.Ring(20))
 
 

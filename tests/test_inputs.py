@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather.breathers.closed_form import SymmetricFlight
 
 HERE = {"a": 0.5, "gamma": 0.04, "k": 0.8}
 NO_NUMBERS: tuple[Any, ...] = (
@@ -22,16 +23,16 @@ NO_NUMBERS: tuple[Any, ...] = (
 
 
 @pytest.fixture(scope="module")
-def breather() -> cb.Breather:
+def breather() -> cb.Orbit:
     return cb.symmetric(**HERE)
 
 
 @pytest.fixture(scope="module")
-def branch(breather: cb.Breather) -> cb.Branch:
+def branch(breather: cb.Orbit) -> cb.Branch:
     return cb.trace(breather, "a", within={"a": (0.4, 0.9)})
 
 
-def entries(b: cb.Breather) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+def entries(b: cb.Orbit) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     """Public entries with what is well for each of their numbers."""
     state = b.state(6)
     ring: dict[str, Any] = {"state": state, **HERE}
@@ -50,7 +51,7 @@ def entries(b: cb.Breather) -> dict[str, tuple[Callable[..., Any], dict[str, Any
 
     return {
         "symmetric": (cb.symmetric, dict(HERE)),
-        "Breather": (cb.Breather, {**HERE, "p": b.p, "phi": b.phi}),
+        "closed form": (SymmetricFlight, {**HERE, "p": b.p, "phi": b.phi}),
         "ring": (cb.Ring, {"sites": 6}),
         "verdict": (lambda threshold: b.stability(6, threshold), {"threshold": 1.005}),
         "place": (b.displacement, {"n": 0, "t": 0.1}),
@@ -68,7 +69,7 @@ def entries(b: cb.Breather) -> dict[str, tuple[Callable[..., Any], dict[str, Any
     }
 
 
-def test_what_is_no_number_is_refused_at_every_entry(breather: cb.Breather) -> None:
+def test_what_is_no_number_is_refused_at_every_entry(breather: cb.Orbit) -> None:
     """Each number of each entry is replaced in turn by three things that are none."""
     rng = random.Random(5)
     answered = []
@@ -104,7 +105,7 @@ def test_samples_without_sites_are_refused() -> None:
 FORMULA = "-cos(t) - 0.3*cos(3*t)"
 
 
-def test_a_formula_is_a_forcing_wherever_one_is_taken(breather: cb.Breather) -> None:
+def test_a_formula_is_a_forcing_wherever_one_is_taken(breather: cb.Orbit) -> None:
     series = cb.Fourier(cos={1: -1.0, 3: -0.3})
     typed, given = (cb.symmetric(**HERE, forcing=one) for one in (FORMULA, series))
     assert typed.p == pytest.approx(given.p, abs=1e-14)
@@ -120,7 +121,7 @@ def test_a_formula_is_a_forcing_wherever_one_is_taken(breather: cb.Breather) -> 
 
 
 @pytest.mark.parametrize("bad", [3, cb.Harmonic, {1: -1.0}, [1.0]], ids=repr)
-def test_what_is_no_forcing_is_refused(bad: Any, breather: cb.Breather) -> None:
+def test_what_is_no_forcing_is_refused(bad: Any, breather: cb.Orbit) -> None:
     with pytest.raises(cb.BadInput, match=r"forcing = .* was wanted"):
         cb.symmetric(**HERE, forcing=bad)
     with pytest.raises(cb.BadInput, match=r"forcing = .* was wanted"):
@@ -144,7 +145,7 @@ def test_no_value_at_all_is_no_zone_diagram() -> None:
 
 
 def test_a_file_takes_its_equations_from_a_breather(
-    breather: cb.Breather, branch: cb.Branch, tmp_path: Path
+    breather: cb.Orbit, branch: cb.Branch, tmp_path: Path
 ) -> None:
     cb.save(tmp_path / "b.nc", branch)
     back = cb.load(tmp_path / "b.nc", problem=breather)
@@ -164,7 +165,7 @@ def test_a_loaded_point_without_equations_says_so_to_switch(
         cb.switch(back.first("PF"))
 
 
-def test_a_run_is_drawn_by_its_record(breather: cb.Breather) -> None:
+def test_a_run_is_drawn_by_its_record(breather: cb.Orbit) -> None:
     sample = cb.dynamics.Sample((0, 1), 20)
     run = cb.simulate(breather.state(6), **HERE, periods=2, sample=sample)
     lines = [line.get_ydata() for line in cb.plotting.plot_motion(run).get_lines()]

@@ -9,15 +9,16 @@ from contbreather.breathers.clearance import (
     neighbour_peak,
 )
 from contbreather.breathers.closure import Closure, smallest_amplitude
-from contbreather.breathers.events import grazing, neimark_sacker, pitchfork, saddle_node
+from contbreather.breathers.orbit import Orbit, orbit_of
 from contbreather.breathers.search import find_event, find_symmetric
-from contbreather.breathers.symmetric import Breather, symmetric, symmetric_roots
+from contbreather.breathers.symmetric import symmetric, symmetric_roots
+from contbreather.breathers.symmetric_events import grazing, neimark_sacker, pitchfork, saddle_node
 from contbreather.breathers.zones import Zones, zones
 
 __all__ = [
     "Admissibility",
-    "Breather",
     "Closure",
+    "Orbit",
     "Zones",
     "centre_margin",
     "find_event",
@@ -26,6 +27,7 @@ __all__ = [
     "highest_neighbour",
     "neighbour_peak",
     "neimark_sacker",
+    "orbit_of",
     "pitchfork",
     "saddle_node",
     "smallest_amplitude",

@@ -1,6 +1,6 @@
 """Asymmetric breathers: one site hits both walls once in 2 pi, after flights of unequal length.
 
-Two impacts of the general problem (`contbreather.breathers.orbits`), on the wall +1 at t1 with the
+Two impacts of the general problem (`contbreather.breathers.waves`), on the wall +1 at t1 with the
 impulse -2p and on -1 at t2 with +2p. With ``s2 = t2 - pi``, ``delta = s2 - t1`` (0 for a symmetric
 breather) and h the periodic Green's function as a function of the time ``delta`` off mid period,
 sums and differences of its equations are
@@ -24,18 +24,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.impacts import Impact, forcing_at
-from contbreather.breathers.orbit_events import (
-    doubled_arm,
-    events_on,
-    orbit_fold,
-    pitchfork_of_arms,
-    symmetric_arms,
-    unstable,
-)
-from contbreather.breathers.orbit_images import simpler_than
-from contbreather.breathers.orbits import Orbit
-from contbreather.continuation import Point, Problem
+from contbreather.breathers.waves import forcing_at
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import restitution_ratio
@@ -160,67 +149,3 @@ def divided(forcing: Forcing, t1: float, t2: float) -> tuple[float, float, float
         slope -= m**3 * share * odd
         across -= 0.5 * m**3 * change * even
     return value, slope, across
-
-
-# --- the problem ----------------------------------------------------------------------------------
-
-
-def asymmetric_problem(orbit: Orbit) -> Problem:
-    """The four equations with an orbit of two impacts as their start, and all its events.
-
-    Columns: p, t1, t2, c; a, gamma, k and the parameters of the forcing; ``asymmetry`` is
-    t2 - t1 - pi, ``unstable`` the number of multipliers outside.
-    """
-    orbit._need_two("this problem")
-    site, first = orbit.impacts[0].site, orbit.impacts[0].time
-    times = first, first + math.pi + orbit.asymmetry  # times count modulo the period
-    start = dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True))
-    return problem_from(start, orbit.params, orbit.forcing, orbit.lattice, site)
-
-
-def problem_from(
-    start: Mapping[str, float], params: Params, forcing: Forcing, lattice: Lattice, site: int
-) -> Problem:
-    equations = AsymmetricEquations(forcing, lattice)
-
-    def interpret(point: Point) -> Orbit:
-        values = point.params
-        p, t1, t2, c = (float(value) for value in point.x)
-        impacts = (Impact(site, 1, t1, -2.0 * p), Impact(site, -1, t2, 2.0 * p))
-        driven = forcing_at(forcing, values)
-        a, gamma, k = values["a"], values["gamma"], values["k"]
-        return Orbit(a, gamma, k, impacts, (c,), 1, driven, lattice)
-
-    return Problem(
-        equations.residual,
-        start,
-        params,
-        jacobian=equations.jacobian,
-        sensitivity=equations.sensitivity,
-        events=(pitchfork_of_arms(), orbit_fold(), *events_on(lattice)),
-        record={
-            "asymmetry": lambda point: point["t2"] - point["t1"] - math.pi,
-            "unstable": lambda point: unstable(point.solution),
-        },
-        domain={
-            "gamma": (0.0, 0.25),
-            "k": (0.0, 1.0),
-            "a": (0.0, math.inf),
-            "p": (1e-12, math.inf),
-        },
-        interpret=interpret,
-        images=_mirror_image,
-        simpler=_symmetric_again,
-        lifts={"PF": symmetric_arms, "PD": doubled_arm},
-        label="asymmetric breather",
-    )
-
-
-def _mirror_image(x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
-    p, t1, t2, c = x
-    return (np.array((p, t2 - math.pi, t1 + math.pi, -c)),)
-
-
-def _symmetric_again(point: Point) -> Problem | None:
-    small = simpler_than(point.solution)
-    return None if small is None else small.problem

@@ -16,13 +16,12 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
-from contbreather.breathers.itinerary import Itinerary
+from contbreather.breathers.modal_events import contact
+from contbreather.breathers.modal_road import Modes, modal_problem
 from contbreather.breathers.one_site import symmetric_orbits
+from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import Inadmissible
-from contbreather.breathers.ring_orbit import RingOrbit
-from contbreather.breathers.shooting import problem_of, shot_orbit
-from contbreather.breathers.shooting_events import contact
-from contbreather.breathers.shooting_seeds import by_hand
+from contbreather.breathers.section import Section
 from contbreather.continuation import Branch, Point, Stop, fold, trace
 from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
@@ -42,10 +41,8 @@ class Single:
     """The impacts of one site in the limit without coupling."""
 
     site: int
-    walls: tuple[int, ...]
+    section: Section
     times: tuple[float, ...]
-    turns: int
-    symmetric: bool  # impacts of half a period, the other half being their mirror image
 
 
 def multibreather(
@@ -59,7 +56,7 @@ def multibreather(
     spring: float = 0.0,
     walls: Any = None,
     forcing: Forcing | str | None = None,
-) -> RingOrbit:
+) -> Orbit:
     """An orbit of several impacting sites, continued from gamma = 0 to the coupling asked for.
 
     Parameters
@@ -74,7 +71,7 @@ def multibreather(
 
     Returns
     -------
-    RingOrbit
+    Orbit
 
     Raises
     ------
@@ -90,13 +87,12 @@ def multibreather(
     >>> two.sequence, bool(two.admissibility())
     (((0, 1), (6, 1)), True)
     """
-    at = Walls.given(walls)
-    on = Conditions(a, gamma, k, damping, spring, forcing_of(forcing), at).checked()
-    finite(lattice)
-    branch = _from_the_limit(_singles(choice, lattice, on), lattice, on)
+    at, drive = Walls.given(walls), forcing_of(forcing)
+    on = Conditions(a, gamma, k, damping, spring, drive, at, finite(lattice)).checked()
+    branch = _from_the_limit(_singles(choice, on), on)
     if branch is None or branch[-1]["gamma"] < on.gamma:
         raise NoSolution(_refusal(choice, branch, on))
-    orbit: RingOrbit = branch[-1].solution
+    orbit: Orbit = branch[-1].solution
     return orbit
 
 
@@ -118,78 +114,67 @@ def _refusal(choice: Any, branch: Branch | None, on: Conditions) -> str:
 # --- from one site to many ----------------------------------------------------------------------
 
 
-def _singles(
-    choice: Sequence[int] | Mapping[int, Any], lattice: Finite, on: Conditions
-) -> list[Single]:
+def _singles(choice: Sequence[int] | Mapping[int, Any], on: Conditions) -> list[Single]:
     if not isinstance(choice, Mapping | Sequence):
         raise BadInput(f"{choice!r}: a list of sites is wanted, or a dict of sites and orbits.")
     chosen = dict(choice) if isinstance(choice, Mapping) else dict.fromkeys(choice, "upper")
     if not chosen or len(chosen) < len(choice):
         raise BadInput(f"{choice!r}: name at least one site, and each once.")
-    return [_single(lattice, site, what, replace(on, gamma=0.0)) for site, what in chosen.items()]
+    return [_single(site, what, replace(on, gamma=0.0)) for site, what in chosen.items()]
 
 
-def _single(lattice: Finite, site: int, what: Any, on: Conditions) -> Single:
+def _single(site: int, what: Any, on: Conditions) -> Single:
     """One site without coupling: by the name of a root, or by an orbit of its own."""
     if isinstance(what, str) and what in ROOTS:
-        roots = symmetric_orbits(lattice, site, on)
-        own = roots[min(ROOTS.index(what), len(roots) - 1)]
-        return Single(own.sequence[0][0], (1,), (own.phi,), 1, True)
-    if isinstance(what, RingOrbit):
-        if what.lattice.sites > 1:
-            raise BadInput(f"site {site}: {what!r} is no orbit of the single oscillator.")
-        walls, times = (wall for _, wall in what.sequence), what.times.tolist()
-        itinerary = what.itinerary
-        return Single(site, tuple(walls), tuple(times), itinerary.turns, itinerary.symmetric)
-    if getattr(what, "gamma", 0.0) != 0.0:
+        roots = symmetric_orbits(site, on)
+        what = roots[min(ROOTS.index(what), len(roots) - 1)]
+        site = what.sequence[0][0]
+    elif not isinstance(what, Orbit):
+        raise BadInput(
+            f"site {site}: {what!r} was given; 'upper', 'lower' or an orbit of the single "
+            "oscillator is wanted."
+        )
+    elif what.lattice.sites != 1 and (what.gamma != 0.0 or not what.section.local):
         raise BadInput(
             f"site {site}: {what!r} has gamma = {what.gamma!r}; an orbit of the single oscillator, "
             "without coupling, is wanted."
         )
-    if hasattr(what, "phi"):  # a symmetric breather
-        return Single(site, (1,), (float(what.phi),), 1, True)
-    if hasattr(what, "sequence") and len({n for n, _ in what.sequence}) == 1:
-        walls, turns = (wall for _, wall in what.sequence), round(what.period / (2 * math.pi))
-        return Single(site, tuple(walls), tuple(map(float, what.times)), turns, False)
-    raise BadInput(
-        f"site {site}: {what!r} was given; 'upper', 'lower' or an orbit of the single oscillator "
-        "is wanted."
-    )
+    return Single(site, what.section, tuple(what.times.tolist()))
 
 
-def _itinerary(singles: Sequence[Single], lattice: Finite) -> tuple[Itinerary, dict[str, float]]:
+def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
     """All impacts in order of time over one common section."""
-    turns = math.lcm(*(one.turns for one in singles))
-    symmetric = turns % 2 == 1 and all(one.symmetric for one in singles)
+    turns = math.lcm(*(one.section.turns for one in singles))
+    symmetric = turns % 2 == 1 and all(one.section.symmetric for one in singles)
     length = math.pi * turns * (1 if symmetric else 2)
     impacts = sorted(
         ((time, one.site, wall) for one in singles for time, wall in _unrolled(one, length)),
         key=lambda impact: (round(impact[0], TOGETHER), impact[1]),
     )
-    itinerary = Itinerary(lattice, tuple((n, wall) for _, n, wall in impacts), turns, symmetric)
-    return itinerary, {f"t{j + 1}": time for j, (time, _, _) in enumerate(impacts)}
+    sequence = tuple((n, wall) for _, n, wall in impacts)
+    return Section(sequence, turns, -1 if symmetric else 1), [time for time, _, _ in impacts]
 
 
 def _unrolled(one: Single, length: float) -> Iterator[tuple[float, int]]:
     """Times and walls over a section of that length, which is a whole number of its own."""
-    own = math.pi * one.turns * (1 if one.symmetric else 2)
+    own = one.section.length
     for lap in range(round(length / own)):
-        side = -1 if one.symmetric and lap % 2 else 1
-        for time, wall in zip(one.times, one.walls, strict=True):
-            yield time + lap * own, side * wall
+        for time, (_, wall) in zip(one.times, one.section.impacts, strict=True):
+            yield time + lap * own, one.section.sign**lap * wall
 
 
-def _from_the_limit(singles: Sequence[Single], lattice: Finite, on: Conditions) -> Branch | None:
+def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
     """The branch from the limit up to the coupling asked for; None if it does not begin."""
-    itinerary, times = _itinerary(singles, lattice)
-    loose = not itinerary.symmetric and on.spring == 0.0 and itinerary.sites > 1
+    section, times = _section(singles)
+    section = section.placed(on.lattice)
+    loose = not section.symmetric and on.spring == 0.0 and on.lattice.sites > 1
     first = min(LOOSE, on.gamma) if loose else 0.0
     try:
-        seed = by_hand(replace(on, gamma=first), itinerary, times)
-        start, _ = problem_of(RingOrbit(seed)).solve(tolerance=1e-11)
+        seed = Modes.from_times(replace(on, gamma=first), section, times)
+        start, _ = modal_problem(Orbit(seed)).solve(tolerance=1e-11)
     except NotConverged:
         return None
-    orbit = shot_orbit(start)
+    orbit = orbit_at(start)
     if abs(orbit.times - seed.t).max() > 0.1:  # not the orbit that was chosen
         return None
     if (margin := orbit.admissibility()).margin < 0.0:
@@ -223,7 +208,7 @@ class Multibreather:
         The coupling it reaches, at most the one asked for.
     ended : str
         What ended it there: GR, LP or another kind; empty where it exists.
-    orbit : RingOrbit or None
+    orbit : Orbit or None
         The last one of its branch.
     """
 
@@ -231,7 +216,7 @@ class Multibreather:
     copies: int
     gamma: float
     ended: str
-    orbit: RingOrbit | None
+    orbit: Orbit | None
 
     @property
     def exists(self) -> bool:
@@ -272,19 +257,19 @@ def multibreathers(
     finite(lattice)
     if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= lattice.sites:
         raise BadInput(f"most = {most!r}: a whole number of sites, 1 to {lattice.sites}.")
-    at = Walls.given(walls)
-    on = Conditions(a, gamma, k, damping, spring, forcing_of(forcing), at).checked()
+    at, drive = Walls.given(walls), forcing_of(forcing)
+    on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
     found: list[Multibreather] = []
     with keeping(lambda: tuple(found)):
         for count in range(1, most + 1):
             for sites, copies in _classes(lattice, count):
-                found.append(_entry(sites, copies, lattice, on))
+                found.append(_entry(sites, copies, on))
     return tuple(found)
 
 
-def _entry(sites: tuple[int, ...], copies: int, lattice: Finite, on: Conditions) -> Multibreather:
+def _entry(sites: tuple[int, ...], copies: int, on: Conditions) -> Multibreather:
     try:
-        branch = _from_the_limit(_singles(sites, lattice, on), lattice, on)
+        branch = _from_the_limit(_singles(sites, on), on)
     except NoSolution:  # a site that the forcing does not bring to its walls
         branch = None
     if branch is None:

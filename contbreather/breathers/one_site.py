@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.closure import general_roots
-from contbreather.breathers.flight_map import Section
-from contbreather.breathers.itinerary import Itinerary, check_walls
-from contbreather.breathers.ring_orbit import RingOrbit
+from contbreather.breathers.modal_flight import ModalFlight
+from contbreather.breathers.modal_road import Modes
+from contbreather.breathers.orbit import Orbit
+from contbreather.breathers.section import Section, check_walls
 from contbreather.errors import BadInput, NoSolution
 from contbreather.flows.modes import turn
 from contbreather.lattice.conditions import Conditions, restitution_ratio
-from contbreather.lattice.finite import Finite
 from contbreather.lattice.forcing import Fourier
 
 FloatArray = NDArray[np.float64]
@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 RESONANT = 1e-12  # 2 + trace of a mode that is its own mirror image after half a period
 
 
-def symmetric_orbits(lattice: Finite, site: int, on: Conditions) -> tuple[RingOrbit, ...]:
+def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     """All symmetric orbits of one impacting site, by descending p.
 
     Raises
@@ -43,16 +43,16 @@ def symmetric_orbits(lattice: Finite, site: int, on: Conditions) -> tuple[RingOr
     Examples
     --------
     >>> from contbreather.lattice import Ring
-    >>> orbit = symmetric_orbits(Ring(20), 0, Conditions(0.5, 0.12, 0.4))[0]
+    >>> orbit = symmetric_orbits(0, Conditions(0.5, 0.12, 0.4, lattice=Ring(20)))[0]
     >>> round(orbit.p, 9), round(orbit.phi, 9)
     (0.680056002, -2.519293143)
     """
-    itinerary = Itinerary(lattice, ((site, 1),), symmetric=True)
-    (site, _) = itinerary.impacts[0]
-    check_walls(itinerary, on.walls)
+    section = Section(((site, 1),), sign=-1).placed(on.lattice)
+    (site, _) = section.impacts[0]
+    check_walls(section, on)
     width = on.walls.position(site, 1)  # everything scales with it
-    still = np.zeros(itinerary.basis.lam.size)
-    rest = Section(itinerary, np.zeros(1), still, still, on)
+    still = np.zeros(on.lattice.basis(section.hit).lam.size)
+    rest = Modes(section, np.zeros(1), still, still, on)
     q, r = _answer(rest)
     e = rest.shapes[0]
     chi, excess = -2.0 * float(e.dot(q)), float(e.dot(r)) + 0.5
@@ -63,19 +63,19 @@ def symmetric_orbits(lattice: Finite, site: int, on: Conditions) -> tuple[RingOr
         found = general_roots(on.a / width, chi, restitution_ratio(on.k) + 2.0 * excess, forced)
     if not found:
         raise NoSolution(
-            f"no symmetric orbit of site {site} on the {lattice.describe()} at a = {on.a!r} (gamma "
-            f"= {on.gamma}, k = {on.k}, damping = {on.damping}, spring = {on.spring}): the forcing "
-            "is too weak to bring it to its walls; take a larger a."
+            f"no symmetric orbit of site {site} on the {on.lattice.describe()} at a = {on.a!r} "
+            f"(gamma = {on.gamma}, k = {on.k}, damping = {on.damping}, spring = {on.spring}): the "
+            "forcing is too weak to bring it to its walls; take a larger a."
         )
     return tuple(
-        RingOrbit(Section(itinerary, np.array([phi]), -2.0 * p * q, -2.0 * p * r, on))
+        Orbit(Modes(section, np.array([phi]), -2.0 * p * q, -2.0 * p * r, on))
         for p, phi in sorted(((width * p, phi) for p, phi in found), reverse=True)
     )
 
 
-def _answer(rest: Section) -> tuple[FloatArray, FloatArray]:
+def _answer(rest: ModalFlight) -> tuple[FloatArray, FloatArray]:
     """State of each mode just before a unit impulse that recurs with alternating sign."""
-    fly = turn(rest.z, rest.itinerary.length, rest.conditions.damping)
+    fly = turn(rest.z, rest.section.length, rest.conditions.damping)
     kick = rest.kicks[0]
     # (1 + M) x = -M (0, kick), by Cramer; det(1 + M) = 1 + trace + det
     after = fly.reach * kick, fly.swing * kick
@@ -83,7 +83,7 @@ def _answer(rest: Section) -> tuple[FloatArray, FloatArray]:
     if (abs(det) < RESONANT).any():
         w = float(np.sqrt(rest.z[abs(det).argmin()]))
         raise BadInput(
-            f"a mode of the {rest.itinerary.lattice.describe()} with the frequency {w:.9g} is in "
+            f"a mode of the {rest.lattice.describe()} with the frequency {w:.9g} is in "
             "resonance with the orbit: change gamma or spring, or give it damping."
         )
     q = -((1.0 + fly.swing) * after[0] - fly.reach * after[1]) / det

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from contbreather.breathers.closure import smallest_amplitude
-from contbreather.breathers.problem import problem_of
-from contbreather.breathers.shooting import problem_of as shooting_problem
+from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.shooting import shooting
-from contbreather.breathers.symmetric import Breather, symmetric_roots
+from contbreather.breathers.symmetric import symmetric_roots
 from contbreather.breathers.zones import WINDOWS
 from contbreather.continuation import Point, Problem, trace
 from contbreather.continuation.starts import windows
@@ -58,7 +57,7 @@ def find_symmetric(free: str, within: Window, *, root: int = 1, **given: Any) ->
 
     Returns
     -------
-    Breather, or the orbit of a finite lattice
+    Orbit
 
     Raises
     ------
@@ -120,14 +119,13 @@ def _places(free: str, within: Window, given: Mapping[str, Any]) -> Iterator[flo
     yield from (value for value in spread if free != "a" or value > 0.0)
 
 
-def problem_with(orbit: Any, *names: str, threshold: float = THRESHOLD) -> Problem:
+def problem_with(orbit: Orbit, *names: str, threshold: float = THRESHOLD) -> Problem:
     """The equations of a symmetric breather of any lattice, unstable beyond the threshold, with
     these parameters among theirs: on a ring damping and springs are where orbits are shot."""
-    if not isinstance(orbit, Breather):
-        return shooting_problem(orbit, threshold=threshold)
-    if set(names) & set(SMALL) and orbit.lattice.sites is not None:
+    problem = orbit.road.problem(threshold)
+    if set(names) & set(SMALL) - set(problem.params) and orbit.lattice.sites is not None:
         return shooting(orbit, threshold=threshold)
-    return problem_of(orbit, threshold)
+    return problem
 
 
 def find_event(

@@ -1,33 +1,30 @@
-"""The symmetric breather: site 0 hits its walls in turn, at t = phi and t = phi + pi.
-
-Eqs. (3) to (13), for any antisymmetric forcing and any lattice that answers `Lattice`. Between
-impacts everything is in closed form in time (see `contbreather.lattice.green`); no Fourier series
-of (9) or (12) is summed anywhere.
-"""
+"""The symmetric breather as an orbit: its problem, and all of them at given parameters."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any, overload
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from contbreather.breathers.clearance import Admissibility, Watch, clearance
-from contbreather.breathers.closure import (
-    EPS,
-    Closure,
-    roots,
-    smallest_amplitude,
+from contbreather.breathers.closed_form import HALF, SymmetricFlight
+from contbreather.breathers.closure import Closure, roots
+from contbreather.breathers.one_site import symmetric_orbits
+from contbreather.breathers.orbit import Orbit, Road, orbit_of, road
+from contbreather.breathers.section import Impact, Section
+from contbreather.breathers.symmetric_events import (
+    asymmetric_arms,
+    grazing,
+    neimark_sacker,
+    pitchfork,
+    saddle_node,
 )
-from contbreather.breathers.watched import ClosedForm
-from contbreather.checks import numbers, real
+from contbreather.breathers.wave_road import asymmetric_problem
+from contbreather.continuation import Event, Point, Problem
+from contbreather.continuation.events import Judged
 from contbreather.errors import BadInput
 from contbreather.lattice import (
     Forcing,
-    Harmonic,
     InfiniteChain,
     Lattice,
     Ring,
@@ -36,318 +33,114 @@ from contbreather.lattice import (
     forcing_of,
     lattice_of,
 )
-from contbreather.lattice.conditions import Conditions, Walls, check_amplitude, restitution_ratio
-from contbreather.lattice.green import Flight, flight
+from contbreather.lattice.conditions import (
+    Conditions,
+    Walls,
+    check_amplitude,
+    restitution_ratio,
+)
 from contbreather.stability.verdict import THRESHOLD
 
-if TYPE_CHECKING:
-    from contbreather.breathers.ring_orbit import RingOrbit
-    from contbreather.continuation import Problem
-    from contbreather.stability import Verdict
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-
-__all__ = ["Breather", "Closure", "smallest_amplitude", "symmetric", "symmetric_roots"]
+# An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
+# forcing that is at a = 1, where the far field grazes. Without forcing there is no phase, and at
+# gamma = 1/4 everything ends in one singular point.
+DOMAIN = {"gamma": (0.0, 0.24999), "k": (0.0, 1.0), "a": (1e-9, math.inf), "p": (1e-14, math.inf)}
 
 
-@lru_cache(maxsize=4096)
-def flight_of(lattice: Lattice, gamma: float, distance: int) -> Flight:
-    """One site between impacts, per unit p; kept, because profiles ask for it again and again."""
-    return flight(float(lattice.first_harmonic(gamma, distance)), lattice.powers(gamma, distance))
-
-
-@lru_cache(maxsize=1024)
-def flight_slope_of(lattice: Lattice, gamma: float, distance: int) -> Flight:
-    """Derivative of `flight_of` with respect to gamma, at the same time since the impact."""
-    slope = float(lattice.dfirst_harmonic(gamma, distance))
-    return flight(slope, lattice.dpowers(gamma, distance))
-
-
+@road(1)
 @dataclass(frozen=True)
-class Breather:
-    """What a point of a branch is physically. Built by `symmetric`, or from a point's values.
+class ClosedForm(SymmetricFlight):
+    """One site of the infinite chain or of a ring that hits its walls in turn."""
 
-    Attributes
-    ----------
-    a, gamma, k : float
-        Amplitude of the forcing, coupling, restitution coefficient.
-    p, phi : float
-        Half the momentum of an impact, and its phase lag: the roots of (11).
-    forcing : Forcing
-    lattice : Lattice
-    """
+    @staticmethod
+    def suits(on: Conditions, section: Section) -> bool:
+        plain = not (on.damping or on.spring) and on.walls == Walls()
+        return plain and section == HALF and isinstance(on.lattice, InfiniteChain | Ring)
 
-    a: float
-    gamma: float
-    k: float
-    p: float
-    phi: float
-    forcing: Forcing = field(default_factory=Harmonic)
-    lattice: Lattice = field(default_factory=InfiniteChain)
+    @classmethod
+    def through(
+        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Sequence[float]
+    ) -> ClosedForm:
+        p, phi = -0.5 * float(impulses[0]), float(times[0])
+        return cls(on.a, on.gamma, on.k, p, phi, on.forcing, on.lattice)
 
-    def __post_init__(self) -> None:
-        check_gamma(self.gamma)
-        restitution_ratio(self.k)
-        check_amplitude(self.a)
-        if not (math.isfinite(real(self.phi)) and 0.0 < real(self.p) < math.inf):
-            raise BadInput(
-                f"p = {self.p!r}, phi = {self.phi!r}: a breather needs a finite phase and an "
-                "impact with p > 0; use symmetric(a, gamma, k) to find them."
-            )
+    def lifted(self) -> Problem:
+        """That of asymmetric breathers, in which a pitchfork is a regular point."""
+        return asymmetric_problem(Orbit(self).unfolded())
 
-    # ------------------------------------------------------------------ what follows from (11)
+    def retold(
+        self,
+        section: Section,
+        impacts: Sequence[Impact],
+        offsets: Sequence[float],
+        start: int = 0,
+        sign: int = 1,
+    ) -> Road:
+        times, impulses = [one.time for one in impacts], [one.impulse for one in impacts]
+        return orbit_of(self.conditions, section, times, impulses, offsets).road
 
-    @property
-    def q(self) -> float:
-        """``(1 - k)/(1 + k)``."""
-        return restitution_ratio(self.k)
+    def problem(self, threshold: float) -> Problem:
+        return symmetric_problem(Orbit(self), threshold)
 
-    @property
-    def chi(self) -> float:
-        """Eq. (10)."""
-        return self.lattice.chi(self.gamma)
+    def guess(self) -> Problem:
+        return symmetric_problem(Orbit(self))
 
-    @property
-    def period(self) -> float:
-        return 2.0 * math.pi
+    def events(self, threshold: float) -> tuple[Event, ...]:
+        return events_on(self.lattice, threshold)
 
-    @property
-    def w_minus(self) -> float:
-        """Velocity of site 0 just before it hits the wall at +1: ``2 p/(1 + k)``."""
-        return 2.0 * self.p / (1.0 + self.k)
-
-    @property
-    def acceleration(self) -> float:
-        """Acceleration of site 0 just before (and after) that impact: ``a f''(phi) - p eta``."""
-        return float(self.a * self.forcing.d2f(self.phi) - self.p * self.lattice.eta(self.gamma))
-
-    @property
-    def b(self) -> float:
-        """Off-diagonal entry of the saltation matrix (19): ``(1 + k) acceleration/w_minus``."""
-        return 0.5 * (1.0 + self.k) ** 2 * self.acceleration / self.p
-
-    @property
-    def residual(self) -> float:
-        """Largest error of (11); rounding, unless the breather was put together by hand."""
-        here = {"a": self.a, "gamma": self.gamma, "k": self.k}
-        closure = Closure(self.forcing, self.lattice)
-        return float(np.max(np.abs(closure.residual(np.array([self.p, self.phi]), here))))
-
-    # ------------------------------------------------------------------------------- profile
-
-    def displacement(self, n: ArrayLike, t: ArrayLike) -> Any:
-        """Where site ``n`` is at time ``t``, eq. (12) in closed form.
-
-        Parameters
-        ----------
-        n : int or array_like of int
-            Site, 0 being the one that impacts; on a ring modulo its number of sites.
-        t : float or array_like
-            Any real times; n and t are broadcast against each other.
-
-        Returns
-        -------
-        float or ndarray
-
-        Examples
-        --------
-        >>> b = symmetric(0.5, 0.12, 0.4)
-        >>> round(b.displacement(0, b.phi), 14)
-        1.0
-        """
-        return self._profile(n, t, velocity=False)
-
-    def velocity(self, n: ArrayLike, t: ArrayLike) -> Any:
-        """How fast site ``n`` is at time ``t``; at an impact, the value just after it.
-
-        Parameters and shapes as in `displacement`. A time within rounding of an impact counts as
-        the impact.
-
-        Examples
-        --------
-        >>> b = symmetric(0.5, 0.12, 0.4)
-        >>> round(b.velocity(0, b.phi) / b.w_minus, 14)
-        -0.4
-        """
-        return self._profile(n, t, velocity=True)
-
-    def state(self, sites: int, t: float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """Displacements and velocities of all sites of a ring at time ``t``.
-
-        A ring closes (11) with its own chi, so a breather of the infinite chain does not solve a
-        ring. If this breather does not live on ``Ring(sites)`` already, the ring's own breather
-        at the same a, gamma, k and forcing is taken (of several roots the one nearest in (p, phi)):
-        a state that a simulation of the ring repeats exactly.
-
-        Returns
-        -------
-        u, v : ndarray, shape (sites,)
-            Site 0 first; at an impact the velocities just after it.
-
-        Raises
-        ------
-        NoSolution
-            If the ring has no breather there.
-        """
-        own = self.on(Ring(sites))
-        n = np.arange(int(sites))
-        return own.displacement(n, t), own.velocity(n, t)
-
-    def on(self, lattice: Lattice) -> Breather:
-        """This breather on another lattice: same a, gamma, k, forcing, the nearest root of (11)."""
-        if lattice == self.lattice:
-            return self
+    def on(self, lattice: Any) -> Orbit | None:
+        """The root of (11) nearest to this one."""
+        if not isinstance(lattice, InfiniteChain | Ring):
+            return None
         found = symmetric_roots(self.a, self.gamma, self.k, forcing=self.forcing, lattice=lattice)
         return min(
             found,
             key=lambda b: math.hypot(b.p - self.p, math.remainder(b.phi - self.phi, 2.0 * math.pi)),
         )
 
-    def flight(self, n: int) -> Flight:
-        """Site n between two impacts per unit p, as a function of ``t - phi - pi/2``."""
-        return flight_of(self.lattice, self.gamma, self.lattice.distance(n))
 
-    def _profile(self, n: ArrayLike, t: ArrayLike, *, velocity: bool) -> Any:
-        times = numbers("t", t)
-        sites, times = np.broadcast_arrays(_whole(n), times)
-        y, sign = self._phase(times)
-        own = np.empty(times.shape)
-        # one closed form for each distance from the impacting site
-        near = np.abs(sites)
-        for m in np.unique(near):
-            at = near == m
-            answer = self.flight(int(m))
-            own[at] = answer.slope(y[at]) if velocity else answer.value(y[at])
-        driven = self.forcing.df(times) if velocity else self.forcing.f(times)
-        total = self.a * driven + self.p * sign * own
-        return float(total) if total.ndim == 0 else total
+def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
+    """The closure (11) with the breather as its start, and all its events.
 
-    def _phase(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Time from the middle of the flight, in [-pi/2, pi/2), and the sign of that flight."""
-        since = t - self.phi
-        flights = np.floor(since / math.pi)
-        s = since - flights * math.pi
-        # phi + pi in floating point is not quite an impact; it is meant to be one
-        late = math.pi - s <= 4.0 * EPS * (math.pi + np.abs(t) + abs(self.phi))
-        flights = np.where(late, flights + 1.0, flights)
-        s = np.where(late, 0.0, np.maximum(s, 0.0))
-        return s - 0.5 * math.pi, np.where(flights % 2.0 == 0.0, 1.0, -1.0)
+    Columns: p, phi; a, gamma, k and the parameters of the forcing; ``unstable``, the number of
+    multipliers of QS outside the circle, on a ring those over 2 pi beyond the threshold; computed
+    when asked for.
+    """
+    forcing, lattice = breather.forcing, breather.lattice
+    closure = Closure(forcing, lattice)
+    own = tuple(forcing.params)
 
-    # -------------------------------------------------------------------- what it is asked about
+    def interpret(point: Point) -> Orbit:
+        values = point.params
+        driven = forcing.at(**{name: values[name] for name in own}) if own else forcing
+        p, phi = float(point.z[0]), float(point.z[1])
+        return Orbit(ClosedForm(values["a"], values["gamma"], values["k"], p, phi, driven, lattice))
 
-    def admissibility(self) -> Admissibility:
-        """Whether every site keeps off the walls it must not touch: (15), (B3), the far field."""
-        return clearance(self.watch)
-
-    @property
-    def watch(self) -> Watch:
-        """What that is measured on."""
-        return ClosedForm(self)
-
-    def stability(self, sites: int | None = None, threshold: float | None = None) -> Verdict:
-        """Is it stable? The verdict names the chain it is about.
-
-        Parameters
-        ----------
-        sites : int, optional
-            Ask about a ring of that many sites, by the paper's rule: a multiplier over 2 pi beyond
-            `threshold`. Unless given, the question is about the breather's own lattice; on the
-            infinite chain the answer is the number of isolated multipliers of QS outside the unit
-            circle, without a threshold.
-        threshold : float, optional
-            Above 1, the paper's 1.005 unless given; for rings only.
-
-        Returns
-        -------
-        Verdict
-
-        Examples
-        --------
-        >>> b = symmetric(a=0.2, gamma=0.11, k=0.8)
-        >>> b.stability().unstable, b.stability(sites=400).stable
-        (2, False)
-        """
-        from contbreather.stability import stability
-
-        own = self if sites is None else self.on(Ring(sites))
-        if threshold is None:
-            threshold = THRESHOLD
-        elif not isinstance(own.lattice, Ring):
-            raise BadInput(
-                f"threshold = {threshold}: the infinite chain has none, its verdict is exact; "
-                "ask for stability(sites=N, threshold=...)."
-            )
-        return stability(own.gamma, own.k, own.b, own.lattice, threshold=threshold)
-
-    def multipliers(self, sites: int | None = None, *, half: bool = False) -> ComplexArray:
-        """All 2N Floquet multipliers on a ring, of (QS)^2 (20), or of the half map QS.
-
-        Parameters
-        ----------
-        sites : int, optional
-            N; needed unless the breather lives on a `Ring` already. The orbit is the ring's own.
-        half : bool
-            Those of QS: +1 at a pitchfork, -1 at a fold, where the squares are both +1.
-
-        Returns
-        -------
-        ndarray of complex, shape (2 N,)
-
-        Examples
-        --------
-        >>> b = symmetric(a=0.8, gamma=0.045, k=0.8)
-        >>> round(float(abs(b.multipliers(sites=400)).max()), 6)
-        1.129438
-        """
-        from contbreather.stability import half_multipliers
-
-        own = self if sites is None else self.on(Ring(sites))
-        if not isinstance(own.lattice, Ring):
-            raise BadInput(
-                "the infinite chain has a continuous spectrum; ask for multipliers(sites=N) on a "
-                "ring of N, or for stability().multipliers, the isolated ones outside the circle."
-            )
-        found = half_multipliers(own.lattice, own.gamma, own.k, own.b)
-        return found if half else found * found
-
-    @property
-    def problem(self) -> Problem:
-        """The breather as a start for `trace`: the closure (11) with all its events."""
-        from contbreather.breathers.problem import problem_of
-
-        return problem_of(self)
+    events = events_on(lattice, threshold)
+    ring = isinstance(lattice, Ring)
+    where = f" (ring of {lattice.sites}, threshold {threshold:g})" if ring else ""
+    flight = breather.flight
+    return Problem(
+        closure.residual,
+        {"p": flight.p, "phi": flight.phi},
+        {"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
+        jacobian=closure.jacobian,
+        sensitivity=closure.sensitivity,
+        events=events,
+        record=next(event for event in events if isinstance(event, Judged)).record,
+        domain=DOMAIN,
+        interpret=interpret,
+        lifts={"PF": asymmetric_arms},
+        label=f"symmetric breather{where}",
+    )
 
 
-def _whole(n: ArrayLike) -> NDArray[np.int64]:
-    sites = np.asarray(n)
-    if sites.dtype.kind not in "iu":
-        raise BadInput(f"n = {n!r}: sites are whole numbers, 0 being the one that impacts.")
-    return sites.astype(np.int64)
+def events_on(lattice: Lattice, threshold: float = THRESHOLD) -> tuple[Event, ...]:
+    """All events of a symmetric breather; on a ring Neimark-Sacker by the paper's rule."""
+    on = lattice if isinstance(lattice, Ring) else None
+    return (saddle_node(), pitchfork(), neimark_sacker(on=on, threshold=threshold), grazing())
 
 
-@overload
-def symmetric(
-    a: float,
-    gamma: float,
-    k: float,
-    *,
-    forcing: Forcing | str | None = None,
-    lattice: Lattice | None = None,
-) -> Breather: ...
-@overload
-def symmetric(
-    a: float,
-    gamma: float,
-    k: float,
-    *,
-    forcing: Forcing | str | None = None,
-    lattice: finite.Finite,
-    site: int = 0,
-    damping: float = 0.0,
-    spring: float = 0.0,
-    walls: Any = None,
-) -> RingOrbit: ...
 def symmetric(
     a: float,
     gamma: float,
@@ -359,7 +152,7 @@ def symmetric(
     damping: float = 0.0,
     spring: float = 0.0,
     walls: Any = None,
-) -> Breather | RingOrbit:
+) -> Orbit:
     """The symmetric breather of one impacting site, eqs. (11) to (13).
 
     Of several solutions the one with the largest p: for `Harmonic` forcing the upper sign of
@@ -386,7 +179,7 @@ def symmetric(
 
     Returns
     -------
-    Breather, or the orbit of a finite lattice
+    Orbit
         A solution of (11). Whether it keeps off the walls between its impacts is a question of
         its own: `admissibility`.
 
@@ -404,33 +197,9 @@ def symmetric(
     (0.680056001966, -2.519293143359)
     """
     more: dict[str, Any] = {"site": site, "damping": damping, "spring": spring, "walls": walls}
-    found: tuple[Any, ...] = symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more)
-    own: Breather | RingOrbit = found[0]
-    return own
+    return symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more)[0]
 
 
-@overload
-def symmetric_roots(
-    a: float,
-    gamma: float,
-    k: float,
-    *,
-    forcing: Forcing | str | None = None,
-    lattice: Lattice | None = None,
-) -> tuple[Breather, ...]: ...
-@overload
-def symmetric_roots(
-    a: float,
-    gamma: float,
-    k: float,
-    *,
-    forcing: Forcing | str | None = None,
-    lattice: finite.Finite,
-    site: int = 0,
-    damping: float = 0.0,
-    spring: float = 0.0,
-    walls: Any = None,
-) -> tuple[RingOrbit, ...]: ...
 def symmetric_roots(
     a: float,
     gamma: float,
@@ -442,7 +211,7 @@ def symmetric_roots(
     damping: float = 0.0,
     spring: float = 0.0,
     walls: Any = None,
-) -> tuple[Breather, ...] | tuple[RingOrbit, ...]:
+) -> tuple[Orbit, ...]:
     """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
 
     Examples
@@ -455,10 +224,9 @@ def symmetric_roots(
     drive = forcing_of(forcing)
     more = bool(site or damping or spring or walls is not None)
     if isinstance(lattice, finite.Lattice) or (more and isinstance(lattice, Ring)):
-        from contbreather.breathers.one_site import symmetric_orbits
-
-        on = Conditions(a, gamma, k, damping, spring, drive, Walls.given(walls)).checked()
-        return symmetric_orbits(lattice, site, on)
+        at = Walls.given(walls)
+        on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
+        return symmetric_orbits(site, on)
     chain = lattice_of(lattice)
     if more:
         raise BadInput(
@@ -475,4 +243,4 @@ def symmetric_roots(
             f"a = {a!r}: too large, p is beyond what a number can hold; on the infinite chain no "
             f"breather is admissible beyond a = {reach:.6g}, where the far field reaches the walls."
         )
-    return tuple(Breather(a, gamma, float(k), p, phi, drive, chain) for p, phi in found)
+    return tuple(Orbit(ClosedForm(a, gamma, float(k), p, phi, drive, chain)) for p, phi in found)

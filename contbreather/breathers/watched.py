@@ -154,7 +154,7 @@ class Waves:
 
     @property
     def _resonant(self) -> bool:
-        return is_resonant(self.orbit.lattice, self.orbit.gamma, self.orbit.periods)
+        return is_resonant(self.orbit.lattice, self.orbit.gamma, self.orbit.section.turns)
 
     @cached_property
     def idle(self) -> Sites:
@@ -193,7 +193,7 @@ class Waves:
         """None stands for the far field."""
         u, v, w = moved(self.orbit, site, t)
         if site not in self._offsets:
-            own = self._far_offset if site is None else float(self.orbit.offset(site))
+            own = self._far_offset if site is None else float(self.orbit.flight.offset(site))
             self._offsets[site] = own
         return u + self._offsets[site], v, w
 
@@ -206,8 +206,8 @@ class Waves:
 
     def _many(self, sites: Sequence[int], t: FloatArray) -> FloatArray:
         orbit = self.orbit
-        lattice, gamma, n = orbit.lattice, orbit.gamma, orbit.periods
-        u = orbit.offset(sites)[:, None] + orbit.a * np.asarray(orbit.forcing.f(t))
+        lattice, gamma, n = orbit.lattice, orbit.gamma, orbit.section.turns
+        u = orbit.flight.offset(sites)[:, None] + orbit.a * np.asarray(orbit.forcing.f(t))
         for impact in orbit.impacts:
             apart = tuple(lattice.distance(site - impact.site) for site in sites)
             table = wave_table(lattice, gamma, apart, n)
@@ -235,7 +235,7 @@ def moved(orbit: Any, site: int | None, t: float) -> Terms:
     u, v, w = a * u, a * v, a * w
     for impact in orbit.impacts if site is not None else ():
         distance = orbit.lattice.distance(site - impact.site)
-        h = wave(orbit.lattice, orbit.gamma, distance, orbit.periods).motion(t - impact.time)
+        h = wave(orbit.lattice, orbit.gamma, distance, orbit.section.turns).motion(t - impact.time)
         u, v, w = u + impact.impulse * h[0], v + impact.impulse * h[1], w + impact.impulse * h[2]
     return u, v, w
 
@@ -248,10 +248,10 @@ class Modes:
 
     def __init__(self, orbit: Any) -> None:
         self.orbit = orbit
-        self.k, self.sign = float(orbit.k), int(orbit.itinerary.sign)
-        self.start, self.length = float(orbit.times[0]), float(orbit.itinerary.length)
+        self.k, self.sign = float(orbit.k), int(orbit.section.sign)
+        self.start, self.length = float(orbit.times[0]), float(orbit.section.length)
         self.highest = int(orbit.forcing.highest)
-        self.hit = orbit.itinerary.hit
+        self.hit = orbit.section.hit
         self.walls = orbit.walls.at
 
     @cached_property
@@ -261,7 +261,7 @@ class Modes:
             (one.site, one.time, one.wall * one.before, -one.wall * one.acceleration)
             for one in orbit.hits
         ]
-        return flights_between(hits, orbit.itinerary.count, orbit.period)
+        return flights_between(hits, orbit.section.count, orbit.period)
 
     @cached_property
     def idle(self) -> Sites:
@@ -281,7 +281,7 @@ class Modes:
         return 1.0
 
     def at(self, site: int, t: float) -> Terms:
-        found: Terms = self.orbit.at(site, t)
+        found: Terms = self.orbit.flight.at(site, t)
         return found
 
     def path(self, site: int, t: FloatArray) -> FloatArray:
@@ -289,7 +289,7 @@ class Modes:
 
     def profiles(self, sites: Sites, size: int) -> FloatArray:
         step = self.length / size
-        motion = self.orbit.motion(self.start + step * np.arange(size, dtype=float))
+        motion = self.orbit.flight.motion(self.start + step * np.arange(size, dtype=float))
         return np.asarray(motion[:, sites].T)
 
 

@@ -14,24 +14,16 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.problem import events_on, problem_of
-from contbreather.breathers.symmetric import Breather, symmetric_roots
-from contbreather.continuation import (
-    Branch,
-    Event,
-    Point,
-    Steps,
-    boundary,
-    refined,
-    trace,
-)
+from contbreather.breathers.orbit import Orbit
+from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
+from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.events import Meeting
 from contbreather.continuation.progress import Progress
 from contbreather.continuation.starts import windows
 from contbreather.errors import BadInput, NoSolution, keeping, taking
 from contbreather.lattice import Forcing, Lattice, check_gamma, forcing_of, lattice_of
 from contbreather.lattice.conditions import check_amplitude, restitution_ratio
-from contbreather.stability.verdict import THRESHOLD as PAPER
+from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
 Place = Point | Mapping[str, float]
@@ -81,7 +73,7 @@ class Zones:
     fixed: tuple[str, float]
     pair: tuple[str, str]
     curves: Mapping[str, tuple[Branch, ...]]
-    threshold: float = PAPER
+    threshold: float = THRESHOLD
     past_folds: bool = False
     interrupted: bool = False
 
@@ -131,7 +123,7 @@ def zones(
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | None = None,
-    threshold: float = PAPER,
+    threshold: float = THRESHOLD,
     past_folds: bool | None = None,
 ) -> Zones: ...
 
@@ -146,7 +138,7 @@ def zones(
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | None = None,
-    threshold: float = PAPER,
+    threshold: float = THRESHOLD,
     past_folds: bool | None = None,
 ) -> tuple[Zones, ...]: ...
 
@@ -160,7 +152,7 @@ def zones(
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | None = None,
-    threshold: float = PAPER,
+    threshold: float = THRESHOLD,
     past_folds: bool | None = None,
 ) -> Zones | tuple[Zones, ...]:
     """All curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
@@ -338,7 +330,7 @@ class _Search:
                 if any(_on_curve(b, here, (free, "p", "phi"), PASSED) for b in traced):
                     continue
                 branch = trace(
-                    problem_of(breather, self.threshold),
+                    symmetric_problem(breather, self.threshold),
                     free,
                     within={free: self.within[free]},
                     events=self.events,
@@ -348,9 +340,9 @@ class _Search:
                 traced.append(branch)
                 yield branch
 
-    def _breathers(self, x: float, y: float) -> list[Breather]:
+    def _breathers(self, x: float, y: float) -> list[Orbit]:
         """Those that are admissible; where folds end the diagram the one above the fold."""
-        values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
+        values: dict[str, Any] = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
         try:
             found = symmetric_roots(**values, forcing=self.forcing, lattice=self.lattice)
         except NoSolution:

@@ -205,7 +205,7 @@ class On(NamedTuple):
     @property
     def reach(self) -> dict[str, tuple[float, float]]:
         """The domain of each parameter that has one."""
-        from contbreather.breathers.problem import DOMAIN
+        from contbreather.breathers.symmetric import DOMAIN
 
         own = {"damping": (0.0, math.inf), "spring": (0.0, math.inf)}
         if getattr(self.lattice, "highest_gamma", 0.0) == math.inf:

@@ -161,7 +161,7 @@ class Point:
 
     @property
     def solution(self) -> Any:
-        """What this point is to the user of its problem, a `Breather` for instance."""
+        """What this point is to the user of its problem, an `Orbit` for instance."""
         interpret = self.ground.curve.problem.interpret
         if interpret is None:
             raise BadInput("this problem says no more of a point than its values")

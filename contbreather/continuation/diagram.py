@@ -220,7 +220,7 @@ def diagram(
 
     Parameters
     ----------
-    start : Problem, Breather or Point
+    start : Problem, Orbit or Point
         Where to begin.
     free : str
         The parameter all branches are followed in.

@@ -97,7 +97,7 @@ def load(
     ----------
     path : str or Path
         The file.
-    problem : Problem, Breather or Point, optional
+    problem : Problem, Orbit or Point, optional
         The equations of the branches (of a boundary: those of the original problem). A file holds
         numbers only: without it a branch has its columns and special points, with it
         it can be continued, traced as a boundary, and asked for ``point.solution``.

@@ -44,7 +44,7 @@ _PATIENCE = 200  # so many of them in a row lead nowhere
 
 
 class Startable(Protocol):
-    """Anything that knows the problem it solves: a `Breather`, a `Point`."""
+    """Anything that knows the problem it solves: an `Orbit`, a `Point`."""
 
     @property
     def problem(self) -> Problem: ...
@@ -75,7 +75,7 @@ def trace(
 
     Parameters
     ----------
-    start : Problem, Breather or Point
+    start : Problem, Orbit or Point
         Where to begin. A start that is no solution is moved onto one at the same parameters; where
         none is found, onto the nearest with another value of the free one; or it is refused with
         its residual. How far it was moved says ``branch.moved``.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import Breather
+from contbreather.breathers import Orbit
 from contbreather.continuation import fold, trace, walk
 from contbreather.dynamics import (
     PeriodicMotion,
@@ -121,7 +121,7 @@ def _after(motion: PeriodicMotion | SmoothOrbit, state: Array) -> Array:
     return np.stack(completed(run).strobe, axis=1)
 
 
-def smooth_breather(breather: Breather, m: float, damping: float, sites: int) -> SmoothOrbit | None:
+def smooth_breather(breather: Orbit, m: float, damping: float, sites: int) -> SmoothOrbit | None:
     """The smooth ring's own breather next to the exact one; None if there is none."""
     conditions: dict[str, Any] = {"a": breather.a, "gamma": breather.gamma, "k": breather.k}
     start = smooth_orbit(breather.state(sites), m=m, damping=damping, **conditions)
@@ -139,7 +139,7 @@ def solution(problem: Any) -> Any:
 
 
 @keeping()
-def softest(breather: Breather, damping: float, sites: int) -> float:
+def softest(breather: Orbit, damping: float, sites: int) -> float:
     """The m at which the smooth ring's breather ends in a fold, coming from hard walls; NaN if it
     reaches m = 5."""
     conditions: dict[str, Any] = {"a": breather.a, "gamma": breather.gamma, "k": breather.k}
@@ -151,7 +151,7 @@ def softest(breather: Breather, damping: float, sites: int) -> float:
     return float(branch.first("LP")["m"]) if "LP" in {p.kind for p in branch.special} else math.nan
 
 
-def enough_damping(breather: Breather, sites: int) -> float:
+def enough_damping(breather: Orbit, sites: int) -> float:
     """The damping at which the breather of the ring with rigid walls becomes an attractor."""
     from scipy.optimize import brentq
 

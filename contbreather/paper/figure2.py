@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from contbreather.breathers import symmetric
-from contbreather.breathers.events import neimark_sacker as exact_event
-from contbreather.breathers.problem import problem_of
+from contbreather.breathers.symmetric_events import neimark_sacker as exact_event
 from contbreather.breathers.zones import Zones, zones
 from contbreather.continuation import trace
 from contbreather.errors import keeping
@@ -164,7 +163,7 @@ def chain_lengths(
     limit = rule.neimark_sacker(a, k, sites=None, threshold=threshold).gamma
     start = symmetric(a, 0.5 * min(found.values(), default=limit), k)
     branch = trace(
-        problem_of(start), "gamma", within={"gamma": (0.0, 0.24)}, towards="up",
+        start, "gamma", within={"gamma": (0.0, 0.24)}, towards="up",
         events=[exact_event()], progress=False,
     )  # fmt: skip
     return {**found, "rule, N to infinity": limit, "exact": branch.first("NS")["gamma"]}

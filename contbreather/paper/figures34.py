@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from contbreather.breathers import Breather, symmetric
+from contbreather.breathers import Orbit, symmetric
 from contbreather.paper.threshold import SITES
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, new_figure, style
 from contbreather.plotting.multipliers import plot_multipliers
@@ -26,7 +26,7 @@ class MultiplierFigure:
 
     number: int
     bifurcation: str
-    breathers: tuple[Breather, Breather]
+    breathers: tuple[Orbit, Orbit]
     sites: int = SITES
     threshold: float = THRESHOLD
     digits: int = 3
@@ -57,7 +57,7 @@ class MultiplierFigure:
         """Where the axis of the moduli ends, above 1."""
         return 2.4 * (self.threshold - 1.0)
 
-    def _beyond(self, breather: Breather) -> bool:
+    def _beyond(self, breather: Orbit) -> bool:
         """Whether an isolated multiplier is an arrow, not a cross."""
         return any(abs(one) ** 2 - 1.0 >= self._top for one in breather.stability().multipliers)
 
@@ -104,7 +104,7 @@ class MultiplierFigure:
         return figure
 
 
-def _moduli(ax: Axes, breather: Breather, sites: int, threshold: float, top: float) -> None:
+def _moduli(ax: Axes, breather: Orbit, sites: int, threshold: float, top: float) -> None:
     """Excess of the moduli over one, against the angle in the half map: the band's ripple shows."""
     mu = np.asarray(breather.multipliers(sites=sites, half=True))
     mu = mu[mu.imag >= 0.0]

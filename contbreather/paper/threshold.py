@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from contbreather.breathers import Breather, smallest_amplitude, symmetric
+from contbreather.breathers import Orbit, smallest_amplitude, symmetric
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.characteristic import D
@@ -27,7 +27,7 @@ from contbreather.stability.isolated import unstable_multipliers
 from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[Any]
-Path = Callable[[float], Breather]
+Path = Callable[[float], Orbit]
 
 SITES = 400
 NEAREST = 24  # pairs with the largest modulus; the next one to cross is among them
@@ -178,12 +178,12 @@ def pitchfork_line(
 # --- the first pair to cross ------------------------------------------------------------------
 
 
-def _pairs_of(sites: int | None) -> Callable[[Breather], Array]:
+def _pairs_of(sites: int | None) -> Callable[[Orbit], Array]:
     """Multipliers of QS in the open upper half plane that can pass a threshold."""
     ring = None if sites is None else Ring(sites)
 
-    def pairs(breather: Breather) -> Array:
-        here = breather.gamma, breather.k, breather.b
+    def pairs(breather: Orbit) -> Array:
+        here = breather.gamma, breather.k, breather.flight.b
         mu = unstable_multipliers(*here) if ring is None else even_multipliers(ring, *here)
         return np.asarray(mu[mu.imag > 1e-9])
 
@@ -205,7 +205,7 @@ def _excess(mu: Array, threshold: float) -> Array:
 
 
 def _crossing(
-    path: Path, guess: float, pairs: Callable[[Breather], Array], threshold: float
+    path: Path, guess: float, pairs: Callable[[Orbit], Array], threshold: float
 ) -> Crossing:
     """Newton's method on the envelope, from a coupling before it."""
     _depth(threshold)
@@ -221,9 +221,7 @@ def _crossing(
     raise NotConverged(f"no pair of multipliers reaches the modulus {threshold} below 1/4")
 
 
-def _before(
-    path: Path, guess: float, pairs: Callable[[Breather], Array], threshold: float
-) -> float:
+def _before(path: Path, guess: float, pairs: Callable[[Orbit], Array], threshold: float) -> float:
     """A coupling at or below the guess where no pair is beyond the threshold."""
     gamma, back = guess, 1e-4
     while gamma > 0.0:
@@ -235,7 +233,7 @@ def _before(
 
 
 def _next(
-    path: Path, gamma: float, pairs: Callable[[Breather], Array], threshold: float
+    path: Path, gamma: float, pairs: Callable[[Orbit], Array], threshold: float
 ) -> tuple[float, float]:
     """Where, to first order, the first of all pairs reaches the threshold, and its angle."""
     here, there = pairs(path(gamma)), pairs(path(gamma + TINY))

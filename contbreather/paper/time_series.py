@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import Breather, symmetric
-from contbreather.breathers.asymmetric import problem_from
-from contbreather.breathers.orbits import Orbit, orbit_at
+from contbreather.breathers import Orbit, symmetric
+from contbreather.breathers.orbit import orbit_at, orbit_of
+from contbreather.breathers.wave_road import ACROSS, asymmetric_problem
 from contbreather.checks import whole
 from contbreather.dynamics import (
     PeriodicMotion,
@@ -184,7 +184,7 @@ def _draw_panel(ax: Axes, panel: Panel) -> None:
 # --- what the figures have in common --------------------------------------------------------------
 
 
-def _against(exact: Breather, run: Run | SmoothRun, word: str) -> tuple[Panel, ...]:
+def _against(exact: Orbit, run: Run | SmoothRun, word: str) -> tuple[Panel, ...]:
     """Panels of sites 0, 1 and 10: the exact line through the circles of a dense record."""
     assert run.record is not None
     times, sites = run.record.times, run.record.sites
@@ -207,7 +207,7 @@ def _against(exact: Breather, run: Run | SmoothRun, word: str) -> tuple[Panel, .
     return tuple(panels)
 
 
-def _differences(exact: Breather, run: Run | SmoothRun) -> dict[int, float]:
+def _differences(exact: Orbit, run: Run | SmoothRun) -> dict[int, float]:
     """Largest |simulated - exact| of each site shown, over one recorded period."""
     assert run.record is not None
     times = run.record.times
@@ -217,7 +217,7 @@ def _differences(exact: Breather, run: Run | SmoothRun) -> dict[int, float]:
     }
 
 
-def _after_a_shift(exact: Breather, run: SmoothRun) -> tuple[float, float]:
+def _after_a_shift(exact: Orbit, run: SmoothRun) -> tuple[float, float]:
     """The difference in u_0 that is left after the best time shift, and that shift."""
     from scipy.optimize import minimize_scalar
 
@@ -342,7 +342,7 @@ def _traces(run: SmoothRun, title: str, lost: float) -> Panel:
     return Panel(title, curves, (r"$t/2\pi$", "site $n$"), None if math.isnan(lost) else lost)
 
 
-def _fate(exact: Breather, m: int, lost: int | None) -> dict[str, float]:
+def _fate(exact: Orbit, m: int, lost: int | None) -> dict[str, float]:
     """Lives (NaN: kept), growth in a period beside the multiplier, and what would keep it.
 
     ``softest`` is the m at which the breather of the smooth ring ends, where it does not reach m.
@@ -448,11 +448,12 @@ def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
     return TimeSeries(7, panels, shown, findings, numbers)
 
 
-def _pitchfork(breather: Breather) -> float:
+def _pitchfork(breather: Orbit) -> float:
     """The amplitude of the pitchfork in closed form, harmonic forcing."""
     chain, gamma = breather.lattice, breather.gamma
+    q = (1.0 - breather.k) / (1.0 + breather.k)
     p = 1.0 / (chain.chi(gamma) - 2.0 * chain.sigma(gamma))
-    return float(p * math.hypot(breather.q, 2.0 * chain.sigma(gamma)))
+    return float(p * math.hypot(q, 2.0 * chain.sigma(gamma)))
 
 
 @lru_cache(maxsize=4)  # the figure of another m asks for the same ones
@@ -485,12 +486,11 @@ def _impacts_and_mean(motion: PeriodicMotion) -> tuple[tuple[float, float], floa
     return (first, second), float(run.record.u.mean())
 
 
-def _asymmetric(phases: tuple[float, float], mean: float, near: Breather) -> Orbit:
+def _asymmetric(phases: tuple[float, float], mean: float, near: Orbit) -> Orbit:
     """The exact asymmetric breather of the infinite chain next to a simulated one."""
-    values = {"a": near.a, "gamma": near.gamma, "k": near.k}
-    start = {"p": near.p, "t1": phases[1] - PERIOD, "t2": phases[0], "c": mean}
-    problem = problem_from(start, values, near.forcing, near.lattice, 0)
-    return orbit_at(problem.solve()[0])
+    times, impulses = (phases[1] - PERIOD, phases[0]), (-2.0 * near.p, 2.0 * near.p)
+    guess = orbit_of(near.conditions, ACROSS, times, impulses, (mean,))
+    return orbit_at(asymmetric_problem(guess).solve()[0])
 
 
 def _with_arm(panel: Panel, arm: Orbit, mean: float) -> Panel:

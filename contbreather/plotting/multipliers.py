@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import Breather
+from contbreather.breathers import Orbit
 from contbreather.checks import kind_of, whole
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, axes_or_new
@@ -24,7 +24,7 @@ ALONE = 3.0  # times 1/sites: off the band by more, a multiplier does not belong
 
 
 def plot_multipliers(
-    breather: Breather,
+    breather: Orbit,
     *,
     sites: int | None = None,
     half: bool = False,
@@ -38,7 +38,7 @@ def plot_multipliers(
 
     Parameters
     ----------
-    breather : Breather
+    breather : Orbit
     sites : int, optional
         Length of the ring; that of the breather's own lattice, or 400 on the infinite chain.
     half : bool

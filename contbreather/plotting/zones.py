@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers import symmetric_roots
-from contbreather.breathers.events import unstable
+from contbreather.breathers.symmetric_events import unstable
 from contbreather.breathers.zones import KINDS, WINDOWS, Zones
 from contbreather.checks import check_kind
 from contbreather.continuation.starts import windows
@@ -275,7 +275,7 @@ def _agreed(zones: Zones, xs: Array, ys: Array) -> str:
 def _verdict(zones: Zones, x: float, y: float) -> str:
     """S where a stable breather exists, US where only unstable ones do."""
     like = next(branch for _, branch in zones)[0].solution
-    values = {zones.fixed[0]: zones.fixed[1], zones.pair[0]: x, zones.pair[1]: y}
+    values: dict[str, Any] = {zones.fixed[0]: zones.fixed[1], zones.pair[0]: x, zones.pair[1]: y}
     try:
         found = symmetric_roots(**values, forcing=like.forcing, lattice=like.lattice)
     except NoSolution:
@@ -283,7 +283,7 @@ def _verdict(zones: Zones, x: float, y: float) -> str:
     if not zones.past_folds:
         found = found[:1]  # of the breather behind the fold no limit is drawn
     counts = [
-        unstable(breather, breather.lattice, zones.threshold)
+        unstable(breather.flight, breather.lattice, zones.threshold)
         for breather in found
         if breather.admissibility().ok
     ]

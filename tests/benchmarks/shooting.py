@@ -93,7 +93,7 @@ def rows() -> list[Row]:
 def arm_row(points: int = 200) -> Row:
     """A branch of asymmetric breathers on the infinite chain, with events and stability."""
     import contbreather as cb
-    from contbreather.breathers.orbit_events import _counted
+    from contbreather.breathers.wave_events import _counted
     from contbreather.continuation.switching import follow, seeds_at
 
     start = cb.symmetric(a=0.7, gamma=GAMMA, k=K)
@@ -121,13 +121,15 @@ def arm_row(points: int = 200) -> Row:
 
 
 def shooting_row(sites: int) -> Row:
-    from contbreather.breathers.shooting import _flown, shooting, shot_orbit
+    from contbreather.breathers.modal_road import _flown
+    from contbreather.breathers.orbit import orbit_at
+    from contbreather.breathers.shooting import shooting
 
     seed = guess(sites)
 
     def ours() -> Any:
         _flown.cache_clear()  # every run flies all its sections itself
-        orbit = shot_orbit(shooting(seed, a=WANTED))
+        orbit = orbit_at(shooting(seed, a=WANTED))
         return orbit, orbit.multipliers()
 
     seconds = best_of(ours)

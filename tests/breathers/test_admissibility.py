@@ -159,7 +159,7 @@ def test_centre_margin_is_positive_exactly_where_site_0_stays_between_its_walls(
     u = b.displacement(0, b.phi + s)
     ratio = (1 - u**2) / ((s + b.k) * s * (math.pi - s))
     scale = (math.pi / 2 + b.k) * math.pi**2 / 4
-    ends = [2 * b.w_minus / math.pi, 2 * b.w_minus / (math.pi * (math.pi + b.k))]
+    ends = [2 * b.incoming[0] / math.pi, 2 * b.incoming[0] / (math.pi * (math.pi + b.k))]
     dense = scale * min(ratio.min(), *ends)
     margin = centre_margin(b)
     assert margin <= dense + 1e-7
@@ -209,7 +209,7 @@ def test_the_zero_of_the_centre_s_margin_is_a_graze():
 def test_without_rebound_it_is_the_acceleration_that_decides(a, gamma, says):
     b = symmetric(a, gamma, 0.0)
     assert b.velocity(0, b.phi) == pytest.approx(0.0, abs=1e-15)
-    inwards = b.acceleration < 0
+    inwards = b.accelerations[0] < 0
     assert inwards == ("inwards" in says)
     verdict = b.admissibility()
     assert (verdict.centre > 0) == inwards

@@ -10,14 +10,17 @@ import numpy as np
 import pytest
 
 from contbreather.breathers import pitchfork, symmetric
-from contbreather.breathers.arms import asymmetric, lift, pitchfork_arms
+from contbreather.breathers.arms import asymmetric, beside
 from contbreather.breathers.asymmetric import AsymmetricEquations, divided
-from contbreather.breathers.impacts import OrbitEquations
-from contbreather.breathers.orbit_events import orbit_neimark_sacker, period_doubling
-from contbreather.breathers.orbit_images import mirrored
-from contbreather.breathers.orbits import orbit_at
+from contbreather.breathers.images import shifted, simpler_than
+from contbreather.breathers.lifts import lift
+from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import Inadmissible
+from contbreather.breathers.section import Section
 from contbreather.breathers.shooting import shooting
+from contbreather.breathers.symmetric_events import form_at
+from contbreather.breathers.wave_events import orbit_neimark_sacker, period_doubling
+from contbreather.breathers.waves import OrbitEquations
 from contbreather.continuation import Steps, Stop, boundary, load, save, trace
 from contbreather.continuation.diagram import diagram
 from contbreather.continuation.switching import switch
@@ -36,7 +39,7 @@ def pitchfork_point(gamma, k, lattice=InfiniteChain(), **options):
 
 @cache
 def arms(gamma, k, lattice=InfiniteChain(), top=0.999):
-    return pitchfork_arms(pitchfork_point(gamma, k, lattice), within={"a": (0, top)})
+    return switch(pitchfork_point(gamma, k, lattice), within={"a": (0, top)})
 
 
 # --- the equations --------------------------------------------------------------------------------
@@ -48,7 +51,7 @@ def test_they_are_sums_and_differences_of_the_general_ones(lattice, forcing):
     params = {"a": 0.8, "gamma": 0.1, "k": 0.7, **forcing.params}
     p, t1, t2, c = 1.1, -2.9, 0.8, 0.05
     own = AsymmetricEquations(forcing, lattice).residual(np.array([p, t1, t2, c]), params)
-    general = OrbitEquations(((0, 1), (0, -1)), forcing=forcing, lattice=lattice)
+    general = OrbitEquations(Section(((0, 1), (0, -1))), forcing=forcing, lattice=lattice)
     r = general.residual(np.array([t1, t2, -2 * p, 2 * p, c]), params)
     delta = t2 - t1 - math.pi
     # r: wall +1, wall -1, reset, reset, balance
@@ -163,10 +166,10 @@ def test_arms_are_mirror_images():
     assert np.abs(one["c"] + other["c"]).max() < 1e-10
     assert np.abs(one["asymmetry"] + other["asymmetry"]).max() < 1e-10
     assert one["asymmetry"][1] > 0
-    image = mirrored(one[-1].solution)
+    image = shifted(one[-1].solution, 1)
     twin = other[-1].solution
-    gap = np.abs(image.x - twin.x)
-    gap[:2] = np.abs((image.x - twin.x)[:2] + math.pi) % (2 * math.pi) - math.pi
+    gap = np.abs(image.flight.x - twin.flight.x)
+    gap[:2] = np.abs((image.times - twin.times) + math.pi) % (2 * math.pi) - math.pi
     assert np.abs(gap).max() < 1e-10
     assert image.residual < 1e-14
 
@@ -195,10 +198,8 @@ def test_points_of_arms_and_shooting_branches_answer_as_their_orbits(tmp_path):
     start = min(branch, key=lambda point: abs(point["a"] - arm[5]["a"]))
     again = start.state(sites=20, t=0.3)
     assert np.abs(np.concatenate(again) - np.concatenate([u, v])).max() < 1e-12
-    with pytest.raises(
-        BadInput, match=r"lives on the ring of 20, not on 21 sites: shoot it there first"
-    ):
-        branch[3].state(sites=21)
+    larger = branch[3].solution.on(Ring(21))
+    assert np.array_equal(branch[3].state(sites=21, t=0.1)[0], larger.state(t=0.1)[0])
     save(tmp_path / "run.nc", branch)
     bare, attached = load(tmp_path / "run.nc"), load(tmp_path / "run.nc", problem=shot)
     with pytest.raises(AttributeError, match=r"no 'state'.* without its equations; load\(path, pr"):
@@ -219,16 +220,17 @@ def test_following_an_arm_back_finds_the_pitchfork_and_goes_through():
     asymmetry = there_and_beyond["asymmetry"]
     assert asymmetry[0] * asymmetry[-1] < 0
     # from there both arms start again
-    again = pitchfork_arms(points[0])
+    known = simpler_than(points[0].solution)
+    symmetric_branch = trace(known, "a", within={"a": (0.77, 0.79)}, events=[pitchfork()])
+    again = switch(symmetric_branch.first("PF"))
     assert np.abs(again[0]["a"][-1] - arms(0.04, 0.8)[0]["a"][-1]) < 1e-10
 
 
 def test_arms_leave_as_the_normal_form_says():
     for gamma, coefficient in ((0.04, 8.761463), (0.0, 9.165893)):
         point = pitchfork_point(gamma, 0.8)
-        lifted = lift(point)
-        assert lifted.form.coefficient == pytest.approx(coefficient, abs=1e-6)
-        branch = pitchfork_arms(point, steps=Steps(largest=0.01), within={"a": (0, 0.8)})[0]
+        assert form_at(point.solution.flight).coefficient == pytest.approx(coefficient, abs=1e-6)
+        branch = switch(point, steps=Steps(largest=0.01), within={"a": (0, 0.8)})[0]
         asymmetry, rise = branch["asymmetry"][1:6], branch["a"][1:6] - point["a"]
         # the ratio has its limit where the asymmetry vanishes, quadratically
         ratio = np.polyfit(asymmetry**2, asymmetry**2 / rise, 1)
@@ -270,8 +272,8 @@ def test_arms_of_a_subcritical_pitchfork_go_down():
     window = {"a": (0.05, 2)}
     branch = trace(start, "a", within=window, events=[pitchfork()], inadmissible=True)
     point = branch.first("PF")
-    one, _ = pitchfork_arms(point, events=(), within={"a": (0.5, 2)}, steps=Steps(most=15))
-    assert not lift(point).form.supercritical
+    one, _ = switch(point, events=(), within={"a": (0.5, 2)}, steps=Steps(most=15))
+    assert not form_at(point.solution.flight).supercritical
     assert one["a"][1] < one["a"][0]
 
 
@@ -279,7 +281,7 @@ def test_arms_of_a_subcritical_pitchfork_go_down():
 def test_arms_in_any_parameter(free, window):
     start = symmetric(0.82, 0.03, 0.8)
     point = trace(start, free, within={free: window}, events=[pitchfork()]).first("PF")
-    one, other = pitchfork_arms(point, within={free: window})
+    one, other = switch(point, within={free: window})
     assert one.free == free
     assert one[0][free] == other[0][free] == pytest.approx(point[free], abs=1e-13)
     assert len(one) > 3
@@ -289,15 +291,15 @@ def test_arms_in_any_parameter(free, window):
 def test_only_a_located_pitchfork_of_breathers_has_arms():
     start = symmetric(0.7, 0.04, 0.8)
     branch = trace(start, "a", towards="up", within={"a": (0, 0.9)})
-    with pytest.raises(BadInput, match=r"a EP: arms leave a pitchfork"):
-        pitchfork_arms(branch[0])
+    with pytest.raises(BadInput, match=r"a EP: a located PF or PD"):
+        lift(branch[0])
     with pytest.raises(BadInput, match="no special point"):
-        pitchfork_arms(branch[1])
+        lift(branch[1])
     off = replace(branch.first("PF"), z=branch.first("PF").z + 0.01)
-    with pytest.raises(NotConverged, match="is no pitchfork"):
-        pitchfork_arms(off)
+    with pytest.raises(NotConverged, match="is not a PF"):
+        lift(off)
     with pytest.raises(BadInput, match="not located"):
-        pitchfork_arms(replace(branch.first("PF"), located=False))
+        lift(replace(branch.first("PF"), located=False))
 
 
 def test_asymmetric_breathers_are_found_or_the_sentence_says_where_they_are():
@@ -416,7 +418,7 @@ def test_arm_beyond_its_grazing_is_refused_with_the_solution_and_the_contact():
 
 def test_a_pair_leaves_the_circle_where_its_locus_says():
     point = pitchfork_point(0.06, 0.95, inadmissible=True)
-    arm = pitchfork_arms(point, events=[orbit_neimark_sacker()], within={"a": (0, 0.95)})[0]
+    arm = switch(point, events=[orbit_neimark_sacker()], within={"a": (0, 0.95)})[0]
     assert arm["margin"][-1] < 0 < arm["margin"][0]
     event = arm.first("NS")
     kappa = event.detail["kappa"]
@@ -451,6 +453,11 @@ def test_neimark_sacker_line_of_an_arm_runs_from_grazing_to_grazing():
         assert (one["gamma"], one["a"]) == pytest.approx((other["gamma"], other["a"]), abs=1e-9)
 
 
+def on_ring_of_one(orbit):
+    flight = orbit.flight
+    return Orbit(replace(flight, conditions=replace(flight.conditions, lattice=Ring(1))))
+
+
 def test_fold_line_of_a_subcritical_arm():
     """Harmonics that make the pitchfork subcritical: the arm turns back at a fold, on its line up
     to where the neighbour grazes and down to single oscillators."""
@@ -463,7 +470,7 @@ def test_fold_line_of_a_subcritical_arm():
     assert turn["a"] == arm["a"].min()
     line = boundary(turn, ("gamma", "a"), within={"gamma": (0, 0.2), "a": (0, 1.2)})
     assert [point.label for point in line.special] == ["EP1", "LP-GR1"]
-    single = replace(line[0].ground.solution, lattice=Ring(1))  # the same without coupling
+    single = on_ring_of_one(line[0].ground.solution)  # the same without coupling
     assert line[0]["gamma"] == 0.0
     assert np.abs(single.multipliers() - 1).min() < 1e-9
     for point in line[::4]:
@@ -497,7 +504,7 @@ def test_doubling_line_reaches_elastic_impacts():
 def test_on_a_ring_the_papers_threshold_is_met_exactly():
     ring = Ring(20)
     point = pitchfork_point(0.06, 0.8, ring, inadmissible=True)
-    arm = pitchfork_arms(
+    arm = switch(
         point, events=[orbit_neimark_sacker(on=ring, threshold=1.05)], within={"a": (0, 1.2)}
     )[0]
     event = arm.first("NS")
@@ -508,9 +515,7 @@ def test_on_a_ring_the_papers_threshold_is_met_exactly():
 
 
 def test_doubling_line_in_restitution_is_that_of_the_single_oscillator():
-    arm = pitchfork_arms(
-        pitchfork_point(0.0, 0.8), events=[period_doubling()], within={"a": (0, 0.99)}
-    )[0]
+    arm = switch(pitchfork_point(0.0, 0.8), events=[period_doubling()], within={"a": (0, 0.99)})[0]
     line = boundary(arm.first("PD"), ("k", "a"), events=(), within={"k": (0.6, 0.95)})
     for point in line.points[::5]:
         single = orbit_at(point.ground.problem).on(Ring(1))
@@ -523,8 +528,9 @@ def test_ends_of_branches_are_honest():
         assert point.solution.admissibility().ok
 
 
-def test_an_asymmetry_at_which_no_breather_is_found_is_refused_with_what_is_left():
+def test_an_amplitude_at_which_no_breather_is_found_is_refused() -> None:
     lifted = lift(trace(symmetric(0.6, 0.04, 0.8), "a").first("PF"))
-    with pytest.raises(NotConverged, match="no asymmetric breather found beside") as error:
-        lifted.beside(3.1)
-    assert error.value.residual > 1
+    for amplitude, why in ((2.0, "amplitude of the forcing"), (2.5, "must follow the one on")):
+        with pytest.raises(NotConverged, match=rf"no orbit at the amplitude {amplitude:g}.*{why}"):
+            lifted.arm(amplitude)
+    assert orbit_at(beside(lifted, 0.3)).asymmetry == pytest.approx(0.3, rel=0.05)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import contbreather as cb
 from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.doubling import twice
-from contbreather.breathers.orbit_problem import impact_problem
-from contbreather.breathers.orbits import orbit_of
-from contbreather.breathers.shooting import shooting, shot_orbit
-from contbreather.breathers.shooting_lifts import unfolded
+from contbreather.breathers.lifts import lift
+from contbreather.breathers.orbit import orbit_at
+from contbreather.breathers.section import Section
+from contbreather.breathers.shooting import shooting
+from contbreather.breathers.wave_road import impact_problem
 from contbreather.continuation import Problem
 from contbreather.errors import NotConverged
 
@@ -25,7 +24,7 @@ BASE = {"a", "gamma", "k", "arclength", "residual", "unstable"}
 def unfolded_arm() -> Problem:
     start = shooting(cb.symmetric(0.7, 0.04, 0.8), sites=8)
     point = cb.trace(start, "a", towards="up", within={"a": (0.0, 0.8)}).first("PF")
-    return unfolded(point).arm(0.05)
+    return lift(point).arm(0.05)
 
 
 CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
@@ -35,7 +34,7 @@ CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
         {"p", "t1", "t2", "c", "asymmetry"},
     ),
     "general": (
-        lambda: impact_problem(orbit_of(cb.symmetric(0.5, 0.05, 0.8))),
+        lambda: impact_problem(cb.symmetric(0.5, 0.05, 0.8).unfolded()),
         {"t1", "t2", "J1", "J2", "c", "p", "asymmetry"},
     ),
     "shot": (
@@ -77,16 +76,18 @@ def test_an_arm_that_is_left_too_far_out_is_refused() -> None:
     """The equations have solutions there, but the impacts come in another order."""
     start = shooting(cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(8)))
     point = cb.trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF")
-    for amplitude in (4.0, 5.0):
-        with pytest.raises(NotConverged, match=r"is no orbit of ring of 8.* out of order"):
-            unfolded(point).arm(amplitude)
+    for amplitude in (-4.0, -5.0):
+        with pytest.raises(NotConverged, match=r"is no orbit of .* ring of 8.* out of order"):
+            lift(point).arm(amplitude)
 
 
 def test_an_amplitude_at_which_no_orbit_is_found_is_refused_with_what_is_left() -> None:
     start = shooting(cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(8)))
-    lift = unfolded(cb.trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF"))
-    with pytest.raises(NotConverged, match=r"branches off at the amplitude 3 .*ring of 8") as error:
-        lift.arm(3.0)
+    lifted = lift(cb.trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF"))
+    with pytest.raises(
+        NotConverged, match=r"branches off at the amplitude -3 .*ring of 8"
+    ) as error:
+        lifted.arm(-3.0)
     assert error.value.residual > 1
 
 
@@ -99,27 +100,24 @@ def test_no_orbit_is_shot_with_a_restitution_that_cannot_be(k: float) -> None:
 
 
 def test_two_impacts_are_one_on_each_wall_in_a_period_of_the_forcing() -> None:
-    one = orbit_of(cb.symmetric(0.5, 0.05, 0.8))
+    one = cb.symmetric(0.5, 0.05, 0.8).unfolded().section
     assert one.two_impacts
-    assert not twice(one).two_impacts
-    first, second = one.impacts
-    swapped = (second._replace(time=first.time), first._replace(time=second.time))
-    assert not replace(one, impacts=swapped).two_impacts
-    again = tuple(each._replace(time=each.time + 0.5) for each in one.impacts)
-    assert not replace(one, impacts=(first, again[0], second, again[1])).two_impacts
-    other = replace(one, impacts=(first, second._replace(site=2)), offsets=(0.0, 0.0))
-    assert not other.two_impacts
+    assert not one.doubled().two_impacts
+    assert not Section(((0, -1), (0, 1))).two_impacts
+    assert not Section(((0, 1), (0, 1), (0, -1), (0, -1))).two_impacts
+    assert not Section(((0, 1), (2, -1))).two_impacts
+    assert not Section(((0, 1), (0, -1)), 3, -1).two_impacts
 
 
 def test_what_belongs_to_two_impacts_is_refused_for_more() -> None:
-    four = twice(orbit_of(cb.symmetric(0.5, 0.05, 0.8)))
-    for name in ("p", "asymmetry"):
-        with pytest.raises(cb.BadInput, match=f"{name} belongs to orbits with two impacts"):
-            getattr(four, name)
+    four = cb.symmetric(0.5, 0.05, 0.8).unfolded().doubled()
+    with pytest.raises(cb.BadInput, match="asymmetry belongs to orbits with two impacts"):
+        _ = four.asymmetry
+    assert four.p == pytest.approx(cb.symmetric(0.5, 0.05, 0.8).p, abs=1e-15)
 
 
 def test_acceleration_of_a_shot_orbit_is_the_slope_of_its_velocity() -> None:
-    orbit = shot_orbit(shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8))
+    orbit = orbit_at(shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8))
     h = 1e-4
     for site in (0, 1, 4):
         for t in (0.3, 1.7, 4.4):

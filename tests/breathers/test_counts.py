@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers.orbit_problem import orbit_problem
-from contbreather.breathers.shooting import shot_orbit
+from contbreather.breathers.orbit import orbit_at, orbit_of
+from contbreather.breathers.section import Section
 from contbreather.stability import D, neimark_sacker, unstable_count, window
 
 SMALL = cb.Steps(largest=0.01, most=20000)
@@ -64,7 +64,7 @@ def test_no_window_is_smoothly_next_to_an_empty_one():
     assert np.abs(np.diff(sizes, 2)).max() < 0.05 * np.abs(np.diff(sizes)).max()
 
 
-def _agrees(start: cb.Breather, free: str, span: tuple[float, float]) -> None:
+def _agrees(start: cb.Orbit, free: str, span: tuple[float, float]) -> None:
     """Special points from two starts with two step sizes, and the changes a scan sees between."""
     within = {free: span}
     branches = [cb.trace(start, free, within=within, steps=steps) for steps in (None, SMALL)]
@@ -188,14 +188,9 @@ def test_a_branch_in_k_to_elastic_impacts_has_one_and_the_same_end():
 def test_two_neighbouring_sites_are_counted_or_said_to_be_uncertain():
     b = cb.symmetric(0.6, 0.04, 0.8)
     times = [b.phi, b.phi + 1e-3, b.phi + math.pi, b.phi + math.pi + 1e-3]
-    both = orbit_problem(
-        [(0, 1), (1, 1), (0, -1), (1, -1)],
-        times=times,
-        impulses=[-2 * b.p, -2 * b.p, 2 * b.p, 2 * b.p],
-        a=0.6,
-        gamma=0.04,
-        k=0.8,
-    ).solve()[0]
+    section = Section(((0, 1), (1, 1), (0, -1), (1, -1)))
+    impulses = [-2 * b.p, -2 * b.p, 2 * b.p, 2 * b.p]
+    both = orbit_of(b.conditions, section, times, impulses).solved()
     branch = cb.trace(both, "a", within={"a": (0.4, 0.75)})
     assert branch["a"][[0, -1]] == pytest.approx([0.4, 0.75])
     certain = [point.solution.map.count().certain for point in branch]
@@ -252,6 +247,6 @@ def test_a_shot_orbit_ends_without_momentum_as_well():
 def test_a_point_at_a_fold_goes_to_a_ring(sites: int) -> None:
     """There Newton's matrix is singular; the point solves the ring's equations but for rounding."""
     fold = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a").first("LP")
-    orbit = shot_orbit(cb.shooting(fold, sites=sites))
+    orbit = orbit_at(cb.shooting(fold, sites=sites))
     assert orbit.residual < 1e-12
     assert orbit.p == pytest.approx(fold["p"], rel=1e-6)

@@ -16,9 +16,10 @@ import contbreather as cb
 from contbreather.breathers import pitchfork
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.clearance import rivals
-from contbreather.breathers.orbit_problem import impact_problem, orbit_problem
-from contbreather.breathers.orbits import orbit_of
+from contbreather.breathers.orbit import orbit_of
+from contbreather.breathers.section import Section
 from contbreather.breathers.shooting import shooting
+from contbreather.breathers.wave_road import impact_problem
 from contbreather.continuation import Branch, Locus, Point
 from contbreather.continuation.boundary import boundary_problem
 from contbreather.continuation.boundary import meeting as meeting_of
@@ -69,7 +70,7 @@ def arm_of_one() -> Branch:
 
 @cache
 def general() -> Branch:
-    start = impact_problem(orbit_of(cb.symmetric(0.5, 0.05, 0.8)))
+    start = impact_problem(cb.symmetric(0.5, 0.05, 0.8).unfolded())
     return cb.trace(start, "a", towards="up", within={"a": (0.4, 0.95)})
 
 
@@ -77,14 +78,12 @@ def general() -> Branch:
 def two_sites() -> Branch:
     """Sites 0 and 3 hit alike, each off centre by an offset of its own."""
     b = cb.symmetric(0.5, 0.03, 0.8)
-    problem = orbit_problem(
-        [(0, 1), (3, 1), (0, -1), (3, -1)],
-        times=[b.phi - 1e-6, b.phi + 1e-6, b.phi + math.pi - 1e-6, b.phi + math.pi + 1e-6],
-        impulses=[-2 * b.p, -2 * b.p, 2 * b.p, 2 * b.p],
-        a=0.5,
-        gamma=0.03,
-        k=0.8,
-    )
+    problem = orbit_of(
+        b.conditions,
+        Section(((0, 1), (3, 1), (0, -1), (3, -1))),
+        [b.phi - 1e-6, b.phi + 1e-6, b.phi + math.pi - 1e-6, b.phi + math.pi + 1e-6],
+        [-2 * b.p, -2 * b.p, 2 * b.p, 2 * b.p],
+    ).problem
     grazing = [event for event in problem.events if event.kind == "GR"]
     return cb.trace(problem, "a", towards="up", within={"a": (0.4, 1.2)}, events=grazing)
 

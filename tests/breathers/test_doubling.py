@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.doubling import doubled_branch, twice
+from contbreather.breathers.lifts import lift
 from contbreather.continuation import trace
+from contbreather.continuation.switching import switch
 from contbreather.dynamics import simulate
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Ring
@@ -23,8 +24,8 @@ def first_doubling(gamma, k, a, **given):
 def repeats(orbit, sites, t0=0.3):
     own = orbit.on(Ring(sites))
     u, v = own.state(sites, t0)
-    run = simulate((u, v), a=own.a, gamma=own.gamma, k=own.k, periods=own.periods, t0=t0)
-    half = run.strobe.u[own.periods // 2]
+    run = simulate((u, v), a=own.a, gamma=own.gamma, k=own.k, periods=own.section.turns, t0=t0)
+    half = run.strobe.u[own.section.turns // 2]
     assert len(run.impacts) == len(own.impacts)
     return max(np.abs(run.final.u - u).max(), np.abs(run.final.v - v).max()), np.abs(half - u).max()
 
@@ -33,12 +34,12 @@ def test_single_oscillator_doubles_and_doubles_again():
     point = first_doubling(0.0, 0.8, 0.9, lattice=Ring(1))
     places = [point["a"]]
     for n in range(2):
-        branch = doubled_branch(point, within={"a": (0.9, 1.0)})
+        (branch,) = switch(point, within={"a": (0.9, 1.0)})
         assert branch[0]["a"] == pytest.approx(point["a"], abs=1e-14)
         point = branch.first("PD")
         places.append(point["a"])
         orbit = point.solution
-        assert orbit.periods == 2 ** (n + 1)
+        assert orbit.section.turns == 2 ** (n + 1)
         error, half = repeats(orbit, 1)
         assert error < 1e-11  # it is just losing its stability
         assert half > 0.02  # and not an orbit of half the period
@@ -50,7 +51,7 @@ def test_single_oscillator_doubles_and_doubles_again():
 
 def test_a_doubled_breather_of_the_infinite_chain_is_repeated_by_a_ring():
     point = first_doubling(0.002, 0.95, 0.8)
-    branch = doubled_branch(point, within={"a": (0, 0.999)})
+    (branch,) = switch(point, within={"a": (0, 0.999)})
     assert branch["a"][0] == pytest.approx(point["a"], abs=1e-14)
     assert branch["a"][1] > branch["a"][0]
     assert branch[0].parent is point
@@ -66,12 +67,14 @@ def test_a_doubled_breather_of_the_infinite_chain_is_repeated_by_a_ring():
 def test_doubling_is_a_branch_point_of_the_orbit_run_through_twice():
     point = first_doubling(0.002, 0.95, 0.8)
     orbit = point.solution
-    big = twice(orbit)
+    big = orbit.doubled()
     assert big.residual < 1e-13
-    values = np.linalg.svd(big.equations.jacobian(big.x, big.params), compute_uv=False)
+    values = np.linalg.svd(
+        big.flight.equations.jacobian(big.flight.x, big.conditions.params), compute_uv=False
+    )
     assert values[-1] < 1e-9
     ring = orbit.on(Ring(9))
-    mu, square = ring.multipliers(), twice(ring).multipliers()
+    mu, square = ring.multipliers(), ring.doubled().multipliers()
     gaps = np.abs((mu**2)[:, None] - square)
     assert gaps.min(axis=1).max() < 1e-7
     n, t = np.arange(3)[:, None], np.linspace(0, 12, 7)
@@ -81,11 +84,11 @@ def test_doubling_is_a_branch_point_of_the_orbit_run_through_twice():
 def test_only_a_located_doubling_doubles():
     start = asymmetric(0.8, 0.002, 0.95).problem
     branch = trace(start, "a", towards="up", within={"a": (0, 0.95)})
-    with pytest.raises(BadInput, match="no located period doubling"):
-        doubled_branch(branch[0])
+    with pytest.raises(BadInput, match=r"a located PF or PD .* was wanted"):
+        lift(branch[0])
     point = branch.first("PD")
-    with pytest.raises(BadInput, match="no located period doubling"):
-        doubled_branch(replace(point, located=False))
+    with pytest.raises(BadInput, match="not located"):
+        lift(replace(point, located=False))
     elsewhere = replace(branch[1], kind="PD")
-    with pytest.raises(NotConverged, match="keep their rank"):
-        doubled_branch(elsewhere)
+    with pytest.raises(NotConverged, match="the longer orbit do not hold"):
+        lift(elsewhere)

@@ -35,7 +35,7 @@ def test_fold_is_the_closed_form_14(gamma: float, k: float) -> None:
 
 
 def test_fold_is_where_the_half_map_has_multiplier_minus_one() -> None:
-    def distance(breather: cb.Breather) -> float:
+    def distance(breather: cb.Orbit) -> float:
         half = dense_half_map(40, breather.gamma, breather.k, breather.b)
         return float(abs(np.linalg.eigvals(half) + 1).min())
 
@@ -65,7 +65,7 @@ def test_known_pitchforks() -> None:
 
 
 def test_pitchfork_is_where_the_half_map_has_multiplier_one() -> None:
-    def distance(breather: cb.Breather) -> float:
+    def distance(breather: cb.Orbit) -> float:
         half = dense_half_map(40, breather.gamma, breather.k, breather.b)
         return float(abs(np.linalg.eigvals(half) - 1).min())
 

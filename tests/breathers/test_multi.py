@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather.breathers.lifts import lift
 from contbreather.breathers.multi import _classes
-from contbreather.breathers.shooting import shot_orbit
-from contbreather.breathers.shooting_lifts import doubled, unfolded
+from contbreather.breathers.orbit import orbit_at
 
 AT = {"a": 0.5, "gamma": 0.03, "k": 0.8}
 
@@ -19,7 +19,7 @@ AT = {"a": 0.5, "gamma": 0.03, "k": 0.8}
 def test_two_sites_are_what_shooting_from_their_phases_finds() -> None:
     two = cb.multibreather([0, 6], lattice=cb.Ring(12), **AT)
     b = cb.symmetric(**AT)
-    shot = shot_orbit(
+    shot = orbit_at(
         cb.shooting(
             {"t1": b.phi, "t2": b.phi}, lattice=cb.Ring(12), sequence=[(0, 1), (6, 1)],
             symmetric=True, **AT,
@@ -71,13 +71,13 @@ def test_doubled_orbit_of_one_site() -> None:
     )
     tilted = cb.switch(branch.first("PF"), within={"a": (0.5, 0.95)})[0]
     given = {"lattice": cb.OpenChain(3), "gamma": 0.001, "k": 0.95}
-    two = shot_orbit(doubled(tilted.first("PD")).arm(0.2))
+    two = orbit_at(lift(tilted.first("PD")).arm(0.2))
     mixed = cb.multibreather({0: two}, a=two.a, **given)
     assert mixed.period == pytest.approx(4 * np.pi)
     assert len(mixed.sequence) == 4
     assert mixed.residual < 1e-12
     # next to its doubling coupling takes it back through that point
-    near = shot_orbit(doubled(tilted.first("PD")).arm(0.02))
+    near = orbit_at(lift(tilted.first("PD")).arm(0.02))
     with pytest.raises(cb.NoSolution, match="turns back, into an image of itself"):
         cb.multibreather({0: near}, a=near.a, **given)
 
@@ -164,4 +164,4 @@ def test_an_arm_far_out_of_reach_is_not_converged(amplitude: float) -> None:
     shot = cb.shooting(cb.symmetric(0.7, 0.04, 0.8), sites=6)
     fork = cb.trace(shot, "a", within={"a": (0.6, 0.9)}).first("PF")
     with pytest.raises(cb.NotConverged, match="amplitude"):
-        unfolded(fork).arm(amplitude)
+        lift(fork).arm(amplitude)

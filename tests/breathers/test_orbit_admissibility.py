@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from contbreather.breathers import centre_margin, highest_neighbour, symmetric, symmetric_roots
 from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.orbit_problem import orbit_problem
-from contbreather.breathers.orbits import Orbit, orbit_at, orbit_of
+from contbreather.breathers.orbit import Orbit, orbit_of
+from contbreather.breathers.section import Section
 from contbreather.lattice import Fourier, InfiniteChain, Ring
+
+from .by_hand import orbit_from
 
 
 @pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(1), Ring(2), Ring(5), Ring(40)])
@@ -22,7 +25,7 @@ def test_of_a_symmetric_breather_they_are_its_own(lattice):
         gamma, k, a = rng.uniform(0, 0.24), rng.choice([0.0, 0.05, 0.5, 0.9]), rng.uniform(0.5, 1.2)
         forcing = Fourier(cos={1: -1.0, 3: rng.uniform(-1, 1)})
         for b in symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice)[:2]:
-            wanted, found = b.admissibility(), orbit_of(b).admissibility()
+            wanted, found = b.admissibility(), b.unfolded().admissibility()
             seen.add(found.ok)
             assert found.ok == wanted.ok
             assert found.neighbours == pytest.approx(wanted.neighbours, abs=1e-12)
@@ -38,7 +41,7 @@ def test_a_dip_between_the_last_of_the_grid_and_an_impact_is_found_at_its_bottom
         wanted = b.admissibility()
         since = wanted.places["centre"][1] - b.phi
         assert 0.9 * math.pi < since < math.pi - 1e-3
-        found = orbit_of(b).admissibility()
+        found = b.unfolded().admissibility()
         site, time = found.places["centre"]
         assert site == 0
         assert (time - b.phi) % math.pi == pytest.approx(since, abs=1e-7)
@@ -49,7 +52,7 @@ def brute(orbit, reach=40):
     """Highest |u| of all idle sites by dense sampling."""
     ring = orbit.lattice.sites
     sites = range(-reach, reach) if ring is None else range(ring)
-    idle = [n for n in sites if n not in orbit.equations.sites]
+    idle = [n for n in sites if n not in orbit.section.hit]
     t = np.linspace(0, orbit.period, 4001)
     return max(float(np.abs(orbit.displacement(n, t)).max()) for n in idle)
 
@@ -59,15 +62,14 @@ def test_the_highest_idle_site_is_found_among_all():
     orbits = [asymmetric(0.82, 0.04, 0.8), beyond.on(Ring(7))]
     b = symmetric(0.5, 0.2, 0.8)
     for bonds in (1, 2, 6):
-        problem = orbit_problem(
-            [(0, 1), (bonds, -1), (0, -1), (bonds, 1)],
-            times=[b.phi, b.phi + 0.01, b.phi + math.pi, b.phi + math.pi + 0.01],
-            impulses=[-2 * b.p, 2 * b.p, 2 * b.p, -2 * b.p],
-            a=b.a,
-            gamma=b.gamma,
-            k=b.k,
+        # the margins do not ask whether it solves anything
+        guess = orbit_of(
+            b.conditions,
+            Section(((0, 1), (bonds, -1), (0, -1), (bonds, 1))),
+            [b.phi, b.phi + 0.01, b.phi + math.pi, b.phi + math.pi + 0.01],
+            [-2 * b.p, 2 * b.p, 2 * b.p, -2 * b.p],
         )
-        orbits.append(orbit_at(problem))  # the margins do not ask whether it solves anything
+        orbits.append(guess)
     for orbit in orbits:
         site, time, height = highest_neighbour(orbit)
         assert height == pytest.approx(brute(orbit), abs=1e-5)
@@ -77,14 +79,8 @@ def test_the_highest_idle_site_is_found_among_all():
 
 
 def test_a_ring_in_resonance_looks_at_every_site():
-    orbit = Orbit(
-        0.5,
-        0.2,
-        0.8,
-        [(0, 1, 0.0, -1.0), (0, -1, 3.0, 0.8), (0, 1, 6.5, -0.7), (0, -1, 9.0, 0.9)],
-        periods=2,
-        lattice=Ring(30),
-    )
+    impacts = [(0, 1, 0.0, -1.0), (0, -1, 3.0, 0.8), (0, 1, 6.5, -0.7), (0, -1, 9.0, 0.9)]
+    orbit = orbit_from(impacts, turns=2, gamma=0.2, lattice=Ring(30))
     assert orbit.watch.idle.size == 29
     assert highest_neighbour(orbit)[2] == pytest.approx(brute(orbit), abs=1e-4)
 
@@ -109,8 +105,7 @@ def test_far_field_carries_the_offset():
 
 def test_an_orbit_through_its_own_wall_is_called_none():
     # small k: the site is pushed back onto the wall it has just left
-    branch = symmetric(0.99, 0.0, 0.02)
-    orbit = orbit_of(branch)
+    orbit = symmetric(0.99, 0.0, 0.02).unfolded()
     verdict = orbit.admissibility()
     assert not verdict
     assert verdict.site == 0
@@ -124,25 +119,20 @@ def test_an_impact_that_loses_its_velocity_is_a_limit():
     first, second = good.impacts
     margins = []
     for speed in (1.0, 0.1, 0.001):
-        weak = Orbit(
-            good.a,
-            good.gamma,
-            good.k,
-            (first._replace(impulse=speed * first.impulse), second),
-            (good.c,),
-        )
+        slow = first._replace(impulse=speed * first.impulse)
+        weak = Orbit(replace(good.flight, impacts=(slow, second)))
         margins.append(centre_margin(weak))
     assert margins[0] > 0.5
     assert margins[2] < 0.01
 
 
 def test_margins_are_continuous_along_an_arm():
-    from contbreather.breathers.arms import pitchfork_arms
     from contbreather.continuation import Steps, trace
+    from contbreather.continuation.switching import switch
 
     start = symmetric(0.7, 0.04, 0.8)
     point = trace(start, "a", towards="up", within={"a": (0.7, 0.8)}).first("PF")
-    arm = pitchfork_arms(point, steps=Steps(largest=0.01))[0]
+    arm = switch(point, steps=Steps(largest=0.01))[0]
     margins = np.array([point.solution.admissibility().margin for point in arm])
     assert np.abs(np.diff(margins)).max() < 0.02
     assert margins[0] > 0.1

@@ -12,17 +12,20 @@ import pytest
 
 from contbreather.breathers import symmetric
 from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.impacts import OrbitEquations
-from contbreather.breathers.orbit_images import SAME, images_of, simpler_than
-from contbreather.breathers.orbit_problem import impact_problem, orbit_problem
-from contbreather.breathers.orbits import Impact, Orbit, orbit_at, orbit_of
-from contbreather.breathers.symmetric import Breather
+from contbreather.breathers.images import SAME, images_of, simpler_than
+from contbreather.breathers.orbit import Orbit, orbit_at, orbit_of
+from contbreather.breathers.section import Section
+from contbreather.breathers.wave_road import impact_problem
+from contbreather.breathers.waves import OrbitEquations
 from contbreather.continuation import trace
 from contbreather.dynamics import simulate
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier, InfiniteChain, Ring
+from contbreather.lattice.conditions import Conditions
 
-TWO = ((0, 1), (0, -1))
+from .by_hand import orbit_from
+
+TWO = Section(((0, 1), (0, -1)))
 RICH = Fourier(cos={1: -1.0, 3: 0.4}, sin={1: 0.2, 5: -0.3})
 
 
@@ -71,14 +74,14 @@ def test_two_impacts_are_the_closed_form_of_asymmetric_breathers(gamma, k, d):
     assert residual < 1e-10  # one of the four readings solves the equations
 
     off = 1e-2 * d  # closer to the pitchfork the symmetric solution is closer, too
-    problem = orbit_problem(
+    guess = orbit_of(
+        Conditions(**params),
         TWO,
-        times=[t1 + off, t1 + math.pi - 2 * d - off],
-        impulses=[-2.02 * p, 2.02 * p],
-        offsets=[sign * 0.98 * c],
-        **params,
+        [t1 + off, t1 + math.pi - 2 * d - off],
+        [-2.02 * p, 2.02 * p],
+        [sign * 0.98 * c],
     )
-    orbit = orbit_at(problem.solve(tolerance=1e-11)[0])
+    orbit = orbit_at(impact_problem(guess).solve(tolerance=1e-11)[0])
     assert orbit.p == pytest.approx(p, abs=1e-10)
     assert orbit.c == pytest.approx(sign * c, abs=1e-10)
     assert orbit.asymmetry == pytest.approx(-2 * d, abs=1e-10)
@@ -89,10 +92,10 @@ def test_symmetric_breather_is_an_instance():
     for lattice in (InfiniteChain(), Ring(7)):
         for forcing in (None, RICH):
             b = symmetric(0.7, 0.08, 0.8, forcing=forcing, lattice=lattice)
-            orbit = orbit_of(b)
+            orbit = b.unfolded()
             assert orbit.residual < 1e-14
             assert orbit.entries == pytest.approx([b.b, b.b], rel=1e-12)
-            assert orbit.incoming == pytest.approx([b.w_minus, -b.w_minus])
+            assert orbit.incoming == pytest.approx([b.incoming[0], -b.incoming[0]])
             n, t = np.arange(4)[:, None], np.linspace(-3, 9, 23)
             assert np.abs(orbit.displacement(n, t) - b.displacement(n, t)).max() < 3e-15
             assert np.abs(orbit.velocity(n, t) - b.velocity(n, t)).max() < 5e-15
@@ -113,7 +116,7 @@ CASES = [
 def test_derivatives_are_those_of_the_residual(lattice, sequence, periods, forcing, gamma):
     rng = np.random.default_rng(0)
     own = {} if forcing is None else {"forcing": forcing}
-    equations = OrbitEquations(sequence, periods, lattice=lattice, **own)
+    equations = OrbitEquations(Section(sequence, periods), lattice=lattice, **own)
     m = len(sequence)
     times = np.sort(rng.uniform(0, 2 * np.pi * periods, m))
     impulses = -equations.walls * rng.uniform(1, 2, m)
@@ -147,7 +150,7 @@ def repeats(orbit, ring, t0=0.3):
         a=own.a,
         gamma=own.gamma,
         k=own.k,
-        periods=own.periods,
+        periods=own.section.turns,
         t0=t0,
         forcing=own.forcing,
     )
@@ -159,15 +162,12 @@ def repeats(orbit, ring, t0=0.3):
 @pytest.mark.parametrize(("bonds", "wall"), [(1, 1), (1, -1), (2, -1), (3, 1)])
 def test_breathers_on_two_sites_are_repeated_by_the_simulated_ring(sites, bonds, wall):
     b = symmetric(0.5, 0.08, 0.8)
-    problem = orbit_problem(
-        [(0, 1), (bonds, wall), (0, -1), (bonds, -wall)],
-        times=[b.phi, b.phi + 1e-3, b.phi + math.pi, b.phi + math.pi + 1e-3],
-        impulses=[-2 * b.p, -2 * b.p * wall, 2 * b.p, 2 * b.p * wall],
-        a=b.a,
-        gamma=b.gamma,
-        k=b.k,
-    )
-    orbit = orbit_at(problem.solve(tolerance=1e-11)[0])
+    orbit = orbit_of(
+        b.conditions,
+        Section(((0, 1), (bonds, wall), (0, -1), (bonds, -wall))),
+        [b.phi, b.phi + 1e-3, b.phi + math.pi, b.phi + math.pi + 1e-3],
+        [-2 * b.p, -2 * b.p * wall, 2 * b.p, 2 * b.p * wall],
+    ).solved()
     assert orbit.admissibility().ok
     assert repeats(orbit, Ring(sites)) < 1e-13
 
@@ -206,12 +206,13 @@ def test_mean_impulses_tilt_the_chain_between_two_sites():
     """Two sites with net impulses of opposite sign pull the chain into a straight line between."""
     impacts = [(0, 1, 0.0, -1.0), (0, -1, 3.0, 1.2), (3, 1, 0.5, -1.2), (3, -1, 3.5, 1.0)]
     tilt = 3 * 0.2 / (2 * math.pi * 0.1)
-    orbit = Orbit(0.3, 0.1, 0.8, impacts, (tilt, 0.0))
-    assert np.abs(orbit.equations.residual(orbit.x, orbit.params)[8:]).max() < 1e-14
-    assert orbit.offset([-5, 0, 1, 2, 3, 9]) == pytest.approx(
+    orbit = orbit_from(impacts, (tilt, 0.0), a=0.3, gamma=0.1)
+    flight = orbit.flight
+    assert np.abs(flight.equations.residual(flight.x, orbit.conditions.params)[8:]).max() < 1e-14
+    assert flight.offset([-5, 0, 1, 2, 3, 9]) == pytest.approx(
         [tilt, tilt, tilt * 2 / 3, tilt / 3, 0, 0]
     )
-    ring = OrbitEquations(orbit.sequence, lattice=Ring(9))
+    ring = OrbitEquations(orbit.section, lattice=Ring(9))
     # on a ring half of the pull goes the other way round: both ways in parallel
     assert ring.links[0, 1] == pytest.approx(1 / 3 + 1 / 6)
 
@@ -238,9 +239,9 @@ def test_all_sites_obey_the_equation_of_motion():
 
 def test_an_impact_that_overtakes_another_site_changes_nothing_but_its_place_in_line():
     early = [(0, 1, 0.1, -1.0), (1, 1, 0.2, -1.1), (0, -1, 3.0, 1.0), (1, -1, 3.1, 1.1)]
-    orbit = orbit_at(impact_problem(Orbit(0.5, 0.08, 0.8, early)).at(t1=0.3))
+    orbit = orbit_at(impact_problem(orbit_from(early)).at(t1=0.3))
     in_order = [early[1], (0, 1, 0.3, -1.0), *early[2:]]
-    wanted = Orbit(0.5, 0.08, 0.8, in_order)
+    wanted = orbit_from(in_order)
     assert sorted(k.b for k in orbit.map.kicks) == pytest.approx(
         sorted(k.b for k in wanted.map.kicks)
     )
@@ -249,7 +250,7 @@ def test_an_impact_that_overtakes_another_site_changes_nothing_but_its_place_in_
 
 
 def test_general_problem_sees_the_pitchfork_of_symmetric_breathers_as_a_branch_point():
-    start = impact_problem(orbit_of(symmetric(0.74, 0.04, 0.8)))
+    start = impact_problem(symmetric(0.74, 0.04, 0.8).unfolded())
     branch = trace(start, "a", towards="up", within={"a": (0.7, 0.8)})
     assert branch.first("BP")["a"] == pytest.approx(0.777632425944, abs=1e-11)
     assert np.abs(branch["asymmetry"]).max() < 1e-9
@@ -257,7 +258,7 @@ def test_general_problem_sees_the_pitchfork_of_symmetric_breathers_as_a_branch_p
 
 
 def test_general_problem_meets_the_fold_of_symmetric_breathers():
-    start = impact_problem(orbit_of(symmetric(0.1, 0.1, 0.8)))
+    start = impact_problem(symmetric(0.1, 0.1, 0.8).unfolded())
     branch = trace(start, "a", towards="down", within={"a": (0.01, 0.2)})
     assert branch.first("LP")["a"] == pytest.approx(0.057029037182, abs=1e-11)
 
@@ -266,36 +267,34 @@ def test_general_problem_meets_the_fold_of_symmetric_breathers():
     ("sequence", "sentence"),
     [
         ([], "empty"),
-        ([(0, 1), (0, 1)], "no impact hits the wall -1"),
-        ([(0, -1)], r"no impact hits the wall \+1"),
-        ([(0, 1), (0, 2)], "impact 2: wall 2"),
-        ([(0, 1), (0.5, -1)], "impact 2: site 0.5 is no whole number"),
-        ([(0, 1), (7, -1)], "site 7 is not on a ring of 7 sites"),
+        ([(0, 1), (0, 1)], r"hits the wall at \+1 only"),
+        ([(0, -1)], r"hits the wall at -1 only"),
+        ([(0, 1), (0, 2)], r"impact \(0, 2\): walls are \+1 and -1"),
+        ([(0, 1), (0.5, -1)], r"impact \(0\.5, -1\): sites are whole numbers"),
+        ([(0, 1), (7, -1)], r"impact \(7, -1\): no such site on the ring of 7"),
     ],
 )
 def test_sequences_that_cannot_be_are_refused(sequence, sentence):
     m = len(sequence)
-    impulses = [-wall for _, wall in sequence]
-    with pytest.raises(BadInput, match=sentence):
-        orbit_problem(
-            sequence,
-            times=np.arange(m).tolist(),
-            impulses=impulses,
-            a=0.5,
-            gamma=0.1,
-            k=0.8,
-            lattice=Ring(7),
-        )
+    impacts = [(n, w, t, -w) for t, (n, w) in zip(range(m), sequence, strict=True)]
+    for lattice in (InfiniteChain(), Ring(7)):
+        if lattice.sites or "ring" not in sentence:
+            with pytest.raises(BadInput, match=sentence):
+                orbit_from(impacts, gamma=0.1, lattice=lattice)
 
 
 def test_guesses_that_make_no_sense_are_refused():
     def guess(**change):
-        given = {"times": [0.0, 3.0], "impulses": [-1.0, 1.0], "a": 0.5, "gamma": 0.1, "k": 0.8}
-        return orbit_problem(TWO, **{**given, **change})
+        given = {"times": [0.0, 3.0], "impulses": [-1.0, 1.0]}
+        on = replace(
+            Conditions(0.5, 0.1, 0.8), **{n: change.pop(n) for n in ("a", "k") if n in change}
+        )
+        section = replace(TWO, turns=change.pop("turns", 1))
+        return orbit_of(on, section, **{**given, **change})
 
-    with pytest.raises(BadInput, match=r"impact 1 at t = 3 is not before impact 2 at 2"):
+    with pytest.raises(BadInput, match=r"t1 = 3 does not come before t2 = 2"):
         guess(times=[3.0, 2.0])
-    with pytest.raises(BadInput, match="not before the end of the period"):
+    with pytest.raises(BadInput, match=r"t2 = 6\.5 does not come before t1 \+ a section"):
         guess(times=[0.0, 6.5])
     with pytest.raises(BadInput, match=r"impulse 1 at the wall \+1: a wall pushes away"):
         guess(impulses=[1.0, -1.0])
@@ -308,36 +307,34 @@ def test_guesses_that_make_no_sense_are_refused():
     with pytest.raises(BadInput, match=r"k = 1\.5"):
         guess(k=1.5)
     with pytest.raises(BadInput, match="radiates"):
-        guess(periods=2)
+        guess(turns=2)
     with pytest.raises(NotConverged, match="no solution"):
-        guess(a=0.01).solve()
+        guess(a=0.01).problem.solve()
 
 
 def test_questions_about_two_impacts_are_for_two_impacts():
-    orbit = Orbit(0.5, 0.08, 0.8, [Impact(0, -1, 0.0, 1.0), Impact(0, 1, 3.0, -1.0)])
-    for question in ("p", "asymmetry"):
-        with pytest.raises(BadInput, match="two impacts"):
+    orbit = orbit_from([(0, -1, 0.0, 1.0), (0, 1, 3.0, -1.0)])
+    assert orbit.p == 0.5
+    for question in ("phi", "chi", "b"):
+        with pytest.raises(BadInput, match="one impact in half a period"):
             getattr(orbit, question)
+    with pytest.raises(BadInput, match="two impacts"):
+        _ = orbit.asymmetry
+    with pytest.raises(BadInput, match="different momenta"):
+        _ = orbit_from([(0, -1, 0.0, 1.0), (0, 1, 3.0, -1.1)]).p
     with pytest.raises(BadInput, match="whole numbers"):
         orbit.displacement(0.5, 0.0)
-    with pytest.raises(BadInput, match="not finite"):
+    with pytest.raises(BadInput, match="finite real numbers"):
         orbit.displacement(0, math.nan)
     with pytest.raises(BadInput, match="continuous spectrum"):
         orbit.multipliers()
-    with pytest.raises(BadInput, match="fall together on a ring of 2"):
-        Orbit(0.5, 0.08, 0.8, [(0, 1, 0.0, -1.0), (2, -1, 1.0, 1.0)], (0.0, 0.1)).on(Ring(2))
+    with pytest.raises(BadInput, match="fall together on a lattice of 2"):
+        orbit_from([(0, 1, 0.0, -1.0), (2, -1, 1.0, 1.0)], (0.0, 0.1)).on(Ring(2))
 
 
 def test_times_count_modulo_the_period():
     b = symmetric(0.5, 0.04, 0.8)
-    far = orbit_problem(
-        [(0, 1), (0, -1)],
-        times=[b.phi, b.phi + math.pi],
-        impulses=[-2 * b.p, 2 * b.p],
-        a=b.a,
-        gamma=b.gamma,
-        k=b.k,
-    ).at(t1=b.phi - 4 * math.pi, t2=b.phi + 3 * math.pi)
+    far = b.unfolded().problem.at(t1=b.phi - 4 * math.pi, t2=b.phi + 3 * math.pi)
     orbit = orbit_at(far)
     assert orbit.asymmetry == pytest.approx(0.0, abs=1e-14)
     assert orbit.residual < 1e-13
@@ -358,7 +355,7 @@ def test_images_of_an_orbit_are_its_shifts_that_hit_the_same_walls_in_the_same_o
 
 def test_images_over_several_periods_begin_as_close_to_the_orbit_as_they_can() -> None:
     pattern = [(0, 1, 0.1, -1.0), (0, -1, 3.0, 1.1), (0, 1, 6.7, -0.9), (0, -1, 9.0, 0.8)]
-    orbit = Orbit(0.4, 0.03, 0.8, pattern, (0.05,), periods=2)
+    orbit = orbit_from(pattern, (0.05,), 2, a=0.4, gamma=0.03)
     images = list(images_of(orbit))
     assert len(images) == 3
     t = np.linspace(0, 12, 13)
@@ -371,32 +368,37 @@ def test_images_over_several_periods_begin_as_close_to_the_orbit_as_they_can() -
 
 def test_an_orbit_whose_mirror_image_hits_other_walls_has_no_image() -> None:
     twice = [(0, 1, 0.0, -1.0), (0, 1, 1.0, -0.5), (0, -1, 3.5, 1.4)]
-    assert list(images_of(Orbit(0.4, 0.03, 0.8, twice))) == []
+    assert list(images_of(orbit_from(twice, a=0.4, gamma=0.03))) == []
+
+
+def moved(orbit, impact, late):
+    """The orbit with one of its impacts late."""
+    impacts = list(orbit.impacts)
+    impacts[impact] = impacts[impact]._replace(time=impacts[impact].time + late)
+    return Orbit(replace(orbit.flight, impacts=tuple(impacts)))
 
 
 def test_an_orbit_written_over_twice_its_period_is_known_for_its_half() -> None:
     once = asymmetric(0.82, 0.04, 0.8)
-    T = once.period
-    again = tuple(impact._replace(time=impact.time + T) for impact in once.impacts)
-    twice = replace(once, impacts=(*once.impacts, *again), periods=2)
+    twice = once.doubled()
     half = simpler_than(twice)
-    assert isinstance(half, Orbit)
-    assert (half.periods, half.impacts) == (1, once.impacts)
+    assert half is not None
+    assert half.section == once.section
+    for one, other in zip(half.impacts, once.impacts, strict=True):
+        assert one == pytest.approx(other, abs=1e-15)
     assert simpler_than(once) is None
-    late = again[1]._replace(time=again[1].time + 1e-4)
-    assert simpler_than(replace(twice, impacts=(*once.impacts, again[0], late))) is None
+    assert simpler_than(moved(twice, 3, 1e-4)) is None
 
 
 def test_an_orbit_of_two_alike_flights_is_known_for_a_symmetric_breather() -> None:
     b = symmetric(0.5, 0.04, 0.8)
-    known = simpler_than(orbit_of(b))
-    assert isinstance(known, Breather)
+    known = simpler_than(b.unfolded())
+    assert known is not None
+    assert known.section == b.section
     assert (known.p, known.phi) == pytest.approx((b.p, b.phi), abs=1e-14)
     # one that is symmetric but for rounding: its impacts are put to equal distances
-    first, second = orbit_of(b).impacts
-    late = second._replace(time=second.time + 0.8 * SAME)
-    known = simpler_than(replace(orbit_of(b), impacts=(first, late)))
-    assert isinstance(known, Breather)
+    known = simpler_than(moved(b.unfolded(), 1, 0.8 * SAME))
+    assert known is not None
+    assert known.section == b.section
     assert known.phi - b.phi == pytest.approx(0.4 * SAME, abs=1e-3 * SAME)
-    far = second._replace(time=second.time + 1.2 * SAME)
-    assert simpler_than(replace(orbit_of(b), impacts=(first, far))) is None
+    assert simpler_than(moved(b.unfolded(), 1, 1.2 * SAME)) is None

@@ -15,7 +15,7 @@ WELLS = cb.Fourier(cos={1: -1, 3: -0.23}, sin={3: 2.62})
 TIED = cb.Fourier(cos={1: -1, 3: 1.82})  # at gamma = 0 two crests of every site graze at once
 
 
-def reach(breather: cb.Breather, sites: int = 10, times: int = 4000) -> float:
+def reach(breather: cb.Orbit, sites: int = 10, times: int = 4000) -> float:
     """Largest |u| wherever there is no impact, by brute force: over times and sites."""
     s = math.pi * np.arange(1, times) / times
     own = np.abs(breather.displacement(np.zeros(s.size, int), breather.phi + s)).max()
@@ -215,7 +215,7 @@ def test_a_ring_can_be_asked_about_the_infinite_chain() -> None:
 # --- walls are always on ----------------------------------------------------------------------
 
 
-def start() -> cb.Breather:
+def start() -> cb.Orbit:
     return cb.symmetric(a=0.5, gamma=0.04, k=0.8)
 
 
@@ -309,7 +309,7 @@ def test_lifting_walls_of_a_problem_that_has_none_changes_nothing() -> None:
 
 @pytest.mark.parametrize(("a", "gamma", "k"), [(2e-5, 1e-6, 0.999999), (1e-7, 1e-6, 1.0)])
 def test_quiet_neighbours_are_judged_as_fast_as_loud_ones(a: float, gamma: float, k: float) -> None:
-    def seconds(breather: cb.Breather) -> float:
+    def seconds(breather: cb.Orbit) -> float:
         times = []
         for _ in range(7):
             since = perf_counter()

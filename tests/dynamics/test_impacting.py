@@ -112,7 +112,7 @@ def test_impacts_are_those_of_the_closure_to_rounding():
     assert run.impacts["wall"].tolist() == [-1, 1] * 3
     assert np.allclose(run.at_site(0, 1)["phase"], own.phi % (2 * PI), rtol=0, atol=1e-13)
     assert np.allclose(run.at_site(0, -1)["phase"], own.phi + PI, rtol=0, atol=1e-13)
-    assert np.allclose(run.at_site(0, 1)["before"], own.w_minus, rtol=0, atol=1e-13)
+    assert np.allclose(run.at_site(0, 1)["before"], own.incoming[0], rtol=0, atol=1e-13)
     assert np.allclose(run.impacts["after"], -0.8 * run.impacts["before"], rtol=0, atol=1e-15)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers import Breather, neighbour_peak, smallest_amplitude
+from contbreather.breathers import Orbit, neighbour_peak, smallest_amplitude
 from contbreather.errors import BadInput, NotConverged
 from contbreather.paper.threshold import (
     STRIDE,
@@ -21,7 +21,7 @@ from contbreather.stability.half_map import dense_half_map
 SITES, THRESHOLD = 40, 1.02  # a short ring: its dense matrix is quick
 
 
-def monodromy_eigenvalues(breather: Breather, sites: int) -> np.ndarray:
+def monodromy_eigenvalues(breather: Orbit, sites: int) -> np.ndarray:
     half = dense_half_map(sites, breather.gamma, breather.k, breather.b)
     return np.linalg.eigvals(half @ half)
 

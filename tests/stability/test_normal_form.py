@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from contbreather.breathers import pitchfork, symmetric
-from contbreather.breathers.arms import form_at, lift
-from contbreather.breathers.orbits import orbit_at
+from contbreather.breathers.arms import beside
+from contbreather.breathers.lifts import lift
+from contbreather.breathers.orbit import orbit_at
+from contbreather.breathers.symmetric_events import form_at
 from contbreather.continuation import trace
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
@@ -44,7 +46,7 @@ def amplitude(gamma, q, d):
 def test_coefficient_is_the_curvature_of_the_closed_form(gamma, k, known):
     start = symmetric(0.6, gamma, k)
     point = trace(start, "a", within={"a": (0.3, 0.95)}).first("PF")
-    form = form_at(point.solution)
+    form = form_at(point.solution.flight)
     with mp.workdps(40):
         q = (1 - mp.mpf(k)) / (1 + mp.mpf(k))
         one, two = (amplitude(mp.mpf(gamma), q, mp.mpf(d)) for d in ("1e-6", "2e-6"))
@@ -69,11 +71,11 @@ def test_coefficient_is_what_the_arms_do_in_any_parameter(lattice, free):
     lifted = lift(branch_point)
     gaps = []
     for asymmetry in (0.005, 0.01):
-        there = lifted.beside(asymmetry)
+        there = beside(lifted, asymmetry)
         off = there.params[free] - lifted.problem.params[free]
-        gaps.append(asymmetry**2 / off)
+        gaps.append(orbit_at(there).asymmetry ** 2 / off)
     limit = gaps[0] + (gaps[0] - gaps[1]) / 3
-    assert lifted.form.coefficient == pytest.approx(limit, rel=1e-5)
+    assert form_at(branch_point.solution.flight, free).coefficient == pytest.approx(limit, rel=1e-5)
 
 
 @pytest.mark.parametrize(("c3", "word"), [(-1.0, "supercritical"), (0.3, "subcritical")])
@@ -83,12 +85,11 @@ def test_the_word_says_whether_the_arms_take_over_stability(c3, word, gamma):
     start = symmetric(0.9, gamma, 0.8, forcing=forcing)
     branch = trace(start, "a", within={"a": (0.05, 3)}, events=[pitchfork()], inadmissible=True)
     point = branch.first("PF")
-    lifted = lift(point)
-    assert lifted.form.criticality == word
-    arm = orbit_at(lifted.beside(0.01)).map.count().count
+    assert form_at(point.solution.flight).criticality == word
+    arm = orbit_at(beside(lift(point), 0.01)).map.count().count
     near = [point["a"] - 1e-4, point["a"] + 1e-4]
-    beside = trace(point, "a", events=(), within={"a": near}, inadmissible=True)
-    counts = [beside[i].solution.stability().unstable for i in (0, -1)]
+    near_by = trace(point, "a", events=(), within={"a": near}, inadmissible=True)
+    counts = [near_by[i].solution.stability().unstable for i in (0, -1)]
     assert abs(counts[0] - counts[1]) == 1
     assert arm == (min(counts) if word == "supercritical" else max(counts))
 
@@ -100,7 +101,7 @@ def test_the_word_does_not_depend_on_the_parameter_that_is_varied(c3, word):
     start = symmetric(0.9, 0.02, 0.8, forcing=forcing)
     branch = trace(start, "a", within={"a": (0.05, 3)}, events=[pitchfork()], inadmissible=True)
     point = branch.first("PF")
-    forms = {free: form_at(point.solution, free) for free in ("a", "gamma", "k", "c1", "c3")}
+    forms = {free: form_at(point.solution.flight, free) for free in ("a", "gamma", "k", "c1", "c3")}
     assert {form.criticality for form in forms.values()} == {word}
     assert {form.coefficient > 0 for form in forms.values()} == {True, False}
 

@@ -1,7 +1,7 @@
 """What happens to orbits with impacts on their branch: LP, PF, PD, NS, GR, each with its locus.
 
 A multiplier +1 is a zero of the orbit's own equations, offsets included, so folds (and, in
-`contbreather.breathers.orbit_problem`, branch points) are the engine's; -1 is one scalar, a pair on
+`contbreather.breathers.wave_road`, branch points) are the engine's; -1 is one scalar, a pair on
 the circle is counted and located by two equations for its angle, grazing by two and the time.
 """
 
@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import rivals
-from contbreather.breathers.orbits import EQUAL, Orbit
+from contbreather.breathers.images import simpler_than
+from contbreather.breathers.lifts import lift
+from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.watched import moved
 from contbreather.continuation import Event, Locus, Point, fold
 from contbreather.continuation.boundary import meeting
@@ -29,11 +31,12 @@ from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.pairs import beyond, pair_gap
-from contbreather.stability.verdict import THRESHOLD as PAPER
+from contbreather.stability.verdict import THRESHOLD
 from contbreather.stability.winding import Count
 
 Array = NDArray[np.float64]
 
+EQUAL = 1e-9  # flights that differ by less are equal
 _VANISHED = 1e-8  # an impact of a smaller impulse is none
 
 # As k -> 1 the line of Neimark-Sacker points of arms runs into their pitchfork, angle and asymmetry
@@ -100,7 +103,7 @@ def period_doubling() -> Event:
     )
 
 
-def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = PAPER) -> Event:
+def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = THRESHOLD) -> Event:
     """NS: a complex pair of multipliers leaves the unit circle.
 
     Of the infinite chain unless ``on`` is a ring: there a pair passes the modulus ``threshold``
@@ -136,15 +139,16 @@ def orbit_grazing() -> Event:
     )
 
 
-def events_on(lattice: Lattice) -> tuple[Event, ...]:
+def events_on(lattice: Lattice, threshold: float) -> tuple[Event, ...]:
     """The events that any orbit with impacts can meet, apart from multipliers +1."""
-    own = (period_doubling(), orbit_neimark_sacker(on=lattice), orbit_grazing())
+    pairs = orbit_neimark_sacker(on=lattice, threshold=threshold)
+    own = (period_doubling(), pairs, orbit_grazing())
     return own if isinstance(lattice, Ring) else (*own, tally())
 
 
-def unstable(orbit: Orbit) -> int:
+def unstable(orbit: Orbit, threshold: float) -> int:
     """Multipliers outside: isolated ones on the infinite chain, beyond the threshold on a ring."""
-    return _counted(orbit.map, 1.0 if orbit.lattice.sites is None else PAPER).count
+    return _counted(orbit.map, 1.0 if orbit.lattice.sites is None else threshold).count
 
 
 @lru_cache(maxsize=512)
@@ -202,8 +206,6 @@ def _equal_flights_slope(curve: Curve, z: Array, extra: Array) -> Array:
 
 def symmetric_arms(point: Point) -> tuple[Seed, ...]:
     """Both directions of the branch of symmetric breathers, in its own problem."""
-    from contbreather.breathers.orbit_images import simpler_than
-
     breather = simpler_than(_orbit(point))
     if breather is None:
         raise Undefined("the flights are not equal here")
@@ -220,9 +222,7 @@ def _minus_one(curve: Curve, z: Array, extra: Array) -> Array:
 
 
 def doubled_arm(point: Point) -> tuple[Seed, ...]:
-    from contbreather.breathers.doubling import doubled_seed
-
-    return (doubled_seed(point),)  # the other direction is the same orbit, a period later
+    return (lift(point).seed(),)  # the other direction is the same orbit, a period later
 
 
 def _examine_doubling(point: Point) -> str:
@@ -345,7 +345,7 @@ def _grazing_locus(point: Point) -> Locus:
     orbit = _orbit(point)
     worst = orbit.admissibility()
     site, t = worst.site, worst.time
-    if site in orbit.equations.sites and any(t == impact.time for impact in orbit.impacts):
+    if site in orbit.section.hit and any(t == impact.time for impact in orbit.impacts):
         raise Undefined(f"an impact of site {site} itself loses its velocity: no grazing to follow")
     wall = math.copysign(1.0, orbit.watch.at(site, t)[0])
     share = _offset_share(orbit, site, wall)
@@ -377,12 +377,13 @@ def _offset_share(orbit: Orbit, site: int | None, wall: float) -> Array:
     On a boundary that runs into gamma = 0 a site keeps to what holds for gamma > 0.
     """
     size = len(orbit.offsets)
-    if orbit.gamma == 0.0 and site not in orbit.equations.sites:
+    if orbit.gamma == 0.0 and site not in orbit.section.hit:
         return np.zeros(size)
     if site is None:
         end = 0 if wall * orbit.offsets[0] >= wall * orbit.offsets[-1] else size - 1
         return np.eye(size)[end]
-    unit = [replace(orbit, offsets=tuple(row)).offset(site) for row in np.eye(size).tolist()]
+    flight = orbit.flight
+    unit = [replace(flight, offsets=tuple(row)).offset(site) for row in np.eye(size).tolist()]
     return np.array(unit, dtype=float)
 
 
@@ -408,7 +409,7 @@ def _motion_slope(
         return _answers(orbit, site, t, wave_slope, orbit.impulses)[:2]
     m = len(orbit.impacts)
     if name == "p":
-        return _answers(orbit, site, t, wave, -2.0 * orbit.equations.walls)[:2]
+        return _answers(orbit, site, t, wave, -2.0 * np.sign(-orbit.impulses))[:2]
     one = np.zeros(m)
     i = int(name[1:]) - 1
     if name[0] == "J":
@@ -426,14 +427,14 @@ def _answers(
     for impact, weight in zip(orbit.impacts, weights.tolist(), strict=True):
         if weight:
             distance = orbit.lattice.distance(site - impact.site)
-            answer = make(orbit.lattice, orbit.gamma, distance, orbit.periods)
+            answer = make(orbit.lattice, orbit.gamma, distance, orbit.section.turns)
             total += weight * np.array(answer.at(t - impact.time)[:3])
     return float(total[0]), float(total[1]), float(total[2])
 
 
 def _ends_of_grazing(orbit: Orbit, site: int | None) -> tuple[Event, ...]:
     """What ends the grazing of one crest: another one, or the pitchfork of its arm."""
-    asymmetry = orbit.asymmetry if orbit.two_impacts else 0.0
+    asymmetry = orbit.asymmetry if orbit.section.two_impacts else 0.0
     if abs(asymmetry) <= EQUAL:
         return (_other_grazing(site),)
     side = math.copysign(1.0, asymmetry)

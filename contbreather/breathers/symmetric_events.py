@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import Gap, rivals
-from contbreather.breathers.symmetric import Breather, flight_slope_of
+from contbreather.breathers.clearance import Gap, clearance, rivals
+from contbreather.breathers.closed_form import SymmetricFlight, flight_slope_of
+from contbreather.breathers.lifts import lift
 from contbreather.breathers.watched import phase
 from contbreather.checks import check_kind, real
 from contbreather.continuation import Event, Locus, Point
@@ -31,13 +32,14 @@ from contbreather.stability.arc import OnArc, Window, on_arc, window
 from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import closest_approach
+from contbreather.stability.normal_form import PitchforkForm, pitchfork_form
 from contbreather.stability.pairs import outermost
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.stability.winding import unstable_count
 
 Array = NDArray[np.float64]
-Scalar = Callable[[Breather], float]
-Slope = Callable[[Breather, str], float]
+Scalar = Callable[[SymmetricFlight], float]
+Slope = Callable[[SymmetricFlight, str], float]
 
 # As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, and at
 # k = 1 there are none: within rounding of the edge the curve cannot be followed.
@@ -116,12 +118,12 @@ def neimark_sacker(
         count=event.count,
         locus=event.locus,
         examine=event.examine,
-        record={"unstable": lambda point: unstable(point.solution, lattice, threshold)},
+        record={"unstable": lambda point: unstable(_flight(point), lattice, threshold)},
         about=about,
     )
 
 
-def unstable(breather: Breather, lattice: Lattice, threshold: float) -> int:
+def unstable(breather: SymmetricFlight, lattice: Lattice, threshold: float) -> int:
     """Multipliers of QS outside the circle: isolated ones on the infinite chain, those over 2 pi
     beyond the threshold on a ring."""
     radius = math.sqrt(threshold) if isinstance(lattice, Ring) else 1.0
@@ -154,20 +156,24 @@ def grazing() -> Event:
     """
     return Event(
         "GR",
-        _on_breather(lambda breather: breather.admissibility().margin),
+        _on_breather(lambda breather: clearance(breather.watch).margin),
         ends="domain",
         locus=_grazing_locus,
         examine=lambda point: {"kind": "VI"} if point["p"] < _VANISHED else {},
     )
 
 
-def _on_breather(test: Callable[[Breather], float]) -> Callable[[Point], float]:
-    return lambda point: test(point.solution)
+def _on_breather(test: Callable[[SymmetricFlight], float]) -> Callable[[Point], float]:
+    return lambda point: test(_flight(point))
 
 
-def _breather(curve: Curve, z: Array) -> Breather:
-    breather: Breather = Point(curve, z).solution
-    return breather
+def _flight(point: Point) -> SymmetricFlight:
+    flight: SymmetricFlight = point.solution.flight
+    return flight
+
+
+def _breather(curve: Curve, z: Array) -> SymmetricFlight:
+    return _flight(Point(curve, z))
 
 
 def _names(curve: Curve) -> tuple[str, ...]:
@@ -178,7 +184,7 @@ def _names(curve: Curve) -> tuple[str, ...]:
 # --- fold and pitchfork: one scalar, nothing unknown --------------------------------------------
 
 
-def _driven(breather: Breather, order: int, name: str, t: float) -> float:
+def _driven(breather: SymmetricFlight, order: int, name: str, t: float) -> float:
     """Derivative of ``a f^(order)(t)`` in a parameter of the forcing or in a."""
     f = breather.forcing
     if name == "a":
@@ -186,12 +192,12 @@ def _driven(breather: Breather, order: int, name: str, t: float) -> float:
     return breather.a * f.f_param(name, t, order) if name in f.params else 0.0
 
 
-def _fold(breather: Breather) -> float:
+def _fold(breather: SymmetricFlight) -> float:
     f, phi = breather.forcing, breather.phi
     return breather.a * (breather.chi * f.d2f(phi) + breather.q * f.df(phi))
 
 
-def _fold_slope(breather: Breather, name: str) -> float:
+def _fold_slope(breather: SymmetricFlight, name: str) -> float:
     a, f, phi = breather.a, breather.forcing, breather.phi
     if name == "phi":
         return a * (breather.chi * f.d3f(phi) + breather.q * f.d2f(phi))
@@ -204,13 +210,13 @@ def _fold_slope(breather: Breather, name: str) -> float:
     )
 
 
-def _pitchfork(breather: Breather) -> float:
+def _pitchfork(breather: SymmetricFlight) -> float:
     """2p/c^2 times ``b - c^2 psi/2``, which is D(1) without its pole; eta + psi = 2 sigma."""
     sigma = breather.lattice.sigma(breather.gamma)
     return breather.a * breather.forcing.d2f(breather.phi) - 2.0 * breather.p * sigma
 
 
-def _pitchfork_slope(breather: Breather, name: str) -> float:
+def _pitchfork_slope(breather: SymmetricFlight, name: str) -> float:
     lattice, gamma = breather.lattice, breather.gamma
     if name == "p":
         return -2.0 * lattice.sigma(gamma)
@@ -235,24 +241,26 @@ def _scalar_locus(value: Scalar, slope: Slope) -> Callable[[Point], Locus]:
 
 def asymmetric_arms(point: Point) -> tuple[Seed, ...]:
     """Both arms of asymmetric breathers, in the problem that knows them."""
-    from contbreather.breathers.arms import lift
-
     lifted = lift(point)
-    return tuple(Seed(lifted.problem, lifted.z, sign * lifted.tangent) for sign in (1.0, -1.0))
+    return lifted.seed(1.0), lifted.seed(-1.0)
 
 
 def _pitchfork_form(point: Point) -> Mapping[str, Any]:
     """How the arms leave, along a branch in one parameter."""
-    from contbreather.breathers.arms import form_at
-
     if point.curve.problem.adjoined is not None:
         return {}
-    form = form_at(point.solution, point.curve.free[0])
+    form = form_at(_flight(point), point.curve.free[0])
     return {"criticality": form.criticality, "coefficient": form.coefficient}
 
 
+def form_at(flight: SymmetricFlight, free: str = "a") -> PitchforkForm:
+    """Normal form of the pitchfork of a symmetric breather, in one of its parameters."""
+    on, x = (flight.a, flight.gamma, flight.k), (flight.p, flight.phi)
+    return pitchfork_form(*on, *x, flight.forcing, flight.lattice, free=free)
+
+
 def _examine_pitchfork(point: Point) -> str | Mapping[str, Any]:
-    breather: Breather = point.solution
+    breather = _flight(point)
     size = abs(breather.acceleration) + breather.p
     if abs(_pitchfork(breather)) > _ZERO * size:
         return f"a f'' - 2 p sigma = {_pitchfork(breather):.2g} is not zero"
@@ -264,7 +272,7 @@ def _examine_pitchfork(point: Point) -> str | Mapping[str, Any]:
 # --- Neimark-Sacker on the infinite chain -------------------------------------------------------
 
 
-def _b_slope(breather: Breather, name: str) -> float:
+def _b_slope(breather: SymmetricFlight, name: str) -> float:
     """Derivative of the entry b of the saltation matrix (19)."""
     c, p, a, phi = 1.0 + breather.k, breather.p, breather.a, breather.phi
     half = c * c / (2.0 * p)
@@ -285,7 +293,7 @@ def _window(point: Point) -> Window:
     Along a curve in k, elastic impacts are the limit of those before: what is neutral only there
     is no event.
     """
-    breather: Breather = point.solution
+    breather = _flight(point)
     k = breather.k
     if k == 1.0 and "k" in point.curve.varied:
         k = _ALL_BUT
@@ -293,16 +301,16 @@ def _window(point: Point) -> Window:
 
 
 def _miss(point: Point) -> float:
-    return _window(point).miss(point.solution.b)
+    return _window(point).miss(_flight(point).b)
 
 
 def _passed(point: Point) -> int:
     """How many of both ends of the window are below b: two that are passed in one step are seen."""
-    return _window(point).passed(point.solution.b)
+    return _window(point).passed(_flight(point).b)
 
 
 def _arc_locus(point: Point) -> Locus:
-    breather: Breather = point.solution
+    breather = _flight(point)
     if breather.k == 1.0:
         # two neutral multipliers meet on the circle, beyond the band, and leave it together
         raise Undefined("elastic impacts: no angle in the band, bisection has to do")
@@ -320,7 +328,7 @@ def _arc_derivative(curve: Curve, z: Array, extra: Array) -> Array:
     return _along(curve, breather, on_arc(breather.gamma, extra[0], breather.k, breather.b))
 
 
-def _along(curve: Curve, breather: Breather, F: OnArc | Gradient) -> Array:
+def _along(curve: Curve, breather: SymmetricFlight, F: OnArc | Gradient) -> Array:
     """Derivative of F along the curve's columns and the angle, through b and directly."""
     direct = {"gamma": F.d_gamma, "k": F.d_k}
     columns = [F.d_b * _b_slope(breather, name) + direct.get(name, 0.0) for name in _names(curve)]
@@ -336,7 +344,7 @@ def _examine_angle(point: Point) -> str:
 # --- Neimark-Sacker by the paper's rule on a ring -----------------------------------------------
 
 
-def _upper(breather: Breather, ring: Ring) -> NDArray[np.complex128]:
+def _upper(breather: SymmetricFlight, ring: Ring) -> NDArray[np.complex128]:
     """Multipliers of QS in the open upper half plane; those of odd modes never leave the circle."""
     mu = even_multipliers(ring, breather.gamma, breather.k, breather.b)
     return np.asarray(mu[mu.imag > _ZERO])
@@ -360,7 +368,7 @@ def _circle_locus(point: Point, ring: Ring, threshold: float, angle: float | Non
         return np.array([row.real, row.imag])
 
     if angle is None:
-        mu = _upper(point.solution, ring)
+        mu = _upper(_flight(point), ring)
         if not mu.size:
             raise Undefined("no complex multipliers on this ring")
         angle = float(np.angle(mu[abs(mu).argmax()])) / math.pi
@@ -373,7 +381,7 @@ def _next_wave(ring: Ring, threshold: float) -> Event:
     radius = math.sqrt(threshold)
 
     def others(point: Point) -> NDArray[np.complex128]:
-        mu = _upper(point.solution, ring)
+        mu = _upper(_flight(point), ring)
         own = int(abs(mu - radius * cmath.exp(1j * math.pi * point["nu"])).argmin())
         return np.asarray(np.delete(mu, own))
 
@@ -396,23 +404,23 @@ def _next_wave(ring: Ring, threshold: float) -> Event:
 
 def _grazing_locus(point: Point) -> Locus:
     """``u_n = 1, u_n' = 0`` at an unknown time, for the site that is closest to its walls."""
-    return _crest_locus(point.solution, *_closest(point.solution))
+    return _crest_locus(_flight(point), *_closest(_flight(point)))
 
 
-def _closest(breather: Breather) -> tuple[int, float]:
+def _closest(breather: SymmetricFlight) -> tuple[int, float]:
     """Site and time of the crest that is closest to a wall."""
-    found = breather.admissibility()
+    found = clearance(breather.watch)
     if found.centre < min(found.neighbours, found.far):
         return 0, found.places["centre"][1]
     if breather.gamma < _ALIKE:
         # without coupling all neighbours climb alike: the one that does highest with a little of it
-        found = replace(breather, gamma=_ALIKE).admissibility()
+        found = clearance(replace(breather, gamma=_ALIKE).watch)
     site, t = found.places["neighbours"]
     assert site is not None
     return site, t
 
 
-def _crest_locus(breather: Breather, site: int, t: float) -> Locus:
+def _crest_locus(breather: SymmetricFlight, site: int, t: float) -> Locus:
     wall = math.copysign(1.0, breather.watch.at(site, t)[0])
     if site == 0 and not 1e-9 < t - breather.phi < math.pi - 1e-9:
         raise Undefined("the impact of site 0 itself loses its velocity: no grazing to follow")
@@ -436,14 +444,14 @@ def _other_grazing(site: int) -> Event:
     of the same one. Where it does not, the limit of existence goes on with that."""
 
     def closest(point: Point) -> Gap:
-        return min(rivals(point.solution.watch, site, point["t"]))
+        return min(rivals(_flight(point).watch, site, point["t"]))
 
     def analysis(point: Point) -> Mapping[str, Any]:
         other = closest(point)
         return {"site": other.site, "time": other.time}
 
     def locus(point: Point) -> Locus:
-        return _crest_locus(point.solution, point.detail["site"], point.detail["time"])
+        return _crest_locus(_flight(point), point.detail["site"], point.detail["time"])
 
     def test(point: Point) -> float:
         return closest(point).margin
@@ -452,7 +460,7 @@ def _other_grazing(site: int) -> Event:
     return Meeting("GR-GR", test, ends="domain", met=met, examine=analysis)
 
 
-def _motion_slope(breather: Breather, site: int, t: float, name: str) -> tuple[float, float]:
+def _motion_slope(breather: SymmetricFlight, site: int, t: float, name: str) -> tuple[float, float]:
     """Derivative of displacement and velocity at a fixed time."""
     if name not in ("p", "phi", "gamma"):
         return _driven(breather, 0, name, t), _driven(breather, 1, name, t)

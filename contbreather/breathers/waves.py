@@ -19,89 +19,27 @@ multi-site and period-n breathers, on rings and on the infinite chain, are all t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from contbreather.breathers.refusals import ImpossibleSequence
+from contbreather.breathers.closure import EPS
+from contbreather.breathers.section import Impact, Section, Sequenced, check_both_walls
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
-from contbreather.lattice.conditions import restitution_ratio
-from contbreather.lattice.periodic import wave, wave_slope
+from contbreather.lattice.conditions import Conditions, check_amplitude, restitution_ratio
+from contbreather.lattice.periodic import check_coupling, wave, wave_slope
+from contbreather.stability.monodromy import Kick
+from contbreather.stability.orbit import OrbitMap
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 
 FEW = 8  # up to so many pairs of impacts a loop over floats beats numpy
 _EVEN_ODD = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
-
-
-class Impact(NamedTuple):
-    """One impact: which site hits which wall (+1 or -1), when, and the impulse it receives."""
-
-    site: int
-    wall: int
-    time: float
-    impulse: float
-
-
-# --- which sequences of impacts can be -------------------------------------------------------
-
-
-@lru_cache(maxsize=256)
-def check_sequence(sequence: tuple[tuple[int, int], ...], lattice: Lattice) -> None:
-    """Refuse a sequence of (site, wall) that no orbit can have.
-
-    Raises
-    ------
-    ImpossibleSequence
-        No impacts; a site that is no whole number or, on a ring, one that is not there; a wall
-        other than +1 and -1; a wall that is never hit (all impulses would push the same way, and
-        nothing holds the lattice back).
-    """
-
-    def refuse(why: str) -> ImpossibleSequence:
-        return ImpossibleSequence(why, sequence=sequence)
-
-    if not sequence:
-        raise refuse("the sequence of impacts is empty: give (site, wall) of each, in order.")
-    for i, impact in enumerate(sequence):
-        site, wall = impact
-        if isinstance(site, bool) or not isinstance(site, int | np.integer):
-            raise refuse(f"impact {i + 1}: site {site!r} is no whole number.")
-        if lattice.sites is not None and not 0 <= site < lattice.sites:
-            raise refuse(
-                f"impact {i + 1}: site {site} is not on a ring of {lattice.sites} sites, "
-                f"0 to {lattice.sites - 1}."
-            )
-        if wall not in (1, -1):
-            raise refuse(f"impact {i + 1}: wall {wall!r}; the walls are +1 and -1.")
-    missing = {1, -1} - {wall for _, wall in sequence}
-    if missing:
-        raise refuse(
-            f"no impact hits the wall {missing.pop():+d}: over a period the impulses of a chain "
-            "without springs to the ground add up to nothing, so both walls must be hit."
-        )
-
-
-def check_times(times: Sequence[float], periods: int) -> None:
-    """Refuse times of impact that are out of order or not within one period."""
-    end = times[0] + 2.0 * math.pi * periods
-    for i, (before, after) in enumerate(zip(times, [*times[1:], end], strict=True)):
-        if not before < after:
-            last = i + 1 == len(times)
-            what = f"the end of the period, {end:.9g}" if last else f"impact {i + 2} at {after:.9g}"
-            raise BadInput(
-                f"impact {i + 1} at t = {before:.9g} is not before {what}: give the impacts of "
-                f"one period 2 pi {periods} in order of time."
-            )
-
-
-# --- the equations ----------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -112,10 +50,8 @@ class OrbitEquations:
 
     Parameters
     ----------
-    sequence : tuple of (site, wall)
+    section : Section
         The impacts of one period, in order.
-    periods : int
-        n of the period 2 pi n.
     forcing : Forcing
     lattice : InfiniteChain or Ring
 
@@ -124,18 +60,30 @@ class OrbitEquations:
     >>> from contbreather.breathers.symmetric import symmetric
     >>> b = symmetric(0.5, 0.12, 0.4)
     >>> x = np.array([b.phi, b.phi + math.pi, -2 * b.p, 2 * b.p, 0.0])
-    >>> same = OrbitEquations(((0, 1), (0, -1)))
+    >>> same = OrbitEquations(Section(((0, 1), (0, -1))))
     >>> bool(abs(same.residual(x, {"a": 0.5, "gamma": 0.12, "k": 0.4})).max() < 1e-14)
     True
     """
 
-    sequence: tuple[tuple[int, int], ...]
-    periods: int = 1
+    section: Section
     forcing: Forcing = field(default_factory=Harmonic)
     lattice: Lattice = field(default_factory=InfiniteChain)
 
     def __post_init__(self) -> None:
-        check_sequence(self.sequence, self.lattice)
+        check_both_walls(self.section, Conditions(1.0, 0.0, 0.0, lattice=self.lattice))
+
+    @property
+    def sequence(self) -> Sequenced:
+        return self.section.impacts
+
+    @property
+    def sites(self) -> tuple[int, ...]:
+        """The sites that take impacts, from left to right: each has an offset."""
+        return self.section.hit
+
+    @property
+    def turns(self) -> int:
+        return self.section.turns
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -143,11 +91,6 @@ class OrbitEquations:
         m = range(1, len(self.sequence) + 1)
         offsets = ["c"] if len(self.sites) == 1 else [f"c{i + 1}" for i in range(len(self.sites))]
         return (*(f"t{i}" for i in m), *(f"J{i}" for i in m), *offsets)
-
-    @cached_property
-    def sites(self) -> tuple[int, ...]:
-        """The sites that take impacts, from left to right: each has an offset."""
-        return tuple(sorted({site for site, _ in self.sequence}))
 
     @cached_property
     def walls(self) -> FloatArray:
@@ -191,7 +134,7 @@ class OrbitEquations:
         out = np.zeros((4, m, m))
         make = wave_slope if slope else wave
         for distance, pairs in self._pairs.items():
-            answer = make(self.lattice, gamma, distance, self.periods)
+            answer = make(self.lattice, gamma, distance, self.turns)
             if distance == 0:
                 value, _, curvature, _ = answer.at(0.0)
                 out[0].flat[:: m + 1], out[2].flat[:: m + 1] = value, curvature
@@ -229,7 +172,7 @@ class OrbitEquations:
     def _balance(self, impulses: FloatArray, offsets: FloatArray, gamma: float) -> FloatArray:
         mean = np.zeros(len(self.sites))
         np.add.at(mean, self.own, impulses)
-        return mean + (2.0 * math.pi * self.periods * gamma) * (self.links @ offsets)
+        return mean + (2.0 * math.pi * self.turns * gamma) * (self.links @ offsets)
 
     def jacobian(self, x: FloatArray, params: Params) -> FloatArray:
         """Derivatives with respect to x."""
@@ -250,7 +193,7 @@ class OrbitEquations:
         out[m + own, m + own] += 0.5 * (1.0 - k) / (1.0 + k)
         out[own, 2 * m + self.own] = 1.0
         out[2 * m + self.own, m + own] = 1.0
-        out[balance, balance] = (2.0 * math.pi * self.periods * gamma) * self.links
+        out[balance, balance] = (2.0 * math.pi * self.turns * gamma) * self.links
         return out
 
     def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
@@ -263,7 +206,7 @@ class OrbitEquations:
         elif name == "gamma":
             h = self.meetings(gamma, times, slope=True)
             walls, resets = h[0] @ impulses, h[1] @ impulses
-            balance = (2.0 * math.pi * self.periods) * (self.links @ offsets)
+            balance = (2.0 * math.pi * self.turns) * (self.links @ offsets)
         elif name == "k":
             walls, resets = np.zeros(times.size), -impulses / (1.0 + k) ** 2
         elif name in self.forcing.params:
@@ -297,8 +240,143 @@ def _moved_forcing(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> F
 
 
 @lru_cache(maxsize=256)
-def equations_of(
-    sequence: tuple[tuple[int, int], ...], periods: int, forcing: Forcing, lattice: Lattice
-) -> OrbitEquations:
+def equations_of(section: Section, forcing: Forcing, lattice: Lattice) -> OrbitEquations:
     """`OrbitEquations`, kept: what they derive from the sequence serves a whole branch."""
-    return OrbitEquations(sequence, periods, forcing, lattice)
+    return OrbitEquations(section, forcing, lattice)
+
+
+# --- the motion ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class GreenFlight:
+    """The motion that solutions of `OrbitEquations` are.
+
+    Attributes
+    ----------
+    conditions : Conditions
+        Of the infinite chain or a ring, without damping and springs.
+    section : Section
+    impacts : tuple of Impact
+        Those of one period; times count modulo the period.
+    offsets : tuple of float
+        Static displacement of each impacting site, from left to right.
+
+    Raises
+    ------
+    BadInput
+        For impulses that push a site into its wall, or parameters out of range.
+    """
+
+    conditions: Conditions
+    section: Section
+    impacts: tuple[Impact, ...]
+    offsets: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        on = self.conditions
+        check_amplitude(on.a)
+        restitution_ratio(on.k)
+        check_coupling(on.lattice, on.gamma, self.section.turns)
+        sites = self.equations.sites
+        if len(self.offsets) != len(sites):
+            raise BadInput(
+                f"{len(self.offsets)} offsets for {len(sites)} impacting sites {list(sites)}: one "
+                "for each is wanted."
+            )
+        if not np.isfinite(self.x).all():
+            raise BadInput(
+                f"impacts {self.impacts}, offsets {self.offsets}: finite numbers are wanted."
+            )
+        for i, impact in enumerate(self.impacts):
+            if impact.wall * impact.impulse >= 0.0:
+                raise BadInput(
+                    f"impact {i + 1} has the impulse {impact.impulse:.6g} at the wall "
+                    f"{impact.wall:+d}: a wall pushes away from itself, so the sign must be "
+                    f"{-impact.wall:+d}."
+                )
+
+    @cached_property
+    def equations(self) -> OrbitEquations:
+        """The equations it solves, as functions of all unknowns and parameters."""
+        return equations_of(self.section, self.conditions.forcing, self.conditions.lattice)
+
+    @cached_property
+    def x(self) -> FloatArray:
+        """All unknowns of `equations`."""
+        times, impulses = zip(*((one.time, one.impulse) for one in self.impacts), strict=True)
+        return np.array([*times, *impulses, *self.offsets], dtype=float)
+
+    @property
+    def error(self) -> float:
+        return float(np.abs(self.equations.residual(self.x, self.conditions.params)).max())
+
+    @property
+    def c(self) -> float:
+        if len(self.offsets) > 1:
+            raise BadInput(f"this orbit has an offset for each of {len(self.offsets)} sites.")
+        return self.offsets[0]
+
+    @property
+    def accelerations(self) -> FloatArray:
+        times, impulses, _ = self.equations.split(self.x)
+        on = self.conditions
+        h = self.equations.meetings(on.gamma, times)
+        return np.asarray(on.a * on.forcing.d2f(times) + h[2] @ impulses)
+
+    def offset(self, n: ArrayLike) -> FloatArray:
+        """Static displacement of sites: straight lines between the impacting ones, level beyond.
+
+        At gamma = 0 nothing holds the others to them: they stay where they are, at 0.
+        """
+        sites = np.asarray(n, dtype=float)
+        places, values = list(self.equations.sites), list(self.offsets)
+        ring = self.conditions.lattice.sites
+        if self.conditions.gamma == 0.0:
+            return np.asarray(np.where(np.isin(sites, places), np.interp(sites, places, values), 0))
+        if ring is None or len(places) == 1:
+            return np.asarray(np.interp(sites, places, values))
+        return np.asarray(np.interp(sites % ring, places, values, period=ring))
+
+    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
+        n, t = np.broadcast_arrays(n, t)
+        on = self.conditions
+        f = on.forcing
+        total = np.array(on.a * (f.f, f.df, f.d2f)[order](t), dtype=float)
+        if order == 0:
+            total += self.offset(n)
+        for impact in self.impacts:
+            since = self._since(t, impact.time)
+            for m in np.unique(np.abs(n - impact.site)):
+                at = np.abs(n - impact.site) == m
+                distance = on.lattice.distance(int(m))
+                answer = wave(on.lattice, on.gamma, distance, self.section.turns)
+                total[at] += impact.impulse * answer.at(since[at])[order]
+        return total
+
+    def _since(self, t: FloatArray, impact: float) -> FloatArray:
+        """Time since the last occurrence of an impact; within rounding of one it counts as one."""
+        T = self.section.period
+        s = (t - impact) % T
+        return np.where(T - s <= 4.0 * EPS * (T + np.abs(t) + abs(impact)), 0.0, s)
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Displacements and velocities of all sites of a ring at one time."""
+        sites, time = np.arange(self.conditions.lattice.sites), np.array(t)
+        return self.profile(sites, time, 0), self.profile(sites, time, 1)
+
+    @cached_property
+    def map(self) -> OrbitMap:
+        """The map of small perturbations over one period."""
+        on, first, T = self.conditions, self.impacts[0].time, self.section.period
+        _, impulses, _ = self.equations.split(self.x)
+        b = -((1.0 + on.k) ** 2) * self.accelerations / impulses
+        kicks = [
+            Kick(impact.site, first + (impact.time - first) % T, entry)
+            for impact, entry in zip(self.impacts, b.tolist(), strict=True)
+        ]
+        kicks.sort(key=lambda kick: kick.time)
+        return OrbitMap(on.gamma, on.k, tuple(kicks), self.section.turns, on.lattice)
+
+    def multipliers(self) -> NDArray[np.complex128]:
+        return self.map.multipliers()

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import at_impact, closest, rivals
-from contbreather.breathers.flight_map import Section
-from contbreather.breathers.itinerary import Itinerary
-from contbreather.breathers.ring_orbit import EPS, RingOrbit
+from contbreather.breathers.lifts import lift
+from contbreather.breathers.modal_flight import EPS, ModalFlight
+from contbreather.breathers.orbit import Orbit
+from contbreather.breathers.section import Section
 from contbreather.continuation import Event, Locus, Point, branch_point, fold
 from contbreather.continuation.derivatives import differences
 from contbreather.continuation.events import Meeting, Singular, bordered
@@ -28,7 +29,7 @@ from contbreather.continuation.seed import Seed
 from contbreather.continuation.switching import across
 from contbreather.errors import BadInput
 from contbreather.stability.pairs import beyond, outermost
-from contbreather.stability.verdict import THRESHOLD as PAPER
+from contbreather.stability.verdict import THRESHOLD
 
 FloatArray = NDArray[np.float64]
 Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
@@ -42,15 +43,15 @@ SHALLOW = 1e-8  # velocity below which an impact is none
 DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
 
-def events_of(itinerary: Itinerary, threshold: float = PAPER) -> tuple[Event, ...]:
+def events_of(section: Section, threshold: float = THRESHOLD) -> tuple[Event, ...]:
     """All events of an orbit with these impacts.
 
     Examples
     --------
-    >>> [event.kind for event in events_of(Itinerary(20, ((0, 1), (0, -1))))]
+    >>> [event.kind for event in events_of(Section(((0, 1), (0, -1))))]
     ['LP', 'BP', 'PD', 'NS', 'GR']
     """
-    own = symmetry_breaking() if itinerary.symmetric else period_doubling()
+    own = symmetry_breaking() if section.symmetric else period_doubling()
     return (fold(), branching(), own, ring_neimark_sacker(threshold), contact())
 
 
@@ -60,7 +61,7 @@ def symmetry_breaking() -> Event:
     def test(point: Point) -> float:
         # without coupling idle sites have it all along, wherever they are
         lost = _loose(point) and point["gamma"] < ADRIFT
-        return math.nan if lost else determinant(point.solution, 1.0)
+        return math.nan if lost else determinant(_flight(point), 1.0)
 
     def locus(point: Point) -> Locus:
         own = _null_locus(1.0)(point)
@@ -69,14 +70,14 @@ def symmetry_breaking() -> Event:
     return Event(
         "PF",
         test,
-        count=lambda point: beyond(point.solution.coupled, 1.0),
+        count=lambda point: beyond(_flight(point).coupled, 1.0),
         locus=locus,
     )
 
 
 def _loose(point: Point) -> bool:
     """Whether idle sites are held by their neighbours alone."""
-    orbit: RingOrbit = point.solution
+    orbit: Orbit = point.solution
     return orbit.spring < ADRIFT and orbit.lattice.sites > 1
 
 
@@ -84,23 +85,19 @@ def period_doubling() -> Event:
     """PD: a multiplier -1 over the period."""
     return Event(
         "PD",
-        lambda point: determinant(point.solution, -1.0),
-        count=lambda point: beyond(point.solution.coupled, -1.0),
+        lambda point: determinant(_flight(point), -1.0),
+        count=lambda point: beyond(_flight(point).coupled, -1.0),
         locus=_null_locus(-1.0),
     )
 
 
 def _both_arms(point: Point) -> tuple[Seed, ...]:
-    from contbreather.breathers.shooting_lifts import unfolded
-
-    lift = unfolded(point)
-    return lift.seed(1.0), lift.seed(-1.0)
+    lifted = lift(point)
+    return lifted.seed(1.0), lifted.seed(-1.0)
 
 
 def _doubled_arm(point: Point) -> tuple[Seed, ...]:
-    from contbreather.breathers.shooting_lifts import doubled
-
-    return (doubled(point).seed(),)  # the other side holds the same orbits, a period later
+    return (lift(point).seed(),)  # the other side holds the same orbits, a period later
 
 
 def branching() -> Event:
@@ -110,12 +107,12 @@ def branching() -> Event:
     def test(point: Point) -> float:
         if point.tangent is None:
             return math.nan
-        section = point.solution.section
+        flight = _flight(point)
         whole = np.vstack([point.curve.jacobian(point.z), point.curve.dual(point.tangent)])
-        return _in_units_of_flight(section, whole, section.itinerary.sign)
+        return _in_units_of_flight(flight, whole, flight.section.sign)
 
     def count(point: Point) -> int:
-        return beyond(point.solution.coupled, point.solution.section.itinerary.sign)
+        return beyond(_flight(point).coupled, point.solution.section.sign)
 
     return replace(branch_point(), test=Singular(bordered, test), count=count)
 
@@ -130,7 +127,7 @@ def _crossing_arms(point: Point) -> tuple[Seed, ...]:
 def _kinked(point: Point, across: FloatArray) -> bool:
     """Whether impacts that happen at once come apart along a direction. Their order is another one
     on either side, and the equations are differentiable only once across it."""
-    m = point.solution.itinerary.count
+    m = point.solution.section.count
     same = abs(np.subtract.outer(point.z[:m], point.z[:m])) < ASIDE
     return bool((same & (abs(np.subtract.outer(across[:m], across[:m])) > ASIDE)).any())
 
@@ -154,7 +151,7 @@ def _one_sided(point: Point, seed: Seed) -> Seed:
 LIFTS = {"PF": _both_arms, "PD": _doubled_arm, "BP": _crossing_arms}
 
 
-def ring_neimark_sacker(threshold: float = PAPER) -> Event:
+def ring_neimark_sacker(threshold: float = THRESHOLD) -> Event:
     """NS, by the ring's rule: the first complex pair whose modulus over the whole period passes a
     threshold. More than one pair close to the circle is a ring's usual state, see `Verdict`.
     """
@@ -162,12 +159,12 @@ def ring_neimark_sacker(threshold: float = PAPER) -> Event:
         raise BadInput(f"threshold = {threshold}: a finite modulus of at least 1 is wanted.")
 
     def test(point: Point) -> float:
-        orbit: RingOrbit = point.solution
+        flight = _flight(point)
         # where an impact loses its velocity one multiplier grows beyond all bounds, and with it
         # the rounding of all others: no pair can be told from that
-        if EPS * np.linalg.norm(orbit.section.monodromy) > REAL:
+        if EPS * np.linalg.norm(flight.monodromy) > REAL:
             return math.nan
-        return outermost(_upper(orbit), _radius(orbit, threshold))
+        return outermost(_upper(flight), _radius(flight, threshold))
 
     return Event("NS", test, locus=lambda point: _circle_locus(point, threshold))
 
@@ -184,30 +181,34 @@ def contact() -> Event:
     )
 
 
-def _orbit(curve: Curve, z: FloatArray) -> RingOrbit:
-    orbit: RingOrbit = Point(curve, z).solution
-    return orbit
+def _flight(point: Point) -> ModalFlight:
+    flight: ModalFlight = point.solution.flight
+    return flight
+
+
+def _at(curve: Curve, z: FloatArray) -> ModalFlight:
+    return _flight(Point(curve, z))
 
 
 # --- real multipliers -----------------------------------------------------------------------
 
 
-def determinant(orbit: RingOrbit, mu: float) -> float:
+def determinant(flight: ModalFlight, mu: float) -> float:
     """``det(M - mu)`` over a section, in units of what it is without impacts.
 
     Each impact brings a pole where its velocity vanishes, which is divided out.
     """
-    monodromy = orbit.section.monodromy
-    velocities = [one.velocity * one.wall for one in orbit.section.impacts]
+    monodromy = flight.monodromy
+    velocities = [one.velocity * one.wall for one in flight.arrivals]
     if min(velocities) < VANISHED:
         return math.nan  # the end of the branch, where rounding decides
-    own = _in_units_of_flight(orbit.section, monodromy - mu * np.eye(len(monodromy)), mu)
+    own = _in_units_of_flight(flight, monodromy - mu * np.eye(len(monodromy)), mu)
     return own * math.prod(velocities)
 
 
-def _in_units_of_flight(section: Section, matrix: FloatArray, mu: float) -> float:
+def _in_units_of_flight(flight: ModalFlight, matrix: FloatArray, mu: float) -> float:
     sign, size = np.linalg.slogdet(matrix)
-    free = np.maximum(abs(section.free(mu)), DAMPED)
+    free = np.maximum(abs(flight.free(mu)), DAMPED)
     return float(sign * math.exp(min(size - np.log(free).sum(), 700.0)))
 
 
@@ -215,18 +216,18 @@ def _null_locus(mu: float) -> Callable[[Point], Locus]:
     """``(M - mu) y = 0, |y| = 1``, with y as an unknown: no determinant."""
 
     def conditions(curve: Curve, z: FloatArray, y: FloatArray) -> FloatArray:
-        moved = _orbit(curve, z).section.applied(y)
+        moved = _at(curve, z).applied(y)
         return np.append(moved - mu * y, y.dot(y) - 1.0)
 
     def derivative(curve: Curve, z: FloatArray, y: FloatArray) -> FloatArray:
         rows = np.empty((y.size + 1, z.size + y.size))
         rows[:, : z.size] = _in_z(conditions, curve, z, y)
-        rows[:-1, z.size :] = _orbit(curve, z).section.monodromy - mu * np.eye(y.size)
+        rows[:-1, z.size :] = _at(curve, z).monodromy - mu * np.eye(y.size)
         rows[-1, z.size :] = 2.0 * y
         return rows
 
     def locus(point: Point) -> Locus:
-        monodromy = point.solution.section.monodromy
+        monodromy = _flight(point).monodromy
         null = np.linalg.svd(monodromy - mu * np.eye(len(monodromy)))[2][-1]
         return Locus({"null": null}, conditions, derivative)
 
@@ -241,20 +242,20 @@ def _in_z(conditions: Conditions, curve: Curve, z: FloatArray, extra: FloatArray
 # --- complex multipliers --------------------------------------------------------------------
 
 
-def _radius(orbit: RingOrbit, threshold: float) -> float:
+def _radius(flight: ModalFlight, threshold: float) -> float:
     """The threshold over the whole period, as one over a section."""
-    return math.sqrt(threshold) if orbit.symmetric else threshold
+    return math.sqrt(threshold) if flight.section.symmetric else threshold
 
 
-def _upper(orbit: RingOrbit) -> NDArray[np.complex128]:
+def _upper(flight: ModalFlight) -> NDArray[np.complex128]:
     """Multipliers over a section in the open upper half plane, of modes that impacts see."""
-    return orbit.coupled[orbit.coupled.imag > REAL]
+    return flight.coupled[flight.coupled.imag > REAL]
 
 
 def _circle_locus(point: Point, threshold: float) -> Locus:
     """``(M - mu) y = 0`` for a complex y of length 1 and a multiplier mu on the circle of the
     threshold, at an unknown angle ``nu pi``."""
-    values, vectors = np.linalg.eig(point.solution.section.monodromy)
+    values, vectors = np.linalg.eig(_flight(point).monodromy)
     upper = np.flatnonzero(values.imag > REAL)
     if not upper.size:
         raise Undefined("no complex multipliers on this ring")
@@ -263,26 +264,26 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
     size, largest = y.size, int(abs(y).argmax())
     y = y * np.exp(-1j * np.angle(y[largest]))  # a phase of its own: y[largest] is real
 
-    def multiplier(orbit: RingOrbit, extra: FloatArray) -> complex:
-        return _radius(orbit, threshold) * cmath.exp(1j * math.pi * float(extra[-1]))
+    def multiplier(flight: ModalFlight, extra: FloatArray) -> complex:
+        return _radius(flight, threshold) * cmath.exp(1j * math.pi * float(extra[-1]))
 
     def conditions(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-        orbit = _orbit(curve, z)
+        flight = _at(curve, z)
         both = extra[:-1].reshape(2, size)
-        mu = multiplier(orbit, extra)
-        off = orbit.section.applied(both.T).T
+        mu = multiplier(flight, extra)
+        off = flight.applied(both.T).T
         off -= np.array([[mu.real, -mu.imag], [mu.imag, mu.real]]) @ both
         return np.concatenate(
             [off[0], off[1], [both.ravel().dot(both.ravel()) - 1.0, both[1, largest]]]
         )
 
     def derivative(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-        orbit = _orbit(curve, z)
-        mu, (re, im) = multiplier(orbit, extra), extra[:-1].reshape(2, size)
+        flight = _at(curve, z)
+        mu, (re, im) = multiplier(flight, extra), extra[:-1].reshape(2, size)
         rows = np.zeros((2 * size + 2, z.size + extra.size))
         rows[:, : z.size] = _in_z(conditions, curve, z, extra)
         own = rows[:, z.size :]
-        one, M = np.eye(size), orbit.section.monodromy
+        one, M = np.eye(size), flight.monodromy
         own[:size, :size] = own[size:-2, size:-1] = M - mu.real * one
         own[:size, size:-1], own[size:-2, :size] = mu.imag * one, -mu.imag * one
         own[:size, -1] = math.pi * (mu.imag * re + mu.real * im)
@@ -300,7 +301,7 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
 
 def _contact_locus(point: Point) -> Locus:
     """``u_n = wall, u_n' = 0`` at an unknown time, for the site closest to its walls."""
-    orbit: RingOrbit = point.solution
+    orbit: Orbit = point.solution
     worst = closest(orbit.watch)
     if at_impact(orbit.watch, worst):
         return _shallow_locus(orbit)
@@ -308,31 +309,31 @@ def _contact_locus(point: Point) -> Locus:
     place = min(orbit.conditions.walls.at(site), key=lambda wall: abs(there - wall))
 
     def conditions(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-        u, v, _ = _orbit(curve, z).at(site, float(extra[0]))
+        u, v, _ = _at(curve, z).at(site, float(extra[0]))
         return np.array([u - place, v])
 
     def derivative(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-        section = _orbit(curve, z).section
-        (_, *u), (v, *du), (w, *_) = section.watched(site, float(extra[0]), curve.free)
+        flight = _at(curve, z)
+        (_, *u), (v, *du), (w, *_) = flight.watched(site, float(extra[0]), curve.free)
         return np.array([[*u, v], [*du, w]])
 
     return Locus({"t": worst.time}, conditions, derivative, events=(_other_contact(site),))
 
 
 def _vanishing(point: Point) -> dict[str, str]:
-    least = min(abs(one.velocity) for one in point.solution.section.impacts)
+    least = min(abs(one.velocity) for one in _flight(point).arrivals)
     return {"kind": "VI"} if least < SHALLOW else {}
 
 
-def _shallow_locus(orbit: RingOrbit) -> Locus:
+def _shallow_locus(orbit: Orbit) -> Locus:
     """An impact whose incoming velocity vanishes."""
     if orbit.k == 0.0:
         raise Undefined("with k = 0 a site comes to rest on its wall: no orbit of impacts goes on")
-    velocities = [abs(one.velocity) for one in orbit.section.impacts]
+    velocities = [abs(one.velocity) for one in orbit.flight.arrivals]
     j = int(np.argmin(velocities))
 
     def conditions(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-        return np.array([_orbit(curve, z).section.impacts[j].velocity])
+        return np.array([_at(curve, z).arrivals[j].velocity])
 
     return Locus({}, conditions)  # a single number: differences of it cost little
 

@@ -18,23 +18,24 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.itinerary import Itinerary
+from contbreather.breathers.section import Impact, Section
 from contbreather.errors import BadInput
 from contbreather.flows.modes import Driven, Turn, driven, turn, turn_slope, turn_slope_in_damping
 from contbreather.lattice.conditions import Conditions
-from contbreather.lattice.finite import Basis
+from contbreather.lattice.finite import Basis, Finite
 from contbreather.stability.saltation import saltation, saltation_entry
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
 
+EPS = float(np.finfo(float).eps)
 NOWHERE = -1  # in place of the index of an impact: a time that does not move
 
 
-class Impact(NamedTuple):
+class Arrival(NamedTuple):
     """One impact of a section as it was flown."""
 
-    which: int  # in the itinerary, from 0
+    which: int  # in the section, from 0
     site: int
     wall: int
     time: float
@@ -55,12 +56,20 @@ class Leg(NamedTuple):
     r_end: FloatArray
 
 
-class Flown(NamedTuple):
+class Course(NamedTuple):
     """A section: its legs, and the impacts at the ends of all legs but the last."""
 
     legs: tuple[Leg, ...]
     turns: tuple[Turn, ...]
-    impacts: tuple[Impact, ...]
+    arrivals: tuple[Arrival, ...]
+
+
+class Resonance(NamedTuple):
+    """The mode that is closest to closing after a section without any impact."""
+
+    mode: int  # of those that impacts see, by frequency, from 1
+    frequency: float
+    gap: float  # |exp(i w T) - sign|: 0 in resonance
 
 
 class Tangents(NamedTuple):
@@ -73,38 +82,40 @@ class Tangents(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class ModalFlight:
     """One section flown, from before its first impact to before that impact's return.
 
     Parameters
     ----------
-    itinerary : Itinerary
+    section : Section
     t : ndarray, shape (m,)
         Impact times.
     q, r : ndarray, shape (K,)
         Free part ``u - a f`` of displacements and velocities at ``t[0]``, before any impact of the
-        section, in the modes of ``itinerary.basis``.
+        section, in the modes of `basis`.
     conditions : Conditions
     """
 
-    itinerary: Itinerary
+    section: Section
     t: FloatArray
     q: FloatArray
     r: FloatArray
     conditions: Conditions
 
     def __post_init__(self) -> None:
-        if not np.ptp(self.t) < self.itinerary.length:
+        if not np.ptp(self.t) < self.section.length:
             early, late = int(self.t.argmin()) + 1, int(self.t.argmax()) + 1
             raise BadInput(
                 f"impact times {self.t.tolist()}: t{late} is a section of length "
-                f"{self.itinerary.length:.6g} or more after t{early}, so it has been overtaken by "
+                f"{self.section.length:.6g} or more after t{early}, so it has been overtaken by "
                 f"the next one of those; list the impacts from t{late} on."
             )
 
-    @property
+    @cached_property
     def basis(self) -> Basis:
-        return self.itinerary.basis
+        """The modes that its impacts can excite."""
+        basis: Basis = self.conditions.lattice.basis(self.section.hit)
+        return basis
 
     @cached_property
     def z(self) -> FloatArray:
@@ -115,43 +126,43 @@ class Section:
     def forced(self) -> Driven:
         """The forced motion of all sites, at unit amplitude."""
         on = self.conditions
-        return driven(self.itinerary.lattice, on.forcing, on.gamma, on.spring, on.damping)
+        return driven(self.conditions.lattice, on.forcing, on.gamma, on.spring, on.damping)
 
     @cached_property
     def shapes(self) -> FloatArray:
         """The modes at the sites of the impacts, by index, shape (m, K)."""
-        return _shapes(self.itinerary)
+        return _shapes(self.section, self.conditions.lattice)
 
     @cached_property
     def kicks(self) -> FloatArray:
         """What a unit change of velocity at the sites of the impacts does to the modes, (m, K)."""
-        masses = self.itinerary.lattice.masses
-        return self.shapes * masses[[n for n, _ in self.itinerary.impacts], None]
+        masses = self.conditions.lattice.masses
+        return self.shapes * masses[[n for n, _ in self.section.impacts], None]
 
     @cached_property
-    def _flown(self) -> Flown:
+    def _course(self) -> Course:
         start = float(self.t[0])
         # in order of time: impacts of different sites may overtake each other
         lags = sorted((float(time) - start, j) for j, time in enumerate(self.t))
-        legs, turns, impacts = [], [], []
+        legs, turns, arrivals = [], [], []
         at, now, q, r = 0, 0.0, self.q, self.r
-        for lag, j in [*lags, (self.itinerary.length, 0)]:
+        for lag, j in [*lags, (self.section.length, 0)]:
             fly = turn(self.z, lag - now, self.conditions.damping)
             q_end, r_end = fly(q, r)
             legs.append(Leg(at, j, start + now, lag - now, q, r, q_end, r_end))
             turns.append(fly)
             if len(legs) > len(lags):
                 break
-            impacts.append(self._impact(j, start + lag, q_end, r_end))
-            loss = (1.0 + self.conditions.k) * impacts[-1].velocity
+            arrivals.append(self._arrival(j, start + lag, q_end, r_end))
+            loss = (1.0 + self.conditions.k) * arrivals[-1].velocity
             at, now, q, r = j, lag, q_end, r_end - loss * self.kicks[j]
-        return Flown(tuple(legs), tuple(turns), tuple(impacts))
+        return Course(tuple(legs), tuple(turns), tuple(arrivals))
 
-    def _impact(self, j: int, time: float, q: FloatArray, r: FloatArray) -> Impact:
-        site, wall = self.itinerary.impacts[j]
+    def _arrival(self, j: int, time: float, q: FloatArray, r: FloatArray) -> Arrival:
+        site, wall = self.section.impacts[j]
         e, a = self.shapes[j], self.conditions.a
         _, speed, bend = self.forced.at(site, time)
-        return Impact(
+        return Arrival(
             j,
             site,
             wall,
@@ -168,21 +179,129 @@ class Section:
     @property
     def legs(self) -> tuple[Leg, ...]:
         """The free flights, one more than there are impacts."""
-        return self._flown.legs
+        return self._course.legs
 
     @property
-    def impacts(self) -> tuple[Impact, ...]:
+    def arrivals(self) -> tuple[Arrival, ...]:
         """The impacts in order of time."""
-        return self._flown.impacts
+        return self._course.arrivals
+
+    # -------------------------------------------------------------------------------- motion
+
+    @cached_property
+    def impacts(self) -> tuple[Impact, ...]:
+        found = {one.which: one for one in self.arrivals}
+        loss = -(1.0 + self.conditions.k)
+        in_order = (found[j] for j in range(len(found)))
+        return tuple(Impact(x.site, x.wall, x.time, loss * x.velocity) for x in in_order)
+
+    @property
+    def accelerations(self) -> FloatArray:
+        found = {one.which: one.acceleration for one in self.arrivals}
+        return np.array([found[j] for j in range(len(found))])
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        return ()
+
+    @property
+    def x(self) -> FloatArray:
+        """All unknowns."""
+        return np.concatenate([self.t, self.q, self.r])
+
+    @property
+    def error(self) -> float:
+        return float(abs(self.residual()).max())
+
+    @cached_property
+    def c(self) -> float:
+        """By how much the lattice as a whole sits off centre, its mean over sites and time."""
+        if self.section.symmetric:
+            return 0.0
+        share = self.basis.at(np.arange(self.lattice.sites)).mean(axis=0)
+        # by Gauss's rule: to rounding for as many nodes, and modes may drift, turn or decay
+        nodes, weights = np.polynomial.legendre.leggauss(
+            12 + int(math.sqrt(float(self.z.max())) * self.section.length)
+        )
+        shift = 0.0
+        for leg in self.legs:
+            times = 0.5 * leg.flight * (1.0 + nodes)[:, None]
+            fly = turn(self.z, times, self.conditions.damping)
+            path = fly.cosine * leg.q + fly.reach * leg.r
+            shift += 0.5 * leg.flight * float(weights @ (path @ share))
+        return shift / self.section.length
+
+    @property
+    def chi(self) -> float:
+        """Of the impact of one site: where it is without its forced motion, per unit p."""
+        (one,), a = self.impacts, self.conditions.a
+        place = self.conditions.walls.position(one.site, one.wall)
+        return 2.0 * (place - a * self.forced.at(one.site, one.time)[0]) / abs(one.impulse)
+
+    def at(self, n: int, t: float) -> tuple[float, float, float]:
+        """Displacement, velocity and acceleration of one site at one time."""
+        q, r = self.modes(np.array(t))
+        e, a = self.basis.at(n), self.conditions.a
+        u, v, w = self.forced.at(n, t)
+        bend = float(e.dot(self.pulled(q, r)))
+        return float(e.dot(q)) + a * u, float(e.dot(r)) + a * v, bend + a * w
+
+    def motion(self, times: FloatArray) -> FloatArray:
+        """Displacements of all sites at many times, shape (times, sites)."""
+        free = self.basis.to_sites(self.modes(times)[0])
+        return free + self.conditions.a * self.forced.everywhere(times, 0)
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        a, free = self.conditions.a, self.modes(np.array(t))
+        forced = (a * self.forced.everywhere(t, order) for order in (0, 1))
+        u, v = (self.basis.to_sites(own) + f for own, f in zip(free, forced, strict=True))
+        return u, v
+
+    def modes(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Free part of displacements and velocities of the modes, shape (..., K)."""
+        starts, q, r = self._flights
+        T, first = self.section.length, starts[0]
+        sections = np.floor((times - first) / T)
+        since = times - first - sections * T
+        # an impact time + T in floating point is not quite an impact; it is meant to be one
+        slack = 4.0 * EPS * (T + np.abs(times) + abs(first))
+        late = T - since <= slack
+        sections, since = np.where(late, sections + 1.0, sections), np.where(late, 0.0, since)
+        flight = np.searchsorted(starts - first, since + slack, side="right") - 1
+        ahead = np.maximum(since - (starts - first)[flight], 0.0)[..., None]
+        flown = turn(self.z, ahead, self.conditions.damping)
+        sign = np.where(sections % 2.0 == 0.0, 1.0, self.section.sign)[..., None]
+        now, fast = q[flight], r[flight]
+        return (
+            sign * (flown.cosine * now + flown.reach * fast),
+            sign * (flown.swing * fast - flown.pull * now),
+        )
+
+    @cached_property
+    def _flights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Start, displacements and velocities of the modes of each flight of a section."""
+        legs = self.legs[1:]
+        rows = (np.array([getattr(leg, name) for leg in legs]) for name in ("since", "q", "r"))
+        return tuple(rows)  # type: ignore[return-value]
+
+    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
+        q, r = self.modes(t)
+        own = (q, r, self.pulled(q, r))[order]
+        free = np.einsum("...k,...k->...", self.basis.at(n), own)
+        forced = self.forced.everywhere(t, order)
+        if forced.shape[-1] == 1:
+            return np.asarray(free + self.conditions.a * forced[..., 0])
+        i, n = np.broadcast_arrays(np.arange(t.size).reshape(t.shape), n)
+        return np.asarray(free + self.conditions.a * forced.reshape(t.size, -1)[i, n])
 
     # ---------------------------------------------------------------- equations and their slopes
 
     def residual(self) -> FloatArray:
         """Every impact is on its wall, and the section closes: m + 2K numbers."""
         m, K = self.t.size, self.q.size
-        sign, last = self.itinerary.sign, self.legs[-1]
+        sign, last = self.section.sign, self.legs[-1]
         value = np.empty(m + 2 * K)
-        for leg, one in zip(self.legs, self.impacts, strict=False):
+        for leg, one in zip(self.legs, self.arrivals, strict=False):
             own = float(self.shapes[one.which].dot(leg.q_end))
             forced = self.conditions.a * self.forced.at(one.site, one.time)[0]
             wall = self.conditions.walls.position(one.site, one.wall)
@@ -200,7 +319,9 @@ class Section:
         if state:
             Y[own, m + own] = R[own, m + K + own] = 1.0
         starts = []
-        for leg, fly, one in zip(self.legs, self._flown.turns, [*self.impacts, None], strict=True):
+        for leg, fly, one in zip(
+            self.legs, self._course.turns, [*self.arrivals, None], strict=True
+        ):
             starts.append((Y, R))
             Y, R = self._carried(leg, fly, Y, R, names, state)
             if one is None:
@@ -249,7 +370,7 @@ class Section:
     def jacobian(self) -> FloatArray:
         """Derivative of `residual` in (t, q, r), shape ``(m + 2K, m + 2K)``."""
         m, K, own = self.t.size, self.q.size, np.arange(self.q.size)
-        found, sign = self.tangents(), self.itinerary.sign
+        found, sign = self.tangents(), self.section.sign
         matrix = np.vstack([found.walls, found.Y, found.R])
         matrix[m + own, m + own] -= sign
         matrix[m + K + own, m + K + own] -= sign
@@ -263,9 +384,9 @@ class Section:
     def watched(self, site: int, time: float, names: Sequence[str]) -> FloatArray:
         """Displacement, velocity and acceleration of a site at a time (first column), and the
         derivatives of the first two in t, q, r and `names` (the others), shape ``(3, ...)``."""
-        T, first = self.itinerary.length, self.legs[1].since
+        T, first = self.section.length, self.legs[1].since
         sections = math.floor((time - first) / T)
-        now, side = time - sections * T, self.itinerary.sign**sections
+        now, side = time - sections * T, self.section.sign**sections
         i = max(j for j, leg in enumerate(self.legs) if j == 1 or (j and leg.since <= now))
         leg, (Y, R) = self.legs[i], self.tangents(names).starts[i]
         fly = turn(self.z, now - leg.since, self.conditions.damping)
@@ -292,19 +413,19 @@ class Section:
 
     @cached_property
     def saltations(self) -> tuple[FloatArray, ...]:
-        """The 2x2 block of (19) for each impact of `impacts`, with its own velocity and
+        """The 2x2 block of (19) for each of `arrivals`, with its own velocity and
         acceleration; the side takes no part, both change sign with it."""
         k, damping = self.conditions.k, self.conditions.damping
         # braked less after the impact than before, a site turns round faster by damping (1 + k) v
         return tuple(
             saltation(k, saltation_entry(one.acceleration, one.velocity, k) + (1.0 + k) * damping)
-            for one in self.impacts
+            for one in self.arrivals
         )
 
     def perturbed(self, y: Array, v: Array) -> tuple[Array, Array]:
         """Small perturbations (columns at once) one section later: flows and saltations."""
-        kicks = [*zip(self.impacts, self.saltations, strict=True), None]
-        for fly, kick in zip(self._flown.turns, kicks, strict=True):
+        kicks = [*zip(self.arrivals, self.saltations, strict=True), None]
+        for fly, kick in zip(self._course.turns, kicks, strict=True):
             y, v = fly(y, v)
             if kick is not None:
                 e, kicked, S = self.shapes[kick[0].which], self.kicks[kick[0].which], kick[1]
@@ -324,13 +445,67 @@ class Section:
         return self.applied(np.eye(2 * self.q.size))
 
     @cached_property
-    def multipliers(self) -> NDArray[np.complex128]:
+    def coupled(self) -> NDArray[np.complex128]:
         """Eigenvalues of `monodromy`; kept, because events and columns ask for them in turn."""
         return np.linalg.eigvals(self.monodromy).astype(complex)
 
+    @cached_property
+    def over_period(self) -> NDArray[np.complex128]:
+        """The same over the period."""
+        return self.coupled**2 if self.section.symmetric else self.coupled
+
+    @property
+    def idle(self) -> float:
+        """Largest modulus over a section of all other modes, 0 if there are none."""
+        unseen = abs(self._unseen())
+        damping = self.conditions.damping
+        return float(unseen.max(initial=0.0)) if damping else float(unseen.size > 0)
+
+    def _unseen(self) -> NDArray[np.complex128]:
+        z = self.conditions.gamma * self.basis.unseen + self.conditions.spring
+        return np.concatenate(free_multipliers(z, self.conditions.damping, self.section.length))
+
+    def multipliers(self) -> NDArray[np.complex128]:
+        """First those of the modes that impacts see; the others are exactly ``exp(+-i w T)``."""
+        return np.concatenate([self.coupled, self._unseen()])
+
+    @property
+    def map(self) -> ModalFlight:
+        return self
+
+    @property
+    def lattice(self) -> Finite:
+        lattice: Finite = self.conditions.lattice
+        return lattice
+
+    @property
+    def period(self) -> float:
+        return self.section.period
+
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of the Newton matrix. It grows where a multiplier comes close to +1
+        (to -1, on half a symmetric orbit)."""
+        return float(np.linalg.cond(self.jacobian()))
+
+    @property
+    def resonance(self) -> Resonance | None:
+        """The mode that is nearest to closing on its own; None if there is but a mean.
+
+        In resonance the impacts alone no longer tell how strongly that mode moves: on an
+        eigenfrequency n w = j the orbit is found nevertheless, its condition number says how well.
+        """
+        z = np.sort(self.z[self.z > 0.0])
+        if z.size == 0:
+            return None
+        one, _ = free_multipliers(z, self.conditions.damping, self.section.length)
+        gap = abs(one - self.section.sign)
+        j = int(gap.argmin())
+        return Resonance(j + 1, math.sqrt(float(z[j])), float(gap[j]))
+
     def free(self, mu: float) -> FloatArray:
         """``det(flight - mu)`` of each mode over a section without impacts."""
-        one, other = free_multipliers(self.z, self.conditions.damping, self.itinerary.length)
+        one, other = free_multipliers(self.z, self.conditions.damping, self.section.length)
         return np.asarray(((one - mu) * (other - mu)).real)
 
 
@@ -343,5 +518,5 @@ def free_multipliers(
 
 
 @lru_cache(maxsize=128)
-def _shapes(itinerary: Itinerary) -> FloatArray:
-    return itinerary.basis.at(np.array([n for n, _ in itinerary.impacts]))
+def _shapes(section: Section, lattice: Finite) -> FloatArray:
+    return lattice.basis(section.hit).at(np.array([n for n, _ in section.impacts]))

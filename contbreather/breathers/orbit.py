@@ -1,0 +1,635 @@
+"""One periodic orbit with impacts, whichever way its motion between them is evaluated.
+
+What an orbit is, its impacts and the conditions it moves under, and what it answers are said here
+once. How a flight is evaluated is its `Road`, a value handed in: the closed form of one symmetric
+impact, the periodic Green's function of chain and ring, the exact modes of any finite lattice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.breathers.clearance import Admissibility, Watch, clearance
+from contbreather.breathers.section import Impact, Section, check_order
+from contbreather.checks import numbers
+from contbreather.continuation import Event, Point, Problem
+from contbreather.continuation.problem import Curve
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import Forcing, Ring
+from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+SAME = 1e-9  # momenta that differ by less, relative to the largest, are equal
+
+
+class Motion(Protocol):
+    """How the flights of one orbit are evaluated."""
+
+    @property
+    def conditions(self) -> Conditions: ...
+    @property
+    def section(self) -> Section: ...
+    @property
+    def impacts(self) -> tuple[Impact, ...]:
+        """Those of a section, in its order."""
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        """Static displacement of each impacting site, where it is an unknown of its own."""
+
+    @property
+    def c(self) -> float:
+        """By how much the lattice as a whole sits off centre."""
+
+    @property
+    def accelerations(self) -> FloatArray:
+        """Of the site that hits, just before each impact."""
+
+    @property
+    def error(self) -> float:
+        """Largest error of the equations of the orbit."""
+
+    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
+        """Displacement, velocity or acceleration of sites at times, broadcast against each other;
+        at an impact the value just after it."""
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Displacements and velocities of all sites of a finite lattice."""
+
+    @property
+    def map(self) -> Any:
+        """What small perturbations become over a section."""
+
+    def multipliers(self) -> ComplexArray:
+        """All of a finite lattice, over a section."""
+
+
+class Road(Motion, Protocol):
+    """A way to evaluate orbits, with the equations, events and questions that belong to it."""
+
+    @staticmethod
+    def suits(on: Conditions, section: Section) -> bool:
+        """Whether orbits with such impacts can be evaluated like this."""
+
+    @classmethod
+    def through(
+        cls, on: Conditions, impacts: Section, times: FloatArray, impulses: Any, offsets: Any
+    ) -> Road:
+        """The motion with these impacts, or the one that comes closest to them."""
+
+    def problem(self, threshold: float) -> Problem: ...
+    def guess(self) -> Problem:
+        """The problem for what need not be a solution yet."""
+
+    def events(self, threshold: float) -> tuple[Event, ...]: ...
+    @property
+    def watch(self) -> Watch:
+        """What the clearance from the walls is measured on."""
+
+    def lifted(self) -> Problem:
+        """The problem of orbits that leave this one where its symmetry or its period breaks."""
+
+    def retold(
+        self,
+        section: Section,
+        impacts: Sequence[Impact],
+        offsets: Sequence[float],
+        start: int = 0,
+        sign: int = 1,
+    ) -> Road | None:
+        """The same motion (times the sign) in other words: these impacts, the first of which is
+        number `start` of its own. None if this road cannot."""
+
+    def on(self, lattice: Any) -> Orbit | None:
+        """The orbit of another lattice by means of its own; None where another road has to do."""
+
+
+_ROADS: dict[int, type[Road]] = {}
+R = TypeVar("R", bound=type[Any])
+
+
+def road(rank: int) -> Callable[[R], R]:
+    """Enter a road; of several that suit an orbit the one with the lowest rank takes it."""
+
+    def entered(kind: R) -> R:
+        _ROADS[rank] = kind
+        return kind
+
+    return entered
+
+
+class Hit(NamedTuple):
+    """One impact of an orbit: velocities of the site just before and just after it, and its
+    acceleration just after."""
+
+    site: int
+    wall: int
+    time: float
+    before: float
+    after: float
+    acceleration: float
+
+
+@dataclass(frozen=True, repr=False)
+class Orbit:
+    """A periodic orbit with impacts: what a point of its branch is physically.
+
+    Built by `symmetric`, `asymmetric`, `shooting`, `multibreather`, or from values, `orbit_of`.
+
+    Attributes
+    ----------
+    road : Road
+        How its flights are evaluated.
+    conditions : Conditions
+        a, gamma, k, damping, spring, forcing, walls and lattice; each is there by its own name too.
+    section : Section
+        Which sites hit which walls, over which time, and how that closes.
+    impacts : tuple of Impact
+        Those of a section: site, wall, time and impulse.
+    offsets : tuple of float
+        Static displacement of the impacting sites, where it is an unknown of its own.
+
+    Examples
+    --------
+    >>> from contbreather.breathers.symmetric import symmetric
+    >>> b = symmetric(a=0.5, gamma=0.12, k=0.4)
+    >>> b.section
+    Section(impacts=((0, 1),), turns=1, sign=-1)
+    >>> round(b.p, 12), round(b.phi, 12)
+    (0.680056001966, -2.519293143359)
+    """
+
+    road: Road
+
+    # ------------------------------------------------------------------------------ what it is
+
+    @property
+    def flight(self) -> Any:
+        """Its road, with what that knows besides: p and b of a closed form, modes, ..."""
+        return self.road
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        return self.road.conditions
+
+    @property
+    def section(self) -> Section:
+        return self.road.section
+
+    @cached_property
+    def impacts(self) -> tuple[Impact, ...]:
+        return self.road.impacts
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        return self.road.offsets
+
+    @property
+    def a(self) -> float:
+        return self.conditions.a
+
+    @property
+    def gamma(self) -> float:
+        return self.conditions.gamma
+
+    @property
+    def k(self) -> float:
+        return self.conditions.k
+
+    @property
+    def damping(self) -> float:
+        return self.conditions.damping
+
+    @property
+    def spring(self) -> float:
+        return self.conditions.spring
+
+    @property
+    def forcing(self) -> Forcing:
+        return self.conditions.forcing
+
+    @property
+    def walls(self) -> Walls:
+        return self.conditions.walls
+
+    @property
+    def lattice(self) -> Any:
+        return self.conditions.lattice
+
+    @property
+    def period(self) -> float:
+        return self.section.period
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether ``u(t + period/2) = -u(t)`` is made use of."""
+        return self.section.symmetric
+
+    @property
+    def sequence(self) -> tuple[tuple[int, int], ...]:
+        """(site, wall) of each impact of a section, in order."""
+        return self.section.impacts
+
+    @property
+    def residual(self) -> float:
+        """Largest error of its equations: rounding, unless it was put together by hand."""
+        return self.road.error
+
+    # ---------------------------------------------------------------------------- its impacts
+
+    @cached_property
+    def times(self) -> FloatArray:
+        """Of the impacts of a section."""
+        return np.array([impact.time for impact in self.impacts])
+
+    @cached_property
+    def impulses(self) -> FloatArray:
+        """By how much the velocity of the site changes at each of them."""
+        return np.array([impact.impulse for impact in self.impacts])
+
+    @property
+    def incoming(self) -> FloatArray:
+        """Velocity of the site just before each impact, ``-J/(1 + k)``."""
+        return -self.impulses / (1.0 + self.k)
+
+    @property
+    def accelerations(self) -> FloatArray:
+        """Acceleration of the site just before each impact."""
+        return self.road.accelerations
+
+    @cached_property
+    def entries(self) -> FloatArray:
+        """The entries b of the saltation matrices (19), one for each impact of a section."""
+        c = 1.0 + self.k
+        # braked less after the impact than before, a site turns round faster by damping (1 + k) v
+        b: FloatArray = c * self.accelerations / self.incoming + c * self.damping
+        b.setflags(write=False)
+        return b
+
+    @cached_property
+    def hits(self) -> tuple[Hit, ...]:
+        """All impacts of a period in order of time."""
+        found = []
+        for half in range(2 if self.symmetric else 1):
+            side = 1 - 2 * half
+            for one, w in zip(self.impacts, self.accelerations.tolist(), strict=True):
+                before = -side * one.impulse / (1.0 + self.k)
+                # just after the impact a damped site is braked the other way
+                after = side * w + self.damping * (1.0 + self.k) * before
+                time = one.time + half * self.section.length
+                found.append(Hit(one.site, side * one.wall, time, before, -self.k * before, after))
+        return tuple(sorted(found, key=lambda hit: hit.time))
+
+    @property
+    def p(self) -> float:
+        """Half the momentum of each impact, where all are the same."""
+        sizes = 0.5 * np.abs(self.impulses)
+        if np.ptp(sizes) > SAME * sizes.max():
+            raise BadInput(f"the impacts have different momenta: half of them are {sizes}.")
+        return float(sizes[0])
+
+    @property
+    def phi(self) -> float:
+        """Time of the impact on the wall +1 of a symmetric orbit of one site."""
+        self._need(self.symmetric and self.section.count == 1, "phi", "symmetric orbits with one")
+        late = 0.0 if self.impacts[0].wall > 0 else self.section.length
+        return math.remainder(self.impacts[0].time + late, self.period)
+
+    @property
+    def chi(self) -> float:
+        """Eq. (10): where a unit impact, with its mirror images, leaves the site that hits. By
+        (11), ``p chi = wall - a f(phi)``."""
+        self._need(self.symmetric and self.section.count == 1, "chi", "symmetric orbits with one")
+        return float(self.flight.chi)
+
+    @property
+    def b(self) -> float:
+        """The entry of the saltation matrix (19), the same at every impact."""
+        self._need(self.symmetric and self.section.count == 1, "b", "symmetric orbits with one")
+        return float(self.entries[0])
+
+    @property
+    def c(self) -> float:
+        """By how much the lattice as a whole sits off centre."""
+        return self.road.c
+
+    @property
+    def asymmetry(self) -> float:
+        """Of an orbit with two impacts ``t2 - t1 - pi``: 0 where both flights are equal."""
+        self._need(self.section.two_impacts, "asymmetry", "orbits with two")
+        return (self.impacts[1].time - self.impacts[0].time) % self.period - math.pi
+
+    def _need(self, right: bool, name: str, which: str) -> None:
+        if not right:
+            rest = "impacts, on +1 and then on -1" if "two" in which else "impact in half a period"
+            raise BadInput(f"{name} belongs to {which} {rest}; this one has the {self.describe()}.")
+
+    # --------------------------------------------------------------------------------- motion
+
+    def displacement(self, n: ArrayLike, t: ArrayLike) -> Any:
+        """Where site ``n`` is at time ``t``.
+
+        Parameters
+        ----------
+        n : int or array_like of int
+            Site; on a ring modulo its number of sites.
+        t : float or array_like
+            Any real times; n and t are broadcast against each other.
+
+        Returns
+        -------
+        float or ndarray
+        """
+        return self._profile(n, t, 0)
+
+    def velocity(self, n: ArrayLike, t: ArrayLike) -> Any:
+        """How fast site ``n`` is at time ``t``; at an impact, the value just after it. A time
+        within rounding of an impact counts as the impact."""
+        return self._profile(n, t, 1)
+
+    def acceleration(self, n: ArrayLike, t: ArrayLike) -> Any:
+        """Second derivative of `displacement`."""
+        return self._profile(n, t, 2)
+
+    def _profile(self, n: ArrayLike, t: ArrayLike, order: int) -> Any:
+        found = self.road.profile(whole_sites(n), numbers("t", t), order)
+        return float(found) if np.ndim(found) == 0 else found
+
+    def state(self, sites: int | None = None, t: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Displacements and velocities of all sites at time ``t``, just after it at an impact.
+
+        Parameters
+        ----------
+        sites : int, optional
+            Those of a ring of so many sites: of the ring's own orbit (see `on`), a state that a
+            simulation of the ring repeats exactly. Needed on the infinite chain only.
+        t : float
+
+        Returns
+        -------
+        u, v : ndarray, shape (sites,)
+        """
+        own = self._on_ring(sites)
+        if own.lattice.sites is None:
+            raise BadInput("the infinite chain has no end: ask for state(sites=N), of a ring of N.")
+        return own.road.state(float(numbers("t", t)))
+
+    # ------------------------------------------------------------------ what it is asked about
+
+    def on(self, lattice: Any) -> Orbit:
+        """The orbit of another lattice with the same impacts and parameters, next to this one.
+
+        Raises
+        ------
+        NotConverged, NoSolution
+            If there is none close by.
+        BadInput
+            If an impacting site is not on that lattice, or springs and damping cannot be.
+        """
+        if lattice == self.lattice:
+            return self
+        found = self.road.on(lattice)
+        if found is not None:
+            return found
+        guess = orbit_of(
+            replace(self.conditions, lattice=lattice),
+            self.section if lattice.sites is None else self.section.around(lattice.sites),
+            self.times,
+            self.impulses,
+            self.offsets or (self.c,) * len(self.section.hit),
+        )
+        return guess.solved()
+
+    def solved(self) -> Orbit:
+        """The orbit that Newton's method finds from this one as a guess."""
+        problem, found = self.road.guess().solve(tolerance=1e-11)
+        orbit = orbit_at(problem)
+        checked(orbit, found.iterations)
+        return orbit
+
+    def _on_ring(self, sites: int | None) -> Orbit:
+        if sites is None:
+            return self
+        if isinstance(self.lattice, Ring) or self.lattice.sites is None:
+            return self.on(Ring(sites))
+        raise BadInput(
+            f"sites = {sites}: the size of a ring, but this orbit lives on the "
+            f"{self.lattice.describe()}; ask without it, or take the orbit there, "
+            f"orbit.on(Ring({sites}))."
+        )
+
+    def admissibility(self) -> Admissibility:
+        """Whether all sites keep off their walls except at the impacts named, and by how much."""
+        return clearance(self.watch)
+
+    @property
+    def watch(self) -> Watch:
+        """What that is measured on."""
+        return self.road.watch
+
+    @property
+    def map(self) -> Any:
+        """What small perturbations become over a section."""
+        return self.road.map
+
+    def stability(self, sites: int | None = None, threshold: float | None = None) -> Verdict:
+        """Is it stable? The verdict names the lattice it is about.
+
+        Parameters
+        ----------
+        sites : int, optional
+            Ask about a ring of that many sites, by the paper's rule: a multiplier over the period
+            beyond `threshold`. Unless given, the question is about the orbit's own lattice; on the
+            infinite chain the answer is the number of isolated multipliers outside the unit
+            circle, without a threshold.
+        threshold : float, optional
+            The paper's 1.005 unless given; for finite lattices only.
+
+        Examples
+        --------
+        >>> from contbreather.breathers.symmetric import symmetric
+        >>> b = symmetric(a=0.2, gamma=0.11, k=0.8)
+        >>> b.stability().unstable, b.stability(sites=400).stable
+        (2, False)
+        """
+        own = self._on_ring(sites)
+        if threshold is not None and own.lattice.sites is None:
+            raise BadInput(
+                f"threshold = {threshold}: the infinite chain has none, its verdict is exact; "
+                "ask for stability(sites=N, threshold=...)."
+            )
+        return verdict(own.map, THRESHOLD if threshold is None else threshold)
+
+    def multipliers(self, sites: int | None = None, *, half: bool = False) -> ComplexArray:
+        """All 2N Floquet multipliers over the period on a finite lattice.
+
+        Parameters
+        ----------
+        sites : int, optional
+            Those of the orbit on a ring of so many sites; of its own lattice unless given.
+        half : bool
+            Of a symmetric orbit those over half its period: +1 at a pitchfork, -1 at a fold, where
+            the squares are both +1.
+
+        Returns
+        -------
+        ndarray of complex, shape (2 N,)
+
+        Examples
+        --------
+        >>> from contbreather.breathers.symmetric import symmetric
+        >>> b = symmetric(a=0.8, gamma=0.045, k=0.8)
+        >>> round(float(abs(b.multipliers(sites=400)).max()), 6)
+        1.129438
+        """
+        own = self._on_ring(sites)
+        if own.lattice.sites is None:
+            raise BadInput(
+                "the infinite chain has a continuous spectrum; ask for multipliers(sites=N) on a "
+                "ring of N, or for stability().multipliers, the isolated ones outside the circle."
+            )
+        if half and not own.symmetric:
+            raise BadInput("this orbit is not known by half its period: it has no half map.")
+        found = own.road.multipliers()
+        return found if half or not own.symmetric else found * found
+
+    @property
+    def problem(self) -> Problem:
+        """The orbit as a start for `trace`: its equations with all its events."""
+        return self.road.problem(THRESHOLD)
+
+    def unfolded(self) -> Orbit:
+        """The whole period of a symmetric orbit, as one that need not be symmetric."""
+        return self._again(self.section.unfolded()) if self.symmetric else self
+
+    def doubled(self) -> Orbit:
+        """The same orbit, run through twice.
+
+        Examples
+        --------
+        >>> from contbreather.breathers.symmetric import symmetric
+        >>> two = symmetric(0.5, 0.05, 0.8).unfolded().doubled()
+        >>> two.section.turns, len(two.impacts), two.residual < 1e-14
+        (2, 4, True)
+        """
+        return self._again(self.section.doubled())
+
+    def _again(self, longer: Section) -> Orbit:
+        """One section and the next as one."""
+        T, sign = self.section.length, self.section.sign
+        later = (Impact(n, sign * wall, t + T, sign * J) for n, wall, t, J in self.impacts)
+        found = self.road.retold(longer, (*self.impacts, *later), self.offsets)
+        assert found is not None  # every road can be repeated
+        return Orbit(found)
+
+    def describe(self) -> str:
+        return f"{self.section.describe()} on the {self.lattice.describe()}"
+
+    def __repr__(self) -> str:
+        values = {**self.conditions.params, "t": ", ".join(f"{t:.8g}" for t in self.times)}
+        shown = ", ".join(
+            f"{name} = {value if isinstance(value, str) else f'{value:.10g}'}"
+            for name, value in values.items()
+        )
+        margins = self.admissibility()
+        mark = "" if margins.ok or abs(margins.margin) < 1e-9 else f"; {margins.reason}"
+        return f"<Orbit of {self.describe()}; {shown}; residual {self.residual:.1e}{mark}>"
+
+
+def whole_sites(n: ArrayLike) -> NDArray[np.int64]:
+    """Numbers of sites, or a sentence."""
+    sites = np.asarray(n)
+    if sites.dtype.kind not in "iu":
+        raise BadInput(f"n = {n!r}: sites are whole numbers.")
+    return sites.astype(np.int64)
+
+
+def orbit_of(
+    on: Conditions, section: Section, times: Any, impulses: Any, offsets: Sequence[float] = ()
+) -> Orbit:
+    """The orbit with these impacts, or a guess at it: ``orbit_of(...).solved()`` is one.
+
+    Parameters
+    ----------
+    on : Conditions
+    section : Section
+    times, impulses : sequence of float
+        One of each for every impact; an impulse at the wall +1 is negative.
+    offsets : sequence of float, optional
+        Static displacement of each impacting site; 0 unless given.
+
+    Raises
+    ------
+    BadInput
+        For impacts that cannot be under these conditions.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import orbit_of
+    >>> guess = orbit_of(Conditions(0.5, 0.12, 0.4), Section(((0, 1), (0, -1))), [-2.5, 0.7],
+    ...                  [-1.4, 1.4])
+    >>> round(guess.solved().p, 10)
+    0.680056002
+    """
+    section, times = section.placed(on.lattice), np.asarray(times, dtype=float)
+    impulses = np.asarray(impulses, dtype=float)
+    while True:
+        for _, kind in sorted(_ROADS.items()):
+            if kind.suits(on, section):
+                return Orbit(kind.through(on, section, times, impulses, tuple(offsets)))
+        if not section.symmetric:
+            break
+        times = np.concatenate([times, times + section.length])
+        impulses, section = np.concatenate([impulses, -impulses]), section.unfolded()
+    raise BadInput(
+        f"damping = {on.damping}, spring = {on.spring}, walls = {on.walls}: orbits of the "
+        f"{on.lattice.describe()} have walls at -1 and 1 and neither damping nor springs; take a "
+        "finite lattice, Ring(200) for instance."
+    )
+
+
+def checked(orbit: Orbit, iterations: int | None = None) -> None:
+    """That what solves the equations is an orbit of its section.
+
+    Raises
+    ------
+    NotConverged
+        If impacts come out of order, or a site moves away from the wall it should hit.
+    """
+
+    def refuse(why: str) -> NotConverged:
+        return NotConverged(
+            f"Newton's iteration ends at impact times {orbit.times.round(9).tolist()}, which is no "
+            f"orbit of {orbit.describe()}: {why} Start closer to it.",
+            residual=orbit.residual,
+            iterations=iterations,
+            last=orbit,
+        )
+
+    try:
+        check_order(orbit.section, orbit.times)
+    except BadInput as error:
+        raise refuse(str(error)) from error
+    for one, velocity in zip(orbit.impacts, orbit.incoming.tolist(), strict=True):
+        if velocity * one.wall <= 0.0:
+            raise refuse(
+                f"at t = {one.time:.9g} site {one.site} comes to its wall from outside, with the "
+                f"velocity {velocity * one.wall:.6g}."
+            )
+
+
+def orbit_at(problem: Problem) -> Orbit:
+    """The orbit that a problem of orbits starts from."""
+    curve = Curve(problem, ())
+    found: Orbit = Point(curve, curve.start).solution
+    return found

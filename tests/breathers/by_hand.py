@@ -1,0 +1,30 @@
+"""Orbits put together from their impacts, solutions or not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from contbreather.breathers.orbit import Orbit, orbit_of
+from contbreather.breathers.section import Section
+from contbreather.lattice import InfiniteChain, forcing_of
+from contbreather.lattice.conditions import Conditions
+
+
+def orbit_from(
+    impacts: Iterable[tuple[int, int, float, float]],
+    offsets: Any = (),
+    turns: int = 1,
+    *,
+    a: float = 0.5,
+    gamma: float = 0.08,
+    k: float = 0.8,
+    forcing: Any = None,
+    lattice: Any = None,
+) -> Orbit:
+    """From (site, wall, time, impulse) of every impact."""
+    rows = [tuple(impact) for impact in impacts]
+    section = Section(tuple((site, wall) for site, wall, _, _ in rows), turns)
+    drive = forcing_of(forcing)
+    on = Conditions(a, gamma, k, forcing=drive, lattice=lattice or InfiniteChain())
+    return orbit_of(on, section, [row[2] for row in rows], [row[3] for row in rows], offsets)
