@@ -308,7 +308,7 @@ def _same(one: nx.Graph, other: nx.Graph) -> bool:
 
 def _coloured(lattice: Finite, sites: tuple[int, ...]) -> nx.Graph:
     """The lattice as a graph; what sets sites and bonds apart, to nine digits, as their colours."""
-    matrix = stiffness_of(lattice)
+    matrix = stiffness_of(lattice).toarray()
     drive = lattice.drive if isinstance(lattice, Lattice) else np.ones(lattice.sites)
     graph = nx.Graph()
     for n in range(lattice.sites):

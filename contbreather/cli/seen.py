@@ -103,8 +103,8 @@ def _end_of(kept: Recording, count: int) -> Run:
     import numpy as np
 
     from contbreather.dynamics import Run, RunStop, State
-    from contbreather.dynamics.conditions import PERIOD
     from contbreather.dynamics.impacting import IMPACT, REST
+    from contbreather.dynamics.states import PERIOD
 
     first = max(0, kept.periods - count)
     u, v = [kept.start.u[None]], [kept.start.v[None]]
@@ -131,7 +131,7 @@ def _end_of(kept: Recording, count: int) -> Run:
 
 def length_of(run: Run | SmoothRun) -> float:
     """How many periods it went, the fraction at its end included."""
-    from contbreather.dynamics.conditions import PERIOD
+    from contbreather.dynamics.states import PERIOD
 
     return run.periods + round((run.end - float(run.times[-1])) / PERIOD, 6)
 

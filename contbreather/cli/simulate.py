@@ -216,7 +216,7 @@ def _files(seen: Seen, asked: Asked) -> Iterator[Any]:
 
 def _strobes(seen: Seen) -> Iterator[dict[str, float]]:
     """One row for each stroboscopic state; those of a stream are read piece by piece."""
-    from contbreather.dynamics.conditions import PERIOD
+    from contbreather.dynamics.states import PERIOD
 
     if seen.stream is None:
         pieces, t0 = iter([(0, seen.run.strobe.u, seen.run.strobe.v)]), float(seen.run.times[0])
@@ -269,19 +269,17 @@ def draw(run: Run | SmoothRun) -> Figure:
 
 def _window(run: Any) -> Any:
     """The last periods again, with some sites recorded densely."""
-    from contbreather.dynamics import Run, Sample, simulate, simulate_smooth
-    from contbreather.dynamics.impacting import completed
+    from contbreather.dynamics import Run, Sample, State
+    from contbreather.dynamics.impacting import advance, completed
+    from contbreather.dynamics.smooth import advance_smooth
 
     count = min(WINDOW, run.periods)
-    state = run.strobe.u[-1 - count], run.strobe.v[-1 - count]
+    state = State(run.strobe.u[-1 - count], run.strobe.v[-1 - count])
     shown = tuple(dict.fromkeys((0, 1 % run.sites, run.sites // 2)))
-    c = run.conditions
-    shared: dict[str, Any] = {"a": c.a, "gamma": c.gamma, "damping": c.damping}
-    shared |= {"forcing": c.forcing, "periods": max(1, count), "sample": Sample(shown, 100)}
-    shared |= {"t0": float(run.times[-1 - count]), "progress": False}
-    if isinstance(run, Run):
-        return completed(simulate(state, k=c.k, **shared)).record
-    return completed(simulate_smooth(state, lam=c.lam, m=c.m, **shared)).record
+    window: dict[str, Any] = {"periods": max(1, count), "sample": Sample(shown, 100)}
+    window |= {"t0": float(run.times[-1 - count]), "progress": False}
+    again = advance if isinstance(run, Run) else advance_smooth
+    return completed(again(state, run.conditions, **window)).record
 
 
 def _content(seen: Seen, asked: Asked) -> dict[str, Any]:

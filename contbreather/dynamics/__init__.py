@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contbreather.dynamics.basin import Axis, Basin, Fate, attraction
-from contbreather.dynamics.conditions import Conditions, State
 from contbreather.dynamics.energy import Localisation, localisation
 from contbreather.dynamics.impacting import Record, Run, RunStop, Sample, simulate
 from contbreather.dynamics.periodic_motion import PeriodicMotion, damped_orbit, periodic
@@ -19,12 +18,12 @@ from contbreather.dynamics.smooth import (
     simulate_smooth,
 )
 from contbreather.dynamics.smooth_shooting import SmoothOrbit, smooth_orbit
+from contbreather.dynamics.states import State
 from contbreather.dynamics.tangent import Lyapunov, lyapunov, variation
 
 __all__ = [
     "Axis",
     "Basin",
-    "Conditions",
     "Explicit",
     "Fate",
     "Implicit",

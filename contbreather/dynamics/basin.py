@@ -21,18 +21,18 @@ from concurrent.futures import (
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import MOST, check_kind, number, row, whole
-from contbreather.dynamics.conditions import Conditions, State, check_state
-from contbreather.dynamics.energy import localisation
-from contbreather.dynamics.impacting import RunStop, completed, simulate
+from contbreather.dynamics.energy import localised
+from contbreather.dynamics.impacting import RunStop, advance, completed
 from contbreather.dynamics.progress import Bar
+from contbreather.dynamics.states import On, State, check_state, conditions_of, wall_rows, within
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, forcing_of
+from contbreather.lattice.conditions import Conditions
 
 Array = NDArray[Any]
 
@@ -140,19 +140,15 @@ def attraction(
     x: Axis,
     y: Axis,
     *,
-    a: float,
-    gamma: float,
-    k: float,
-    damping: float = 0.0,
     periods: int = 500,
     site: int = 0,
     t0: float = 0.0,
-    forcing: Forcing | str | None = None,
     tolerance: float = 1e-3,
     executor: Executor | None = None,
     progress: bool | None = None,
+    **on: Unpack[On],
 ) -> Basin:
-    """From which starts over a plane does the ring come to a given periodic motion?
+    """From which starts over a plane does a lattice come to a given periodic motion?
 
     Parameters
     ----------
@@ -161,7 +157,7 @@ def attraction(
         of the plane start there.
     x, y : Axis
         The plane.
-    a, gamma, k, damping, t0, forcing
+    t0, on
         As in `simulate`.
     periods : int
         After which the fate is read off; the slowest multiplier decides how many are needed.
@@ -201,7 +197,8 @@ def attraction(
         number("tolerance", tolerance, 0.0, 1e300, "a distance"),
     )
     t0 = number("t0", t0, -1e300, 1e300, "a time")
-    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
+    conditions = conditions_of(state.u.size, **on)
+    state = within(state, conditions.walls)
     task = _Task(state, conditions, x, y, whole("periods", periods, 2), site, t0, tolerance)
     shape = len(y.values), len(x.values)
     fate = np.full(shape, Fate.PENDING, np.int8)
@@ -270,11 +267,11 @@ def _fate(task: _Task, j: int, i: int) -> tuple[int, float]:
     start = State(task.reference.u.copy(), task.reference.v.copy())
     task.x.put(start, task.x.values[i])
     task.y.put(start, task.y.values[j])
-    if np.abs(start.u).max() > 1.0:
+    low, high = wall_rows(task.conditions.walls, start.u.size)
+    if ((start.u < low) | (start.u > high)).any():
         return Fate.OUTSIDE, np.nan
-    c = task.conditions
-    settings: dict[str, Any] = {**c.as_params(), "forcing": c.forcing, "t0": task.t0}
-    run = completed(simulate(start, periods=task.periods, progress=False, **settings))
+    quietly: dict[str, Any] = {"periods": task.periods, "t0": task.t0, "progress": False}
+    run = completed(advance(start, task.conditions, **quietly))
     gap = np.abs(np.subtract(run.final, task.reference)).max()
     if run.stop is not RunStop.DONE:
         return Fate.SPREAD, float(gap)
@@ -290,8 +287,7 @@ def _elsewhere(task: _Task, run: Any) -> int:
         return Fate.QUIET
     if set(last["site"].tolist()) == {task.site % run.sites}:
         return Fate.OTHER
-    c, (u, v) = task.conditions, run.strobe
-    where: dict[str, Any] = {"a": c.a, "gamma": c.gamma, "damping": c.damping}
-    seen = localisation(u[-5:], v[-5:], run.times[-5:], forcing=c.forcing, **where)
+    u, v = run.strobe
+    seen = localised(u[-5:], v[-5:], run.times[-5:], task.conditions)
     here = np.all(seen.centre == task.site % run.sites) and seen.participation.mean() < 2.0
     return Fate.OTHER if here else Fate.SPREAD

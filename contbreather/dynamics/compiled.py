@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 from numba import njit
 
@@ -26,7 +26,7 @@ def _digest() -> str:
 TEXT = _digest()[:12]
 
 
-def compiled(function: Callable[P, R]) -> Callable[P, R]:
+def compiled(function: Callable[P, R], *, inline: bool = False) -> Callable[P, R]:
     """`numba.njit`, cached, with IEEE arithmetic as written: the same input, the same bits.
 
     numba keeps a function as long as its own file is unchanged, even if one that it calls in
@@ -37,8 +37,14 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     it is compiled anew in each session; NUMBA_CACHE_DIR names another place.
     """
     function.__qualname__ = f"{function.__qualname__}_{TEXT}"
+    how: dict[str, Any] = {"forceinline": True} if inline else {}
     try:
-        made = njit(cache=True, error_model="numpy")(function)
+        made = njit(cache=True, error_model="numpy", **how)(function)
     except RuntimeError:  # "no locator available"
-        made = njit(error_model="numpy")(function)
+        made = njit(error_model="numpy", **how)(function)
     return cast("Callable[P, R]", made)
+
+
+def inlined(function: Callable[P, R]) -> Callable[P, R]:
+    """The same, written out where it is called: tuples of many arrays are dear to hand over."""
+    return compiled(function, inline=True)

@@ -84,22 +84,22 @@ def first_contact(
         s, `NEVER`, or `LOST` if the walk did not come to an end.
     """
     jerk = column_bound(rows, n, limit / h, 3) / h**3 + driven_bound(drive, 3)
-    s = start
+    s, close = start, CLOSE * max(1.0, abs(level))
     for _ in range(WALKS):
         value, slope, bend = site_at(rows, n, h, s / h)
         forced, forced_slope, forced_bend = driven(drive, t + s)
         gap = level - sign * (value + forced)
         slope = sign * (slope + forced_slope)
         bend = sign * (bend + forced_bend)
-        if gap <= CLOSE:
+        if gap <= close:
             if slope > STILL:
                 return max(start, s + (gap / slope if slope > 1e-3 else 0.0))
             if slope > -STILL and bend > PUSHED:
                 return s
         if s >= limit:
             return NEVER
-        s = min(limit, s + safe_advance(max(gap, CLOSE), slope, bend, jerk, limit - s))
-        if s >= limit and level - last > 2.0 * CLOSE:
+        s = min(limit, s + safe_advance(max(gap, close), slope, bend, jerk, limit - s))
+        if s >= limit and level - last > 2.0 * close:
             return NEVER
     return LOST
 

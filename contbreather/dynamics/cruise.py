@@ -1,4 +1,4 @@
-"""Period after period of the impacting ring: flights, impacts, rest on a wall, release.
+"""Period after period of an impacting lattice: flights, impacts, rest on a wall, release.
 
 Within a period the state is that of the unforced motion ``v = u - a g(t)``; between periods it is
 (u, u') alone, and whatever else is known (who rests on its wall) is read off it again. So a run
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.dynamics.compiled import compiled
+from contbreather.dynamics.compiled import compiled, inlined
 from contbreather.dynamics.contact import (
     CLOSE,
     LOST,
@@ -23,6 +23,7 @@ from contbreather.dynamics.contact import (
 )
 from contbreather.dynamics.flow import (
     Array,
+    Bonds,
     Drive,
     driven,
     driven_bound,
@@ -30,7 +31,8 @@ from contbreather.dynamics.flow import (
     driven_terms,
     ends,
     expand,
-    expand_held,
+    expand_any,
+    near,
     site_at,
     state_at,
 )
@@ -46,9 +48,14 @@ HIT, REST, LEAVE = 0, 1, 2
 
 
 class Law(NamedTuple):
-    """What does not change during a run: the chain, its damping, its walls, its forcing."""
+    """What does not change during a run: the lattice, its damping, its walls, its forcing."""
 
+    ring: bool  # without springs: nothing but neighbours pulls, by gamma, so a stencil will do
     gamma: float
+    bonds: Bonds
+    # by sites, in rows: the low and the high wall, infinite where there is none; the smaller
+    # distance of both from 0
+    walls: Array
     mu: float
     k: float
     step: float
@@ -56,7 +63,7 @@ class Law(NamedTuple):
     size: int  # terms of the series in time
     most: int  # impacts of one site in one period
     motion: Drive  # a g(t), g'' + mu g' = F/a
-    force: Drive  # a F(t)/a
+    force: Drive  # F(t)
 
 
 class Log(NamedTuple):
@@ -98,6 +105,7 @@ class Work(NamedTuple):
     when: Array
     side: NDArray[np.int8]
     held: NDArray[np.int8]
+    place: Array  # of the wall that holds a site
     fresh: NDArray[np.int8]
     changed: NDArray[np.int8]
     hits: NDArray[np.int64]
@@ -106,33 +114,45 @@ class Work(NamedTuple):
     listed: NDArray[np.int8]
 
 
-@compiled
+@inlined
 def outward(law: Law, work: Work, n: int, sign: float, t: float) -> tuple[float, float]:
     """Push of site n into its wall while at rest there, and how fast that changes."""
-    v, w, size = work.v, work.w, work.v.size
-    left, right = (n - 1) % size, (n + 1) % size
-    own = -driven(law.motion, t)[1]  # at rest the unforced part moves against the forced one
+    bonds, v, w = law.bonds, work.v, work.w
+    motion, velocity, _ = driven(law.motion, t)
     force, change, _ = driven(law.force, t)
-    push = force - law.gamma * (2.0 * v[n] - v[left] - v[right])
-    rate = change - law.gamma * (2.0 * own - w[left] - w[right])
+    own, extra, ground = bonds.pulls[:, n]
+    drive = 1.0 + extra
+    push = drive * force - ground * motion - (own * v[n] - near(bonds, v, n))
+    # at rest the unforced part moves against the forced one
+    rate = drive * change - ground * velocity + (own * velocity + near(bonds, w, n))
     return sign * push, sign * rate
+
+
+@compiled
+def pushing(law: Law, n: int) -> Drive:
+    """What drives site n at rest: its part of F and the pull on the common motion."""
+    _, extra, ground = law.bonds.pulls[:, n]
+    drive = 1.0 + extra
+    c = drive * law.force.c - ground * law.motion.c
+    return Drive(law.force.m, c, drive * law.force.s - ground * law.motion.s)
 
 
 @compiled
 def release(law: Law, work: Work, n: int, t: float, h: float) -> float:
     """When the wall ceases to hold site n: the push on it passes zero. ``t`` is that of s = 0."""
-    lift, size = work.lift, work.v.size
+    lift, bonds, force = work.lift, law.bonds, pushing(law, n)
     sign, origin = float(work.held[n]), work.origin[n]
-    left, right = (n - 1) % size, (n + 1) % size
     for j in range(lift.shape[0]):
-        lift[j, 0] = -2.0 * law.gamma * work.rows[j, n]
-    _add_shifted(work.rows, left, (origin - work.origin[left]) / h, law.gamma, lift)
-    _add_shifted(work.rows, right, (origin - work.origin[right]) / h, law.gamma, lift)
-    if sign * (lift[0, 0] + driven(law.force, t + origin)[0]) <= 0.0:
+        lift[j, 0] = -bonds.pulls[0, n] * work.rows[j, n]
+    for i in range(bonds.start[n], bonds.start[n + 1]):
+        other = bonds.other[i]
+        shift = (origin - work.origin[other]) / h
+        _add_shifted(work.rows, other, shift, bonds.weight[i], lift)
+    if sign * (lift[0, 0] + driven(force, t + origin)[0]) <= 0.0:
         return origin
     room = h - origin
-    last = site_at(lift, 0, h, room / h)[0] + driven(law.force, t + h)[0]
-    local = first_contact(lift, 0, h, law.force, t + origin, -sign, 0.0, 0.0, room, -sign * last)
+    last = site_at(lift, 0, h, room / h)[0] + driven(force, t + h)[0]
+    local = first_contact(lift, 0, h, force, t + origin, -sign, 0.0, 0.0, room, -sign * last)
     return local if local < 0.0 else origin + local
 
 
@@ -161,7 +181,7 @@ def lead(law: Law, work: Work, n: int, t: float, h: float) -> float:
     return min(h, -jerk / snap) if jerk < -1e-9 else min(h, 1e-3)
 
 
-@compiled
+@inlined
 def search(law: Law, work: Work, n: int, t: float, h: float, first: float, last: float) -> bool:
     """Find when site n next meets a wall, or is let go, before the step ends; False if astray.
 
@@ -176,7 +196,7 @@ def search(law: Law, work: Work, n: int, t: float, h: float, first: float, last:
     room = h - origin
     bend = column_bound(work.rows, n, room / h, 2) / (h * h) + driven_bound(law.motion, 2)
     slack = bend * room * room / 8.0
-    if max(abs(first), abs(last)) + slack < 1.0:
+    if max(abs(first), abs(last)) + slack < law.walls[2, n]:
         work.fresh[n] = 0
         return True
     at = t + origin
@@ -184,9 +204,10 @@ def search(law: Law, work: Work, n: int, t: float, h: float, first: float, last:
     start = lead(law, work, n, at, h) if work.fresh[n] != 0 else 0.0
     work.fresh[n] = 0
     for sign in (1.0, -1.0):
-        if max(sign * first, max(sign * middle, sign * last)) + 0.25 * slack < 1.0:
+        level = law.walls[1, n] if sign > 0.0 else -law.walls[0, n]
+        if max(sign * first, max(sign * middle, sign * last)) + 0.25 * slack < level:
             continue
-        s = first_contact(work.rows, n, h, law.motion, at, sign, 1.0, start, room, sign * last)
+        s = first_contact(work.rows, n, h, law.motion, at, sign, level, start, room, sign * last)
         if s == LOST:
             return False
         if s >= 0.0 and (work.when[n] < 0.0 or origin + s < work.when[n]):
@@ -195,7 +216,7 @@ def search(law: Law, work: Work, n: int, t: float, h: float, first: float, last:
     return True
 
 
-@compiled
+@inlined
 def note(
     log: Log,
     period: int,
@@ -223,7 +244,7 @@ def note(
     return True
 
 
-@compiled
+@inlined
 def comes_to_rest(law: Law, work: Work, n: int, sign: float, t: float, after: float) -> float:
     """How long ever smaller rebounds go on, where they end on the wall soon; else `NEVER`.
 
@@ -251,7 +272,7 @@ def comes_to_rest(law: Law, work: Work, n: int, sign: float, t: float, after: fl
     return remaining / change * ((1.0 + 5.0 / 3.0 * change) ** 0.6 - 1.0)
 
 
-@compiled
+@inlined
 def settle(law: Law, work: Work, log: Log, period: int, t: float, dt: float) -> int:
     """Apply every contact and release of the step's time dt; a site + 1 where one chatters.
 
@@ -277,7 +298,8 @@ def settle(law: Law, work: Work, log: Log, period: int, t: float, dt: float) -> 
         after = -law.k * before + 0.0  # no minus zero
         # the push at rest has the wall's sign; u'' as it is just before has the drag besides
         push = wall * outward(law, work, n, float(wall), t)[0] - law.mu * before
-        work.v[n] = wall - motion
+        work.place[n] = law.walls[int(wall > 0), n]
+        work.v[n] = work.place[n] - motion
         work.w[n] = after - velocity
         work.hits[n] += 1
         if not note(log, period, t, n, HIT, wall, before, after, push):
@@ -293,7 +315,7 @@ def settle(law: Law, work: Work, log: Log, period: int, t: float, dt: float) -> 
     return 0
 
 
-@compiled
+@inlined
 def resting(held: NDArray[np.int8]) -> bool:
     """Whether any site rests on a wall."""
     count = 0
@@ -302,20 +324,21 @@ def resting(held: NDArray[np.int8]) -> bool:
     return count > 0
 
 
-@compiled
+@inlined
 def begin(law: Law, work: Work, t: float, h: float, anyone: bool) -> bool:
     """Expand all sites about the start of a step and search them; False if one went astray."""
-    if anyone:
+    if anyone or not law.ring:
         driven_terms(law.motion, t, h, work.column)
-        args = (law.gamma, law.mu, work.held, 1.0, work.column, work.rows)
-        expand_held(work.v, work.w, h, *args)
+        args = (law.mu, law.bonds, work.held, work.place, work.column, work.rows)
+        expand_any(work.v, work.w, h, *args)
     else:
         expand(work.v, work.w, h, law.gamma, law.mu, work.rows)
     ends(work.rows, h, work.last_v, work.last_w, work.reach)
-    free = 1.0 - driven_bound(law.motion, 0)
-    count, busy, reach = 0, work.busy, work.reach
+    swing = driven_bound(law.motion, 0)
+    count, busy, reach, free = 0, work.busy, work.reach, law.walls[2]
     for n in range(reach.size):
-        calm = reach[n] < free  # certain to stay between the walls: in a breather nearly all
+        # certain to stay between the walls: in a breather nearly all are
+        calm = reach[n] + swing < free[n]
         work.listed[n] = not calm
         busy[count] = n
         count += not calm
@@ -331,7 +354,7 @@ def begin(law: Law, work: Work, t: float, h: float, anyone: bool) -> bool:
     return True
 
 
-@compiled
+@inlined
 def present(work: Work, n: int, reach: int, s: float, h: float) -> None:
     """The state of the sites within ``reach`` of n at the step's time s, into v and w."""
     size = work.v.size
@@ -340,12 +363,13 @@ def present(work: Work, n: int, reach: int, s: float, h: float) -> None:
         work.v[m], work.w[m], _ = site_at(work.rows, m, h, (s - work.origin[m]) / h)
 
 
-@compiled
+@inlined
 def renew(law: Law, work: Work, n: int, s: float, h: float) -> None:
     """Expand anew, about the step's time s, the sites that a change at site n can reach.
 
     The j-th power at one site knows of others up to a distance of j/2 only; beyond that of the
-    last power kept the change is below rounding for the rest of the step. No site is at rest.
+    last power kept the change is below rounding for the rest of the step. On rings only, and no
+    site is at rest.
     """
     patch, size = work.patch, work.v.size
     top, wide = patch.shape[0] - 1, patch.shape[1]
@@ -372,7 +396,7 @@ def renew(law: Law, work: Work, n: int, s: float, h: float) -> None:
         work.last_v[m], work.last_w[m], work.reach[m] = v, w / h, reach
 
 
-@compiled
+@inlined
 def repair(law: Law, work: Work, t: float, s: float, h: float) -> bool:
     """After an event at the step's time s: new series and new searches around what changed."""
     top, known = work.rows.shape[0] - 1, work.many[0]
@@ -380,7 +404,7 @@ def repair(law: Law, work: Work, t: float, s: float, h: float) -> bool:
     for i in range(known):
         if work.changed[work.busy[i]] != 0:
             renew(law, work, work.busy[i], s, h)
-    free = 1.0 - driven_bound(law.motion, 0)
+    swing = driven_bound(law.motion, 0)
     now, then = driven(law.motion, t + s)[0], driven(law.motion, t + h)[0]
     for i in range(known):
         n = work.busy[i]
@@ -389,7 +413,7 @@ def repair(law: Law, work: Work, t: float, s: float, h: float) -> bool:
         for k in range(n - reach, n + reach + 1):
             m = k % work.v.size
             work.when[m] = NEVER
-            if work.reach[m] < free:
+            if work.reach[m] + swing < law.walls[2, m]:
                 continue
             if work.listed[m] == 0:
                 work.listed[m] = 1
@@ -400,7 +424,7 @@ def repair(law: Law, work: Work, t: float, s: float, h: float) -> bool:
     return True
 
 
-@compiled
+@inlined
 def next_event(busy: NDArray[np.int64], many: int, times: Array) -> tuple[float, int]:
     """The earliest event of the step, or NEVER, and how many sites take part in it."""
     best, count = NEVER, 0
@@ -415,7 +439,7 @@ def next_event(busy: NDArray[np.int64], many: int, times: Array) -> tuple[float,
     return best, count
 
 
-@compiled
+@inlined
 def stop_at(work: Work, s: float, h: float) -> None:
     """The state of all sites at the step's time s, into v and w."""
     state_at(work.rows, h, s / h, work.v, work.w)
@@ -432,7 +456,7 @@ def elsewhere(work: Work, s: float, h: float) -> None:
             present(work, n, 0, s, h)
 
 
-@compiled
+@inlined
 def one_period(
     law: Law, work: Work, log: Log, watch: Watch, row: int, period: int, t0: float, span: float
 ) -> tuple[int, int]:
@@ -456,7 +480,7 @@ def one_period(
                 work.v[:] = work.last_v
                 work.w[:] = work.last_w
                 break
-            local = count * wide < size and not anyone
+            local = law.ring and count * wide < size and not anyone
             if local:
                 for i in range(work.many[0]):
                     n = work.busy[i]
@@ -478,7 +502,7 @@ def one_period(
     return DONE, 0
 
 
-@compiled
+@inlined
 def observe(
     law: Law,
     work: Work,
@@ -506,7 +530,7 @@ def observe(
     return sample
 
 
-@compiled
+@inlined
 def enter(law: Law, work: Work, u: Array, v: Array, t0: float) -> None:
     """Take out the forced motion; a site at rest on a wall that pushes it stays there."""
     motion, velocity, _ = driven(law.motion, t0)
@@ -516,23 +540,26 @@ def enter(law: Law, work: Work, u: Array, v: Array, t0: float) -> None:
         work.held[n] = 0
         work.fresh[n] = 0
     for n in range(u.size):
-        if abs(u[n]) == 1.0 and v[n] == 0.0 and outward(law, work, n, u[n], t0)[0] > 0.0:
-            work.held[n] = np.int8(u[n])
+        wall = int(u[n] == law.walls[1, n]) - int(u[n] == law.walls[0, n])
+        if wall != 0 and v[n] == 0.0 and outward(law, work, n, float(wall), t0)[0] > 0.0:
+            work.held[n] = np.int8(wall)
+            work.place[n] = u[n]
 
 
-@compiled
+@inlined
 def leave(law: Law, work: Work, u: Array, v: Array, t0: float) -> bool:
     """Put the forced motion back; False where a number is no longer one."""
     motion, velocity, _ = driven(law.motion, t0)
     sound = True
     for n in range(u.size):
         if work.held[n] != 0:
-            u[n] = float(work.held[n])
+            u[n] = work.place[n]
             v[n] = 0.0
             continue
         u[n] = work.v[n] + motion
         v[n] = work.w[n] + velocity
-        sound = sound and abs(v[n]) < FAST and abs(u[n]) < 2.0
+        between = law.walls[0, n] - 1.0 < u[n] < law.walls[1, n] + 1.0
+        sound = sound and abs(v[n]) < FAST and between
     return sound
 
 

@@ -1,25 +1,29 @@
 """How localised a state is: energy per site, participation ratio, decay away from its centre.
 
-All sites share the forced motion ``a g(t)``, which carries energy however localised the rest is.
-So energies are those of the motion relative to it:
+The forced motion ``a g_n(t)`` carries energy however localised the rest is. So energies are those
+of the motion ``x_n = u_n - a g_n`` relative to it; on a ring
 
-    ``e_n = (u_n' - a g')^2/2 + gamma/4 [(u_n - u_n-1)^2 + (u_n - u_n+1)^2]``,
+    ``e_n = x_n'^2/2 + gamma/4 [(x_n - x_n-1)^2 + (x_n - x_n+1)^2]``,
 
-the second term half the energy of each bond.
+the second term half the energy of each bond. Springs and ties to the ground belong to their site.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
 
 from contbreather.checks import numbers
-from contbreather.dynamics.conditions import Conditions
+from contbreather.dynamics.states import Moved, conditions_of
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, forcing_of
+from contbreather.flows.modes import driven
+from contbreather.lattice import Forcing
+from contbreather.lattice.finite import Finite, stiffness_of
 
 Array = NDArray[Any]
 
@@ -43,28 +47,52 @@ class Localisation:
     energy: Array
     participation: Array
     centre: Array
+    lattice: Finite
 
     def decay(self) -> float:
         """By how much the amplitude falls from one site to the next: exp of half the slope of the
-        mean logarithm of the energies against the distance from the centre.
+        mean logarithm of the energies against the number of bonds from the centre.
 
-        Of several states the mean energies count. 1 if nothing decays, NaN on fewer than 4 sites.
+        Of several states the mean energies count. 1 if nothing decays, NaN where no site is two
+        bonds away.
         """
-        sites = self.energy.shape[-1]
-        energy = self.energy.reshape(-1, sites)
-        rolled = [np.roll(e, -n) for e, n in zip(energy, self.centre.ravel(), strict=True)]
-        mean = np.mean(rolled, axis=0)
-        half = sites // 2
-        if half < 2:
+        energy = self.energy.reshape(-1, self.energy.shape[-1])
+        count = 1 + int(max(_shells(self.lattice, n).max() for n in set(self.centre.flat)))
+        if count < 3:
             return float("nan")
-        distance = np.arange(half + 1)
-        folded = 0.5 * (mean[distance] + mean[-distance])
-        # the far side of a ring feels both ends of its motion: the outer half is left out
-        use = (distance <= max(2, (2 * half) // 3)) & (folded > NOISE * folded.max())
+        shells = [
+            _by_shell(self.lattice, *one, count)
+            for one in zip(energy, self.centre.flat, strict=True)
+        ]
+        folded, distance = np.nanmean(shells, axis=0), np.arange(count)
+        # the far side of a ring feels both ends of its motion: the outer part is left out
+        use = (distance <= max(2, (2 * (count - 1)) // 3)) & (folded > NOISE * folded.max())
         if np.count_nonzero(use) < 2:
             return 0.0
         slope = np.polyfit(distance[use], np.log(folded[use]), 1)[0]
         return float(np.exp(0.5 * slope))
+
+
+@lru_cache(maxsize=64)
+def _shells(lattice: Finite, centre: int) -> NDArray[np.float64]:
+    """Bonds from the centre to each site, -1 where there is no way."""
+    found = np.full(lattice.sites, -1.0)
+    found[centre], edge, count = 0.0, [centre], 0
+    while edge:
+        count += 1
+        edge = sorted({m for n in edge for m in lattice.beside(n) if found[m] < 0.0})
+        found[edge] = count
+    return found
+
+
+def _by_shell(lattice: Finite, energy: Array, centre: int, count: int) -> Array:
+    """Mean energies of all sites at each distance; NaN where there are none."""
+    shells = _shells(lattice, int(centre))
+    there = shells >= 0.0
+    number = np.bincount(shells[there].astype(int), minlength=count)
+    total = np.bincount(shells[there].astype(int), energy[there], minlength=count)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(total / number)
 
 
 def localisation(
@@ -75,7 +103,9 @@ def localisation(
     a: float,
     gamma: float,
     damping: float = 0.0,
+    spring: float = 0.0,
     forcing: Forcing | str | None = None,
+    lattice: Finite | None = None,
 ) -> Localisation:
     """Energies and participation ratio of one state, or of many at once.
 
@@ -85,7 +115,7 @@ def localisation(
         Displacements and velocities, for instance ``*run.strobe``.
     t : array_like, shape (...)
         Their times.
-    a, gamma, damping, forcing
+    a, gamma, damping, spring, forcing, lattice
         As in `simulate`.
 
     Examples
@@ -101,27 +131,51 @@ def localisation(
         raise BadInput(
             f"u and v must have one shape (..., sites); {x.shape} and {y.shape} were given."
         )
-    shared = forced_velocity(
-        Conditions(a, gamma, 1.0, damping, forcing_of(forcing)), numbers("t", t)
+    conditions = conditions_of(
+        x.shape[-1],
+        a=a,
+        gamma=gamma,
+        k=1.0,
+        damping=damping,
+        spring=spring,
+        forcing=forcing,
+        lattice=lattice,
     )
-    bond = (x - np.roll(x, 1, axis=-1)) ** 2 if x.shape[-1] > 1 else np.zeros_like(x)
-    energy = 0.5 * (y - shared[..., None]) ** 2
-    energy += 0.25 * gamma * (bond + np.roll(bond, -1, axis=-1))
+    return localised(x, y, numbers("t", t), conditions)
+
+
+def localised(u: Array, v: Array, t: ArrayLike, on: Moved) -> Localisation:
+    """`localisation`, under conditions that have been checked."""
+    x, y = u - forced(on, t, 0), v - forced(on, t, 1)
+    table = stiffness_of(on.lattice)
+    held = 0.5 * on.lattice.masses * on.spring + 0.5 * on.gamma * _loose(table)
+    energy = 0.5 * on.lattice.masses * y**2 + held * x**2
+    if on.gamma > 0.0:
+        energy += on.gamma * _of_bonds(table, x)
     total, square = energy.sum(axis=-1), (energy**2).sum(axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         participation = np.where(square > 0.0, total**2 / square, x.shape[-1])
-    return Localisation(energy, participation, energy.argmax(axis=-1))
+    return Localisation(energy, participation, energy.argmax(axis=-1), on.lattice)
 
 
-def forced_velocity(conditions: Conditions, t: ArrayLike) -> Array:
-    """a g'(t), at many times."""
-    m, c, s = conditions.motion
-    angle = np.multiply.outer(np.asarray(t, dtype=float), m)
-    return np.asarray(np.cos(angle) @ (m * s) - np.sin(angle) @ (m * c))
+def _loose(table: Any) -> Array:
+    """Stiffness of what ties each site to the ground, without what rounding leaves."""
+    rows, size = table.sum(axis=1), abs(table).sum(axis=1)
+    return np.where(abs(rows) > 1e-14 * size, rows, 0.0)
 
 
-def forced_displacement(conditions: Conditions, t: ArrayLike) -> Array:
-    """a g(t), at many times."""
-    m, c, s = conditions.motion
-    angle = np.multiply.outer(np.asarray(t, dtype=float), m)
-    return np.asarray(np.cos(angle) @ c + np.sin(angle) @ s)
+def _of_bonds(table: Any, x: Array) -> Array:
+    """Half the energy of the bonds of each site, at unit coupling."""
+    bonds = table.tocoo()
+    own, other, weight = bonds.row, bonds.col, -0.25 * bonds.data
+    apart = weight * (x[..., own] - x[..., other]) ** 2  # nothing on the diagonal
+    ends = sparse.csr_array(
+        (np.ones(own.size), (np.arange(own.size), own)), (own.size, x.shape[-1])
+    )
+    return np.asarray((apart.reshape(-1, own.size) @ ends).reshape(x.shape))
+
+
+def forced(on: Moved, t: ArrayLike, order: int) -> Array:
+    """The forced motion of every site at many times, or its derivative: shape (..., N or 1)."""
+    own = driven(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
+    return on.a * own.everywhere(np.asarray(t, dtype=float), order)

@@ -1,11 +1,12 @@
-"""The damped ring between impacts, to rounding, with all its sites as polynomials of time.
+"""A damped lattice between impacts, to rounding, with all its sites as polynomials of time.
 
-``v = u - a g(t)`` takes out the forced motion, the same at every site (``g'' + mu g' = F/a``), and
-leaves ``v'' + mu v' + gamma L v = 0``. Over a step h its Taylor series in s/h is summed to the last
-bit: the terms of a mode fall like ``(w h)^j/j!``, w < 1, whatever the number of sites. That is the
-exact propagator of the modes (18) written site by site, where it is a narrow band: N operations
-instead of N^2 or N log N, and at once a formula for every time inside the step, which is what the
-search for impacts needs.
+``v = u - a g(t)`` takes out one forced motion for all sites (``g'' + mu g' = F/a``), and leaves
+``v'' + mu v' + K v = (d - 1) F - K 1 a g``, where K holds couplings and springs per unit mass and d
+is the pattern of the drive: on a ring without springs nothing is left on the right. Over a step h
+the Taylor series in s/h is summed to the last bit: the terms of a mode fall like ``(w h)^j/j!``,
+whatever the number of sites. That is the exact propagator of the modes (18) written site by site,
+where it is sparse: N operations instead of N^2 or N log N, and at once a formula for every time
+inside the step, which is what the search for impacts needs.
 
 Rows are coefficients: ``rows[j, n]`` belongs to site n and ``(s/h)^j``.
 """
@@ -18,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.dynamics.compiled import compiled
+from contbreather.dynamics.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,17 @@ class Drive(NamedTuple):
     s: Array
 
 
+class Bonds(NamedTuple):
+    """What pulls at each site, per unit mass: K and the drive by sites, K by its rows (CSR)."""
+
+    start: NDArray[np.int64]  # entries of site n are those from start[n] to start[n + 1]
+    other: NDArray[np.int64]
+    weight: Array  # -K[n, other]
+    # by sites, in rows: K[n, n]; d - 1, by how much more a site is driven than the common motion
+    # says; K 1, what pulls at the common motion
+    pulls: Array
+
+
 def terms(reach: float) -> int:
     """How many powers of s/h are needed where the fastest rate times h is ``reach``."""
     j, size = 0, 1.0
@@ -43,7 +55,7 @@ def terms(reach: float) -> int:
     return j + 1
 
 
-@compiled
+@inlined
 def driven(drive: Drive, t: float) -> tuple[float, float, float]:
     """The sum at time t, and its first and second derivative."""
     value = slope = bend = 0.0
@@ -95,7 +107,7 @@ def driven_bound(drive: Drive, order: int) -> float:
     return total
 
 
-@compiled
+@inlined
 def expand(v: Array, w: Array, h: float, gamma: float, mu: float, rows: Array) -> None:
     """Fill ``rows`` from displacements v and velocities w of a ring."""
     size, top = v.size, rows.shape[0] - 1
@@ -118,7 +130,7 @@ def expand(v: Array, w: Array, h: float, gamma: float, mu: float, rows: Array) -
                 new[n] = pulled + drag * now[n]
 
 
-@compiled
+@inlined
 def ends(rows: Array, h: float, last_v: Array, last_w: Array, reach: Array) -> None:
     """The state at s = h, and in ``reach`` what no |v| exceeds until then.
 
@@ -143,34 +155,46 @@ def ends(rows: Array, h: float, last_v: Array, last_w: Array, reach: Array) -> N
         last_w[n] /= h
 
 
+@inlined
+def near(bonds: Bonds, x: Array, n: int) -> float:
+    """Pull on site n of the sites beside it."""
+    total = 0.0
+    for i in range(bonds.start[n], bonds.start[n + 1]):
+        total += bonds.weight[i] * x[bonds.other[i]]
+    return total
+
+
 @compiled
-def expand_held(
+def expand_any(
     v: Array,
     w: Array,
     h: float,
-    gamma: float,
     mu: float,
+    bonds: Bonds,
     held: NDArray[np.int8],
-    level: float,
+    place: Array,
     column: Array,
     rows: Array,
 ) -> None:
-    """The same with some sites resting on their walls: they move as ``wall - a g(t)``.
+    """The same on any lattice, with some sites resting on their walls: at ``place - a g(t)``.
 
-    ``column`` holds the Taylor coefficients of a g, ``level`` is 1; with zeros and 0 the sites
-    held do not move at all, which is what perturbations do.
+    ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``place`` nothing is
+    driven and the sites held do not move at all, which is what perturbations do.
     """
-    size = v.size
-    for j in range(rows.shape[0]):
-        pull, drag = -gamma * h * h / max(j * (j - 1), 1), -mu * h / max(j, 1)
-        for n in range(size):
+    own, extra, ground = bonds.pulls
+    for n in range(v.size):
+        rows[0, n] = place[n] - column[0] if held[n] != 0 else v[n]
+        rows[1, n] = -column[1] if held[n] != 0 else h * w[n]
+    for j in range(2, rows.shape[0]):
+        pull, drag = -h * h / (j * (j - 1)), -mu * h / j
+        before, now, new = rows[j - 2], rows[j - 1], rows[j]
+        push, still = column[j] - drag * column[j - 1], pull * column[j - 2]
+        for n in range(v.size):
             if held[n] != 0:
-                rows[j, n] = (level * held[n] if j == 0 else 0.0) - column[j]
-            elif j < 2:
-                rows[j, n] = v[n] if j == 0 else h * w[n]
-            else:
-                near = rows[j - 2, (n - 1) % size] + rows[j - 2, (n + 1) % size]
-                rows[j, n] = pull * (2.0 * rows[j - 2, n] - near) + drag * rows[j - 1, n]
+                new[n] = -column[j]
+                continue
+            pulled = pull * (own[n] * before[n] - near(bonds, before, n)) + drag * now[n]
+            new[n] = pulled + (extra[n] * push + ground[n] * still)
 
 
 @compiled
@@ -190,7 +214,7 @@ def state_at(rows: Array, h: float, x: float, v: Array, w: Array) -> None:
         w[n] = w[n] / h
 
 
-@compiled
+@inlined
 def site_at(rows: Array, n: int, h: float, x: float) -> tuple[float, float, float]:
     """Displacement, velocity and acceleration of one site at s = x h."""
     v = w = b = 0.0

@@ -1,4 +1,4 @@
-"""The impacting ring, simulated exactly: eq. (1), the reset law (2), optional linear damping.
+"""An impacting lattice, simulated exactly: eq. (1), the reset law (2), damping and springs.
 
 Between impacts the flow is summed to rounding (`contbreather.dynamics.flow`), impacts are bracketed
 so that none can be missed and polished to 1e-12 (`contact`), and rests on a wall are part of the
@@ -8,7 +8,6 @@ motion (`cruise`). The only error left is rounding.
 from __future__ import annotations
 
 import enum
-import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -18,10 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number, whole
-from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced
 from contbreather.dynamics.held import held
+from contbreather.dynamics.states import (
+    PERIOD,
+    State,
+    check_state,
+    conditions_of,
+    reduced,
+    within,
+)
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, forcing_of
+from contbreather.lattice import Forcing
+from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.finite import Finite
 
 if TYPE_CHECKING:
     from contbreather.dynamics.cruise import Law, Log, Watch, Work
@@ -51,8 +59,8 @@ REST = np.dtype(
     ]
 )
 LONGEST = 1e12  # periods; beyond, not even their number is exact enough to keep time
-MOMENT = 0.2  # seconds a stretch should take: how long an interruption waits
 MOST = 150_000  # impacts of one site in one period: some seconds
+MOMENT = 0.2  # seconds a stretch should take: how long an interruption waits
 ROOM = 2**21  # numbers a stretch may hold: 16 MB
 
 
@@ -91,10 +99,15 @@ class Sample:
         object.__setattr__(self, "sites", tuple(int(n) for n in self.sites))
 
 
-def check_sample(sample: object) -> None:
-    """Refuse what is no `Sample`."""
+def check_sample(sample: object, sites: int) -> None:
+    """Refuse what is no `Sample` of a lattice of so many sites."""
     if not isinstance(sample, Sample | None):
         raise BadInput(f"sample = {sample!r}: a Sample was wanted, as in Sample(sites=(0, 1)).")
+    for n in sample.sites if sample else ():
+        if not -sites <= n < sites:
+            raise BadInput(
+                f"sample: there is no site {n} among {sites}; sites are 0 to {sites - 1}."
+            )
 
 
 class Record(NamedTuple):
@@ -197,27 +210,36 @@ def simulate(
     k: float,
     periods: float,
     damping: float = 0.0,
-    t0: float = 0.0,
+    spring: float = 0.0,
     forcing: Forcing | str | None = None,
+    lattice: Finite | None = None,
+    walls: Any = None,
+    t0: float = 0.0,
     sample: Sample | None = None,
     progress: bool | None = None,
 ) -> Run:
-    """Let a ring of impacting sites go from any state.
+    """Let a lattice of impacting sites go from any state.
 
     Parameters
     ----------
     state : pair of array_like, shape (N,)
         Displacements and velocities of all sites at t0; N = 1 is a single oscillator.
     a, gamma, k : float
-        Amplitude of the forcing, coupling in [0, 1/4), restitution in [0, 1].
+        Amplitude of the forcing, coupling (below 1/4 on a ring), restitution in [0, 1].
     periods : float
         Length of the run in periods 2 pi of the forcing; a fraction is allowed at the end.
-    damping : float
-        mu of a linear damping ``mu u'`` of every site, up to 1e4: steps are 3/mu at most.
-    t0 : float
-        Time of the state; the forcing depends on it.
+    damping, spring : float
+        Of ``u'' + damping u' + spring u + ...``, per unit mass; damping up to 1e4, for steps are
+        3/damping at most.
     forcing : Forcing or str, optional
         `Harmonic`, F = -a cos t, unless given.
+    lattice : Ring or Lattice, optional
+        A ring of as many sites as the state has, unless given.
+    walls : pair or dict, optional
+        ``(low, high)`` for all sites, or a dict of sites and pairs, None where there is no wall;
+        -1 and 1 unless given.
+    t0 : float
+        Time of the state; the forcing depends on it.
     sample : Sample, optional
         Sites to record densely, in whole periods. Impacts and the states once in a period are
         always recorded.
@@ -247,8 +269,32 @@ def simulate(
     2
     """
     start = check_state(state)
-    check_sample(sample)
-    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
+    conditions = conditions_of(
+        start.u.size,
+        a=a,
+        gamma=gamma,
+        k=k,
+        damping=damping,
+        spring=spring,
+        forcing=forcing,
+        lattice=lattice,
+        walls=walls,
+    )
+    return advance(start, conditions, periods=periods, t0=t0, sample=sample, progress=progress)
+
+
+def advance(
+    state: State,
+    conditions: Conditions,
+    *,
+    periods: float,
+    t0: float = 0.0,
+    sample: Sample | None = None,
+    progress: bool | None = None,
+) -> Run:
+    """`simulate`, of a state and conditions that have been checked."""
+    check_sample(sample, state.u.size)
+    start = within(state, conditions.walls)
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     count, rest = int(length), length - int(length)
     stretches: list[Stretch] = []
@@ -392,7 +438,9 @@ class Machine:
     log: Log = field(init=False)
 
     def __post_init__(self) -> None:
-        self.law = law_of(self.conditions)
+        from contbreather.dynamics.law import law_of
+
+        self.law = law_of(self.conditions)._replace(most=MOST)
         self.work = work_of(self.state.u.size, self.law.size)
         self.log = log_of(256)
         self.state = State(self.state.u.copy(), self.state.v.copy())
@@ -455,31 +503,17 @@ class Machine:
         )
 
 
-def law_of(conditions: Conditions) -> Law:
-    """The conditions as the compiled loop wants them."""
-    from contbreather.dynamics.cruise import Law
-    from contbreather.dynamics.flow import STEP, Drive, terms
-
-    k, mu, gamma = float(conditions.k), float(conditions.damping), float(conditions.gamma)
-    motion, force = Drive(*conditions.motion), Drive(*conditions.force)
-    rate = max(2.0 * math.sqrt(gamma), mu, 0.25)
-    step = min(STEP, 3.0 / rate)
-    # a site that rests on its wall moves, in v, with the forcing: its harmonics must converge too
-    rest_step = step * rate / max(rate, float(motion.m.max()))
-    return Law(gamma, mu, k, step, rest_step, terms(step * rate), MOST, motion, force)
-
-
 def work_of(sites: int, count: int) -> Work:
     from contbreather.dynamics.cruise import Work
 
-    v, w, origin, last_v, last_w, reach, when = np.zeros((7, sites))
+    v, w, origin, last_v, last_w, reach, when, place = np.zeros((8, sites))
     side, held, fresh, changed, listed = np.zeros((5, sites), np.int8)
     rows, patch = np.empty((count, sites)), np.empty((count, 4 * ((count - 1) // 2) + 1))
     lift, column = np.empty((count, 1)), np.empty(count)
     hits, busy = np.zeros(sites, np.int64), np.zeros(sites + 1, np.int64)
     many = np.zeros(1, np.int64)
     buffers = (v, w, rows, origin, last_v, last_w, reach, patch, lift, column, when)
-    return Work(*buffers, side, held, fresh, changed, hits, busy, many, listed)
+    return Work(*buffers, side, held, place, fresh, changed, hits, busy, many, listed)
 
 
 def log_of(size: int, old: Log | None = None) -> Log:

@@ -12,29 +12,28 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, number, whole
 from contbreather.continuation import Point, Problem, fold
-from contbreather.dynamics.conditions import HEAVIEST, Conditions, State, check_state
-from contbreather.dynamics.impacting import Run, RunStop, Sample, completed, simulate
+from contbreather.dynamics.impacting import Run, RunStop, Sample, advance, completed
 from contbreather.dynamics.multiplier_events import (
     neimark_sacker,
     period_doubling,
     pitchfork,
     tally,
 )
+from contbreather.dynamics.states import HEAVIEST, On, State, check_state, conditions_of
 from contbreather.dynamics.tangent import variation
 from contbreather.errors import BadInput, ContbreatherError, NotConverged
-from contbreather.lattice import Forcing, forcing_of
+from contbreather.lattice.conditions import Conditions
 
 Array = NDArray[Any]
 Flow = Callable[[Array], tuple[Array, Array]]
 
-NAMES = ("a", "gamma", "k", "damping")
 STEPS = 30
 SOLVED = 1e-11
 OUTSIDE = 1e-9  # a modulus is above 1 by more than rounding
@@ -94,33 +93,22 @@ class PeriodicMotion:
     def run(self, *, periods: int | None = None, sample: Sample | None = None) -> Run:
         """The motion itself, simulated over its period or longer."""
         length = self.periods if periods is None else periods
-        c = self.conditions
-        settings: dict[str, Any] = {
-            **c.as_params(),
-            "forcing": c.forcing,
-            "t0": self.t0,
-            "sample": sample,
-        }
-        return simulate(self.state, periods=length, **settings)
+        return advance(self.state, self.conditions, periods=length, t0=self.t0, sample=sample)
 
 
 def periodic(
     state: Any,
     *,
-    a: float,
-    gamma: float,
-    k: float,
-    damping: float = 0.0,
     periods: int = 1,
     symmetric: bool = False,
     t0: float = 0.0,
-    forcing: Forcing | str | None = None,
+    **on: Unpack[On],
 ) -> PeriodicMotion:
-    """The periodic motion of the impacting ring nearest to a state.
+    """The periodic motion of an impacting lattice nearest to a state.
 
     Parameters
     ----------
-    state, a, gamma, k, damping, t0, forcing
+    state, t0, on
         As in `simulate`. t0 must not be the time of an impact of the motion looked for.
     periods : int
         n, for a period of 2 pi n.
@@ -141,11 +129,28 @@ def periodic(
     >>> round(found.largest, 4)
     0.9979
     """
-    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
     start = check_state(state)
+    conditions = conditions_of(start.u.size, **on)
+    return closing(start, conditions, periods=periods, symmetric=symmetric, t0=t0)
+
+
+def closing(
+    start: State,
+    conditions: Conditions,
+    *,
+    periods: int = 1,
+    symmetric: bool = False,
+    t0: float = 0.0,
+) -> PeriodicMotion:
+    """`periodic`, near a state and under conditions that have been checked."""
     count = whole("periods", periods, 1)
     if symmetric and count != 1:
         raise BadInput(f"periods = {count}: a symmetric motion has the period 2 pi of its forcing.")
+    if symmetric and not conditions.walls.symmetric:
+        raise BadInput(
+            "the walls are not symmetric, so no motion is its own mirror image half a period "
+            "later; look for the whole period, symmetric=False."
+        )
     number("t0", t0, -1e300, 1e300, "a time")
     length, sign = (0.5, -1.0) if symmetric else (float(count), 1.0)
     flow = _flow(conditions, t0, length)
@@ -168,10 +173,9 @@ def periodic(
 
 def _flow(conditions: Conditions, t0: float, length: float) -> Flow:
     """The exact flow of the ring and its derivative."""
-    settings: dict[str, Any] = {**conditions.as_params(), "forcing": conditions.forcing, "t0": t0}
 
     def flow(state: Array) -> tuple[Array, Array]:
-        run = completed(simulate(np.split(state, 2), periods=length, **settings))
+        run = completed(advance(State(*np.split(state, 2)), conditions, periods=length, t0=t0))
         if run.stop is not RunStop.DONE:
             raise NotConverged(run.reason)
         return np.concatenate(run.final), variation(run)
@@ -220,15 +224,16 @@ def _shortened(
 # --- as a problem of the engine ------------------------------------------------------------------
 
 DOMAIN = {
-    "gamma": (0.0, 0.25),
     "k": (0.0, 1.0),
     "a": (0.0, math.inf),
     "damping": (0.0, HEAVIEST),
+    "spring": (0.0, HEAVIEST**2),
 }
 
 
 def damped_orbit(start: PeriodicMotion) -> Problem:
-    """A periodic motion of the damped ring as a start for `trace`: in a, gamma, k or damping.
+    """A periodic motion of the damped ring as a start for `trace`: in a, gamma, k, damping, spring
+    or a parameter of the forcing.
 
     Unknowns are the arrays ``u`` and ``v`` at its t0. Where an impact comes to t0 they jump and the
     branch ends without an event (MX); it goes on with another t0. Columns ``largest`` and
@@ -246,14 +251,14 @@ def damped_orbit(start: PeriodicMotion) -> Problem:
     0.0863
     """
     check_kind(start, PeriodicMotion, "what periodic() gives")
-    forcing = start.conditions.forcing
+    names = tuple(start.conditions.params)
     length = 0.5 if start.symmetric else float(start.periods)
     sign = -1.0 if start.symmetric else 1.0
 
     def run_of(x: Array, params: Mapping[str, float]) -> Run:
-        settings: dict[str, Any] = {name: float(params[name]) for name in NAMES}
-        state = np.split(np.asarray(x), 2)
-        found = completed(simulate(state, periods=length, t0=start.t0, forcing=forcing, **settings))
+        state = State(*np.split(np.asarray(x), 2))
+        on = start.conditions.at(params)
+        found = completed(advance(state, on, periods=length, t0=start.t0))
         if found.stop is not RunStop.DONE:
             raise ArithmeticError(found.reason)
         return found
@@ -266,24 +271,23 @@ def damped_orbit(start: PeriodicMotion) -> Problem:
 
     @lru_cache(maxsize=4)  # the columns and every event ask for the same one
     def flown(values: bytes, params: tuple[float, ...]) -> Array:
-        return variation(run_of(np.frombuffer(values), dict(zip(NAMES, params, strict=True))))
+        return variation(run_of(np.frombuffer(values), dict(zip(names, params, strict=True))))
 
     def matrix(point: Point) -> Array:
-        return flown(point.x.tobytes(), tuple(point.params[name] for name in NAMES))
+        return flown(point.x.tobytes(), tuple(point.params[name] for name in names))
 
     def multipliers(point: Point) -> Array:
         moduli = np.abs(np.linalg.eigvals(matrix(point)))
         return np.asarray(moduli ** (2 if start.symmetric else 1))
 
     def interpret(point: Point) -> PeriodicMotion:
-        settings: dict[str, Any] = {n: point[n] for n in NAMES}
-        settings |= {"periods": start.periods, "symmetric": start.symmetric, "t0": start.t0}
-        return periodic(np.split(point.x, 2), **settings, forcing=forcing)
+        state, on = State(*np.split(point.x, 2)), start.conditions.at(point.params)
+        return closing(state, on, periods=start.periods, symmetric=start.symmetric, t0=start.t0)
 
     return Problem(
         residual,
         {"u": start.state.u, "v": start.state.v},
-        start.conditions.as_params(),
+        start.conditions.params,
         jacobian=jacobian,
         events=(
             fold(),
@@ -295,7 +299,7 @@ def damped_orbit(start: PeriodicMotion) -> Problem:
             "largest": lambda point: float(multipliers(point).max()),
             "unstable": lambda point: int(np.sum(multipliers(point) > 1.0 + OUTSIDE)),
         },
-        domain=DOMAIN,
+        domain={**DOMAIN, "gamma": (0.0, start.conditions.lattice.highest_gamma)},
         interpret=interpret,
         label="damped breather",
     )

@@ -11,23 +11,18 @@ import enum
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import numbers, whole
-from contbreather.dynamics.conditions import Conditions, State
-from contbreather.dynamics.energy import (
-    forced_displacement,
-    forced_velocity,
-    localisation,
-)
-from contbreather.dynamics.impacting import Run, RunStop, completed, simulate
-from contbreather.dynamics.periodic_motion import PeriodicMotion, periodic
-from contbreather.dynamics.tangent import lyapunov, weighted_mean
+from contbreather.dynamics.energy import forced, localised
+from contbreather.dynamics.impacting import Run, RunStop, advance, completed
+from contbreather.dynamics.periodic_motion import PeriodicMotion, closing
+from contbreather.dynamics.states import On, State, check_state, conditions_of
+from contbreather.dynamics.tangent import exponents, weighted_mean
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, forcing_of
 
 Array = NDArray[Any]
 TURN = 2.0 * math.pi
@@ -176,20 +171,16 @@ class Verdict:
 def verdict(
     state: Any,
     *,
-    a: float,
-    gamma: float,
-    k: float,
-    damping: float = 0.0,
     settle: int = 4000,
     periods: int = 4096,
     t0: float = 0.0,
-    forcing: Forcing | str | None = None,
+    **on: Unpack[On],
 ) -> Verdict:
-    """Let a ring settle, watch it, and say what its motion is.
+    """Let a lattice settle, watch it, and say what its motion is.
 
     Parameters
     ----------
-    state, a, gamma, k, damping, t0, forcing
+    state, t0, on
         As in `simulate`.
     settle, periods : int
         Periods to let pass, and to watch, at least 100: the weaker the attraction, the more are
@@ -203,12 +194,11 @@ def verdict(
     >>> found.kind.name, round(found.evidence["multiplier"], 3)
     ('PERIODIC', 0.876)
     """
-    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
-    settings: dict[str, Any] = {**conditions.as_params(), "forcing": conditions.forcing, "t0": t0}
-    length = whole("periods", periods, LEAST)
-    run = completed(simulate(state, periods=whole("settle", settle, 0), **settings))
+    start = check_state(state)
+    conditions, length = conditions_of(start.u.size, **on), whole("periods", periods, LEAST)
+    run = completed(advance(start, conditions, periods=whole("settle", settle, 0), t0=t0))
     if run.stop is RunStop.DONE:
-        run = completed(simulate(run.final, periods=length, **settings))
+        run = completed(advance(run.final, conditions, periods=length, t0=t0))
     if run.stop is not RunStop.DONE:
         return Verdict(Kind.UNDECIDED, run.reason, {}, run)
     return judge(run)
@@ -225,9 +215,8 @@ def judge(run: Run) -> Verdict:
 
 
 def _where(run: Run) -> dict[str, float]:
-    c, (u, v) = run.conditions, run.strobe
-    settings = {"a": c.a, "gamma": c.gamma, "damping": c.damping, "forcing": c.forcing}
-    seen = localisation(u, v, run.times, **settings)  # type: ignore[arg-type]
+    u, v = run.strobe
+    seen = localised(u, v, run.times, run.conditions)
     spread = max(np.ptp(u, axis=1).max(), np.ptp(v, axis=1).max())
     last = run.impacts[run.impacts["period"] >= run.periods // 2]
     return {
@@ -242,8 +231,8 @@ def _aside(run: Run) -> float:
     """Largest distance of any site from the forced motion, over the second half of the run."""
     half = run.periods // 2
     u, v, t = run.strobe.u[half:], run.strobe.v[half:], run.times[half:]
-    off = np.abs(u - forced_displacement(run.conditions, t)[:, None])
-    quick = np.abs(v - forced_velocity(run.conditions, t)[:, None])
+    off = np.abs(u - forced(run.conditions, t, 0))
+    quick = np.abs(v - forced(run.conditions, t, 1))
     return float(max(off.max(), quick.max()))
 
 
@@ -296,16 +285,10 @@ def _closed(run: Run, evidence: dict[str, float]) -> tuple[Verdict | None, Perio
 def _next_to(run: Run, periods: int) -> PeriodicMotion | None:
     """The motion of that many periods next to the end of the run, attracting or not."""
     try:
-        found = periodic(_last(run), periods=periods, **_settings(run))
+        found = closing(_last(run), run.conditions, periods=periods, t0=run.times[0])
     except NotConverged:
         return None
     return found if _distance(run, found) < 10.0 * NEARBY else None
-
-
-def _settings(run: Run) -> dict[str, Any]:
-    """The conditions of a run, for another one from one of its states."""
-    c = run.conditions
-    return {**c.as_params(), "forcing": c.forcing, "t0": run.times[0]}
 
 
 def _last(run: Run) -> State:
@@ -365,8 +348,9 @@ def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None
     count = min(3, 2 * run.sites)
     # directions that shrink slowly take as long to find as the motion to settle
     settle = max(300, run.periods)
-    last, settings = _last(run), _settings(run)
-    found = lyapunov(last, periods=run.periods, count=count, settle=settle, **settings)
+    found = exponents(
+        _last(run), run.conditions, run.periods, count, settle=settle, t0=run.times[0]
+    )
     exponent, error = float(found.exponents[0]), float(found.error[0])
     small = np.abs(found.exponents) < np.maximum(5.0 * found.error, NEUTRAL)
     neutral = int(np.sum(small & (found.error < NEUTRAL)))

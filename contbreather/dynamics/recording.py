@@ -25,24 +25,36 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import whole
-from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced
 from contbreather.dynamics.impacting import IMPACT, RunStop, Sample, Stretch, check_sample, walk
 from contbreather.dynamics.progress import Bar
+from contbreather.dynamics.states import (
+    PERIOD,
+    On,
+    State,
+    check_state,
+    conditions_of,
+    ranged,
+    reduced,
+    within,
+)
 from contbreather.errors import BadInput
 from contbreather.files import write_whole
-from contbreather.lattice import Forcing, Fourier, Harmonic, forcing_of
+from contbreather.lattice import Forcing, Fourier, Harmonic, Ring
+from contbreather.lattice.conditions import OWN, Conditions, Walls
+from contbreather.lattice.finite import Finite, Lattice
 
 EVERY = 5.0  # seconds between two files: what a crash may cost
 LARGEST = 4_000_000  # numbers in one file
 START = "start.npz"
 LOCK = "lock"
 NAME = re.compile(r"(\d{12,})-(\d{12,})\.npz")
+LATTICE = ("stiffness", "masses", "drive")
 SEAL = 32  # bytes of a checksum
 
 
@@ -134,15 +146,11 @@ def record(
     path: str | Path,
     state: Any,
     *,
-    a: float,
-    gamma: float,
-    k: float,
     periods: int,
-    damping: float = 0.0,
     t0: float = 0.0,
-    forcing: Forcing | str | None = None,
     sample: Sample | None = None,
     progress: bool | None = None,
+    **on: Unpack[On],
 ) -> Recording:
     """`simulate` into a folder: for runs longer than memory or patience.
 
@@ -180,9 +188,11 @@ def record(
     ...     run.periods, len(run.impacts)
     (30, 60)
     """
-    check_sample(sample)
-    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
-    wanted = Recording(Path(path), conditions, float(t0), sample, check_state(state))
+    start = check_state(state)
+    check_sample(sample, start.u.size)
+    conditions = conditions_of(start.u.size, **on)
+    start = within(start, conditions.walls)
+    wanted = Recording(Path(path), conditions, float(t0), sample, start)
     count = whole("periods", periods, 0)
     with _locked(wanted.path):
         if os.path.lexists(wanted.path / START):
@@ -250,9 +260,12 @@ def open_recording(path: str | Path) -> Recording:
     arrays = _arrays(folder / START)
     with _as_written(folder / START):
         about = json.loads(str(arrays["about"]))
+        numbers = {name: about[name] for name in OWN}
+        own = tuple((site, (low, high)) for site, low, high in about["walls"][1:])
+        walls = Walls(tuple(about["walls"][0]), own)
+        lattice = _lattice(arrays, about["lattice"])
         forcing = _forcing(about["harmonics"])
-        numbers = {name: about[name] for name in ("a", "gamma", "k", "damping")}
-        conditions = Conditions(**numbers, forcing=forcing)
+        conditions = ranged(Conditions(**numbers, forcing=forcing, walls=walls, lattice=lattice))
         sample = Sample(**about["sample"]) if about["sample"] else None
         found = Recording(folder, conditions, about["t0"], sample, State(arrays["u"], arrays["v"]))
     _ = found.files  # those that are missing are told of before anything is read
@@ -267,13 +280,21 @@ def _forcing(harmonics: list[list[float]]) -> Forcing:
     )
 
 
+def _lattice(arrays: Mapping[str, NDArray[Any]], name: str) -> Finite:
+    if "stiffness" not in arrays:
+        return Ring(arrays["u"].size)
+    return Lattice(*(arrays[part] for part in LATTICE), name=name)
+
+
 def _about(run: Recording) -> dict[str, Any]:
-    sample = None
+    sample, c = None, run.conditions
     if run.sample is not None:
         sample = {"sites": list(run.sample.sites), "per_period": run.sample.per_period}
-    harmonics = [[int(m), float(c), float(s)] for m, c, s in run.conditions.forcing.harmonics]
-    numbers = {name: float(value) for name, value in run.conditions.as_params().items()}
-    return {**numbers, "t0": run.t0, "sample": sample, "harmonics": harmonics}
+    harmonics = [[int(m), float(c), float(s)] for m, c, s in c.forcing.harmonics]
+    numbers = {name: float(getattr(c, name)) for name in OWN}
+    walls = [list(c.walls.of_all), *([site, *pair] for site, pair in c.walls.own)]
+    where = {"walls": walls, "lattice": getattr(c.lattice, "name", "ring")}
+    return {**numbers, "t0": run.t0, "sample": sample, **where, "harmonics": harmonics}
 
 
 def _check_same(there: Recording, wanted: Recording) -> None:
@@ -294,6 +315,11 @@ def _check_same(there: Recording, wanted: Recording) -> None:
             f"{there.path} holds a run from another state; choose another folder, or start from "
             f"open_recording({str(there.path)!r}).start to go on with it."
         )
+    if there.conditions.lattice != wanted.conditions.lattice:
+        raise BadInput(
+            f"{there.path} holds a run on another lattice, {there.conditions.lattice.describe()}; "
+            "choose another folder, or the same lattice to go on with it."
+        )
 
 
 def _make(run: Recording) -> None:
@@ -301,7 +327,10 @@ def _make(run: Recording) -> None:
     others = [p.name for p in _listed(run.path) if p.name != LOCK and p.suffix != ".part"]
     if others:
         raise BadInput(f"{run.path} is not empty and holds no run; choose another folder.")
-    save(run.path / START, {"about": np.array(json.dumps(_about(run))), **run.start._asdict()})
+    lattice = run.conditions.lattice
+    parts = {x: getattr(lattice, x) for x in LATTICE} if isinstance(lattice, Lattice) else {}
+    about = {"about": np.array(json.dumps(_about(run)))}
+    save(run.path / START, {**about, **run.start._asdict(), **parts})
 
 
 @contextmanager

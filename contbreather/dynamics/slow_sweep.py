@@ -10,23 +10,27 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, row, whole
-from contbreather.dynamics.conditions import State, check_state
-from contbreather.dynamics.energy import localisation
-from contbreather.dynamics.impacting import RunStop, completed, simulate
+from contbreather.dynamics.energy import localised
+from contbreather.dynamics.impacting import RunStop, advance, completed
 from contbreather.dynamics.progress import Bar
-from contbreather.dynamics.smooth import Solver, simulate_smooth
+from contbreather.dynamics.smooth import (
+    SmoothConditions,
+    Solver,
+    advance_smooth,
+    smooth_conditions_of,
+)
+from contbreather.dynamics.states import On, State, check_state, conditions_of, ranged
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, forcing_of
+from contbreather.lattice.conditions import Conditions
 
 Array = NDArray[Any]
 
-HARD = ("a", "gamma", "k", "damping")
 COLUMNS = (
     "value",
     "u",
@@ -40,7 +44,6 @@ COLUMNS = (
     "others",
     "change",
 )
-SMOOTH = ("a", "gamma", "k", "lam", "m", "damping")
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,15 +134,11 @@ def sweep(
     values: ArrayLike,
     *,
     periods: int,
-    a: float,
-    gamma: float,
-    k: float,
-    damping: float = 0.0,
     m: float | None = None,
-    t0: float = 0.0,
-    forcing: Forcing | str | None = None,
     solver: Solver | None = None,
+    t0: float = 0.0,
     progress: bool | None = None,
+    **on: Unpack[On],
 ) -> Sweep:
     """Vary a parameter slowly and keep the state.
 
@@ -148,14 +147,15 @@ def sweep(
     state : pair of array_like, shape (N,)
         At the first value.
     name : str
-        ``a, gamma, k, damping``, a parameter of the forcing, and on smooth rings ``m`` or ``lam``.
+        ``a, gamma, k, damping, spring``, a parameter of the forcing, and on smooth rings ``m`` or
+        ``lam``.
     values : array_like
         In the order in which they are taken; `there_and_back` makes a loop of them.
     periods : int
         At each value.
-    a, gamma, k, damping, t0, forcing
+    t0, on
         As in `simulate`; the swept one is ignored.
-    m : float, optional
+    m, solver : optional
         Take the smooth ring (21) of this hardness instead of the impacting one.
 
     Returns
@@ -173,15 +173,17 @@ def sweep(
     0.05
     """
     steps = row("values", values, "the values of a sweep")
-    start, drive = check_state(state, walls=m is None), forcing_of(forcing)
-    settings: dict[str, Any] = {"a": a, "gamma": gamma, "k": k, "damping": damping}
-    if m is not None:
-        settings |= {"m": m, "solver": solver}
-    known = (*(HARD if m is None else SMOOTH), *drive.params)
+    start = check_state(state)
+    conditions = (
+        conditions_of(start.u.size, **on)
+        if m is None
+        else smooth_conditions_of(start.u.size, m=m, **on)  # type: ignore[misc]
+    )
+    known = tuple(conditions.params) + (() if m is None else ("k",))
     if name not in known:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(known)}")
     t0 = number("t0", t0, -1e300, 1e300, "a time")
-    stage = _Stage(name, settings, drive, whole("periods", periods, 2), t0)
+    stage = _Stage(name, conditions, whole("periods", periods, 2), t0, solver)
     rows: list[tuple[Any, ...]] = []
     stop = RunStop.DONE
     with Bar(progress, len(steps), "values") as bar:
@@ -207,36 +209,32 @@ class _Stage:
     """The conditions of a sweep, and one value of it at a time."""
 
     name: str
-    settings: dict[str, Any]
-    forcing: Forcing
+    conditions: Conditions | SmoothConditions
     periods: int
     t0: float
+    solver: Solver | None
 
     def run(self, state: State, value: float) -> tuple[State, Sequence[Any], RunStop]:
         """The state after this value, the columns of its row, why its run ended."""
-        settings, forcing = dict(self.settings), self.forcing
-        if self.name in forcing.params:
-            forcing = forcing.at(**{self.name: value})
-        else:
-            settings[self.name] = value
-        if self.name == "lam":
-            settings["k"] = None
-        shared: dict[str, Any] = {"periods": self.periods, "t0": self.t0, "forcing": forcing}
-        smooth = "m" in settings
+        moved = self.conditions.at({self.name: value})
+        on = moved.ranged() if isinstance(moved, SmoothConditions) else ranged(moved)
         # a Ctrl-C inside the run ends the sweep, too: its value is not complete
-        run: Any = completed(
-            (simulate_smooth if smooth else simulate)(state, **settings, **shared, progress=False)
-        )
-        where = {name: settings[name] for name in ("a", "gamma", "damping")}
+        run: Any = completed(self._flown(state, on))
         u, v = run.strobe
-        seen = localisation(u, v, run.times, **where, forcing=forcing)
+        seen = localised(u, v, run.times, on)
         half = 1 + run.periods // 2
         centre = int(np.bincount(seen.centre[half:]).argmax())
         speed = float(np.sqrt(2.0 * seen.energy[half:, centre].max()))
         change = np.abs(np.diff(np.concatenate([u[-2:], v[-2:]], 1), axis=0))
-        own = 4 * (math.nan,) if smooth else _impacts(run, centre)
+        own = 4 * (math.nan,) if isinstance(on, SmoothConditions) else _impacts(run, centre)
         found = (float(seen.participation[half:].mean()), centre, speed, *own, float(change.max()))
         return run.final, found, run.stop
+
+    def _flown(self, state: State, on: Conditions | SmoothConditions) -> Any:
+        quietly: dict[str, Any] = {"periods": self.periods, "t0": self.t0, "progress": False}
+        if isinstance(on, SmoothConditions):
+            return advance_smooth(state, on, solver=self.solver, **quietly)
+        return advance(state, on, **quietly)
 
 
 def _impacts(run: Any, centre: int) -> tuple[float, ...]:

@@ -15,25 +15,34 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, Protocol
+from functools import lru_cache
+from typing import Any, Protocol, Required, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number
-from contbreather.dynamics.conditions import HEAVIEST, PERIOD, State, check_state, reduced
 from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import LONGEST, Record, RunStop, Sample, check_sample
 from contbreather.dynamics.progress import Bar
+from contbreather.dynamics.states import (
+    PERIOD,
+    State,
+    check_ranges,
+    check_state,
+    lattice_for,
+    reduced,
+)
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, Harmonic, check_gamma, forcing_of
+from contbreather.lattice import Forcing, Harmonic, Ring, forcing_of
+from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 
 Array = NDArray[Any]
 
 CAP = 0.2  # largest step of any solver
+OWN = ("a", "gamma", "lam", "m", "damping", "spring")  # in the order of the compiled variations
 MOST = 1_000_000  # steps between two outputs
 
 
@@ -68,24 +77,16 @@ def restitution_of(lam: float) -> float:
 
 @dataclass(frozen=True)
 class SmoothConditions:
-    """Forcing, coupling, walls and damping of a smooth ring; lam and m are those of (21)."""
+    """What a lattice with smooth walls moves under; lam and m are those of (21)."""
 
     a: float
     gamma: float
     lam: float
     m: float
     damping: float = 0.0
+    spring: float = 0.0
     forcing: Forcing = field(default_factory=Harmonic)
-
-    def __post_init__(self) -> None:
-        number("gamma", self.gamma, -math.inf, math.inf, "a coupling")
-        check_gamma(self.gamma)
-        number("a", self.a, 0.0, math.inf, "an amplitude, at least 0")
-        number("lam", self.lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
-        hardness = "a hardness of the wall from 0.5 to 1e4 (natural in (21), here any real one)"
-        number("m", self.m, 0.5, 1e4, hardness)
-        wanted = "a damping coefficient, at least 0 and at most 1e4"
-        number("damping", self.damping, 0.0, HEAVIEST, wanted)
+    lattice: Finite = field(default_factory=lambda: Ring(1))
 
     @property
     def k(self) -> float:
@@ -93,20 +94,79 @@ class SmoothConditions:
         return restitution_of(self.lam)
 
     @property
-    def numbers(self) -> tuple[float, ...]:
-        return tuple(map(float, (self.a, self.gamma, self.lam, self.m, self.damping)))
+    def params(self) -> dict[str, float]:
+        """All parameters by name, those of the forcing last."""
+        return {**{name: getattr(self, name) for name in OWN}, **self.forcing.params}
 
-    @cached_property
-    def shape(self) -> tuple[Array, Array, Array]:
-        """Orders and coefficients of F/a."""
-        table = np.array(self.forcing.harmonics, dtype=float).reshape(-1, 3)
-        m, c, s = (np.ascontiguousarray(column) for column in table.T)
-        return m, -(m**2) * c, -(m**2) * s
+    def at(self, params: Mapping[str, float]) -> SmoothConditions:
+        """The same with other values of its parameters, or with the lam of another k."""
+        values = {name: float(params.get(name, value)) for name, value in self.params.items()}
+        if "k" in params:
+            values["lam"] = damping_of(params["k"])
+        a, gamma, lam, m, damping, spring = (values.pop(name) for name in OWN)
+        forcing = self.forcing.at(**values) if values else self.forcing
+        return SmoothConditions(a, gamma, lam, m, damping, spring, forcing, self.lattice)
+
+    def ranged(self) -> SmoothConditions:
+        """The same conditions, with numbers that a simulation can have."""
+        number("lam", self.lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
+        hardness = "a hardness of the wall from 0.5 to 1e4 (natural in (21), here any real one)"
+        number("m", self.m, 0.5, 1e4, hardness)
+        return check_ranges(self)
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What the compiled right-hand sides take after (t, y)."""
-        return (*self.numbers, *self.shape)
+        numbers = (float(getattr(self, name)) for name in OWN)
+        return (*numbers, _series(self.forcing), *_network(self.lattice))
+
+
+def smooth_conditions_of(
+    sites: int,
+    *,
+    a: float,
+    gamma: float,
+    m: float,
+    k: float | None = None,
+    lam: float | None = None,
+    damping: float = 0.0,
+    spring: float = 0.0,
+    forcing: Forcing | str | None = None,
+    lattice: Finite | None = None,
+) -> SmoothConditions:
+    """The conditions of a state of so many sites, on a ring unless a lattice is given."""
+    wall, where = wall_damping(k, lam), lattice_for(sites, lattice)
+    drive = forcing_of(forcing)
+    return SmoothConditions(a, gamma, wall, m, damping, spring, drive, where).ranged()
+
+
+@lru_cache(maxsize=64)
+def _series(forcing: Forcing) -> Array:
+    """Orders and coefficients of F/a, in rows."""
+    m, c, s = np.array(forcing.harmonics, dtype=float).reshape(-1, 3).T
+    return np.array([m, -(m**2) * c, -(m**2) * s])
+
+
+@lru_cache(maxsize=16)
+def _network(lattice: Finite) -> tuple[Array, Array]:
+    """Entries of the stiffness matrix over the masses, (site, other, value), and the drive."""
+    table = stiffness_of(lattice).tocoo()
+    weight = table.data / np.asarray(lattice.masses)[table.row]
+    entries = np.array([table.row, table.col, weight], dtype=float)
+    return np.ascontiguousarray(entries.T), drive_of(lattice)
+
+
+class OnSmooth(TypedDict, total=False):
+    """The keywords of `simulate_smooth` that say what a lattice moves under."""
+
+    a: Required[float]
+    gamma: Required[float]
+    k: float | None
+    lam: float | None
+    damping: float
+    spring: float
+    forcing: Forcing | str | None
+    lattice: Finite | None
 
 
 # --- solvers --------------------------------------------------------------------------------------
@@ -261,31 +321,26 @@ class SmoothRun:
 def simulate_smooth(
     state: Any,
     *,
-    a: float,
-    gamma: float,
     m: float,
-    k: float | None = None,
-    lam: float | None = None,
     periods: float,
-    damping: float = 0.0,
     t0: float = 0.0,
-    forcing: Forcing | str | None = None,
     sample: Sample | None = None,
     solver: Solver | None = None,
     progress: bool | None = None,
+    **on: Unpack[OnSmooth],
 ) -> SmoothRun:
-    """Let a ring with smooth walls (21) go from any state.
+    """Let a lattice with smooth walls (21) go from any state.
 
     Parameters
     ----------
     state : pair of array_like, shape (N,)
-    a, gamma, damping, t0, forcing, periods, sample, progress
-        As in `simulate`.
+    periods, t0, sample, progress, on
+        As in `simulate`, without walls: they are at -1 and 1.
     m : float
         Hardness of the walls, from 0.5 to 1e4; (21) has natural numbers, a real one is taken with
         |u|.
     k, lam : float
-        Restitution of the impacting limit, or lambda of (21): one of the two.
+        Among `on`: restitution of the impacting limit, or lambda of (21), one of the two.
     solver : Solver, optional
         `Explicit` unless given; `Switching` and `Implicit` are there to compare.
 
@@ -304,9 +359,24 @@ def simulate_smooth(
     >>> bool(abs(run.final.u - run.strobe.u[0]).max() < 0.05)
     True
     """
-    conditions = SmoothConditions(a, gamma, wall_damping(k, lam), m, damping, forcing_of(forcing))
-    start = check_state(state, walls=False)
-    check_sample(sample)
+    start = check_state(state)
+    conditions = smooth_conditions_of(start.u.size, m=m, **on)
+    settings: dict[str, Any] = {"sample": sample, "solver": solver, "progress": progress}
+    return advance_smooth(start, conditions, periods=periods, t0=t0, **settings)
+
+
+def advance_smooth(
+    start: State,
+    conditions: SmoothConditions,
+    *,
+    periods: float,
+    t0: float = 0.0,
+    sample: Sample | None = None,
+    solver: Solver | None = None,
+    progress: bool | None = None,
+) -> SmoothRun:
+    """`simulate_smooth`, of a state and conditions that have been checked."""
+    check_sample(sample, start.u.size)
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     flight = SmoothFlight(conditions, solver or Explicit(), reduced(t0), sample)
     flight.check(np.concatenate(start), 0)

@@ -3,7 +3,7 @@
 ``q = |u|^(2m)`` is computed once for a site: the wall's force is ``(2m+1) q (lambda u' + q u)``. In
 here |u| is kept below ``top``, where the wall stores a million times the usual energy: a trial step
 far behind the wall then costs a rejection and no overflow; accepted states are checked by the
-caller.
+caller. ``entries`` are (site, other, value) of the stiffness matrix over the masses.
 """
 
 from __future__ import annotations
@@ -23,11 +23,19 @@ def ceiling(m: float) -> float:
 
 
 @compiled
-def force(t: float, orders: Array, c: Array, s: Array) -> float:
+def force(t: float, series: Array) -> float:
     total = 0.0
-    for i in range(orders.size):
-        total += c[i] * math.cos(orders[i] * t) + s[i] * math.sin(orders[i] * t)
+    for i in range(series.shape[1]):
+        angle = series[0, i] * t
+        total += series[1, i] * math.cos(angle) + series[2, i] * math.sin(angle)
     return total
+
+
+@compiled
+def bend(entries: Array, y: Array, out: Array, factor: float) -> None:
+    """Add a multiple of the couplings' pull at y to ``out``."""
+    for i in range(entries.shape[0]):
+        out[int(entries[i, 0])] -= factor * entries[i, 2] * y[int(entries[i, 1])]
 
 
 @compiled
@@ -39,22 +47,23 @@ def motion(
     lam: float,
     m: float,
     mu: float,
-    orders: Array,
-    c: Array,
-    s: Array,
+    spring: float,
+    series: Array,
+    entries: Array,
+    drive: Array,
 ) -> Array:
-    """(u', u'') of the ring for y = (u, u')."""
+    """(u', u'') of the lattice for y = (u, u')."""
     size = y.size // 2
     out = np.empty(y.size)
-    drive, top = a * force(t, orders, c, s), ceiling(m)
+    push, top = a * force(t, series), ceiling(m)
     for n in range(size):
         u, v = y[n], y[size + n]
-        left, right = y[(n - 1) % size], y[(n + 1) % size]
         inside = min(max(u, -top), top)
         q = abs(inside) ** (2.0 * m)
         wall = (2.0 * m + 1.0) * q * (lam * v + q * inside)
         out[n] = v
-        out[size + n] = drive - gamma * (2.0 * u - left - right) - mu * v - wall
+        out[size + n] = drive[n] * push - spring * u - mu * v - wall
+    bend(entries, y, out[size:], gamma)
     return out
 
 
@@ -85,9 +94,10 @@ def jacobian(
     lam: float,
     m: float,
     mu: float,
-    orders: Array,
-    c: Array,
-    s: Array,
+    spring: float,
+    series: Array,
+    entries: Array,
+    drive: Array,
 ) -> Array:
     """Derivative of `motion` with respect to y."""
     size = y.size // 2
@@ -95,10 +105,10 @@ def jacobian(
     for n in range(size):
         in_u, density, _ = slopes(y[n], y[size + n], lam, m, top)
         out[n, size + n] = 1.0
-        out[size + n, n] -= 2.0 * gamma + in_u
-        out[size + n, (n - 1) % size] += gamma
-        out[size + n, (n + 1) % size] += gamma
+        out[size + n, n] -= spring + in_u
         out[size + n, size + n] = -mu - lam * density
+    for i in range(entries.shape[0]):
+        out[size + int(entries[i, 0]), int(entries[i, 1])] -= gamma * entries[i, 2]
     return out
 
 
@@ -111,44 +121,41 @@ def varied(
     lam: float,
     m: float,
     mu: float,
-    orders: Array,
-    c: Array,
-    s: Array,
+    spring: float,
+    series: Array,
+    entries: Array,
+    drive: Array,
     size: int,
     params: int,
 ) -> Array:
     """The motion with its variations: y is (u, u'), then columns of the same shape.
 
-    The last ``params`` columns are derivatives in a, gamma, lambda, m, mu, in this order.
+    The last ``params`` columns are derivatives in a, gamma, lambda, m, mu, spring, in this order.
     """
     out = np.empty(y.size)
     wide = 2 * size
     columns = y.size // wide - 1
-    out[:wide] = motion(t, y[:wide], a, gamma, lam, m, mu, orders, c, s)
-    drive, top = force(t, orders, c, s), ceiling(m)
+    numbers = (a, gamma, lam, m, mu, spring)
+    out[:wide] = motion(t, y[:wide], *numbers, series, entries, drive)
+    push, top = force(t, series), ceiling(m)
+    behind = wide * (columns - params + 1) + size  # accelerations of the first of those columns
     for n in range(size):
-        left, right = (n - 1) % size, (n + 1) % size
         u, v = y[n], y[size + n]
         in_u, density, in_m = slopes(u, v, lam, m, top)
-        stiff, drag = 2.0 * gamma + in_u, mu + lam * density
+        stiff, drag = spring + in_u, mu + lam * density
         for i in range(columns):
             at = wide * (i + 1)
-            du, dv = y[at + n], y[at + size + n]
-            out[at + n] = dv
-            pull = gamma * (y[at + left] + y[at + right])
-            out[at + size + n] = pull - stiff * du - drag * dv
+            out[at + n] = y[at + size + n]
+            out[at + size + n] = -stiff * y[at + n] - drag * y[at + size + n]
         if params > 0:
-            at = wide * (columns - params + 1) + size + n
-            bend = 2.0 * u - y[left] - y[right]
-            for i in range(params):
-                if i == 0:
-                    out[at] += drive
-                elif i == 1:
-                    out[at + wide] -= bend
-                elif i == 2:
-                    out[at + 2 * wide] -= density * v
-                elif i == 3:
-                    out[at + 3 * wide] -= in_m
-                else:
-                    out[at + 4 * wide] -= v
+            out[behind + n] += drive[n] * push
+            out[behind + 2 * wide + n] -= density * v
+            out[behind + 3 * wide + n] -= in_m
+            out[behind + 4 * wide + n] -= v
+            out[behind + 5 * wide + n] -= u
+    for i in range(columns):
+        at = wide * (i + 1)
+        bend(entries, y[at:], out[at + size :], gamma)
+    if params > 0:
+        bend(entries, y, out[behind + wide :], 1.0)
     return out

@@ -12,32 +12,36 @@ import math
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation import Event, Point, Problem, fold
-from contbreather.dynamics.conditions import HEAVIEST, PERIOD, State, check_state, reduced
 from contbreather.dynamics.multiplier_events import (
     neimark_sacker,
     period_doubling,
     pitchfork,
     tally,
 )
-from contbreather.dynamics.smooth import Explicit, SmoothConditions, wall_damping
+from contbreather.dynamics.smooth import (
+    OWN,
+    Explicit,
+    OnSmooth,
+    SmoothConditions,
+    smooth_conditions_of,
+)
+from contbreather.dynamics.states import HEAVIEST, PERIOD, State, check_state, reduced
 from contbreather.errors import NotConverged
-from contbreather.lattice import Forcing, forcing_of
 
 Array = NDArray[Any]
 
-PARAMS = ("a", "gamma", "lam", "m", "damping")  # in the order of the compiled variations
 DOMAIN = {
-    "gamma": (0.0, 0.25),
     "lam": (0.0, 2.0),
     "m": (1.0, 2000.0),
     "a": (0.0, math.inf),
     "damping": (0.0, HEAVIEST),
+    "spring": (0.0, HEAVIEST**2),
 }
 KEPT = 4  # linearised flows in memory: residual, Jacobian and events ask for the same ones
 OUTSIDE = 1e-7  # a modulus is above 1 by more than the integration's error
@@ -47,7 +51,7 @@ OUTSIDE = 1e-7  # a modulus is above 1 by more than the integration's error
 class Shooting:
     """The flow over ``span`` from t0 and its derivatives, as functions of state and parameters."""
 
-    forcing: Forcing
+    conditions: SmoothConditions
     t0: float
     span: float
     sign: float
@@ -58,19 +62,19 @@ class Shooting:
         """Where the state x gets to."""
         from contbreather.dynamics.smooth_flow import motion
 
-        return self._solve(motion, self._conditions(params).arguments, np.asarray(x))
+        return self._solve(motion, self.conditions.at(params).arguments, np.asarray(x))
 
     def linearised(self, x: Array, params: Mapping[str, float]) -> tuple[Array, Array, Array]:
-        """The image, its derivative in the state (2N, 2N), and in the parameters (2N, 5)."""
+        """The image, its derivative in the state (2N, 2N), and in the parameters (2N, 6)."""
         from contbreather.dynamics.smooth_flow import varied
 
-        key = np.concatenate([x, [params[name] for name in PARAMS]]).tobytes()
+        key = np.concatenate([x, [params[name] for name in OWN]]).tobytes()
         if key in self.known:
             self.known.move_to_end(key)
             return self.known[key]
         wide = x.size
-        start = np.concatenate([x, np.eye(wide).ravel(), np.zeros(len(PARAMS) * wide)])
-        arguments = (*self._conditions(params).arguments, wide // 2, len(PARAMS))
+        start = np.concatenate([x, np.eye(wide).ravel(), np.zeros(len(OWN) * wide)])
+        arguments = (*self.conditions.at(params).arguments, wide // 2, len(OWN))
         end = self._solve(varied, arguments, start).reshape(-1, wide)
         self.known[key] = end[0], end[1 : wide + 1].T, end[wide + 1 :].T
         if len(self.known) > KEPT:
@@ -84,16 +88,12 @@ class Shooting:
         return np.asarray(self.sign * self.linearised(x, params)[1] - np.eye(x.size))
 
     def sensitivity(self, x: Array, params: Mapping[str, float], name: str) -> Array:
-        return np.asarray(self.sign * self.linearised(x, params)[2][:, PARAMS.index(name)])
+        return np.asarray(self.sign * self.linearised(x, params)[2][:, OWN.index(name)])
 
     def multipliers(self, point: Point) -> Array:
         """Of the flow over half a period (symmetric motions) or a whole one, largest first."""
         mu = np.linalg.eigvals(self.linearised(point.x, point.params)[1])
         return np.asarray(mu[np.argsort(-np.abs(mu))])
-
-    def _conditions(self, params: Mapping[str, float]) -> SmoothConditions:
-        numbers = {name: float(params[name]) for name in PARAMS}
-        return SmoothConditions(**numbers, forcing=self.forcing)
 
     def _solve(self, rhs: Any, arguments: tuple[Any, ...], y: Array) -> Array:
         solver = Explicit(self.tolerance)
@@ -128,16 +128,11 @@ class SmoothOrbit:
 def smooth_orbit(
     state: Any,
     *,
-    a: float,
-    gamma: float,
     m: float,
-    k: float | None = None,
-    lam: float | None = None,
-    damping: float = 0.0,
     symmetric: bool = True,
     t0: float = 0.0,
-    forcing: Forcing | str | None = None,
     tolerance: float = 1e-12,
+    **on: Unpack[OnSmooth],
 ) -> Problem:
     """The periodic motion of the smooth chain near a state, as a start for `trace`.
 
@@ -145,8 +140,8 @@ def smooth_orbit(
     ----------
     state : pair of array_like, shape (N,)
         Near the motion at t0: that of the impacting breather, or of a simulation.
-    a, gamma, m, k, lam, damping, forcing
-        As in `simulate_smooth`; a, gamma, lam, m (a real number) and damping can be traced.
+    m, on
+        As in `simulate_smooth`; a, gamma, lam, m (a real number), damping and spring can be traced.
     symmetric : bool
         u(t + pi) = -u(t), over half a period; False: any motion of period 2 pi.
     t0 : float
@@ -170,11 +165,10 @@ def smooth_orbit(
     >>> round(float(found.start["u"][0]), 4)
     -0.4297
     """
-    u, v = check_state(state, walls=False)
-    wall = wall_damping(k, lam)
-    SmoothConditions(a, gamma, wall, m, damping)  # refuses what is out of range
+    u, v = check_state(state)
+    conditions = smooth_conditions_of(u.size, m=m, **on)
     span, sign = (0.5 * PERIOD, -1.0) if symmetric else (PERIOD, 1.0)
-    shooting = Shooting(forcing_of(forcing), reduced(t0), span, sign, tolerance)
+    shooting = Shooting(conditions, reduced(t0), span, sign, tolerance)
     squared = 2 if symmetric else 1
 
     def largest(point: Point) -> float:
@@ -187,17 +181,17 @@ def smooth_orbit(
         mu = shooting.multipliers(point)
         own = State(*np.split(point.x.copy(), 2))
         half = mu if symmetric else None
-        return SmoothOrbit(own, float(t0), shooting._conditions(point.params), half, mu**squared)
+        return SmoothOrbit(own, float(t0), conditions.at(point.params), half, mu**squared)
 
     return Problem(
         shooting.residual,
         {"u": u, "v": v},
-        {"a": a, "gamma": gamma, "lam": wall, "m": float(m), "damping": damping},
+        {name: getattr(conditions, name) for name in OWN},
         jacobian=shooting.jacobian,
         sensitivity=shooting.sensitivity,
         events=(fold(), *_events(shooting, symmetric)),
         record={"largest": largest, "unstable": unstable},
-        domain=DOMAIN,
+        domain={**DOMAIN, "gamma": (0.0, conditions.lattice.highest_gamma)},
         scales={"m": 10.0},
         interpret=interpret,
         label="smooth breather" if symmetric else "smooth orbit",

@@ -7,12 +7,11 @@ a motion that neither repeats nor turns steadily stays undecided.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from contbreather.dynamics.conditions import PERIOD, State, reduced
-from contbreather.dynamics.energy import localisation
+from contbreather.dynamics.energy import localised
 from contbreather.dynamics.periodic_motion import returning
 from contbreather.dynamics.quasiperiodic import (
     CLOSED,
@@ -27,6 +26,7 @@ from contbreather.dynamics.quasiperiodic import (
 )
 from contbreather.dynamics.smooth import SmoothRun
 from contbreather.dynamics.smooth_shooting import Shooting
+from contbreather.dynamics.states import PERIOD, State, reduced
 from contbreather.dynamics.tangent import FINE, variation, weighted_mean
 from contbreather.errors import NotConverged
 
@@ -57,9 +57,8 @@ def judge_smooth(run: SmoothRun) -> SmoothVerdict:
     >>> judge_smooth(simulate_smooth(settled, periods=50, **shared)).kind.name
     'PERIODIC'
     """
-    c, (u, v) = run.conditions, run.strobe
-    shared: dict[str, Any] = {"a": c.a, "gamma": c.gamma, "damping": c.damping}
-    seen = localisation(u, v, run.times, forcing=c.forcing, **shared)
+    u, v = run.strobe
+    seen = localised(u, v, run.times, run.conditions)
     evidence = {
         "participation": float(seen.participation.mean()),
         "spread": float(max(np.ptp(u, axis=1).max(), np.ptp(v, axis=1).max())),
@@ -105,12 +104,11 @@ def _closed(run: SmoothRun, evidence: dict[str, float]) -> SmoothVerdict | None:
 def _orbit(run: SmoothRun, periods: int) -> tuple[float, float] | None:
     """How far the motion of that many periods is from the end of a run; its largest multiplier."""
     c = run.conditions
-    shooting = Shooting(c.forcing, reduced(run.times[-1]), periods * PERIOD, 1.0, FINE)
-    params = {"a": c.a, "gamma": c.gamma, "lam": c.lam, "m": c.m, "damping": c.damping}
+    shooting = Shooting(c, reduced(run.times[-1]), periods * PERIOD, 1.0, FINE)
     last = np.concatenate([run.strobe.u[-1], run.strobe.v[-1]])
     try:
         found, _, matrix = returning(
-            lambda x: shooting.linearised(x, params)[:2], last, solved=CLOSED, steps=8
+            lambda x: shooting.linearised(x, c.params)[:2], last, solved=CLOSED, steps=8
         )
     except (NotConverged, ArithmeticError):
         return None

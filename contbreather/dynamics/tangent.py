@@ -1,7 +1,7 @@
 """What becomes of small perturbations along a run: the variational flow with its saltations.
 
-Between impacts perturbations obey the unforced chain, whatever the orbit does. At an impact of site
-n only that site's pair changes, by the block of (19), with damping
+Between impacts perturbations obey the unforced lattice, whatever the orbit does. At an impact of
+site n only that site's pair changes, by the block of (19), with damping
 
     ``du+ = -k du-,   dv+ = -k dv- + b du-,   b = (1 + k)(u''/u' + mu)``,
 
@@ -12,18 +12,27 @@ jumps. So the tangent flow needs of an orbit only the list of its impacts.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import check_kind, numbers, whole
-from contbreather.dynamics.conditions import PERIOD, Conditions, State, check_state, reduced
 from contbreather.dynamics.held import held
-from contbreather.dynamics.impacting import Run, law_of, walk
+from contbreather.dynamics.impacting import Run, walk
 from contbreather.dynamics.smooth import Explicit, SmoothRun
+from contbreather.dynamics.states import (
+    PERIOD,
+    On,
+    State,
+    check_state,
+    conditions_of,
+    reduced,
+    within,
+)
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, forcing_of
+from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.finite import stiffness_of
 
 Array = NDArray[Any]
 FINE = 1e-12  # tolerance of the variational equations of a smooth run
@@ -88,6 +97,7 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
     >>> round(float(np.linalg.det(matrix)), 10)  # k^2 for each of the two impacts
     0.4096
     """
+    from contbreather.dynamics.law import law_of
     from contbreather.dynamics.tangent_flow import carry
 
     check_kind(run, (Run, SmoothRun), "a run")
@@ -131,11 +141,14 @@ def _smooth(run: SmoothRun, columns: Array) -> Array:
 
 def resting(state: State, conditions: Conditions, t0: float) -> NDArray[np.int8]:
     """Sites that rest on a wall: at it, without velocity, pushed against it."""
-    u, v = state
-    m, c, s = conditions.force
-    force = np.sum(c * np.cos(m * reduced(t0)) + s * np.sin(m * reduced(t0)))
-    push = force - conditions.gamma * (2.0 * u - np.roll(u, 1) - np.roll(u, -1))
-    return ((np.abs(u) == 1.0) & (v == 0.0) & (u * push > 0.0)).astype(np.int8)
+    from contbreather.dynamics.flow import driven
+    from contbreather.dynamics.law import law_of
+
+    (u, v), c, law = state, conditions, law_of(conditions)
+    pull = c.gamma * (stiffness_of(c.lattice) @ u) / c.lattice.masses + c.spring * u
+    push = (1.0 + law.bonds.pulls[1]) * driven(law.force, reduced(t0))[0] - pull
+    wall = (u == law.walls[1]).astype(np.int8) - (u == law.walls[0])
+    return np.asarray((wall != 0) & (v == 0.0) & (wall * push > 0.0), dtype=np.int8)
 
 
 @dataclass(frozen=True)
@@ -161,18 +174,14 @@ class Lyapunov:
 def lyapunov(
     state: Any,
     *,
-    a: float,
-    gamma: float,
-    k: float,
     periods: int,
-    damping: float = 0.0,
     count: int = 2,
     settle: int = 0,
     t0: float = 0.0,
-    forcing: Forcing | str | None = None,
     seed: int = 0,
+    **on: Unpack[On],
 ) -> Lyapunov:
-    """The largest Lyapunov exponents of the impacting ring, saltations included.
+    """The largest Lyapunov exponents of an impacting lattice, saltations included.
 
     Perturbations are carried along the exact motion and orthonormalised once in a period
     (Benettin); the rates are averaged by `weighted_mean`, far sharper on a torus. The forcing's
@@ -181,7 +190,7 @@ def lyapunov(
 
     Parameters
     ----------
-    state, a, gamma, k, damping, t0, forcing
+    state, t0, on
         As in `simulate`.
     periods : int
         Over which to average.
@@ -200,22 +209,38 @@ def lyapunov(
     >>> bool(abs(found.exponents[0]) < 0.01)  # a stable breather of an undamped ring is neutral
     True
     """
-    from contbreather.dynamics.tangent_flow import carry
-
     start = check_state(state)
-    conditions = Conditions(a, gamma, k, damping, forcing_of(forcing))
+    conditions = conditions_of(start.u.size, **on)
     sites, wanted = start.u.size, whole("count", count, 1)
     if wanted > 2 * sites:
-        raise BadInput(f"count = {count}: a ring of {sites} sites has {2 * sites} exponents.")
+        raise BadInput(f"count = {count}: {sites} sites have {2 * sites} exponents.")
+    before, length = whole("settle", settle, 0), whole("periods", periods, 10)
+    return exponents(start, conditions, length, wanted, settle=before, t0=t0, seed=seed)
+
+
+def exponents(
+    state: State,
+    conditions: Conditions,
+    periods: int,
+    count: int,
+    *,
+    settle: int = 0,
+    t0: float = 0.0,
+    seed: int = 0,
+) -> Lyapunov:
+    """`lyapunov`, of a state and under conditions that have been checked."""
+    from contbreather.dynamics.law import law_of
+    from contbreather.dynamics.tangent_flow import carry
+
+    start = within(state, conditions.walls)
     rng = np.random.default_rng(whole("seed", seed, 0))
-    du, dv = rng.normal(size=(2, wanted, sites))
+    du, dv = rng.normal(size=(2, count, start.u.size))
     at_rest, law, first = resting(start, conditions, t0), law_of(conditions), reduced(t0)
-    total = whole("settle", settle, 0) + whole("periods", periods, 10)
     grown = []
-    for one in walk(start, conditions, periods=total, t0=first, progress=False):
+    for one in walk(start, conditions, periods=settle + periods, t0=first, progress=False):
         if one.stop is not None:
             raise NotConverged(one.reason)
-        growth = np.empty((one.periods, wanted))
+        growth = np.empty((one.periods, count))
         spans = np.full(one.periods, PERIOD)
         events = kicks(one.impacts, one.rests, conditions, first)
         with held():
@@ -226,7 +251,7 @@ def lyapunov(
     half = len(rates) // 2
     early, late = weighted_mean(rates[:half]), weighted_mean(rates[half:])
     differs = early != late  # not so where k = 0 annihilates a direction: both are -inf
-    error = np.zeros(wanted)
+    error = np.zeros(count)
     error[differs] = np.abs(early[differs] - late[differs])
     order = np.argsort(-mean)
     return Lyapunov(mean[order], error[order], periods)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from contbreather.dynamics.compiled import compiled
 from contbreather.dynamics.cruise import Law
-from contbreather.dynamics.flow import Array, expand, expand_held, state_at
+from contbreather.dynamics.flow import Array, expand, expand_any, state_at
 
 
 @compiled
@@ -20,6 +20,7 @@ def fly(
     span: float,
     law: Law,
     still: Array,
+    nowhere: Array,
     rows: Array,
 ) -> None:
     """All perturbations over a time without events."""
@@ -30,8 +31,8 @@ def fly(
     while left > 0.0:
         h = min(law.step, left)
         for i in range(du.shape[0]):
-            if anyone:
-                expand_held(du[i], dv[i], h, law.gamma, law.mu, held, 0.0, still, rows)
+            if anyone or not law.ring:
+                expand_any(du[i], dv[i], h, law.mu, law.bonds, held, nowhere, still, rows)
             else:
                 expand(du[i], dv[i], h, law.gamma, law.mu, rows)
             state_at(rows, h, 1.0, du[i], dv[i])
@@ -95,14 +96,15 @@ def carry(
 
     With ``growth`` of shape (periods, m) they are orthonormalised after each; (periods, 0): not.
     """
-    rows, still, event = np.empty((law.size, du.shape[1])), np.zeros(law.size), 0
+    rows, still = np.empty((law.size, du.shape[1])), np.zeros(law.size)
+    nowhere, event = np.zeros(du.shape[1]), 0
     for j in range(spans.size):
         s = 0.0
         while event < period.size and period[event] == first + j:
-            fly(du, dv, held, since[event] - s, law, still, rows)
+            fly(du, dv, held, since[event] - s, law, still, nowhere, rows)
             s = since[event]
             kick(du, dv, held, site[event], entry[event], law)
             event += 1
-        fly(du, dv, held, spans[j] - s, law, still, rows)
+        fly(du, dv, held, spans[j] - s, law, still, nowhere, rows)
         if growth.shape[1] > 0:
             orthonormalise(du, dv, growth[j])

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg
+from scipy import linalg, sparse
 
 from contbreather.errors import BadInput
 
@@ -382,11 +382,21 @@ def waves(sites: int, hit: tuple[int, ...]) -> Waves:
     )
 
 
-def stiffness_of(lattice: Finite) -> FloatArray:
-    """The stiffness matrix of any finite lattice, rings too."""
+@lru_cache(maxsize=16)
+def stiffness_of(lattice: Finite) -> sparse.csr_array:
+    """The stiffness matrix of any finite lattice, rings too, by its entries that are not zero."""
     if isinstance(lattice, Lattice):
-        return np.asarray(lattice.stiffness, dtype=float)
-    return _closed(_path(lattice.sites), True)
+        return sparse.csr_array(np.asarray(lattice.stiffness, dtype=float))
+    n = np.arange(lattice.sites)
+    right = (n + 1) % lattice.sites  # of one bond or two between the same sites entries add up
+    rows, columns = np.concatenate([n, right, n, right]), np.concatenate([n, right, right, n])
+    entries = np.repeat([1.0, -1.0], 2 * n.size)
+    return sparse.csr_array((entries, (rows, columns)), shape=(n.size, n.size))
+
+
+def drive_of(lattice: Finite) -> FloatArray:
+    """How strongly each site feels the forcing."""
+    return lattice.drive if isinstance(lattice, Lattice) else np.ones(lattice.sites)
 
 
 # --- the usual ones -----------------------------------------------------------------------------

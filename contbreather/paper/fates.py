@@ -16,12 +16,12 @@ from contbreather.dynamics import (
     Run,
     SmoothOrbit,
     SmoothRun,
-    localisation,
     periodic,
     simulate,
     simulate_smooth,
     smooth_orbit,
 )
+from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import completed
 from contbreather.errors import NotConverged, keeping
 
@@ -72,8 +72,7 @@ def unlike_a_breather(
 
 def delocalised(run: SmoothRun) -> bool:
     """Whether the energy is all over the ring at the end."""
-    c, (u, v) = run.conditions, run.strobe
-    seen = localisation(u[-1], v[-1], run.times[-1], a=c.a, gamma=c.gamma, damping=c.damping)
+    seen = localised(run.strobe.u[-1], run.strobe.v[-1], run.times[-1], run.conditions)
     return float(seen.participation) > BROAD
 
 

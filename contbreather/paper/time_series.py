@@ -34,8 +34,8 @@ from contbreather.dynamics import (
     sweep,
     verdict,
 )
-from contbreather.dynamics.conditions import PERIOD
 from contbreather.dynamics.impacting import completed
+from contbreather.dynamics.states import PERIOD
 from contbreather.paper.fates import (
     delocalised,
     enough_damping,

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
-from contbreather.dynamics import Basin, Fate, Record, Run, SmoothRun, Sweep, localisation
-from contbreather.dynamics.conditions import PERIOD
+from contbreather.dynamics import Basin, Fate, Record, Run, SmoothRun, Sweep
+from contbreather.dynamics.energy import localised
+from contbreather.dynamics.states import PERIOD
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import (
     BLUE,
@@ -132,9 +133,7 @@ def _not_finer(axes: Axes, u: Array, v: Array) -> None:
 def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Axes:
     """The participation ratio once in a period: about 1 in a breather, N where all share."""
     check_kind(run, RUNS, "a run")
-    c, (u, v) = run.conditions, run.strobe
-    shared: dict[str, Any] = {"a": c.a, "gamma": c.gamma, "damping": c.damping}
-    seen = localisation(u, v, run.times, forcing=c.forcing, **shared)
+    seen = localised(*run.strobe, run.times, run.conditions)
     with axes_or_new(ax) as axes:
         axes.plot(run.times / PERIOD, seen.participation, "-", color=BLUE, linewidth=0.8)
         axes.set_ylim(0.0, max(4.0, 1.05 * float(np.nanmax(seen.participation))))

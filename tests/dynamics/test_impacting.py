@@ -27,6 +27,7 @@ from contbreather.dynamics import (
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, Ring
 from contbreather.stability import dense_half_map
+from tests.dynamics.independent import with_events
 
 PI = math.pi
 
@@ -60,36 +61,6 @@ def generator(sites, gamma, damping):
             [-gamma * laplacian(sites), -damping * np.eye(sites)],
         ]
     )
-
-
-def with_events(u, v, a, gamma, k, damping, span):
-    """The same motion by a general solver: small steps, one event for each site and wall."""
-    sites, lap = len(u), laplacian(len(u))
-
-    def slope(t, x):
-        push = -gamma * lap @ x[:sites] - damping * x[sites:] - a * np.cos(t)
-        return np.concatenate([x[sites:], push])
-
-    def wall(n, sign):
-        def gap(t, x):
-            return 1.0 - sign * x[n]
-
-        gap.terminal, gap.direction = True, -1.0
-        return gap
-
-    events = [wall(n, sign) for n in range(sites) for sign in (1.0, -1.0)]
-    t, x, hits = 0.0, np.concatenate([u, v]), []
-    while t < span:
-        flown = solve_ivp(
-            slope, (t, span), x, "DOP853", rtol=1e-13, atol=1e-14, max_step=0.01, events=events
-        )
-        t, x = flown.t[-1], flown.y[:, -1].copy()
-        for i, times in enumerate(flown.t_events):
-            if times.size:
-                n = i // 2
-                hits.append((t, n, x[sites + n]))
-                x[sites + n] *= -k
-    return x[:sites], x[sites:], hits
 
 
 # --- the exact breather ---------------------------------------------------------------------------
@@ -206,8 +177,8 @@ def test_motion_is_that_of_a_general_solver_with_events(sites, damping):
     rng = np.random.default_rng(sites)
     u, v = rng.uniform(-0.8, 0.8, sites), rng.normal(0.0, 1.5, sites)
     a, gamma, k = 0.6, 0.2, 0.75
-    wanted = with_events(u, v, a, gamma, k, damping, 3 * PI)
     run = simulate((u, v), a=a, gamma=gamma, k=k, damping=damping, periods=1.5)
+    wanted = with_events((u, v), run.conditions, 3 * PI)
     assert len(wanted[2]) >= 3
     assert run.impacts["site"].tolist() == [hit[1] for hit in wanted[2]]
     assert np.allclose(run.impacts["time"], [hit[0] for hit in wanted[2]], rtol=0, atol=1e-10)

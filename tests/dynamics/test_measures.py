@@ -28,10 +28,10 @@ from contbreather.dynamics import (
     there_and_back,
     verdict,
 )
-from contbreather.dynamics.conditions import PERIOD
 from contbreather.dynamics.impacting import IMPACT, Record
 from contbreather.dynamics.progress import Bar
 from contbreather.dynamics.quasiperiodic import judge
+from contbreather.dynamics.states import PERIOD
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier
 
@@ -256,7 +256,7 @@ def test_exponents_of_a_ring_without_impacts_are_its_damping() -> None:
 
 def test_more_exponents_than_a_ring_has_are_refused() -> None:
     shared = {"a": 0.1, "gamma": 0.05, "k": 0.8}
-    with pytest.raises(BadInput, match="count = 7: a ring of 3 sites has 6 exponents"):
+    with pytest.raises(BadInput, match="count = 7: 3 sites have 6 exponents"):
         lyapunov((np.zeros(3), np.zeros(3)), periods=10, count=7, **shared)
     for name, value in (("count", 0), ("periods", 9), ("settle", -1), ("seed", -1)):
         with pytest.raises(BadInput, match=rf"^{name} = {value}: a whole number, at least"):

@@ -35,10 +35,10 @@ from contbreather.dynamics import (
     simulate_smooth,
     smooth_orbit,
 )
-from contbreather.dynamics.conditions import PERIOD
 from contbreather.dynamics.impacting import walk
 from contbreather.dynamics.quasiperiodic import Kind
 from contbreather.dynamics.smooth_verdict import judge_smooth
+from contbreather.dynamics.states import PERIOD
 from contbreather.errors import BadInput, NotConverged
 
 HERE: dict[str, Any] = {"a": 0.2, "gamma": 0.04, "k": 0.8}

@@ -22,13 +22,17 @@ from contbreather.dynamics import (
     smooth_orbit,
     variation,
 )
-from contbreather.dynamics.smooth import damping_of, restitution_of
+from contbreather.dynamics.smooth import SmoothConditions, damping_of, restitution_of
 from contbreather.dynamics.smooth_flow import jacobian, motion, varied
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Fourier
+from contbreather.lattice import Fourier, Ring
 
 FIGURE5 = {"a": 0.1, "gamma": 0.08, "k": 0.8, "damping": 0.005}
-COSINE = (np.array([1.0]), np.array([-1.0]), np.array([0.0]))
+
+
+def cosine(sites):
+    """F = -cos t on a ring, as the compiled right-hand sides take it."""
+    return SmoothConditions(1.0, 0.1, 0.1, 6, lattice=Ring(sites)).arguments[6:]
 
 
 def test_lambda_of_the_paper_from_its_restitution():
@@ -51,13 +55,13 @@ def test_single_wall_gives_back_the_velocity_times_k(m, tolerance):
 def test_motion_is_equation_21_with_the_sign_of_13(m):
     rng = np.random.default_rng(0)
     u, v = rng.uniform(-1.1, 1.1, 5), rng.normal(size=5)
-    a, gamma, lam, mu, t = 0.3, 0.2, 0.14, 0.02, 0.7
+    a, gamma, lam, mu, spring, t = 0.3, 0.2, 0.14, 0.02, 0.4, 0.7
     y = np.concatenate([u, v])
-    got = motion(t, y, a, gamma, lam, m, mu, *COSINE)
+    got = motion(t, y, a, gamma, lam, m, mu, spring, *cosine(5))
     coupling = gamma * (2 * u - np.roll(u, 1) - np.roll(u, -1))
     wall = lam * (2 * m + 1) * np.abs(u) ** (2 * m) * v
     wall += (2 * m + 1) * np.abs(u) ** (4 * m) * u
-    wanted = -a * math.cos(t) - coupling - mu * v - wall
+    wanted = -a * math.cos(t) - coupling - spring * u - mu * v - wall
     assert np.allclose(got, np.concatenate([v, wanted]), rtol=1e-14, atol=1e-14)
 
 
@@ -65,23 +69,23 @@ def test_motion_is_equation_21_with_the_sign_of_13(m):
 def test_hand_derivatives_are_those_of_the_motion(sites, m):
     rng = np.random.default_rng(1)
     y = np.concatenate([rng.uniform(-1.05, 1.05, sites), rng.normal(size=sites)])
-    params = [0.3, 0.2, 0.14, m, 0.02]
+    params, series = [0.3, 0.2, 0.14, m, 0.02, 0.4], cosine(sites)
     steps = 1e-6 * np.eye(2 * sites)
 
     def at(y, params):
-        return motion(0.7, y, *params, *COSINE)
+        return motion(0.7, y, *params, *series)
 
     wanted = np.array([(at(y + s, params) - at(y - s, params)) / 2e-6 for s in steps]).T
-    by_hand = jacobian(0.7, y, *params, *COSINE)
+    by_hand = jacobian(0.7, y, *params, *series)
     assert np.allclose(by_hand, wanted, rtol=1e-7, atol=1e-6)
-    columns = rng.normal(size=(3 + 5, 2 * sites))
+    columns = rng.normal(size=(3 + 6, 2 * sites))
     flat = np.concatenate([y[None], columns]).ravel()
-    rates = varied(0.7, flat, *params, *COSINE, sites, 5).reshape(-1, 2 * sites)
+    rates = varied(0.7, flat, *params, *series, sites, 6).reshape(-1, 2 * sites)
     assert np.array_equal(rates[0], at(y, params))
-    for i in range(8):
+    for i in range(9):
         rate = by_hand @ columns[i]
         if i >= 3:
-            step = 1e-6 * np.eye(5)[i - 3]
+            step = 1e-6 * np.eye(6)[i - 3]
             rate += (at(y, params + step) - at(y, params - step)) / 2e-6
         assert np.allclose(rates[1 + i], rate, rtol=1e-7, atol=1e-6)
 

@@ -14,9 +14,9 @@ from contbreather.dynamics import (
     State,
     simulate_smooth,
 )
-from contbreather.dynamics.conditions import PERIOD
 from contbreather.dynamics.quasiperiodic import Kind
 from contbreather.dynamics.smooth_verdict import judge_smooth
+from contbreather.dynamics.states import PERIOD
 from contbreather.paper.fates import smooth_breather
 
 GOLDEN = 0.3819660113

@@ -1,0 +1,185 @@
+"""What a run starts from: a state, and the conditions of a finite lattice it moves under."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple, Protocol, Required, TypedDict, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.checks import number
+from contbreather.errors import BadInput
+from contbreather.lattice import Forcing, Ring, check_gamma, forcing_of
+from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.finite import Finite, finite
+
+Array = NDArray[Any]
+PERIOD = 2.0 * math.pi
+OUTSIDE = 1e-9  # beyond a wall by more than this is no rounding
+FASTEST = 1e6
+DAMPING = "a damping coefficient, at least 0 and at most 1e4"
+HEAVIEST = 1e4  # damping, or frequency; steps are 3/mu at most, a period takes 2 pi mu/3 of them
+
+
+class Moved(Protocol):
+    """What a lattice with walls of any kind moves under."""
+
+    @property
+    def a(self) -> float: ...
+    @property
+    def gamma(self) -> float: ...
+    @property
+    def damping(self) -> float: ...
+    @property
+    def spring(self) -> float: ...
+    @property
+    def forcing(self) -> Forcing: ...
+    @property
+    def lattice(self) -> Finite: ...
+
+
+C = TypeVar("C", bound=Moved)
+
+
+class State(NamedTuple):
+    """Displacements and velocities of all sites, site 0 first; arrays of shape (N,)."""
+
+    u: Array
+    v: Array
+
+
+class On(TypedDict, total=False):
+    """The keywords of `simulate` that say what a lattice moves under; every function takes them."""
+
+    a: Required[float]
+    gamma: Required[float]
+    k: Required[float]
+    damping: float
+    spring: float
+    forcing: Forcing | str | None
+    lattice: Finite | None
+    walls: Any
+
+
+def conditions_of(
+    sites: int,
+    *,
+    a: float,
+    gamma: float,
+    k: float,
+    damping: float = 0.0,
+    spring: float = 0.0,
+    forcing: Forcing | str | None = None,
+    lattice: Finite | None = None,
+    walls: Any = None,
+) -> Conditions:
+    """The conditions of a state of so many sites, on a ring unless a lattice is given.
+
+    Raises
+    ------
+    BadInput
+        A number out of its range, another number of sites, walls of a site that is not there.
+    """
+    around, where = Walls.given(walls), lattice_for(sites, lattice)
+    for site, _ in around.own:
+        if not 0 <= site < sites:
+            raise BadInput(
+                f"walls of site {site}: there is no such site on the {where.describe()}; sites are "
+                f"0 to {sites - 1}."
+            )
+    drive = forcing_of(forcing)
+    return ranged(Conditions(a, gamma, k, damping, spring, drive, around, where))
+
+
+def ranged(on: Conditions) -> Conditions:
+    """The same conditions, with numbers that a simulation can have."""
+    number("k", on.k, 0.0, 1.0, "a restitution coefficient between 0 and 1")
+    return check_ranges(on)
+
+
+def check_ranges(on: C) -> C:
+    """What walls of any kind allow: amplitude, coupling, damping, spring."""
+    number("a", on.a, 0.0, math.inf, "an amplitude, at least 0")
+    number("gamma", on.gamma, -math.inf, math.inf, "a coupling")
+    if isinstance(on.lattice, Ring):
+        check_gamma(on.gamma)
+    number("gamma", on.gamma, 0.0, HEAVIEST**2, "a coupling, at least 0 and at most 1e8")
+    number("damping", on.damping, 0.0, HEAVIEST, DAMPING)
+    number("spring", on.spring, 0.0, HEAVIEST**2, "an on-site stiffness, at least 0, at most 1e8")
+    return on
+
+
+def lattice_for(sites: int, lattice: Finite | None) -> Finite:
+    """The lattice of a state: a ring unless one is given."""
+    where = Ring(sites) if lattice is None else finite(lattice)
+    if where.sites != sites:
+        raise BadInput(
+            f"the state has {sites} sites, the lattice ({where.describe()}) has {where.sites}: "
+            "both must have the same; leave out lattice for a ring of the state's length."
+        )
+    return where
+
+
+def check_state(state: Any) -> State:
+    """A copy of a state as two float arrays, or what is wrong with it.
+
+    Raises
+    ------
+    BadInput
+        Not a pair of rows of equal length, or not finite.
+    """
+    u, v = _rows(state)
+    if u.ndim != 1 or u.shape != v.shape or u.size < 1:
+        raise BadInput(
+            f"a state is a pair (u, v) of rows of equal length, one entry for each site; shapes "
+            f"{u.shape} and {v.shape} were given."
+        )
+    for name, row in (("u", u), ("v", v)):
+        bad = np.flatnonzero(~np.isfinite(row))
+        if bad.size:
+            raise BadInput(f"{name}[{bad[0]}] = {row[bad[0]]} of the state is no finite number.")
+    fast = int(np.abs(v).argmax())
+    if abs(v[fast]) > FASTEST:
+        raise BadInput(
+            f"v[{fast}] = {v[fast]:.3g}: velocities above {FASTEST:g} blow up the energy; the "
+            "walls are at distance 1 and the forcing has period 2 pi, so those of interest are "
+            "of order 1."
+        )
+    return State(u, v)
+
+
+def _rows(state: Any) -> tuple[Array, Array]:
+    try:
+        u, v = state
+        return np.array(u, dtype=float), np.array(v, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"a state is a pair (u, v) of rows of numbers; {error}.") from error
+
+
+def within(state: State, walls: Walls) -> State:
+    """The same state, with what is beyond a wall by rounding put onto it; more is refused."""
+    low, high = wall_rows(walls, state.u.size)
+    beyond = np.maximum(state.u - high, low - state.u)
+    n = int(beyond.argmax())
+    if beyond[n] > OUTSIDE * max(1.0, abs(state.u[n])):
+        own = " and ".join(f"{x:g}" for x in (low[n], high[n]) if math.isfinite(x))
+        raise BadInput(
+            f"u[{n}] = {state.u[n]:.12g} lies outside the walls at {own}; start with all sites "
+            "between them."
+        )
+    return State(np.clip(state.u, low, high), state.v)
+
+
+def wall_rows(walls: Walls, sites: int) -> tuple[Array, Array]:
+    """The walls of each site: low ones and high ones, infinite where there is none."""
+    low, high = (np.full(sites, float(x)) for x in walls.of_all)
+    for site, pair in walls.own:
+        low[site], high[site] = pair
+    return low, high
+
+
+def reduced(t0: ArrayLike) -> float:
+    """A time within one period of the forcing, [0, 2 pi)."""
+    t = number("t0", t0, -1e300, 1e300, "a time")
+    return t % PERIOD
