@@ -3,6 +3,7 @@
 from .breathers import Orbit as Orbit
 from .breathers import grazing as grazing
 from .breathers import neimark_sacker as neimark_sacker
+from .breathers import period_doubling as period_doubling
 from .breathers import pitchfork as pitchfork
 from .breathers import symmetric as symmetric
 from .breathers import symmetric_roots as symmetric_roots

@@ -59,23 +59,8 @@ def saddle_node() -> Event:
 
 
 def pitchfork() -> Event:
-    """PF: the symmetry u(t + pi) = -u(t) breaks; the half map QS has the multiplier +1.
-
-    ``a f''(phi) = 2 p sigma(gamma)``, exact on any lattice and for any forcing. The multiplier is
-    the end of the band, so no eigenvalue is followed.
-
-    A located point knows its normal form: ``criticality`` says which way the arms bend,
-    ``coefficient`` how strongly, the limit of ``(t2 - t1 - pi)^2`` on them over the distance of
-    the free parameter from the pitchfork.
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", events=[pitchfork()], towards="up",
-    ...                   within={"a": (0, 0.9)})
-    >>> round(branch.first("PF")["a"], 12)
-    0.777632425944
-    """
+    """PF: the half map QS has the multiplier +1, ``a f''(phi) = 2 p sigma(gamma)``. The multiplier
+    is the end of the band, so no eigenvalue is followed."""
     return Event(
         "PF",
         _on_breather(_pitchfork),
@@ -87,27 +72,8 @@ def pitchfork() -> Event:
 def neimark_sacker(
     *, on: InfiniteChain | Ring | None = None, threshold: float = THRESHOLD
 ) -> Event:
-    """NS: a complex pair of multipliers leaves the unit circle.
-
-    Parameters
-    ----------
-    on : InfiniteChain or Ring, optional
-        Of the infinite chain unless given: the point where an isolated pair comes out of the
-        continuous spectrum, exact and without a threshold. On a ring some multipliers are always
-        at or outside the circle, so there the paper's rule is followed.
-    threshold : float
-        On a ring: the modulus over the whole period 2 pi that a pair must pass, 1.005 in the
-        paper. Its boundary ends where another of the ring's waves gets there first (NS-NS);
-        `contbreather.paper.threshold.neimark_sacker_line` puts the pieces together.
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> branch = cb.trace(cb.symmetric(0.2, 0.08, 0.8), "gamma", events=[neimark_sacker()],
-    ...                   towards="up", within={"gamma": (0, 0.1)})
-    >>> round(branch.first("NS")["gamma"], 7)
-    0.0969709
-    """
+    """NS of a symmetric breather on one lattice, whichever it lives on; the infinite chain unless
+    given."""
     lattice = InfiniteChain() if on is None else on
     event = _pair_leaves(lattice, threshold)
     ring = isinstance(lattice, Ring)

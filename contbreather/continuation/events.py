@@ -140,6 +140,10 @@ class Event:
         level that a user asked for, and where a count changes for no reason that is known."""
         return not (self.walls or self.test is None or isinstance(self.test, Level))
 
+    def of(self, problem: Any) -> Event:
+        """The event as it is for one problem: itself, unless only its kind is known so far."""
+        return self
+
     def value(self, point: Point) -> float | int:
         """What is looked at along the curve: the test, or the count where there is no test."""
         look = self.test or self.count

@@ -22,9 +22,10 @@ def scope(
     Events that are asked for come on top of the walls of the problem, its events beyond which
     solutions mean nothing; only `inadmissible` lifts these.
     """
+    given = all_of(events)
+    asked = None if given is None else tuple(event.of(problem) for event in given)
     if inadmissible:
         problem = _lifted(problem)
-    asked = all_of(events)
     if asked is None:
         return problem, problem.events
     kinds = {event.kind for event in asked}

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from contbreather.breathers import neimark_sacker as exact_event
 from contbreather.breathers import symmetric
-from contbreather.breathers.symmetric_events import neimark_sacker as exact_event
 from contbreather.breathers.zones import Zones, zones
 from contbreather.continuation import trace
 from contbreather.errors import keeping

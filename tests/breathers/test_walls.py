@@ -205,7 +205,8 @@ def test_labels_and_counts_are_about_the_chain_that_was_asked_for(lattice: cb.La
 
 def test_a_ring_can_be_asked_about_the_infinite_chain() -> None:
     start = cb.symmetric(0.2, 0.08, 0.8, lattice=cb.Ring(50))
-    branch = cb.trace(start, "gamma", towards="up", events=[cb.neimark_sacker()])
+    about_the_chain = cb.neimark_sacker(on=cb.InfiniteChain())
+    branch = cb.trace(start, "gamma", towards="up", events=[about_the_chain])
     place = branch.first("NS")["gamma"]
     assert place == pytest.approx(0.0969709, abs=1e-5)
     assert (branch["unstable"][branch["gamma"] < place - 1e-6] == 0).all()
