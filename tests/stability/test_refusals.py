@@ -56,8 +56,8 @@ def test_newton_is_held_to_the_winding_number(monkeypatch) -> None:
     assert unstable_count(*UNSTABLE).count == 2
     looks = []
 
-    def nothing(gamma: float, k: float, b: float, more: int) -> np.ndarray:
-        looks.append(more)
+    def nothing(*given: float) -> np.ndarray:
+        looks.append(given[-1])
         return np.empty(0, dtype=complex)
 
     monkeypatch.setattr(isolated, "_outside", nothing)
@@ -153,3 +153,26 @@ def test_the_gap_of_pairs_changes_its_sign_with_every_pair_that_leaves() -> None
     gap, outside = pair_gap(np.array([0.3 + 0.0j]))
     assert math.isnan(gap)
     assert outside == 0
+
+
+@pytest.mark.parametrize(
+    ("gamma", "k", "b"), [(0.1, 0.8, 0.1), (0.08, 0.7, -0.05), (0.15, 0.8, 0.3), (0.1, 0.5, 0.3)]
+)
+def test_the_angle_of_a_count_is_where_the_circle_is_nearest_to_a_zero(gamma, k, b) -> None:
+    found = unstable_count(gamma, k, b)
+    arc, F, _ = winding.resolved_arc(gamma, k, b)
+    size = np.abs(F[1:-1]) / (abs(b) + 1.0)
+    if found.distance == pytest.approx(float(size.min()), rel=1e-12):
+        assert found.nu == arc.nu[1:-1][int(size.argmin())]
+    else:
+        assert found.nu in (0.0, 1.0)
+        assert found.distance < size.min()
+
+
+def test_at_a_neimark_sacker_point_the_angle_is_that_of_its_pair() -> None:
+    from contbreather.stability.arc import neimark_sacker
+
+    for angle, b in neimark_sacker(0.15, 0.7):
+        found = unstable_count(0.15, 0.7, b)
+        assert not found.certain
+        assert found.nu == pytest.approx(angle, abs=1e-6)

@@ -1,0 +1,54 @@
+"""What a problem is called says which walls count and which chain its counts are about."""
+
+from __future__ import annotations
+
+import pytest
+
+import contbreather as cb
+from contbreather.breathers.symbolic import flight_identities
+
+HERE = {"a": 0.5, "gamma": 0.04, "k": 0.8}
+WITHIN = {"a": (0.49, 0.51)}
+RING = " (stability of a ring of 50, threshold 1.005)"
+LIFTED = ", walls lifted"
+
+
+@pytest.mark.parametrize(
+    ("events", "inadmissible", "end", "columns"),
+    [
+        (None, False, "", ["unstable"]),
+        (None, True, LIFTED, ["unstable", "margin"]),
+        ("LP", False, "", ["unstable"]),
+        ("LP", True, LIFTED, ["unstable", "margin"]),
+        ("NS", False, RING, ["unstable"]),
+        ("NS", True, RING + LIFTED, ["unstable", "margin"]),
+    ],
+)
+def test_the_label_names_what_differs_from_the_plain_problem(
+    events, inadmissible, end, columns
+) -> None:
+    asked = {"LP": [cb.fold()], "NS": [cb.neimark_sacker(on=cb.Ring(50))]}.get(events)
+    b = cb.symmetric(**HERE)
+    branch = cb.trace(b, "a", within=WITHIN, events=asked, inadmissible=inadmissible)
+    assert branch.problem.label == f"symmetric breather{end}"
+    assert list(branch.problem.record) == columns
+    assert ("GR" in [event.kind for event in branch.problem.events]) != inadmissible
+    again = cb.trace(branch[0], "a", within=WITHIN, events=asked, inadmissible=inadmissible)
+    assert again.problem.label == branch.problem.label  # once, not once more each time
+
+
+def test_on_another_chain_the_label_of_the_first_one_is_replaced() -> None:
+    b = cb.symmetric(**HERE)
+    first = cb.trace(b, "a", within=WITHIN, events=[cb.neimark_sacker(on=cb.Ring(50))])
+    second = cb.trace(
+        first[0], "a", within=WITHIN, events=[cb.neimark_sacker(on=cb.Ring(20), threshold=1.01)]
+    )
+    assert second.problem.label == "symmetric breather (stability of a ring of 20, threshold 1.01)"
+
+
+def test_every_identity_of_the_flight_has_a_name_and_an_equation() -> None:
+    found = flight_identities()
+    assert [name.partition(": ")[0] for name in found] == [
+        "free motion", "antisymmetry", "the impact takes 2p", "symmetric impact (7)", "chi", "eta",
+    ]  # fmt: skip
+    assert all(name.partition(": ")[2] for name in found)
