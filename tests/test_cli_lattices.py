@@ -238,6 +238,15 @@ REFUSED = {
         f"branch --free damping --a 0.6 {AT} --window 0.01 0.1",
         r"on the infinite chain",
     ),
+    "threshold of arms": (
+        f"switch --free a {AT} --lattice open:9 --threshold 1.02",
+        r"--threshold 1\.02: branches that are switched to are judged by the paper's 1\.005",
+    ),
+    "threshold of a run": (
+        f"simulate --a 0.6 {AT} --sites 9 --threshold 1.02",
+        r"--threshold: the verdict on a run has none",
+    ),
+    "threshold zero": (f"{POINT} --lattice open:9 --threshold 0", r"threshold = 0"),
     "zones": ("zones --lattice open:9", r"--lattice is no option of zones: .* boundary follows"),
     "zones with damping": ("zones --damping 0.1", r"--damping is no option of zones"),
     "figure": ("figure 4 --walls -2,2", r"--walls is no option of figure: the figures are those"),

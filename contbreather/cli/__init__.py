@@ -103,9 +103,15 @@ def _refused(reason: object, status: int) -> int:
     return status
 
 
+def _shown(default: Any) -> str | None:
+    """What help says of a default; of none nothing."""
+    shown = " ".join(map(str, default)) if isinstance(default, tuple) else str(default)
+    return shown if shown not in ("", "False", "None") else None
+
+
 def application() -> App:
     """All commands; each imports what it needs when it runs."""
-    from cyclopts import App
+    from cyclopts import App, Parameter
 
     from contbreather.cli import boundary, branch, diagram, figure, point, simulate, switch, zones
 
@@ -114,6 +120,7 @@ def application() -> App:
         help="Exact discrete breathers of an impacting chain, continued, with their stability.",
         version=__version__,
         help_format="markdown",
+        default_parameter=Parameter(negative="", show_default=_shown),
     )
     commands: tuple[Callable[..., Any], ...] = (
         point.point,

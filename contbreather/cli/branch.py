@@ -2,54 +2,61 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
-from cyclopts import Parameter
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal
 
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import (
-    Csv,
-    Json,
-    Output,
-    RingSites,
-    Root,
-    Threshold,
-    Where,
-    Window,
-    beginning,
-)
-from contbreather.cli.output import check_ends, check_places, leave
+from contbreather.cli.options import Along, Into, Where, Whole
+from contbreather.cli.output import branch_entry, branch_table, check_ends, lines_of
+
+if TYPE_CHECKING:
+    from contbreather.continuation import Branch
 
 
 def branch(
     where: Where = Where(),
+    along: Along = Along(),
     *,
-    free: Annotated[
-        str | None, Parameter(help="Parameter to vary: a, gamma, k, or a letter.")
-    ] = None,
-    window: Window = None,
-    towards: Annotated[
-        Literal["both", "up", "down"], Parameter(help="Direction in which it changes at first.")
-    ] = "both",
-    root: Root = 1,
-    sites: RingSites = None,
-    threshold: Threshold = None,
-    csv: Csv = None,
-    output: Output = None,
-    json: Json = False,
+    towards: Literal["both", "up", "down"] = "both",
+    root: Whole = 1,
+    into: Into = Into(),
 ) -> None:
     """A branch of breathers in one parameter, with its special points.
 
-    It starts at the value of the free parameter, if one is given, else at a breather that is
+    It starts at the value of the free parameter, if one is given, or at a breather that is
     found in the window.
-    """
-    from contbreather.breathers.search import problem_with
-    from contbreather.continuation import trace
 
-    check_places(csv, output)
-    start = beginning(free, where, window, sites, threshold, root)
-    problem = problem_with(start.breather, start.free, threshold=start.on.threshold)
-    within = {start.free: start.window}
-    found, cut = kept(lambda: trace(problem, start.free, within=within, towards=towards))
-    leave(found, {"free": start.free, **start.on.entry()}, csv, output, json, cut=cut)
-    check_ends(found, "branch")
+    Parameters
+    ----------
+    towards
+        Direction in which the parameter changes at first.
+    root
+        Which solution of (11), by falling p, where there are several.
+    """
+    from contbreather import continuation
+
+    into.check()
+    start = along.start(where, root)
+    problem = start.problem
+    found, cut = kept(
+        lambda: continuation.trace(problem, start.free, within=start.within, towards=towards)
+    )
+    leave(found, "branch", start.entry(), into, cut)
+
+
+def leave(found: Branch, what: str, about: Mapping[str, Any], into: Into, cut: bool) -> None:
+    """All that is wanted of one branch or boundary; raise if it broke off."""
+    into.leave(
+        lambda: {**about, **branch_entry(found)},
+        lines_of(found),
+        lambda: branch_table([found]),
+        lambda: _drawn(found),
+        cut=cut,
+    )
+    check_ends(found, what)
+
+
+def _drawn(found: Branch) -> Any:
+    from contbreather.plotting import plot
+
+    return plot(found)

@@ -3,23 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import Parameter
-
-from contbreather.cli.interrupts import end, kept
-from contbreather.cli.options import Csv, Json, Output, RingSites, Where, Window, shot, whole_number
-from contbreather.cli.output import (
-    branch_entry,
-    branch_rows,
-    check_places,
-    columns_of,
-    point_entry,
-    say,
-    to_csv,
-    to_figure,
-    to_json,
-)
+from contbreather.cli.interrupts import kept
+from contbreather.cli.options import Along, Into, Where, Whole
+from contbreather.cli.output import branch_entry, branch_table, point_entry
 from contbreather.errors import NotConverged
 
 if TYPE_CHECKING:
@@ -28,59 +16,52 @@ if TYPE_CHECKING:
 
 def diagram(
     where: Where = Where(),
+    along: Along = Along(),
     *,
-    free: Annotated[
-        str | None, Parameter(help="Parameter to vary: a, gamma, k, or a letter.")
-    ] = None,
-    window: Window = None,
-    depth: Annotated[
-        int,
-        Parameter(
-            help="How often to switch on the way from the first branch to another.",
-            converter=whole_number,
-        ),
-    ] = 2,
-    most: Annotated[
-        int,
-        Parameter(
-            help="Number of branches after which no others are followed.",
-            converter=whole_number,
-        ),
-    ] = 100,
-    sites: RingSites = None,
-    csv: Csv = None,
-    output: Output = None,
-    json: Json = False,
+    depth: Whole = 2,
+    most: Whole = 100,
+    into: Into = Into(),
 ) -> None:
     """Follow the breathers, switch wherever other branches leave, follow these, and so on.
 
     No branch is in the diagram twice. Ctrl-C ends the work and keeps what there is.
+
+    Parameters
+    ----------
+    depth
+        How often to switch on the way from the first branch to another.
+    most
+        Number of branches after which no others are followed.
     """
     from contbreather.continuation.diagram import diagram
 
-    check_places(csv, output)
-    problem, start = shot(free, where, window, sites)
-    name, within = start.free, {start.free: start.window}
-    tree, cut = kept(lambda: diagram(problem, name, within=within, depth=depth, most=most))
-    made = []
-    if csv is not None:
-        made.append(to_csv(csv, _rows(tree), _columns(tree), cut=cut))
-    if output is not None:
-        from contbreather.plotting import plot_diagram
-
-        made.append(to_figure(output, lambda: plot_diagram(tree), cut=cut))
-    if json:
-        about = {"free": free, **start.on.entry()}
-        to_json({**about, **_content(tree), "written": [str(path) for path in made]})
-    else:
-        ends = _loose_ends(tree, depth)
-        say(tree, *(f"{line}." for line in ends), *(f"Wrote {path}." for path in made))
-    end(cut)
+    into.check()
+    start = along.start(where)
+    shot = start.shot
+    tree, cut = kept(lambda: diagram(shot, start.free, within=start.within, depth=depth, most=most))
+    into.leave(
+        lambda: {**start.entry(), **_content(tree)},
+        _lines(tree, depth),
+        lambda: branch_table(tree.branches, "branch"),
+        lambda: _drawn(tree),
+        cut=cut or tree.interrupted,
+    )
     ended = [(i, stop) for i, one in enumerate(tree) for stop in (one.began, one.stop)]
     broken = [i for i, stop in ended if stop is not None and stop.failed]
     if broken or tree.failed:
         lost = [f"branch {i} broke off" for i in broken] + [str(failure) for failure in tree.failed]
         raise NotConverged(f"the diagram is not complete: {'; '.join(lost)}")
+
+
+def _drawn(tree: Diagram) -> Any:
+    from contbreather.plotting import plot_diagram
+
+    return plot_diagram(tree)
+
+
+def _lines(tree: Diagram, depth: int) -> Iterator[object]:
+    yield tree
+    yield from (f"{line}." for line in _loose_ends(tree, depth))
 
 
 def _loose_ends(tree: Diagram, depth: int) -> Iterator[str]:
@@ -120,16 +101,4 @@ def _content(tree: Diagram) -> dict[str, Any]:
         "edges": edges,
         "left": [place.name for place in tree.left],
         "failed": [str(failure) for failure in tree.failed],
-        "interrupted": tree.interrupted,
     }
-
-
-def _columns(tree: Diagram) -> list[str]:
-    """All columns of all branches, each once."""
-    names = dict.fromkeys(name for branch in tree for name in columns_of(branch))
-    return ["branch", *names, "label"]
-
-
-def _rows(tree: Diagram) -> Iterator[dict[str, Any]]:
-    for i, branch in enumerate(tree):
-        yield from ({"branch": i, **row} for row in branch_rows(branch))

@@ -3,85 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from unicodedata import normalize
 
 from cyclopts import Parameter
 
+from contbreather.cli.interrupts import end
 from contbreather.cli.lattices import lattice_by, walls_by
+from contbreather.cli.output import check_places, note, say, to_csv, to_figure, to_json
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from cyclopts import Token
 
     from contbreather.continuation import Problem
     from contbreather.lattice import Forcing
-
-
-def whole_number(_: Any, tokens: Sequence[Token]) -> int:
-    """A whole number as it was typed; the parser itself would round 2.5."""
-    typed = tokens[0].value
-    try:
-        return int(typed)
-    except ValueError:
-        raise ValueError(f"{typed} is no whole number") from None
-
-
-Json = Annotated[
-    bool,
-    Parameter(
-        name="--json",
-        negative="",
-        help="Print one JSON object, in full precision.",
-        show_default=False,
-    ),
-]
-Csv = Annotated[
-    str | None, Parameter(name="--csv", help="Write the numbers to this file, in full precision.")
-]
-Output = Annotated[
-    str | None, Parameter(name=["--output", "-o"], help="Draw to this file: .png, .pdf or .svg.")
-]
-Sites = Annotated[
-    int | None,
-    Parameter(
-        help="Also judge stability on a ring of so many sites, as the paper does.",
-        converter=whole_number,
-    ),
-]
-RingSites = Annotated[
-    int | None,
-    Parameter(
-        help="Short for --lattice ring:N; stable by the paper's rule.",
-        converter=whole_number,
-    ),
-]
-Threshold = Annotated[
-    float | None,
-    Parameter(
-        help="On finite lattices: modulus over a period beyond which it is unstable, 1.005 unless "
-        "given."
-    ),
-]
-Window = Annotated[
-    tuple[float, float] | None,
-    Parameter(
-        negative="",
-        help="Lowest and highest value; 0 to 0.2499 for gamma, 0.01 to 0.999 for k unless given.",
-        allow_leading_hyphen=True,
-    ),
-]
-
-Root = Annotated[
-    int,
-    Parameter(
-        help="Which solution of (11), by falling p, where there are several.",
-        converter=whole_number,
-    ),
-]
 
 HARMONIC = "-cos(t)"
 ROUND = 1e-6  # a window that is wider than its parameter's by less is as good as the same
@@ -94,61 +32,69 @@ MEANING = {
     "damping": "at least 0",
     "spring": "at least 0",
 }
+Span = tuple[float, float]
+
+
+def whole_number(_: Any, tokens: Sequence[Token]) -> int:
+    """A whole number as it was typed; the parser itself would round 2.5."""
+    typed = tokens[0].value
+    try:
+        return int(typed)
+    except ValueError:
+        raise ValueError(f"{typed} is no whole number") from None
+
+
+Whole = Annotated[int, Parameter(converter=whole_number)]
+Formula = Annotated[str, Parameter(allow_leading_hyphen=True)]
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Where:
-    """Parameters of a breather as they were typed; those that were not are None."""
+    """Parameters and lattice of a breather as they were typed.
 
-    a: Annotated[
-        float | None, Parameter(help="Amplitude of the forcing.", allow_leading_hyphen=True)
-    ] = None
-    gamma: Annotated[
-        float | None, Parameter(help="Coupling, in [0, 1/4).", allow_leading_hyphen=True)
-    ] = None
-    k: Annotated[
-        float | None, Parameter(help="Restitution, in [0, 1].", allow_leading_hyphen=True)
-    ] = None
-    lattice: Annotated[
-        str | None,
-        Parameter(
-            help="ring:20, open:9, open:9:fixed, grid:5x5, grid:5x5:periodic, a stiffness matrix "
-            "in a .csv, a graph in a .graphml; the infinite chain unless given."
-        ),
-    ] = None
-    site: Annotated[
-        int, Parameter(help="The site that impacts.", converter=whole_number, show_default=False)
-    ] = 0
-    damping: Annotated[
-        float | None, Parameter(help="Linear damping of every site.", allow_leading_hyphen=True)
-    ] = None
-    spring: Annotated[
-        float | None, Parameter(help="On-site stiffness.", allow_leading_hyphen=True)
-    ] = None
-    walls: Annotated[
-        tuple[str, ...],
-        Parameter(
-            help="LOW,HIGH of all sites, or SITE:LOW,HIGH of one, once for each; a wall that is "
-            "not there is none. -1,1 unless given.",
-            negative="",
-            allow_leading_hyphen=True,
-            show_default=False,
-        ),
-    ] = ()
-    forcing: Annotated[
-        str,
-        Parameter(
-            help="F(t)/a as a formula in t, antisymmetric over half the period 2 pi.",
-            allow_leading_hyphen=True,
-        ),
-    ] = HARMONIC
-    set: Annotated[
-        tuple[str, ...],
-        Parameter(
-            help="NAME=VALUE of another letter in the formula.", negative="", show_default=False
-        ),
-    ] = ()
+    Parameters
+    ----------
+    a
+        Amplitude of the forcing.
+    gamma
+        Coupling, in [0, 1/4) on chain and ring.
+    k
+        Restitution, in [0, 1].
+    damping
+        Linear damping of every site.
+    spring
+        On-site stiffness.
+    lattice
+        ring:20, open:9, open:9:fixed, grid:5x5, grid:5x5:periodic, a stiffness matrix in a .csv, a
+        graph in a .graphml; the infinite chain unless given.
+    sites
+        Short for --lattice ring:N; of a point, that ring as well.
+    threshold
+        On finite lattices: modulus over a period beyond which it is unstable, 1.005 unless given.
+    site
+        The site that impacts.
+    walls
+        LOW,HIGH of all sites, or SITE:LOW,HIGH of one, once for each; a wall that is not there is
+        none. -1,1 unless given.
+    forcing
+        F(t)/a as a formula in t, antisymmetric over half the period 2 pi.
+    set
+        NAME=VALUE of another letter in the formula.
+    """
+
+    a: float | None = None
+    gamma: float | None = None
+    k: float | None = None
+    damping: float | None = None
+    spring: float | None = None
+    lattice: str | None = None
+    sites: Whole | None = None
+    threshold: float | None = None
+    site: Whole = 0
+    walls: Annotated[tuple[str, ...], Parameter(allow_leading_hyphen=True)] = ()
+    forcing: Formula = HARMONIC
+    set: tuple[str, ...] = ()
 
     @property
     def given(self) -> dict[str, float]:
@@ -163,7 +109,7 @@ class Where:
                 raise BadInput(f"--{name} is missing: {MEANING[name]}")
         return self.given
 
-    def drive(self, free: tuple[str, ...] = ()) -> Forcing:
+    def drive(self, free: Iterable[str] = ()) -> Forcing:
         """The forcing; letters that are free and have no value begin at 1."""
         from contbreather.lattice import Harmonic, Symbolic
 
@@ -175,18 +121,21 @@ class Where:
                 letters.setdefault(name, 1.0)
         return Symbolic(self.forcing, **letters)
 
-    def on(self, sites: int | None, threshold: float | None, free: tuple[str, ...] = ()) -> On:
+    def on(self, *free: str) -> On:
         """What it lives on, and is judged by."""
         from contbreather.stability.verdict import THRESHOLD
 
-        lattice = lattice_by(self.lattice, sites)
-        if threshold is not None and lattice.sites is None:
+        lattice = lattice_by(self.lattice, self.sites)
+        if self.threshold is not None and lattice.sites is None:
             raise BadInput(
                 "--threshold needs --sites or --lattice: only finite lattices have a threshold"
             )
+        forcing = self.drive(free)
+        threshold = THRESHOLD if self.threshold is None else self.threshold
+        for name in free:
+            _check_name(name, forcing)
         more = {"site": self.site, "walls": walls_by(self.walls, lattice.sites)}
-        rule = THRESHOLD if threshold is None else threshold
-        return On(lattice, rule, self.drive(free), more)
+        return On(lattice, threshold, forcing, more)
 
 
 class On(NamedTuple):
@@ -203,7 +152,7 @@ class On(NamedTuple):
         return {"lattice": self.lattice, "forcing": self.forcing, **self.more}
 
     @property
-    def reach(self) -> dict[str, tuple[float, float]]:
+    def reach(self) -> dict[str, Span]:
         """The domain of each parameter that has one."""
         from contbreather.breathers.symmetric import DOMAIN
 
@@ -232,89 +181,146 @@ def _assignment(text: str) -> tuple[str, float]:
     return normalize("NFKC", name.strip()), number  # as Python reads the names in a formula
 
 
-def interval(
-    name: str,
-    window: tuple[float, float] | None,
-    reach: Mapping[str, tuple[float, float]],
-) -> tuple[float, float]:
+def _check_name(name: str, forcing: Forcing) -> None:
+    names = (*NAMES, *forcing.params)
+    if name not in names:
+        raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")
+
+
+def interval(name: str, window: Span | None, reach: Mapping[str, Span]) -> Span:
     """What was typed, as far as it lies in `reach`; by default all that is looked at."""
     from contbreather.breathers.search import window_of
-    from contbreather.cli.output import note
 
     if window is None:
         return window_of(name)
     low, high = reach.get(name, (-math.inf, math.inf))
+    typed = f"{window[0]:g} to {window[1]:g}"
     if not all(math.isfinite(bound) for bound in window) or not window[0] < window[1]:
         raise BadInput(
-            f"window {window[0]:g} {window[1]:g} of {name}: two finite numbers were wanted, the "
-            "smaller first"
+            f"window {typed} of {name}: two finite numbers were wanted, the smaller first"
         )
     inside = max(low, window[0]), min(high, window[1])
+    meaning = MEANING.get(name, "bounded")
     if not inside[0] < inside[1]:
-        raise BadInput(
-            f"the window {window[0]:g} to {window[1]:g} contains no breather: {name} is "
-            f"{MEANING.get(name, 'outside of it')}"
-        )
+        raise BadInput(f"the window {typed} contains no breather: {name} is {meaning}")
     if max(abs(inside[0] - window[0]), abs(inside[1] - window[1])) > ROUND:
         note(
-            f"of the window {window[0]:g} to {window[1]:g} of {name} only {inside[0]:g} to "
-            f"{inside[1]:g} is looked at: {name} is {MEANING.get(name, 'bounded')}"
+            f"of the window {typed} of {name} only {inside[0]:g} to {inside[1]:g} is looked at: "
+            f"{name} is {meaning}"
         )
     return inside
 
 
-def known(name: str, forcing: Forcing) -> str:
-    """The name of a parameter, or which there are."""
-    names = (*NAMES, *forcing.params)
-    if name not in names:
-        raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")
-    return name
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Along:
+    """What varies along a branch.
+
+    Parameters
+    ----------
+    free
+        Parameter to vary: a, gamma, k, damping, spring, or a letter of the forcing.
+    window
+        Lowest and highest value; 0 to 0.2499 for gamma, 0.01 to 0.999 for k unless given.
+    """
+
+    free: str | None = None
+    window: Span | None = None
+
+    def start(self, where: Where, root: int = 1) -> Start:
+        """A breather at the value of the free parameter, if one is given, or in its window."""
+        from contbreather.breathers import find_symmetric
+
+        if self.free is None:
+            raise BadInput("--free is missing: which parameter is to vary, a, gamma or k?")
+        free, on = self.free, where.on(self.free)
+        given = where.need(*(name for name in PARAMETERS if name != free))
+        span = interval(free, self.window, on.reach)
+        near = (given[free], given[free]) if free in given else span
+        if not span[0] <= near[0] <= near[1] <= span[1]:
+            raise BadInput(
+                f"{free} = {near[0]:g} is outside of the window {span[0]:g} to {span[1]:g}"
+            )
+        found = find_symmetric(free, near, root=root, **{**given, **on.given})
+        return Start(found, on, free, {free: span})
 
 
-class Beginning(NamedTuple):
-    """Where a branch begins: the breather, what it lives on, and the window of `free`."""
+class Start(NamedTuple):
+    """Where a branch begins: the breather, what it lives on, what varies, and its window."""
 
     breather: Any
     on: On
     free: str
-    window: tuple[float, float]
+    within: dict[str, Span]
 
+    @property
+    def problem(self) -> Problem:
+        """Its equations, with all events."""
+        from contbreather.breathers.search import problem_with
 
-def beginning(
-    free: str | None,
-    where: Where,
-    window: tuple[float, float] | None,
-    sites: int | None,
-    threshold: float | None = None,
-    root: int = 1,
-) -> Beginning:
-    """At the value of the free parameter if one is given, or somewhere in its window."""
-    from contbreather.breathers import find_symmetric
+        return problem_with(self.breather, self.free, threshold=self.on.threshold)
 
-    if free is None:
-        raise BadInput("--free is missing: which parameter is to vary, a, gamma or k?")
-    on = where.on(sites, threshold, (free,))
-    known(free, on.forcing)
-    given = where.need(*(name for name in PARAMETERS if name != free))
-    span = interval(free, window, on.reach)
-    near = span
-    if free in given:
-        near = given[free], given[free]
-        if not span[0] <= near[0] <= span[1]:
+    @property
+    def shot(self) -> Problem:
+        """Equations that can be switched from: on finite lattices those of shooting."""
+        from contbreather.breathers.shooting import shooting
+        from contbreather.stability.verdict import THRESHOLD
+
+        if self.on.threshold != THRESHOLD:
             raise BadInput(
-                f"{free} = {near[0]:g} is outside of the window {span[0]:g} to {span[1]:g}"
+                f"--threshold {self.on.threshold:g}: branches that are switched to are judged by "
+                f"the paper's {THRESHOLD}; leave it out"
             )
-    return Beginning(find_symmetric(free, near, root=root, **given, **on.given), on, free, span)
+        return self.problem if self.on.lattice.sites is None else shooting(self.breather)
+
+    def entry(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"free": self.free, **self.on.entry()}
 
 
-def shot(
-    free: str | None, where: Where, window: tuple[float, float] | None, sites: int | None
-) -> tuple[Problem, Beginning]:
-    """Equations that a branch can be switched from: on finite lattices those of shooting."""
-    from contbreather.breathers.search import problem_with
-    from contbreather.breathers.shooting import shooting
+Table = tuple[Iterable[Mapping[str, Any]], Sequence[str]]  # rows, and the columns to write
 
-    start = beginning(free, where, window, sites)
-    if start.on.lattice.sites is None:
-        return problem_with(start.breather), start
-    return shooting(start.breather), start
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Into:
+    """Where results go.
+
+    Parameters
+    ----------
+    csv
+        Write the numbers to this file, in full precision.
+    output
+        Draw to this file: .png, .pdf or .svg.
+    json
+        Print one JSON object, in full precision.
+    """
+
+    csv: str | None = None
+    output: Annotated[str | None, Parameter(alias="-o")] = None
+    json: bool = False
+
+    def check(self) -> None:
+        """Refuse files that cannot be written before anything is computed."""
+        check_places({"--csv": self.csv}, self.output)
+
+    def leave(
+        self,
+        content: Callable[[], Mapping[str, Any]],
+        lines: Iterable[object],
+        table: Callable[[], Table],
+        draw: Callable[[], Any],
+        *,
+        cut: bool = False,
+    ) -> None:
+        """Files first, then one JSON object, or lines for people; each made where it is wanted."""
+        made = []
+        if self.csv is not None:
+            made.append(str(to_csv(self.csv, *table(), cut=cut)))
+        if self.output is not None:
+            made.append(str(to_figure(self.output, draw, cut=cut)))
+        if self.json:
+            to_json({**content(), "interrupted": cut, "written": made})
+        else:
+            say(*lines, *(f"Wrote {path}." for path in made))
+        end(cut)

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from contbreather.cli.interrupts import end
 from contbreather.errors import BadInput, NotConverged
 from contbreather.files import writable, write_whole
 
@@ -37,21 +36,18 @@ def console() -> Console:
     return Console(highlight=False, width=width, soft_wrap=False)
 
 
-def check_places(table: str | None, figure: str | None) -> None:
-    """Refuse files that cannot be written before anything is computed."""
-    if table is not None:
-        writable(table)
+def check_places(tables: Mapping[str, str | None], figure: str | None) -> None:
+    """Refuse files that cannot be written before anything is computed, and one file under two
+    options, however its name is written."""
+    for path in tables.values():
+        if path is not None:
+            writable(path)
     if figure is not None:
         from contbreather.plotting.canvas import figure_path
 
         figure_path(figure)
-    check_distinct({"--csv": table, "--output": figure})
-
-
-def check_distinct(places: Mapping[str, str | None]) -> None:
-    """Refuse one file under two options, however its name is written."""
     taken: dict[str, str] = {}
-    for option, path in places.items():
+    for option, path in {**tables, "--output": figure}.items():
         if path is None:
             continue
         real = os.path.realpath(path)
@@ -141,20 +137,29 @@ def columns_of(branch: Branch) -> list[str]:
 OWN = ("arclength", "residual")  # columns that points have as attributes
 
 
-def branch_rows(branch: Branch) -> list[dict[str, Any]]:
-    """One row for each point, in order along the branch, with its label."""
+def branch_table(
+    branches: Sequence[Branch], tag: str = "", first: int = 0
+) -> tuple[Iterator[dict[str, Any]], list[str]]:
+    """One row for each point, in order along each branch, with its label; and the columns. Under
+    `tag` the branches are numbered."""
+    names = dict.fromkeys(name for branch in branches for name in columns_of(branch))
+    rows = (
+        {tag: number, **row}
+        for number, branch in enumerate(branches, start=first)
+        for row in _rows(branch)
+    )
+    return rows, [*filter(None, [tag]), *names, "label"]
+
+
+def _rows(branch: Branch) -> Iterator[dict[str, Any]]:
     names = columns_of(branch)
     columns = [branch[name].tolist() for name in names]
-    rows = [
-        {**dict(zip(names, values, strict=True)), "label": point.label}
-        for point, values in zip(branch, zip(*columns, strict=True), strict=True)
-    ]
-    for point, row in zip(branch, rows, strict=True):
+    counts = [name for name in branch.problem.record if name in names]
+    for point, values in zip(branch, zip(*columns, strict=True), strict=True):
+        row = {**dict(zip(names, values, strict=True)), "label": point.label}
         if point.kind:  # no count where rounding decides it, as in tables
-            row |= {
-                name: branch.shown(point, name) for name in branch.problem.record if name in row
-            }
-    return rows
+            row |= {name: branch.shown(point, name) for name in counts}
+        yield row
 
 
 def point_entry(point: Point) -> dict[str, Any]:
@@ -196,8 +201,10 @@ def ends(branch: Branch) -> list[str]:
     return sentences
 
 
-def _doubts(branch: Branch) -> Iterator[str]:
-    """What was seen but could not be verified, as sentences."""
+def lines_of(branch: Branch) -> Iterator[object]:
+    """A branch for people: its table, why it ends, and what could not be verified."""
+    yield branch
+    yield from (f"{line}." for line in ends(branch))
     for point in branch.doubtful:
         place = ", ".join(f"{name} = {point[name]:.10g}" for name in branch.curve.varied)
         yield f"In doubt: {point.kind} at {place}: {point.detail.get('reason', 'not located')}."
@@ -225,29 +232,3 @@ def check_ends(branch: Branch, what: str) -> None:
     """Raise where the numerics gave up: what there is was shown, but it is not all."""
     if any(stop is not None and stop.failed for stop in (branch.began, branch.stop)):
         raise NotConverged(f"the {what} broke off: {'; '.join(ends(branch))}")
-
-
-def leave(
-    branch: Branch,
-    about: Mapping[str, Any],
-    table: str | None,
-    figure: str | None,
-    as_json: bool,
-    *,
-    cut: bool,
-) -> None:
-    """All that is wanted of one branch: files first, then JSON or a table."""
-    made = []
-    if table is not None:
-        made.append(to_csv(table, branch_rows(branch), [*columns_of(branch), "label"], cut=cut))
-    if figure is not None:
-        from contbreather.plotting import plot
-
-        made.append(to_figure(figure, lambda: plot(branch), cut=cut))
-    if as_json:
-        paths = [str(path) for path in made]
-        to_json({**about, **branch_entry(branch), "interrupted": cut, "written": paths})
-    else:
-        say(branch, *(f"{line}." for line in ends(branch)), *_doubts(branch))
-        say(*(f"Wrote {path}." for path in made))
-    end(cut)

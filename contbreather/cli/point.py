@@ -2,37 +2,37 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from contbreather.cli.options import NAMES, PARAMETERS, Json, Root, Sites, Threshold, Where
+from contbreather.cli.options import NAMES, PARAMETERS, On, Where, Whole
 from contbreather.cli.output import say, to_json
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from contbreather.cli.options import On
 
+def point(where: Where = Where(), *, root: Whole = 1, json: bool = False) -> None:
+    """One breather: p, phi, admissibility, stability.
 
-def point(
-    where: Where = Where(),
-    *,
-    root: Root = 1,
-    sites: Sites = None,
-    threshold: Threshold = None,
-    json: Json = False,
-) -> None:
-    """One breather: p, phi, admissibility, stability."""
+    Parameters
+    ----------
+    root
+        Which solution of (11), by falling p, where there are several.
+    json
+        Print one JSON object, in full precision.
+    """
     from contbreather.breathers import symmetric_roots
     from contbreather.breathers.search import rooted
 
-    values = where.need(*PARAMETERS)
-    rule = where.on(sites, threshold)
-    on = where.on(None, None) if where.lattice is None else rule
+    values, rule = where.need(*PARAMETERS), where.on()
+    # of a point, --sites asks for a ring besides the infinite chain
+    on = rule if where.lattice else replace(where, sites=None, threshold=None).on()
     found: tuple[Any, ...] = symmetric_roots(**{**values, **on.given})
     breather = rooted(found, root)
     others = [other for other in found if other is not breather]
     verdicts = _verdicts(breather, on, rule)
-    content = _content(breather, on, verdicts, others, sites)
+    content = _content(breather, on, verdicts, others, where.sites)
     if json:
         to_json({**content, "root": root})
         return

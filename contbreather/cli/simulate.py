@@ -5,18 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from contbreather.cli.interrupts import computing
 from contbreather.cli.lattices import lattice_by
-from contbreather.cli.options import PARAMETERS, Csv, Json, Output, Where, whole_number
-from contbreather.cli.output import check_distinct, note, say, to_csv, to_figure, to_json
+from contbreather.cli.options import PARAMETERS, Into, Where, Whole
+from contbreather.cli.output import check_places, note, say, to_csv, to_figure, to_json
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
 from contbreather.cli.starts import read_state, write_state
 from contbreather.errors import BadInput
-from contbreather.files import writable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,55 +31,49 @@ IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "accele
 def simulate(
     where: Where = Where(),
     *,
-    sites: Annotated[
-        int | None,
-        Parameter(help="Length of the ring, 20 unless a state is given.", converter=whole_number),
-    ] = None,
-    periods: Annotated[float, Parameter(help="Length of the run, in periods 2 pi.")] = 200.0,
-    smooth: Annotated[
-        float | None,
-        Parameter(help="Smooth walls (21) of this hardness m; rigid ones unless given."),
-    ] = None,
-    start: Annotated[
-        str | None,
-        Parameter(help="File with the first state; the exact breather unless given."),
-    ] = None,
-    perturb: Annotated[
-        float,
-        Parameter(help="Standard deviation of a random push on it.", allow_leading_hyphen=True),
-    ] = 0.0,
-    seed: Annotated[
-        int, Parameter(help="Of that push.", allow_leading_hyphen=True, converter=whole_number)
-    ] = 0,
-    stream: Annotated[
-        str | None,
-        Parameter(help="Folder to keep the run in; the same command again goes on with it."),
-    ] = None,
-    csv: Csv = None,
-    impacts: Annotated[str | None, Parameter(help="Write all impacts to this file.")] = None,
-    final: Annotated[
-        str | None, Parameter(help="Write the last state to this file, for --start.")
-    ] = None,
-    output: Output = None,
-    json: Json = False,
+    periods: float = 200.0,
+    smooth: float | None = None,
+    start: str | None = None,
+    perturb: float = 0.0,
+    seed: Whole = 0,
+    stream: str | None = None,
+    impacts: str | None = None,
+    final: str | None = None,
+    into: Into = Into(),
 ) -> int | None:
     """A ring in motion, impact by impact, and a verdict on what it comes to.
 
     It starts on the exact breather at t = 0, or from a file: JSON with u, v and t, as --final
     writes it, or two columns u and v. --csv takes the states once in a period. After Ctrl-C all
     that was simulated until then is written, then judged; a second one leaves the verdict out.
+
+    Parameters
+    ----------
+    periods
+        Length of the run, in periods 2 pi.
+    smooth
+        Smooth walls (21) of this hardness m; rigid ones unless given.
+    start
+        File with the first state; the exact breather unless given.
+    perturb
+        Standard deviation of a random push on it.
+    seed
+        Of that push.
+    stream
+        Folder to keep the run in; the same command again goes on with it.
+    impacts
+        Write all impacts to this file.
+    final
+        Write the last state to this file, for --start.
     """
-    asked = Asked(
-        where, sites, periods, smooth, start, perturb, seed, stream, csv, impacts, final,
-        output,
-    )  # fmt: skip
+    asked = Asked(where, periods, smooth, start, perturb, seed, stream, impacts, final, into)
     asked.check()
     seen = asked.simulate()
     if seen.interrupted:
         note("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     made = [str(path) for path in _files(seen, asked)]
     seen = judged(seen)
-    if json:
+    if into.json:
         to_json({**_content(seen, asked), "written": made})
     else:
         walls = "rigid walls" if smooth is None else f"smooth walls, m = {smooth:g}"
@@ -100,30 +91,20 @@ class Asked:
     """All options as they were typed."""
 
     where: Where
-    sites: int | None
     periods: float
     smooth: float | None
     start: str | None
     perturb: float
     seed: int
     stream: str | None
-    csv: str | None
     impacts: str | None
     final: str | None
-    output: str | None
+    into: Into
 
     def check(self) -> None:
         """Refuse what cannot be, before anything is computed."""
-        from contbreather.plotting.canvas import figure_path
-
-        given = {"--csv": self.csv, "--impacts": self.impacts, "--final": self.final}
-        named = {name: path for name, path in given.items() if path is not None}
-        for path in named.values():
-            writable(path)
-        if self.output is not None:
-            figure_path(self.output)
-            named["--output"] = self.output
-        check_distinct(named)
+        tables = {"--csv": self.into.csv, "--impacts": self.impacts, "--final": self.final}
+        check_places(tables, self.into.output)
         if self.smooth is not None and (self.impacts or self.stream):
             which = "--impacts" if self.impacts else "--stream"
             raise BadInput(f"{which} goes with rigid walls only: leave out --smooth")
@@ -139,13 +120,16 @@ class Asked:
         """The length of the ring, if one was given."""
         from contbreather.lattice import Ring
 
-        where, lattice = self.where, lattice_by(self.where.lattice, self.sites)
+        where = self.where
+        lattice = lattice_by(where.lattice, where.sites)
         ring = lattice.sites is None or isinstance(lattice, Ring)
         if not ring or where.site or where.spring or where.walls:
             raise BadInput(
                 "simulate moves rings, between walls at -1 and 1 and without springs: leave out "
                 "--site, --spring and --walls, and take --lattice ring:N"
             )
+        if where.threshold is not None:
+            raise BadInput("--threshold: the verdict on a run has none; leave it out")
         return lattice.sites
 
     @computing()
@@ -205,13 +189,13 @@ def _files(seen: Seen, asked: Asked) -> Iterator[Any]:
     """What goes on from here first: large tables take long enough to be interrupted."""
     if asked.final is not None:
         yield write_state(asked.final, seen.run.final, seen.run.end)
-    if asked.csv is not None:
+    if asked.into.csv is not None:
         names = [f"{name}_{n}" for name in "uv" for n in range(seen.run.sites)]
-        yield to_csv(asked.csv, _strobes(seen), ["period", "time", *names])
+        yield to_csv(asked.into.csv, _strobes(seen), ["period", "time", *names])
     if asked.impacts is not None:
         yield to_csv(asked.impacts, _impacts(seen), IMPACTS)
-    if asked.output is not None:
-        yield to_figure(asked.output, lambda: draw(seen.run))
+    if asked.into.output is not None:
+        yield to_figure(asked.into.output, lambda: draw(seen.run))
 
 
 def _strobes(seen: Seen) -> Iterator[dict[str, float]]:

@@ -5,24 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import Parameter
-
-from contbreather.cli.interrupts import end, kept
-from contbreather.cli.options import Csv, Json, Output, RingSites, Where, Window, shot
+from contbreather.cli.interrupts import kept
+from contbreather.cli.options import Along, Into, Where
 from contbreather.cli.output import (
     branch_entry,
-    branch_rows,
+    branch_table,
     check_ends,
-    check_places,
     columns_of,
     ends,
     point_entry,
-    say,
-    to_csv,
-    to_figure,
-    to_json,
 )
 from contbreather.errors import BadInput
 
@@ -38,76 +31,60 @@ SHOWN = ("p", *TIMES, "c", "asymmetry", "unstable")  # columns of the table
 
 def switch(
     where: Where = Where(),
+    along: Along = Along(),
     *,
-    free: Annotated[
-        str | None, Parameter(help="Parameter to vary: a, gamma, k, or a letter.")
-    ] = None,
-    at: Annotated[
-        tuple[str, ...],
-        Parameter(
-            help="Where to switch, a kind or a label; once more for the branch found there: "
-            "--at PF --at PD.",
-            negative="",
-        ),
-    ] = ("PF",),
-    window: Window = None,
-    sites: RingSites = None,
-    csv: Csv = None,
-    output: Output = None,
-    json: Json = False,
+    at: tuple[str, ...] = ("PF",),
+    into: Into = Into(),
 ) -> None:
     """The branches that leave a branch of breathers: both arms of a pitchfork, doubled orbits.
 
     The breathers are followed as `contbreather branch` does, then everything that leaves them at
     the first point of the kind. Each arm is given to its end, with stability and special points.
+
+    Parameters
+    ----------
+    at
+        Where to switch, a kind or a label; once more for the branch found there: --at PF --at PD.
     """
     from contbreather import continuation
     from contbreather.continuation.switching import switch
 
-    check_places(csv, output)
-    problem, start = shot(free, where, window, sites)
-    within = {start.free: start.window}
-    branch = continuation.trace(problem, start.free, within=within)
-    trail = [branch]
-    arms: tuple[Branch, ...] = ()
+    into.check()
+    start = along.start(where)
+    within = start.within
+    branch = parent = continuation.trace(start.shot, start.free, within=within)
     for kind in at[:-1]:
-        arms = switch(_first(kind, arms[:1] or (branch,)), within=within)
-        trail.append(arms[0])
-    point = _first(at[-1], arms[:1] or (branch,))
+        parent = switch(_first(kind, parent), within=within)[0]
+    point = _first(at[-1], parent)
     arms, cut = kept(lambda: switch(point, within=within))
-    about: dict[str, Any] = {"free": free, **start.on.entry(), "at": point_entry(point)}
-    made = []
-    if csv is not None:
-        made.append(to_csv(csv, _rows(arms), _columns(arms), cut=cut))
-    if output is not None:
-        made.append(to_figure(output, lambda: _drawn(trail[-1], arms), cut=cut))
-    if json:
-        entries = [_entry(arm) for arm in arms]
-        paths = [str(path) for path in made]
-        about |= {"branch": branch_entry(branch), "arms": entries, "interrupted": cut}
-        to_json({**about, "written": paths})
-    else:
-        say(*_told(point, trail[-1], arms), *(f"Wrote {path}." for path in made))
-    end(cut)
+
+    def content() -> dict[str, Any]:
+        about = {**start.entry(), "at": point_entry(point), "branch": branch_entry(branch)}
+        return {**about, "arms": [_entry(arm) for arm in arms]}
+
+    into.leave(
+        content,
+        _lines(point, parent, arms),
+        lambda: branch_table(arms, "arm", 1),
+        lambda: _drawn(parent, arms),
+        cut=cut,
+    )
     for i, arm in enumerate(arms, start=1):
         check_ends(arm, f"arm {i}")
 
 
-def _first(kind: str, branches: Sequence[Branch]) -> Point:
-    for branch in branches:
-        try:
-            return branch.first(kind.upper())
-        except BadInput:
-            continue
-    there = [point.label for branch in branches for point in branch.special]
-    where = "; ".join(branch.describe() for branch in branches)
-    raise BadInput(f"--at {kind}: there is none. {where}. It has {', '.join(there) or 'nothing'}")
+def _first(kind: str, branch: Branch) -> Point:
+    try:
+        return branch.first(kind.upper())
+    except BadInput:
+        there = ", ".join(point.label for point in branch.special) or "nothing"
+        raise BadInput(f"--at {kind}: there is none. {branch.describe()}. It has {there}") from None
 
 
-# --- what is told ---------------------------------------------------------------------------------
+# --- for people -----------------------------------------------------------------------------------
 
 
-def _told(point: Point, parent: Branch, arms: Sequence[Branch]) -> Iterator[object]:
+def _lines(point: Point, parent: Branch, arms: Sequence[Branch]) -> Iterator[object]:
     """Where it was switched, the special points of all arms, their stability and their ends."""
     free = point.curve.free[0]
     yield f"{point.label} at {free} = {point[free]:.12g}, on {parent.describe()}."
@@ -181,15 +158,6 @@ def _entry(arm: Branch) -> dict[str, Any]:
         "end": next(_ends(arm)),
         "image_of": None if image is None else image + 1,
     }
-
-
-def _columns(arms: Sequence[Branch]) -> list[str]:
-    return ["arm", *columns_of(arms[0]), "label"]
-
-
-def _rows(arms: Sequence[Branch]) -> Iterator[dict[str, Any]]:
-    for i, arm in enumerate(arms, start=1):
-        yield from ({"arm": i, **row} for row in branch_rows(arm))
 
 
 def _drawn(parent: Branch, arms: Sequence[Branch]) -> Figure:

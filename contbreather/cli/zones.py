@@ -3,22 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import Parameter
-
-from contbreather.cli.interrupts import end, kept
-from contbreather.cli.options import (
-    HARMONIC,
-    Csv,
-    Json,
-    Output,
-    RingSites,
-    Threshold,
-    Where,
-    interval,
-)
-from contbreather.cli.output import check_places, say, to_csv, to_figure, to_json
+from contbreather.cli.interrupts import kept
+from contbreather.cli.options import HARMONIC, Formula, Into, Span, Where, Whole, interval
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
@@ -29,27 +17,20 @@ RESTITUTIONS = (0.8, 0.4)  # the paper's
 FIGURE, TABLE = "zones.png", "zones.csv"
 COLUMNS = ("k", "curve", "gamma", "a", "p", "phi", "nu", "t", "piece", "label")
 
-Values = Annotated[
-    tuple[float, ...], Parameter(negative="", allow_leading_hyphen=True, show_default=False)
-]
-Span = Annotated[tuple[float, float] | None, Parameter(negative="", allow_leading_hyphen=True)]
-
 
 def zones(
     *,
-    k: Values = (),
-    gamma: Values = (),
-    a: Values = (),
-    gamma_window: Span = None,
-    a_window: Span = None,
-    k_window: Span = None,
-    forcing: Annotated[str, Parameter(allow_leading_hyphen=True)] = HARMONIC,
-    set: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
-    sites: RingSites = None,
-    threshold: Threshold = None,
-    csv: Csv = None,
-    output: Output = None,
-    json: Json = False,
+    k: tuple[float, ...] = (),
+    gamma: tuple[float, ...] = (),
+    a: tuple[float, ...] = (),
+    gamma_window: Span | None = None,
+    a_window: Span | None = None,
+    k_window: Span | None = None,
+    forcing: Formula = HARMONIC,
+    set: tuple[str, ...] = (),
+    sites: Whole | None = None,
+    threshold: float | None = None,
+    into: Into = Into(),
 ) -> None:
     """Zone diagrams: limits of existence LP and GR, of stability PF and NS, where they meet.
 
@@ -74,15 +55,19 @@ def zones(
         F(t)/a as a formula in t.
     set
         NAME=VALUE of another letter in the formula.
+    sites
+        A ring of so many sites in place of the infinite chain, stable by the paper's rule.
+    threshold
+        With --sites: modulus over a period beyond which it is unstable, 1.005 unless given.
     """
     from contbreather.breathers.zones import WINDOWS
     from contbreather.breathers.zones import zones as diagram
 
     name, values = _fixed(k, gamma, a)
-    if csv is None and output is None and not json:
-        csv, output = TABLE, FIGURE
-    check_places(csv, output)
-    on = Where(forcing=forcing, set=set).on(sites, threshold)
+    if into == Into():
+        into = Into(csv=TABLE, output=FIGURE)
+    into.check()
+    on = Where(forcing=forcing, set=set, sites=sites, threshold=threshold).on()
     given = {"gamma": gamma_window, "a": a_window, "k": k_window}
     windows = {n: interval(n, given[n], WINDOWS) for n in given if given[n] is not None}
     asked: dict[str, Any] = {name: values, "lattice": on.lattice, "threshold": on.threshold}
@@ -92,18 +77,13 @@ def zones(
             "no curve passes the window: breathers exist all over it, all stable or all unstable "
             "(see contbreather point); widen the window"
         )
-    made = []
-    if csv is not None:
-        made.append(to_csv(csv, (row for one in found for row in _rows(one)), COLUMNS, cut=cut))
-    if output is not None:
-        made.append(to_figure(output, lambda: _figure(found, windows), cut=cut))
-    if json:
-        entries = [_entry(one) for one in found]
-        written = [str(path) for path in made]
-        to_json({**on.entry(), "zones": entries, "interrupted": cut, "written": written})
-    else:
-        say(*_told(found), *(f"Wrote {path}." for path in made))
-    end(cut)
+    into.leave(
+        lambda: {**on.entry(), "zones": [_entry(one) for one in found]},
+        _lines(found),
+        lambda: ((row for one in found for row in _rows(one)), COLUMNS),
+        lambda: _figure(found, windows),
+        cut=cut,
+    )
 
 
 def _fixed(
@@ -170,7 +150,7 @@ def _points(diagram: Zones) -> Iterator[dict[str, Any]]:
         }
 
 
-def _told(found: Sequence[Zones]) -> Iterator[object]:
+def _lines(found: Sequence[Zones]) -> Iterator[object]:
     """Where the curves meet, and how many points they have."""
     from contbreather.continuation.tabular import Column, Sheet
 
