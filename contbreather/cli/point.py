@@ -57,11 +57,11 @@ def _content(
     # what goes through a wall is no motion of the lattice, be its linearisation what it may
     judged = margins.ok
     content: dict[str, Any] = {
-        **{name: getattr(breather, name) for name in NAMES if hasattr(breather, name)},
+        **{name: getattr(breather, name) for name in NAMES},
         **on.entry(),
         "p": breather.p,
         "phi": breather.phi,
-        "chi": getattr(breather, "chi", None),
+        "chi": breather.chi,
         "admissible": margins.ok,
         "max_neighbour": margins.max_neighbour,
         "margin": margins.margin,
@@ -91,7 +91,7 @@ def _table(content: dict[str, Any]) -> Table:
     table.add_column()
     table.add_column(justify="right")
     for name in (*NAMES, "p", "phi", "chi"):
-        if content.get(name) is not None:
+        if content[name] or name not in ("damping", "spring"):
             table.add_row(name, f"{content[name]:.15g}")
     table.add_row("max |u_1|", f"{content['max_neighbour']:.15g}")
     for mu in content.get("multipliers", ()) if content["admissible"] else ():
