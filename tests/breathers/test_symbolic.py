@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from contbreather.breathers.closure import Closure
-from contbreather.breathers.symbolic import derive_closure, flight_identities
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Symbolic
+
+from .derived import derive_closure, flight_identities
 
 CLOSURES = {
     "harmonic": (Closure(), {}),
