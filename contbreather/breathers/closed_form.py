@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.closure import EPS, Closure
+from contbreather.breathers.closure import EPS, Closure, sprung
 from contbreather.breathers.section import Impact, Section
 from contbreather.breathers.watched import ClosedForm
 from contbreather.checks import real
@@ -25,10 +26,10 @@ from contbreather.lattice import (
     InfiniteChain,
     Lattice,
     Ring,
-    check_gamma,
 )
 from contbreather.lattice.conditions import Conditions, check_amplitude, restitution_ratio
 from contbreather.lattice.green import Flight, flight
+from contbreather.lattice.held import Held
 from contbreather.stability import half_multipliers
 from contbreather.stability.half_period import HalfMap
 
@@ -45,10 +46,13 @@ def flight_of(lattice: Lattice, gamma: float, distance: int) -> Flight:
 
 
 @lru_cache(maxsize=1024)
-def flight_slope_of(lattice: Lattice, gamma: float, distance: int) -> Flight:
-    """Derivative of `flight_of` with respect to gamma, at the same time since the impact."""
-    slope = float(lattice.dfirst_harmonic(gamma, distance))
-    return flight(slope, lattice.dpowers(gamma, distance))
+def flight_slope_of(lattice: Any, gamma: float, distance: int, name: str = "gamma") -> Flight:
+    """Derivative of `flight_of` in gamma or the spring, at the same time since the impact."""
+    if name == "spring":
+        first, powers = lattice.first_by_spring, lattice.spring_powers
+    else:
+        first, powers = lattice.dfirst_harmonic, lattice.dpowers
+    return flight(float(first(gamma, distance)), powers(gamma, distance))
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,7 @@ class SymmetricFlight:
     p, phi : float
         Half the momentum of an impact, and its phase lag.
     forcing : Forcing
+        Where springs hold the sites to the ground, `Held`, the response to a forcing.
     lattice : InfiniteChain or Ring
     """
 
@@ -74,7 +79,8 @@ class SymmetricFlight:
     lattice: Lattice = field(default_factory=InfiniteChain)
 
     def __post_init__(self) -> None:
-        check_gamma(self.gamma)
+        object.__setattr__(self, "lattice", sprung(self.lattice, self.forcing))
+        self.lattice.check(self.gamma)
         restitution_ratio(self.k)
         check_amplitude(self.a)
         if not (math.isfinite(real(self.phi)) and 0.0 < real(self.p) < math.inf):
@@ -87,7 +93,10 @@ class SymmetricFlight:
 
     @property
     def conditions(self) -> Conditions:
-        return Conditions(self.a, self.gamma, self.k, forcing=self.forcing, lattice=self.lattice)
+        on, f = (self.a, self.gamma, self.k), self.forcing
+        if isinstance(f, Held):
+            return Conditions(*on, spring=f.spring, forcing=f.of, lattice=InfiniteChain())
+        return Conditions(*on, forcing=f, lattice=self.lattice)
 
     @property
     def section(self) -> Section:

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, forcing_of, lattice_of
 from contbreather.lattice.conditions import check_amplitude, restitution_ratio
 from contbreather.lattice.forcing import Series
+from contbreather.lattice.held import Held
 
 FloatArray = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
@@ -50,6 +52,7 @@ class Closure:
     def __post_init__(self) -> None:
         object.__setattr__(self, "_own", tuple(self.forcing.params.items()))
         object.__setattr__(self, "_names", frozenset(self.forcing.params))
+        object.__setattr__(self, "_held", isinstance(self.forcing, Held))
 
     @property
     def params(self) -> tuple[str, ...]:
@@ -59,14 +62,14 @@ class Closure:
     def residual(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Both equations, shape (2,)."""
         p, phi, a, gamma, k, f = self._unpack(x, params)
-        q = (1.0 - k) / (1.0 + k)
-        return np.array((p * self.lattice.chi(gamma) + a * f.f(phi) - 1.0, a * f.df(phi) - p * q))
+        q, chi = (1.0 - k) / (1.0 + k), self._under(f).chi(gamma)
+        return np.array((p * chi + a * f.f(phi) - 1.0, a * f.df(phi) - p * q))
 
     def jacobian(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Derivatives with respect to ``(p, phi)``, shape (2, 2)."""
         _, phi, a, gamma, k, f = self._unpack(x, params)
         q = (1.0 - k) / (1.0 + k)
-        return np.array(((self.lattice.chi(gamma), a * f.df(phi)), (-q, a * f.d2f(phi))))
+        return np.array(((self._under(f).chi(gamma), a * f.df(phi)), (-q, a * f.d2f(phi))))
 
     def sensitivity(self, x: FloatArray, params: Mapping[str, float], name: str) -> FloatArray:
         """Derivatives with respect to the parameter ``name``, shape (2,)."""
@@ -74,14 +77,21 @@ class Closure:
         if name == "a":
             return np.array((f.f(phi), f.df(phi)))
         if name == "gamma":
-            return np.array((p * self.lattice.dchi(gamma), 0.0))
+            return np.array((p * self._under(f).dchi(gamma), 0.0))
         if name == "k":
             return np.array((0.0, 2.0 * p / (1.0 + k) ** 2))
         if name not in self._names:  # type: ignore[attr-defined]
             raise BadInput(
                 f"unknown parameter {name!r}: this breather has {', '.join(self.params)}."
             )
-        return np.array((a * f.f_param(name, phi, 0), a * f.f_param(name, phi, 1)))
+        slopes = np.array((a * f.f_param(name, phi, 0), a * f.f_param(name, phi, 1)))
+        if name == "spring":
+            slopes[0] += p * self._under(f).by_spring(gamma, "chi")
+        return slopes
+
+    def _under(self, forcing: Forcing) -> Any:
+        """The lattice, with the springs to the ground that the forced response has."""
+        return sprung(self.lattice, forcing) if self._held else self.lattice  # type: ignore[attr-defined]
 
     def _unpack(
         self, x: FloatArray, params: Mapping[str, float]
@@ -92,7 +102,7 @@ class Closure:
             restitution_ratio(k)
             raise BadInput(f"a = {a}, p = {p}, phi = {phi}: the closure needs finite numbers.")
         if not 0.0 <= gamma < 0.25:
-            self.lattice.chi(gamma)  # says it
+            self.lattice.check(gamma)  # says it
         own = self._own  # type: ignore[attr-defined]
         if not own:
             return p, phi, a, gamma, k, self.forcing
@@ -100,6 +110,11 @@ class Closure:
         if values == own:
             return p, phi, a, gamma, k, self.forcing
         return p, phi, a, gamma, k, _forcing_at(self.forcing, values)
+
+
+def sprung(lattice: Any, forcing: Forcing) -> Any:
+    """The lattice, with springs to the ground where the forced response has them."""
+    return lattice.held(forcing.spring) if isinstance(forcing, Held) else lattice
 
 
 @lru_cache(maxsize=256)
@@ -121,7 +136,7 @@ def roots(
         Below the fold; the sentence names the smallest a.
     """
     a, q = check_amplitude(a), restitution_ratio(k)
-    chi = lattice.chi(gamma)
+    chi = sprung(lattice, forcing).chi(gamma)
     if isinstance(forcing, Harmonic):
         found = _harmonic_roots(a, chi, q)
     else:
@@ -149,7 +164,7 @@ def smallest_amplitude(
     0.057029037182
     """
     forcing = forcing_of(forcing)
-    chi = lattice_of(lattice).chi(gamma)
+    chi = sprung(lattice_of(lattice), forcing).chi(gamma)
     q = restitution_ratio(k)
     if isinstance(forcing, Harmonic):
         return q / math.hypot(chi, q)

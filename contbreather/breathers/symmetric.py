@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from contbreather.breathers.closed_form import HALF, SymmetricFlight
-from contbreather.breathers.closure import Closure, roots
+from contbreather.breathers.closure import Closure, roots, sprung
 from contbreather.breathers.one_site import symmetric_orbits
 from contbreather.breathers.orbit import Orbit, Road, orbit_of, road
 from contbreather.breathers.section import Impact, Section
@@ -28,7 +28,6 @@ from contbreather.lattice import (
     InfiniteChain,
     Lattice,
     Ring,
-    check_gamma,
     finite,
     forcing_of,
     lattice_of,
@@ -39,6 +38,7 @@ from contbreather.lattice.conditions import (
     check_amplitude,
     restitution_ratio,
 )
+from contbreather.lattice.held import held
 from contbreather.stability.verdict import THRESHOLD
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
@@ -54,15 +54,17 @@ class ClosedForm(SymmetricFlight):
 
     @staticmethod
     def suits(on: Conditions, section: Section) -> bool:
-        plain = not (on.damping or on.spring) and on.walls == Walls()
-        return plain and section == HALF and isinstance(on.lattice, InfiniteChain | Ring)
+        where: Any = InfiniteChain if on.spring else InfiniteChain | Ring
+        plain = not on.damping and on.walls == Walls()
+        return plain and section == HALF and isinstance(on.lattice, where)
 
     @classmethod
     def through(
         cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Sequence[float]
     ) -> ClosedForm:
         p, phi = -0.5 * float(impulses[0]), float(times[0])
-        return cls(on.a, on.gamma, on.k, p, phi, on.forcing, on.lattice)
+        drive = held(on.forcing, on.spring) if on.spring else on.forcing
+        return cls(on.a, on.gamma, on.k, p, phi, drive, on.lattice)
 
     def lifted(self) -> Problem:
         """That of asymmetric breathers, in which a pitchfork is a regular point."""
@@ -92,7 +94,10 @@ class ClosedForm(SymmetricFlight):
         """The root of (11) nearest to this one."""
         if not isinstance(lattice, InfiniteChain | Ring):
             return None
-        found = symmetric_roots(self.a, self.gamma, self.k, forcing=self.forcing, lattice=lattice)
+        on = self.conditions
+        found = symmetric_roots(
+            on.a, on.gamma, on.k, forcing=on.forcing, lattice=lattice, spring=on.spring or None
+        )
         return min(
             found,
             key=lambda b: math.hypot(b.p - self.p, math.remainder(b.phi - self.phi, 2.0 * math.pi)),
@@ -106,7 +111,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     multipliers of QS outside the circle, on a ring those over 2 pi beyond the threshold; computed
     when asked for.
     """
-    forcing, lattice = breather.forcing, breather.lattice
+    forcing, lattice = breather.flight.forcing, breather.lattice
     closure = Closure(forcing, lattice)
     own = tuple(forcing.params)
 
@@ -128,11 +133,19 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         sensitivity=closure.sensitivity,
         events=events,
         record=next(event for event in events if isinstance(event, Judged)).record,
-        domain=DOMAIN,
+        domain=_domain(breather),
         interpret=interpret,
         lifts={"PF": asymmetric_arms},
         label=f"symmetric breather{where}",
     )
+
+
+def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
+    """With springs as far as the band stays below the drive, along either parameter by itself."""
+    if "spring" not in breather.flight.forcing.params:
+        return DOMAIN
+    low, high = 0.25 * breather.spring, 0.99999 - 4.0 * breather.gamma
+    return {**DOMAIN, "gamma": (0.0, 0.24999 - low), "spring": (0.0, high)}
 
 
 def events_on(lattice: Lattice, threshold: float = THRESHOLD) -> tuple[Event, ...]:
@@ -150,7 +163,7 @@ def symmetric(
     lattice: Lattice | finite.Finite | None = None,
     site: int = 0,
     damping: float = 0.0,
-    spring: float = 0.0,
+    spring: float | None = None,
     walls: Any = None,
 ) -> Orbit:
     """The symmetric breather of one impacting site, eqs. (11) to (13).
@@ -172,8 +185,9 @@ def symmetric(
         `InfiniteChain` unless given.
     site : int
         The one that impacts.
-    damping, spring : float
-        ``u'' + damping u' + spring u + ...``; on finite lattices.
+    damping, spring : float, optional
+        ``u'' + damping u' + spring u + ...``. On the infinite chain springs alone, with
+        ``spring + 4 gamma < 1``; there the spring is a parameter to trace where it is given, 0 too.
     walls : (low, high) or dict of site and (low, high), optional
         -1 and 1 unless given, ``low = -high``; on finite lattices.
 
@@ -209,7 +223,7 @@ def symmetric_roots(
     lattice: Lattice | finite.Finite | None = None,
     site: int = 0,
     damping: float = 0.0,
-    spring: float = 0.0,
+    spring: float | None = None,
     walls: Any = None,
 ) -> tuple[Orbit, ...]:
     """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
@@ -225,16 +239,18 @@ def symmetric_roots(
     more = bool(site or damping or spring or walls is not None)
     if isinstance(lattice, finite.Lattice) or (more and isinstance(lattice, Ring)):
         at = Walls.given(walls)
-        on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
+        on = Conditions(a, gamma, k, damping, spring or 0.0, drive, at, lattice).checked()
         return symmetric_orbits(site, on)
     chain = lattice_of(lattice)
-    if more:
+    if site or damping or walls is not None:
         raise BadInput(
-            f"site = {site!r}, damping = {damping!r}, spring = {spring!r}, walls = {walls!r}: on "
-            "the infinite chain site 0 impacts, between walls at -1 and 1, without damping or "
-            "springs; take Ring(N) or another finite lattice."
+            f"site = {site!r}, damping = {damping!r}, walls = {walls!r}: on the infinite chain "
+            "site 0 impacts, between walls at -1 and 1, without damping; take Ring(N) or another "
+            "finite lattice."
         )
-    gamma, a = check_gamma(gamma), check_amplitude(a)
+    if spring is not None and chain.sites is None:
+        drive = held(drive, InfiniteChain(spring).spring)
+    gamma, a = sprung(chain, drive).check(gamma), check_amplitude(a)
     restitution_ratio(k)
     found = roots(a, gamma, float(k), drive, chain)
     if not all(math.isfinite(p) for p, _ in found):

@@ -92,7 +92,9 @@ def neimark_sacker(
 def unstable(breather: SymmetricFlight, lattice: Lattice, threshold: float) -> int:
     """Multipliers of QS outside the circle: isolated ones on the infinite chain, those over 2 pi
     beyond the threshold on a ring."""
-    radius = math.sqrt(threshold) if isinstance(lattice, Ring) else 1.0
+    if not isinstance(lattice, Ring):
+        return breather.map.count().count
+    radius = math.sqrt(threshold)
     return unstable_count(breather.gamma, breather.k, breather.b, lattice, radius=radius).count
 
 
@@ -169,28 +171,54 @@ def _fold_slope(breather: SymmetricFlight, name: str) -> float:
         return a * (breather.chi * f.d3f(phi) + breather.q * f.d2f(phi))
     if name == "gamma":
         return breather.lattice.dchi(breather.gamma) * a * f.d2f(phi)
+    if name == "spring":
+        a *= f.d2f(phi)
+        return a * breather.lattice.by_spring(breather.gamma, "chi") + _fold_driven(breather, name)
     if name == "k":
         return -2.0 * a * f.df(phi) / (1.0 + breather.k) ** 2
-    return breather.chi * _driven(breather, 2, name, phi) + breather.q * _driven(
-        breather, 1, name, phi
-    )
+    return _fold_driven(breather, name)
+
+
+def _fold_driven(breather: SymmetricFlight, name: str) -> float:
+    chi, q, phi = breather.chi, breather.q, breather.phi
+    return chi * _driven(breather, 2, name, phi) + q * _driven(breather, 1, name, phi)
 
 
 def _pitchfork(breather: SymmetricFlight) -> float:
-    """2p/c^2 times ``b - c^2 psi/2``, which is D(1) without its pole; eta + psi = 2 sigma."""
-    sigma = breather.lattice.sigma(breather.gamma)
-    return breather.a * breather.forcing.d2f(breather.phi) - 2.0 * breather.p * sigma
+    """2p/c^2 times ``b - c^2 psi/2``, which is D(1) without its pole; eta + psi = 2 sigma. Springs,
+    with which it has none, add ``2 d^2/tau``."""
+    return breather.a * breather.forcing.d2f(breather.phi) - 2.0 * breather.p * _turning(breather)
+
+
+def _turning(breather: SymmetricFlight) -> float:
+    lattice: Any = breather.lattice
+    gamma = breather.gamma
+    sigma = lattice.sigma(gamma)
+    return sigma + 0.5 * breather.q**2 / lattice.tau(gamma) if lattice.spring else sigma
+
+
+def _turning_slope(breather: SymmetricFlight, name: str) -> float:
+    lattice: Any = breather.lattice
+    gamma = breather.gamma
+    slope = lattice.by_spring(gamma, "sigma") if name == "spring" else lattice.dsigma(gamma)
+    if not lattice.spring:
+        return slope if name == "gamma" else 0.0
+    tau, q = lattice.tau(gamma), breather.q
+    if name == "k":
+        return -2.0 * q / (tau * (1.0 + breather.k) ** 2)
+    by = lattice.tau_by_spring(gamma) if name == "spring" else lattice.dtau(gamma)
+    return slope - 0.5 * (q / tau) ** 2 * by
 
 
 def _pitchfork_slope(breather: SymmetricFlight, name: str) -> float:
-    lattice, gamma = breather.lattice, breather.gamma
     if name == "p":
-        return -2.0 * lattice.sigma(gamma)
+        return -2.0 * _turning(breather)
     if name == "phi":
         return breather.a * breather.forcing.d3f(breather.phi)
-    if name == "gamma":
-        return -2.0 * breather.p * lattice.dsigma(gamma)
-    return _driven(breather, 2, name, breather.phi)
+    driven = _driven(breather, 2, name, breather.phi)
+    if name in ("gamma", "k", "spring"):
+        driven -= 2.0 * breather.p * _turning_slope(breather, name)
+    return driven
 
 
 def _scalar_locus(value: Scalar, slope: Slope) -> Callable[[Point], Locus]:
@@ -213,7 +241,7 @@ def asymmetric_arms(point: Point) -> tuple[Seed, ...]:
 
 def _pitchfork_form(point: Point) -> Mapping[str, Any]:
     """How the arms leave, along a branch in one parameter."""
-    if point.curve.problem.adjoined is not None:
+    if point.curve.problem.adjoined is not None or _flight(point).lattice.spring:
         return {}
     form = form_at(_flight(point), point.curve.free[0])
     return {"criticality": form.criticality, "coefficient": form.coefficient}
@@ -250,7 +278,10 @@ def _b_slope(breather: SymmetricFlight, name: str) -> float:
         return -0.5 * c * c * breather.lattice.deta(breather.gamma)
     if name == "k":
         return 2.0 * breather.b / c
-    return half * _driven(breather, 2, name, phi)
+    slope = half * _driven(breather, 2, name, phi)
+    if name == "spring":
+        slope -= 0.5 * c * c * breather.lattice.by_spring(breather.gamma, "eta")
+    return slope
 
 
 def _window(point: Point) -> Window:
@@ -263,7 +294,7 @@ def _window(point: Point) -> Window:
     k = breather.k
     if k == 1.0 and "k" in point.curve.varied:
         k = _ALL_BUT
-    return window(breather.gamma, k)
+    return window(breather.gamma, k, breather.lattice.spring)
 
 
 def _miss(point: Point) -> float:
@@ -280,23 +311,27 @@ def _arc_locus(point: Point) -> Locus:
     if breather.k == 1.0:
         # two neutral multipliers meet on the circle, beyond the band, and leave it together
         raise Undefined("elastic impacts: no angle in the band, bisection has to do")
-    nu = closest_approach(breather.gamma, breather.k, breather.b).nu
+    nu = closest_approach(breather.gamma, breather.k, breather.b, breather.lattice.spring).nu
     return Locus({"nu": nu}, _arc_conditions, _arc_derivative, domain={"k": (0.0, _ELASTIC)})
 
 
 def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
     breather = _breather(curve, z)
-    return np.asarray(on_arc(breather.gamma, extra[0], breather.k, breather.b).value)
+    return np.asarray(_on_arc(breather, extra[0]).value)
 
 
 def _arc_derivative(curve: Curve, z: Array, extra: Array) -> Array:
     breather = _breather(curve, z)
-    return _along(curve, breather, on_arc(breather.gamma, extra[0], breather.k, breather.b))
+    return _along(curve, breather, _on_arc(breather, extra[0]))
+
+
+def _on_arc(breather: SymmetricFlight, nu: float) -> OnArc:
+    return on_arc(breather.gamma, nu, breather.k, breather.b, breather.lattice.spring)
 
 
 def _along(curve: Curve, breather: SymmetricFlight, F: OnArc | Gradient) -> Array:
     """Derivative of F along the curve's columns and the angle, through b and directly."""
-    direct = {"gamma": F.d_gamma, "k": F.d_k}
+    direct = {"gamma": F.d_gamma, "k": F.d_k, "spring": getattr(F, "d_spring", 0.0)}
     columns = [F.d_b * _b_slope(breather, name) + direct.get(name, 0.0) for name in _names(curve)]
     return np.stack([*columns, F.d_nu], axis=-1)
 
@@ -312,6 +347,11 @@ def _examine_angle(point: Point) -> str:
 
 def _upper(breather: SymmetricFlight, ring: Ring) -> NDArray[np.complex128]:
     """Multipliers of QS in the open upper half plane; those of odd modes never leave the circle."""
+    if breather.lattice.spring:
+        raise BadInput(
+            f"on = Ring({ring.sites}): of a chain with springs the multipliers on a ring are those "
+            f"of the ring's own orbit; trace breather.on(Ring({ring.sites})) instead."
+        )
     mu = even_multipliers(ring, breather.gamma, breather.k, breather.b)
     return np.asarray(mu[mu.imag > _ZERO])
 
@@ -428,7 +468,7 @@ def _other_grazing(site: int) -> Event:
 
 def _motion_slope(breather: SymmetricFlight, site: int, t: float, name: str) -> tuple[float, float]:
     """Derivative of displacement and velocity at a fixed time."""
-    if name not in ("p", "phi", "gamma"):
+    if name not in ("p", "phi", "gamma", "spring"):
         return _driven(breather, 0, name, t), _driven(breather, 1, name, t)
     y, sign = phase(breather, t)
     flight = breather.flight(site)
@@ -437,5 +477,9 @@ def _motion_slope(breather: SymmetricFlight, site: int, t: float, name: str) -> 
     p = sign * breather.p
     if name == "phi":
         return -p * flight.slope(y), -p * flight.curvature(y)
-    slope = flight_slope_of(breather.lattice, breather.gamma, breather.lattice.distance(site))
-    return p * slope.value(y), p * slope.slope(y)
+    own = (breather.lattice, breather.gamma, breather.lattice.distance(site))
+    slope = flight_slope_of(*own, name)
+    u, v = p * slope.value(y), p * slope.slope(y)
+    if name == "spring":
+        u, v = u + _driven(breather, 0, name, t), v + _driven(breather, 1, name, t)
+    return u, v
