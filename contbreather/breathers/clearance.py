@@ -34,6 +34,7 @@ CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are
 ALIKE = 1e-9  # sites whose motions differ by less are images of each other
 BESIDE = 1e-4  # times this close to a crest, or to half of it, are of that crest
 TELLING = 1e-12  # where margins vanish together, the least size of what still sets them apart
+MIRRORED = 1e-13  # the margin of a crest that symmetry makes touch the other wall at the same place
 ENDS = 1e-9  # relative distance from its impacts at which a flight counts as at them
 USUAL = (-1.0, 1.0)
 
@@ -554,7 +555,9 @@ def _besides_crest(orbit: Watch, site: int, t: float) -> list[Gap]:
     if orbit.sign > 0:  # otherwise the other wall is that of the other half
         other = (low, math.inf) if side > 0.0 else (-math.inf, high)
         if any(map(math.isfinite, other)):
-            found += _gaps(orbit, sites, path, sites.tolist(), [other])
+            # that of a symmetric orbit with its whole period written out is the same crest again
+            more = _gaps(orbit, sites, path, sites.tolist(), [other])
+            found += [gap for gap in more if abs(gap.margin) > MIRRORED]
     return found
 
 

@@ -30,7 +30,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
 from contbreather.stability.orbit import OrbitMap
-from contbreather.stability.pairs import beyond, pair_gap
+from contbreather.stability.pairs import beyond, outermost
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.stability.winding import Count
 
@@ -38,6 +38,8 @@ Array = NDArray[np.float64]
 
 EQUAL = 1e-9  # flights that differ by less are equal
 _VANISHED = 1e-8  # an impact of a smaller impulse is none
+_EPS = float(np.finfo(float).eps)
+_BLURRED = 1e-8  # rounding of multipliers that hides which of them is outside
 
 # As k -> 1 the line of Neimark-Sacker points of arms runs into their pitchfork, angle and asymmetry
 # shrinking like sqrt(1 - k), or the angle into the edge of the band, like (1 - k)^2: within
@@ -106,8 +108,8 @@ def period_doubling() -> Event:
 def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = THRESHOLD) -> Event:
     """NS: a complex pair of multipliers leaves the unit circle.
 
-    Of the infinite chain unless ``on`` is a ring: there a pair passes the modulus ``threshold``
-    over one period, as in the paper.
+    Of the infinite chain unless ``on`` is a ring: there the first pair passes the modulus
+    ``threshold`` over one period, as in the paper; others follow it and change no verdict.
     """
     if not isinstance(on, Ring):
         return Event(
@@ -120,11 +122,17 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = THRESH
         )
     return Event(
         "NS",
-        lambda point: pair_gap(_multipliers(_orbit(point).map), threshold)[0],
-        count=lambda point: pair_gap(_multipliers(_orbit(point).map), threshold)[1],
+        lambda point: _outermost(_orbit(point), threshold),
         locus=lambda point: _circle_locus(point, threshold),
         examine=_examine_angle,
     )
+
+
+def _outermost(orbit: Orbit, threshold: float) -> float:
+    # where an impulse vanishes one multiplier grows beyond all bounds, and with it the rounding
+    if _EPS * float(np.abs(orbit.entries).max()) > _BLURRED:
+        return math.nan
+    return outermost(_multipliers(orbit.map), threshold)
 
 
 def orbit_grazing() -> Event:
@@ -288,13 +296,13 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
     depth = -0.5j * math.log(threshold) / math.pi
     mu = _orbit(point).map.over_period
     mu = mu[mu.imag > 0.0]
-    nearest = mu[int(np.abs(np.abs(mu) - threshold).argmin())]
+    first = mu[int(np.abs(mu).argmax())]
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
         value = complex(_at(curve, z).map.D(np.array([extra[0] + depth]))[0])
         return np.array([value.real, value.imag])
 
-    kappa = float(np.angle(nearest)) / (2.0 * math.pi)
+    kappa = float(np.angle(first)) / (2.0 * math.pi)
     return Locus({"kappa": kappa}, conditions, _slopes(conditions))
 
 

@@ -21,7 +21,7 @@ from contbreather.stability import (
     multipliers,
     neimark_sacker,
 )
-from contbreather.stability.pairs import beyond, outermost, pair_gap
+from contbreather.stability.pairs import beyond, outermost
 
 BREATHERS = [  # a, gamma, k: stable, unstable either way, elastic, perfectly plastic
     (0.2, 0.11, 0.8),
@@ -214,23 +214,6 @@ def test_real_multipliers_are_beyond_a_place_on_their_own_side_of_zero() -> None
     mu = conjugates(2 + 1j, -2 + 1j, real=(3.0, 1.5, 0.5, -1.2, -4.0))
     assert [beyond(mu, place) for place in (1.0, 2.0, 4.0)] == [2, 1, 0]
     assert [beyond(mu, place) for place in (-1.0, -2.0, -5.0)] == [2, 1, 0]
-
-
-def test_gap_of_the_pair_nearest_a_circle_has_the_sign_of_all_of_them() -> None:
-    inside, outside, far = 0.8 + 0j, 1.1 + 0j, 2.0 + 0j
-    turned = np.exp(0.5j)
-    assert pair_gap(conjugates(inside * turned)) == (pytest.approx(1 - 0.64), 0)
-    assert pair_gap(conjugates(inside * turned, outside * turned)) == (pytest.approx(1 - 1.21), 1)
-    both = conjugates(inside * turned, outside * turned, far * turned)
-    assert pair_gap(both) == (pytest.approx(1.21 - 1), 2)
-    assert pair_gap(both, 1.05) == (pytest.approx(1.21 - 1.05**2), 2)
-    # two real ones count as a pair by their product, before and after they meet
-    for split in (0.0, 1e-3):
-        real = conjugates(real=(1.1 * (1 + split), 1.1 / (1 + split)))
-        assert pair_gap(real) == (pytest.approx(1 - 1.21), 1)
-    gap, none = pair_gap(conjugates(real=(2.0,)))
-    assert math.isnan(gap)
-    assert none == 0
 
 
 def test_outermost_pair_is_measured_by_its_modulus_and_real_ones_are_none() -> None:

@@ -15,7 +15,7 @@ from contbreather.stability.characteristic import D, D_gradient
 from contbreather.stability.half_map import dense_half_map
 from contbreather.stability.isolated import closest_approach
 from contbreather.stability.orbit import OrbitMap, _zeros
-from contbreather.stability.pairs import beyond, outermost, pair_gap
+from contbreather.stability.pairs import beyond, outermost
 
 KICKS = [(0, 0.0, 0.5), (0, 3.0, 0.5)]
 UNSTABLE = (0.11, 0.8, -0.28657)  # two multipliers of the infinite chain outside
@@ -130,29 +130,15 @@ def test_real_multipliers_beyond_a_place_are_counted_on_its_side() -> None:
     assert [beyond(mu, place) for place in (-0.4, -1.0, -2.0, -3.0)] == [3, 1, 1, 0]
 
 
-def test_the_gap_of_pairs_changes_its_sign_with_every_pair_that_leaves() -> None:
+def test_the_outermost_pair_says_by_how_much_it_is_outside() -> None:
     def pair(size: float) -> list[complex]:
         return [size * np.exp(1j), size * np.exp(-1j)]
 
-    for sizes, gap, outside in (
-        ((0.8,), 1.0 - 0.64, 0),
-        ((1.2,), 1.0 - 1.44, 1),
-        ((1.2, 1.5), 1.44 - 1.0, 2),
-        ((1.2, 0.95), -(1.0 - 0.95**2), 1),
-        ((1.0,), 0.0, 0),
-    ):
+    for sizes in ((0.8,), (1.2,), (1.2, 1.5), (1.2, 0.95), (1.0,)):
         mu = np.array([one for size in sizes for one in pair(size)])
-        assert pair_gap(mu) == pytest.approx((gap, outside), abs=1e-12)
         assert outermost(mu) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
-        wide, out = pair_gap(1.1 * mu, 1.1)
-        assert (wide / 1.21, out) == pytest.approx((gap, outside), abs=1e-12)
         assert outermost(1.1 * mu, 1.1) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
-    real = np.array([2.0 + 0.0j, 0.7 + 0.0j])  # whose product counts as that of a pair
-    assert pair_gap(real) == pytest.approx((1.0 - 1.4, 1))
-    assert math.isnan(outermost(real))
-    gap, outside = pair_gap(np.array([0.3 + 0.0j]))
-    assert math.isnan(gap)
-    assert outside == 0
+    assert math.isnan(outermost(np.array([2.0 + 0.0j, 0.7 + 0.0j])))
 
 
 @pytest.mark.parametrize(

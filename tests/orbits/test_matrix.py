@@ -1,0 +1,502 @@
+"""Cases x roads: every orbit by every road that leads to it, each claim written once.
+
+A case is an orbit, a road a way to evaluate it: the closed form of one symmetric impact, the
+periodic Green's function, exact modes, and, sharing nothing with the package, the equation of
+motion integrated from impact to impact. A cell without a road has its reason in `EMPTY`.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.modal_road import Modes
+from contbreather.breathers.orbit import Orbit, orbit_at
+from contbreather.breathers.symmetric import ClosedForm
+from contbreather.breathers.wave_road import Waves
+
+Array = np.ndarray
+
+
+# --- cases --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Case:
+    """An orbit, and the special points its branch has between two values of a parameter."""
+
+    make: Callable[[], Orbit]
+    free: str
+    within: tuple[float, float]
+    special: tuple[str, ...]
+
+
+def doubled_orbit() -> Orbit:
+    arm = asymmetric(0.9, 0.0, 0.8, lattice=cb.Ring(1))
+    branch = cb.trace(arm, "a", towards="up", within={"a": (0, 0.94)})
+    return cb.switch(branch.first("PD"), within={"a": (0, 0.96)})[0][-1].solution
+
+
+def weighted_graph() -> cb.Lattice:
+    rng = np.random.default_rng(5)
+    graph = nx.house_graph()
+    for edge in graph.edges:
+        graph.edges[edge]["weight"] = rng.uniform(0.5, 1.5)
+    return cb.Lattice.from_graph(
+        graph, masses=rng.uniform(0.6, 1.6, 5), drive=rng.uniform(0.8, 1.2, 5)
+    )
+
+
+def one_wall() -> Orbit:
+    return orbit_at(
+        cb.shooting(
+            {"t1": 2.6}, lattice=cb.OpenChain(3), sequence=[(1, 1)], walls={1: (None, 0.6)},
+            a=0.9, gamma=0.03, k=0.7, spring=2.3, damping=0.1,
+        )
+    )  # fmt: skip
+
+
+HARMONICS = cb.Fourier({1: -1.0, 3: 0.3}, {3: 0.1})
+
+CASES = {
+    "symmetric, infinite chain": Case(
+        lambda: cb.symmetric(0.6, 0.04, 0.8), "a", (0.02, 1.2), ("GR", "LP", "PF", "VI")
+    ),
+    "symmetric, infinite chain, near a pair": Case(
+        lambda: cb.symmetric(0.2, 0.08, 0.8), "gamma", (0.05, 0.1), ("NS",)
+    ),
+    "symmetric, ring": Case(
+        lambda: cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(12)),
+        "a",
+        (0.02, 1.2),
+        ("GR", "LP", "NS", "NS", "PF", "VI"),
+    ),
+    "symmetric, several harmonics": Case(
+        lambda: cb.symmetric(0.6, 0.05, 0.7, lattice=cb.Ring(7), forcing=HARMONICS),
+        "a",
+        (0.02, 1.2),
+        ("GR", "LP", "NS", "VI"),
+    ),
+    "asymmetric, infinite chain": Case(
+        lambda: asymmetric(0.82, 0.04, 0.8), "a", (0.78, 1.2), ("GR",)
+    ),
+    "asymmetric, ring": Case(
+        lambda: asymmetric(0.82, 0.04, 0.8, lattice=cb.Ring(12)), "a", (0.78, 1.2), ("GR", "NS")
+    ),
+    "asymmetric, single oscillator": Case(
+        lambda: asymmetric(0.9, 0.0, 0.8, lattice=cb.Ring(1)), "a", (0.85, 0.97), ("PD",)
+    ),
+    "doubled, single oscillator": Case(doubled_orbit, "a", (0.93, 0.985), ("PD",)),
+    "two sites, ring": Case(
+        lambda: cb.multibreather([0, 4], a=0.7, gamma=0.03, k=0.8, lattice=cb.Ring(9)),
+        "a",
+        (0.65, 0.76),
+        ("NS", "PF", "PF"),
+    ),
+    "open chain, losses and springs": Case(
+        lambda: cb.symmetric(
+            0.6, 0.05, 0.8, lattice=cb.OpenChain(5), site=1, damping=0.02, spring=0.1
+        ),
+        "a",
+        (0.1, 1.2),
+        ("GR", "NS", "NS"),
+    ),
+    "graph, masses and drive": Case(
+        lambda: cb.symmetric(0.6, 0.03, 0.8, lattice=weighted_graph(), site=2),
+        "a",
+        (0.1, 0.8),
+        ("NS", "NS", "PF"),
+    ),
+    "one wall": Case(one_wall, "a", (0.5, 1.5), ("GR", "LP", "VI")),
+}
+
+
+@functools.cache
+def given(case: str) -> Orbit:
+    return CASES[case].make()
+
+
+# --- roads --------------------------------------------------------------------------------------
+
+ROADS: dict[str, Any] = {"closed form": ClosedForm, "Green's function": Waves, "exact modes": Modes}
+FIELD = "integrated field"
+
+SYMMETRIC_ONLY = "only one symmetric impact in half a period has a closed form"
+CHAIN_ONLY = "waves along a chain: rings and the infinite chain, without losses and springs"
+INFINITE = "the infinite chain has no finite state"
+EMPTY = {
+    ("symmetric, infinite chain", "exact modes"): INFINITE,
+    ("symmetric, infinite chain", FIELD): INFINITE,
+    ("symmetric, infinite chain, near a pair", "exact modes"): INFINITE,
+    ("symmetric, infinite chain, near a pair", FIELD): INFINITE,
+    ("asymmetric, infinite chain", "closed form"): SYMMETRIC_ONLY,
+    ("asymmetric, infinite chain", "exact modes"): INFINITE,
+    ("asymmetric, infinite chain", FIELD): INFINITE,
+    ("asymmetric, ring", "closed form"): SYMMETRIC_ONLY,
+    ("asymmetric, single oscillator", "closed form"): SYMMETRIC_ONLY,
+    ("doubled, single oscillator", "closed form"): SYMMETRIC_ONLY,
+    ("two sites, ring", "closed form"): SYMMETRIC_ONLY,
+    ("open chain, losses and springs", "closed form"): CHAIN_ONLY,
+    ("open chain, losses and springs", "Green's function"): CHAIN_ONLY,
+    ("graph, masses and drive", "closed form"): CHAIN_ONLY,
+    ("graph, masses and drive", "Green's function"): CHAIN_ONLY,
+    ("one wall", "closed form"): SYMMETRIC_ONLY,
+    ("one wall", "Green's function"): CHAIN_ONLY,
+}
+FULL = [cell for cell in product(CASES, [*ROADS, FIELD]) if cell not in EMPTY]
+SOLVED = [cell for cell in FULL if cell[1] != FIELD]
+INTEGRATED = [case for case, road in FULL if road == FIELD]
+
+
+def each(names: str, rows: Iterable[tuple[str, ...]]) -> pytest.MarkDecorator:
+    found = list(rows)
+    return pytest.mark.parametrize(names, found, ids=[" by ".join(row) for row in found])
+
+
+cells = each("case, road", SOLVED)
+integrated = pytest.mark.parametrize("case", INTEGRATED)
+
+
+def guess(case: str, road: str, off: float = 0.0) -> Orbit | None:
+    """The orbit put together from its impacts on one road, off by a little; None if it cannot."""
+    orbit, kind = given(case), ROADS[road]
+    for told in (orbit, orbit.unfolded()):
+        if kind.suits(orbit.conditions, told.section):
+            times, impulses = told.times + off, told.impulses * (1.0 + off)
+            offsets = told.offsets or (told.c,) * len(told.section.hit)
+            return Orbit(kind.through(told.conditions, told.section, times, impulses, offsets))
+    return None
+
+
+@functools.cache
+def solved(case: str, road: str) -> Orbit:
+    found = guess(case, road, 1e-4)
+    assert found is not None
+    return found.solved()
+
+
+class Field:
+    """The equation of motion of an orbit's lattice, integrated from impact to impact."""
+
+    def __init__(self, orbit: Orbit) -> None:
+        lattice, on = orbit.lattice, orbit.conditions
+        if isinstance(lattice, cb.Ring):
+            N = lattice.sites
+            stiffness = 2.0 * np.eye(N) - np.roll(np.eye(N), 1, 0) - np.roll(np.eye(N), -1, 0)
+            masses = drive = np.ones(N)
+        else:
+            stiffness, masses, drive = np.asarray(lattice.stiffness), lattice.masses, lattice.drive
+        self.matrix = on.gamma * stiffness / masses[:, None] + on.spring * np.eye(lattice.sites)
+        self.on, self.drive, self.sites = on, drive, lattice.sites
+        self.start = float(orbit.times.min()) - 0.05
+        self.length, self.sign = orbit.section.length, orbit.section.sign
+        self.state = np.concatenate(orbit.state(t=self.start))
+
+    def slope(self, t: float, x: Array) -> Array:
+        u, v = np.split(x, 2)
+        force = self.on.a * self.on.forcing.d2f(t) * self.drive
+        return np.concatenate([v, force - self.matrix @ u - self.on.damping * v])
+
+    def run(self, x: Array, stop: float, at: Array | None = None) -> tuple[Array, list, Array]:
+        """End, impacts (site, time, wall, velocity before) and the states at some times."""
+        walls = [(n, w) for n in range(self.sites) for w in (-1, 1)]
+        places = {
+            (n, w): self.on.walls.position(n, w)
+            for n, w in walls
+            if math.isfinite(self.on.walls.position(n, w))
+        }
+        events = []
+        for (n, w), place in places.items():
+            events.append(lambda t, y, n=n, w=w, place=place: w * (y[n] - place))
+            events[-1].terminal, events[-1].direction = True, 1.0
+        hits, t, seen = [], self.start, []
+        while t < stop:
+            flight = solve_ivp(
+                self.slope, (t, stop), x, "DOP853", events=events, rtol=1e-13, atol=1e-14,
+                max_step=0.1, dense_output=at is not None,
+            )  # fmt: skip
+            if at is not None:
+                seen += [flight.sol(s) for s in at if t <= s < flight.t[-1]]
+            t, x = float(flight.t[-1]), flight.y[:, -1].copy()
+            for ((n, w), place), when in zip(places.items(), flight.t_events, strict=True):
+                if when.size and t < stop:
+                    hits.append((n, t, w, x[self.sites + n]))
+                    x[n], x[self.sites + n] = place, -self.on.k * x[self.sites + n]
+        return x, hits, np.array(seen)
+
+    def multipliers(self) -> Array:
+        """Of the section's map times its sign, by differences."""
+        h, stop = 1e-5, self.start + self.length
+        columns = [
+            (self.run(self.state + h * e, stop)[0] - self.run(self.state - h * e, stop)[0])
+            / (2 * h)
+            for e in np.eye(self.state.size)
+        ]
+        return self.sign * np.linalg.eigvals(np.array(columns).T)
+
+    def turns(self) -> list[tuple[float, int]]:
+        """How far off its nearer wall each site turns round without an impact."""
+        times = np.linspace(self.start, self.start + 2.0 * self.length, 8001)[:-1]
+        _, _, seen = self.run(self.state, times[-1] + 1e-9, times)
+        found = []
+        for n in range(self.sites):
+            (low, high), u = self.on.walls.at(n), seen[:, n]
+            # a parabola through three points is good to 1e-9 here; at an impact there is a kink
+            bend = u[2:] - 2.0 * u[1:-1] + u[:-2]
+            turns = (np.diff(u)[:-1] * np.diff(u)[1:] <= 0.0) & (abs(bend) < 1e-5)
+            tops = (u[1:-1] - (u[2:] - u[:-2]) ** 2 / np.where(turns, 8.0 * bend, 1.0))[turns]
+            found += [(float(gap), n) for gap in np.minimum(high - tops, tops - low)]
+        return sorted(found)
+
+
+def farthest(one: Array, other: Array) -> float:
+    gaps = abs(np.asarray(one)[:, None] - np.asarray(other))
+    return float(max(gaps.min(axis=0).max(), gaps.min(axis=1).max()))
+
+
+# --- the matrix itself --------------------------------------------------------------------------
+
+
+@each("case, road", product(CASES, [*ROADS, FIELD]))
+def test_a_cell_is_empty_where_that_road_does_not_lead_and_nowhere_else(case, road) -> None:
+    if road == FIELD:
+        assert ((case, road) in EMPTY) == (given(case).lattice.sites is None)
+    else:
+        assert ((case, road) in EMPTY) == (guess(case, road) is None)
+
+
+# --- the orbit itself ---------------------------------------------------------------------------
+
+
+@cells
+def test_its_equations_hold_and_only_there(case: str, road: str) -> None:
+    off = guess(case, road, 1e-3)
+    assert solved(case, road).residual < 2e-14
+    assert type(solved(case, road).road) is ROADS[road]
+    assert off is not None
+    assert off.residual > 1e-5
+
+
+@cells
+def test_impacts_are_the_same_by_every_road(case: str, road: str) -> None:
+    orbit, wanted = solved(case, road), given(case)
+    # those that come at once in the order of their sites
+    by_time = [
+        sorted(one.hits, key=lambda hit: (round(hit.time, 9), hit.site)) for one in (orbit, wanted)
+    ]
+    for hit, other in zip(*by_time, strict=True):
+        assert (hit.site, hit.wall) == (other.site, other.wall)
+        assert hit.time == pytest.approx(other.time, abs=1e-11)
+        for name in ("before", "after", "acceleration"):
+            assert getattr(hit, name) == pytest.approx(getattr(other, name), abs=1e-10)
+    assert np.unique(orbit.entries.round(9)).tolist() == np.unique(wanted.entries.round(9)).tolist()
+    if orbit.section.local:
+        assert orbit.c == pytest.approx(wanted.c, abs=1e-11)
+
+
+@cells
+def test_motion_is_the_same_by_every_road(case: str, road: str) -> None:
+    orbit, wanted = solved(case, road), given(case)
+    sites = np.arange(min(5, wanted.lattice.sites or 5))[:, None]
+    t = np.linspace(-7.0, 7.0, 41)
+    for name in ("displacement", "velocity", "acceleration"):
+        own, other = getattr(orbit, name)(sites, t), getattr(wanted, name)(sites, t)
+        assert own == pytest.approx(other, abs=1e-10)
+
+
+@integrated
+def test_the_integrated_motion_comes_back_through_the_same_impacts(case: str) -> None:
+    orbit = given(case)
+    field = Field(orbit)
+    at = np.linspace(field.start, field.start + orbit.period, 60)[:-1]
+    end, hits, seen = field.run(field.state, field.start + orbit.period, at)
+    assert end == pytest.approx(field.state, abs=2e-11)
+    wanted = sorted((hit.site, hit.time, hit.wall, hit.before) for hit in orbit.hits)
+    for own, other in zip(sorted(hits), wanted, strict=True):
+        assert own == pytest.approx(other, abs=1e-11)
+    u = orbit.displacement(np.arange(field.sites), at[: len(seen), None])
+    assert seen[:, : field.sites] == pytest.approx(u, abs=1e-11)
+
+
+@cells
+def test_clearance_is_the_same_by_every_road(case: str, road: str) -> None:
+    own, wanted = solved(case, road).admissibility(), given(case).admissibility()
+    assert own.ok == wanted.ok
+    assert own.ok
+    assert own.margin == pytest.approx(wanted.margin, abs=1e-10)
+
+
+@integrated
+def test_clearance_is_what_the_integrated_motion_keeps(case: str) -> None:
+    orbit, found = given(case), given(case).admissibility()
+    turns = Field(orbit).turns()
+    assert turns[0][0] > 0.0
+    if found.site in orbit.section.hit:  # measured by its flights, not at its turns
+        assert all(n == found.site for _, n in turns if n in orbit.section.hit)
+        return
+    assert found.margin == pytest.approx(min(gap for gap, n in turns if n == found.site), abs=1e-8)
+    assert min(gap for gap, n in turns if n not in orbit.section.hit) > found.margin - 1e-8
+
+
+# --- stability ----------------------------------------------------------------------------------
+
+
+@cells
+def test_multipliers_and_verdict_are_the_same_by_every_road(case: str, road: str) -> None:
+    orbit, wanted = solved(case, road), given(case)
+    own, other = orbit.stability(), wanted.stability()
+    assert (own.stable, own.unstable) == (other.stable, other.unstable)
+    assert own.largest == pytest.approx(other.largest, abs=1e-9)
+    if wanted.lattice.sites is not None:
+        assert farthest(orbit.multipliers(), wanted.multipliers()) < 1e-6
+        assert orbit.multipliers().size == 2 * wanted.lattice.sites
+
+
+@integrated
+def test_multipliers_are_those_of_the_integrated_map(case: str) -> None:
+    orbit = given(case)
+    own = orbit.multipliers(half=orbit.symmetric)
+    assert farthest(own, orbit.section.sign * Field(orbit).multipliers()) < 2e-6
+
+
+# --- special points, their curves and what leaves them --------------------------------------------
+
+
+@functools.cache
+def walked(case: str, road: str) -> cb.Branch:
+    return cb.trace(
+        solved(case, road).problem, CASES[case].free, within={CASES[case].free: CASES[case].within}
+    )
+
+
+def kind_of(point: cb.Point, case: str) -> str:
+    """With the whole period written out, the pitchfork of a symmetric orbit is a branch point."""
+    half = given(case).symmetric and not point.solution.symmetric
+    return "PF" if half and point.kind == "BP" else point.kind
+
+
+def named(case: str, road: str, kind: str) -> list[cb.Point]:
+    return [point for point in walked(case, road).special if kind_of(point, case) == kind]
+
+
+def first_road(case: str) -> str:
+    return next(road for one, road in SOLVED if one == case)
+
+
+def places(case: str, road: str) -> list[tuple[str, float]]:
+    found = ((kind_of(p, case), p[CASES[case].free]) for p in walked(case, road).special)
+    return sorted(row for row in found if row[0] != "EP")
+
+
+@cells
+def test_special_points_are_the_same_by_every_road(case: str, road: str) -> None:
+    found = places(case, road)
+    assert [kind for kind, _ in found] == sorted(CASES[case].special)
+    for own, other in zip(found, places(case, first_road(case)), strict=True):
+        assert own[1] == pytest.approx(other[1], abs=1e-8)
+
+
+CRITICAL = {"LP": -1.0, "PF": 1.0}  # multiplier of the half map of a symmetric orbit
+
+
+@each(
+    "case, kind",
+    ((c, k) for c in INTEGRATED for k in dict.fromkeys(CASES[c].special) if k != "VI"),
+)
+def test_special_points_are_special_for_the_integrated_map(case: str, kind: str) -> None:
+    for point in named(case, "exact modes", kind):
+        orbit = point.solution
+        field = Field(orbit)
+        if kind == "GR":
+            assert field.turns()[0][0] == pytest.approx(0.0, abs=1e-8)
+            continue
+        mu = field.sign * field.multipliers()
+        if kind == "NS":
+            beyond = abs(mu[mu.imag > 1e-3]).max() ** (orbit.period / field.length)
+            assert beyond == pytest.approx(1.005, abs=1e-5)
+            continue
+        wanted = CRITICAL[kind] if orbit.symmetric else {"LP": 1.0, "PD": -1.0}[kind]
+        # at a fold a defective pair: by differences it splits by the root of their error
+        assert abs(mu - wanted).min() < (1e-2 if kind == "LP" else 1e-4)
+
+
+FOLLOWED = [
+    (c, r, k) for c, r in SOLVED for k in dict.fromkeys(CASES[c].special) if k not in ("VI",)
+]
+
+
+@functools.cache
+def ends_of_curves(case: str, road: str, kind: str) -> list[float]:
+    """Where the curves from all points of a kind are at a larger k."""
+    free, k = CASES[case].free, given(case).k
+    found = []
+    for point in named(case, road, kind):
+        window = {"k": (k - 0.001, k + 0.01)}
+        line = cb.boundary(point, ("k", free), within=window, towards="up", events=[])
+        assert line[-1]["k"] == pytest.approx(k + 0.01, abs=1e-12)
+        found.append(line[-1][free])
+    return sorted(found)
+
+
+@each("case, road, kind", FOLLOWED)
+def test_curves_of_special_points_are_the_same_by_every_road(case, road, kind) -> None:
+    ends = ends_of_curves(case, road, kind)
+    assert len(ends) == CASES[case].special.count(kind)
+    assert ends == pytest.approx(ends_of_curves(case, first_road(case), kind), abs=1e-8)
+
+
+LEFT = [row for row in FOLLOWED if row[2] in ("PF", "PD")]
+
+
+@each("case, road, kind", LEFT)
+def test_branches_that_leave_are_the_same_by_every_road(case, road, kind) -> None:
+    def arms(by: str) -> list[list[float]]:
+        found = []
+        for point in named(case, by, kind):
+            at = point[CASES[case].free]
+            for branch in cb.switch(point, within={CASES[case].free: (at - 0.004, at + 0.004)}):
+                orbit = branch[-1].solution
+                assert orbit.section.turns == given(case).section.turns * (1 + (kind == "PD"))
+                assert not orbit.symmetric
+                found.append(sorted(abs(orbit.impulses).tolist()))
+        return sorted(found)
+
+    own, wanted = arms(road), arms(first_road(case))
+    assert len(own) == len(wanted) > 0
+    for one, other in zip(own, wanted, strict=True):
+        assert one == pytest.approx(other, abs=1e-7)
+
+
+@cells
+def test_symmetry_related_orbits_solve_the_same_equations(case: str, road: str) -> None:
+    orbit = solved(case, road)
+    problem = orbit.problem
+    if problem.images is None or orbit.symmetric:
+        assert orbit.symmetric
+        return
+    for image in problem.images(problem.x, problem.params):
+        assert abs(problem.residual(image, problem.params)).max() < 1e-11
+        assert abs(image - problem.x).max() < 10.0
+
+
+@cells
+def test_orbit_comes_back_from_a_file_with_its_motion(case: str, road: str, tmp_path: Path) -> None:
+    branch = walked(case, road)
+    cb.save(tmp_path / "branch.nc", branch)
+    back = cb.load(tmp_path / "branch.nc", problem=solved(case, road).problem)
+    assert [p.label for p in back.special] == [p.label for p in branch.special]
+    t = np.linspace(0.0, 6.0, 9)
+    one, other = branch[len(branch) // 2].solution, back[len(branch) // 2].solution
+    assert other.displacement(0, t) == pytest.approx(one.displacement(0, t), abs=1e-14)
