@@ -570,7 +570,7 @@ class Map:
         }
         folder = self.topic(fault)
         if fault.how == "compiled":
-            limit, seconds = 2 * limit, 2 * seconds
+            limit, seconds = 4 * limit, 3 * seconds  # which tests run the loop is not seen
         if fault.how in ("import", "compiled"):
             seen = self.users(fault)
             stem = Path(fault.file).stem.strip("_")

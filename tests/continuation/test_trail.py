@@ -1,0 +1,194 @@
+"""What is known of a test along a step, the sheets that tables are made of, and sizes of steps."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.continuation.dips import _parabola
+from contbreather.continuation.tabular import Column, Sheet
+from contbreather.continuation.trail import ASIDE, Trail, measure
+from contbreather.errors import BadInput
+
+EVENT = cb.user("mu", 0.0)
+
+
+def trail(values: dict[float, Any], **more: Any) -> Trail:
+    return Trail(EVENT, values, **more)
+
+
+# --- the trail of a test --------------------------------------------------------------------------
+
+
+def test_a_zero_lies_where_the_sign_changes_or_on_the_right_end_of_a_piece() -> None:
+    signs = trail({0.0: 1.0, 0.25: -1.0, 0.5: -2.0, 0.75: 0.0, 1.0: 3.0})
+    assert signs.changes() == [(0.0, 0.25), (0.5, 0.75)]
+    assert signs.sign_changes(0.25, 0.0)
+    assert not signs.sign_changes(0.75, 1.0)  # that zero belongs to the piece before
+    assert trail({0.0: 1.0, 0.5: math.nan, 1.0: -1.0}).changes() == [(0.0, 1.0)]
+
+
+def test_what_counts_changes_by_jumps_and_all_of_it_must_count() -> None:
+    assert trail({0.0: 0, 0.5: 2, 1.0: 2}).changes() == [(0.0, 0.5)]
+    assert trail({0.0: 0, 0.5: math.nan, 1.0: 1}).jumps
+    assert not trail({0.0: 0, 0.5: 1.0}).jumps
+    assert trail({0.0: 2.0, 1.0: 1.0}).changes() == []
+
+
+def test_brackets_that_were_dealt_with_are_left_alone() -> None:
+    known = {0.0: 1.0, 0.25: -1.0, 0.75: -1.0, 1.0: 1.0}
+    assert trail(known, done=[(0.0, 0.25)]).changes() == [(0.75, 1.0)]
+    assert trail(known, done=[(0.0, 0.3)]).changes() == [(0.75, 1.0)]
+    assert trail(known, done=[(0.0, 0.2)]).changes() == [(0.0, 0.25), (0.75, 1.0)]
+    assert trail(known, done=[(0.1, 0.25)]).changes() == [(0.0, 0.25), (0.75, 1.0)]
+
+
+def test_an_event_is_remembered_with_the_sign_on_either_side() -> None:
+    own = trail({0.0: 1.0, 1.0: -2.0})
+    own.settle(0.4, 0.0, 1.0)
+    assert own.values == {0.0: 1.0, 0.4 - ASIDE: 1.0, 0.4 + ASIDE: -2.0, 1.0: -2.0}
+    assert own.done == [(0.4 - ASIDE, 0.4 + ASIDE)]
+    assert own.zeros == [0.4]
+    assert own.changes() == []
+    assert {0.0, 1.0, 0.4 - ASIDE, 0.4 + ASIDE} == own.sure
+    edge = trail({0.0: 1.0, 1.0: -2.0})
+    edge.settle(0.0, 0.0, 1.0)
+    assert edge.done == [(0.0, ASIDE)]
+
+
+def test_a_jump_is_looked_at_on_either_side_unless_that_is_known() -> None:
+    own = trail({0.0: 0, 1.0: 1})
+    looked: list[float] = []
+
+    def look(u: float) -> int:
+        looked.append(u)
+        return int(u > 0.5)
+
+    own.settle_jump(0.0, 0.6, look)
+    assert looked == [0.6]
+    assert own.values[0.6] == 1
+    assert own.done == [(0.0, 0.6)]
+
+
+def test_zeros_that_were_found_are_divided_out() -> None:
+    own = trail({0.0: 6.0, 1.0: 2.0}, zeros=[0.25, 0.5])
+    assert own.deflated(1.0) == pytest.approx(2.0 / (0.75 * 0.5))
+    assert own.deflated(0.0) == pytest.approx(6.0 / (0.25 * 0.5))
+    assert own.deflated(0.75, 3.0) == pytest.approx(3.0 / (0.5 * 0.25))
+    assert math.isnan(own.deflated(0.5, 0.0))
+    assert trail({0.5: 3.0}).deflated(0.5) == 3.0
+
+
+def test_pieces_with_two_zeros_are_looked_at_once() -> None:
+    own = trail({0.0: 1.0, 1.0: 1.0})
+    own.beside(0.5, 0.02, 0.99)
+    wanted = np.array([(0.4, 0.6), (0.0, 0.12), (0.89, 1.0)])
+    assert np.array(own.close) == pytest.approx(wanted)
+    own.done = [(0.55, 0.7)]
+    assert np.array(list(own.brackets())) == pytest.approx(wanted[1:])
+
+
+def test_a_value_is_learnt_once_and_not_within_a_bracket() -> None:
+    own = trail({0.0: 1.0}, done=[(0.4, 0.6)])
+    own.learn(0.5, 7.0)
+    own.learn(0.0, 7.0)
+    own.learn(0.7, 7.0)
+    assert own.values == {0.0: 1.0, 0.7: 7.0}
+
+
+def test_a_test_counts_measures_or_has_no_value() -> None:
+    def given(value: Any) -> Any:
+        return measure(SimpleNamespace(kind="X", value=lambda point: value), None)
+
+    assert [type(given(one)) for one in (3, np.int64(3), True, np.bool_(True))] == [int] * 4
+    assert [type(given(one)) for one in (3.0, np.float64(3.0), np.array(2.0))] == [float] * 3
+    for wrong in ("x", None, [1.0, 2.0], 1j):
+        with pytest.raises(BadInput, match=r"the test of X gave .*; one real number was wanted"):
+            given(wrong)
+
+    def outside(point: Any) -> float:
+        raise ValueError("no value")
+
+    assert math.isnan(measure(SimpleNamespace(kind="X", value=outside), None))
+
+
+def test_the_vertex_of_a_parabola_through_three_points() -> None:
+    for vertex, depth, bend in ((0.3, 0.01, 2.0), (0.8, -1.0, 5.0), (1.7, 2.0, -3.0)):
+        u = [0.0, 0.4, 1.0]
+        f = [depth + bend * (x - vertex) ** 2 for x in u]
+        assert _parabola(u, f) == pytest.approx((vertex, depth), abs=1e-12)
+    assert _parabola([0.0, 0.5, 1.0], [0.0, 1.0, 2.0]) == (math.inf, math.inf)
+
+
+# --- sheets ---------------------------------------------------------------------------------------
+
+
+def shown(sheet: Sheet, width: int | None = None) -> dict[str, list[str]]:
+    return {str(column.header): list(column.cells) for column in sheet.table(width).columns}
+
+
+def test_numbers_have_as_many_digits_as_there_is_room_for_and_four_at_least() -> None:
+    sheet = Sheet([Column("a", [math.pi, 1 / 3]), Column("label", ["LP1", "x"])], title="T")
+    assert shown(sheet)["a"] == ["3.14159265359", "0.333333333333"]
+    for width, digits in ((80, 12), (26, 12), (25, 11), (20, 6), (18, 4), (5, 4)):
+        (first, _) = shown(sheet, width)["a"]
+        assert len(first.replace(".", "")) == digits, width
+    assert sheet.table().title == "T"
+    assert Sheet([Column("a", [1.0])]).table().title is None
+
+
+def test_columns_to_spare_go_first_where_there_is_no_room() -> None:
+    spare = Column("b", [2.0 / 3.0], spare=True)
+    sheet = Sheet([Column("a", [1.0 / 3.0]), spare])
+    assert list(shown(sheet)) == list(shown(sheet, 80)) == ["a", "b"]
+    assert list(shown(sheet, 25)) == ["a"]
+    assert shown(sheet, 25)["a"] == ["0.333333333333"]
+
+
+def test_words_lean_to_the_left_and_numbers_to_the_right() -> None:
+    for cells, right, leaning in (
+        (["x", 1.0], None, "left"), ([1.0, None], None, "right"), (["x"], True, "right"),
+        ([1.0], False, "left"),
+    ):  # fmt: skip
+        assert Column("c", cells, right=right).leaning == leaning
+    column = Column("heading", ["x", "longer than that"])
+    assert column.width(12) == len("longer than that")
+    assert Column("heading", ["x"]).width(12) == len("heading")
+    assert Column("n", [1 / 3], digits=3).texts(12) == ["0.333"]
+
+
+# --- sizes of steps -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"first": 0.0}, "every size in .* must be finite and positive"),
+        ({"largest": -1.0}, "every size in .* must be finite and positive"),
+        ({"smallest": math.inf}, "every size in .* must be finite and positive"),
+        ({"tolerance": math.nan}, "every size in .* must be finite and positive"),
+        ({"first": "x"}, "every entry of .* must be a number"),
+        ({"smallest": 0.02}, r"no step may be shorter than smallest = 0\.02, got first = 0\.01"),
+        ({"smallest": 0.2, "first": 1.0}, r"and largest = 0\.1"),
+        ({"growth": 1.0}, "growth must exceed 1, got 1"),
+        ({"growth": 0.5}, "growth must exceed 1, got 0.5"),
+        ({"tolerance": 0.9e-13}, "a tolerance below 1e-13 is lost in rounding, got 9e-14"),
+        ({"most": 0}, "most must be a whole number, at least 1 step, got 0"),
+        ({"most": 1.5}, "most must be a whole number, at least 1 step, got 1.5"),
+    ],
+)
+def test_steps_that_cannot_be_made_are_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(BadInput, match=words):
+        cb.Steps(**given)
+
+
+def test_steps_at_the_rims_of_what_can_be_made() -> None:
+    assert cb.Steps(tolerance=1e-13, most=1, growth=1.0001, smallest=0.01).first == 0.01
+    assert cb.Steps().longest(0.0) == 0.1
+    assert cb.Steps().longest(500.0) == pytest.approx(5.0, rel=0.05)
+    assert cb.Steps(largest=0.3).longest(500.0) == 0.3
