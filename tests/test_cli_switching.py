@@ -123,8 +123,8 @@ REFUSED = {
     "start outside of the window": (f"{SWITCH} --a 0.4 --window 0.5 0.9", r"outside of the window"),
     "table nowhere": (f"{SWITCH} --csv nowhere/a.csv", r"there is no directory nowhere"),
     "one file twice": (f"{SWITCH} --csv a.svg --output a.svg", r"--csv and --output both name"),
-    "negative depth": (f"{DIAGRAM} --depth -1", r"depth >= 0"),
-    "no branches": (f"{DIAGRAM} --most 0", r"most >= 1"),
+    "negative depth": (f"{DIAGRAM} --depth -1", r"depth = -1: a whole number, at least 0"),
+    "no branches": (f"{DIAGRAM} --most 0", r"most = 0: a whole number, at least 1"),
     "diagram of nothing": ("diagram --gamma 0.04 --k 0.8", r"--free is missing"),
 }
 

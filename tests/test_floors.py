@@ -23,15 +23,6 @@ MEANINGLESS = {"utils", "util", "helpers", "helper", "common", "core", "misc", "
 ENGINE_MAY_LOAD = {"numpy", "scipy"}
 ENGINE_MAY_LOAD_LATE = ENGINE_MAY_LOAD | {"networkx", "rich", "xarray"}
 LONGEST_FUNCTION = 60
-# Modules that still import each other in circles: none may come in, and who is out is taken off.
-STILL = {
-    "continuation.adjoin",
-    "continuation.branch",
-    "continuation.crossing",
-    "continuation.events",
-    "continuation.problem",
-    "continuation.seed",
-}
 
 
 @dataclass(frozen=True)
@@ -199,9 +190,8 @@ def test_no_module_imports_from_a_higher_floor() -> None:
 
 
 def test_modules_import_each_other_in_no_circle() -> None:
-    """Imports inside functions and for type checkers count, too. What is in no circle any more is
-    taken out of `STILL`, which is to be empty."""
-    assert in_circles(imports_of(PACKAGE)) == STILL
+    """Imports inside functions and for type checkers count, too."""
+    assert in_circles(imports_of(PACKAGE)) == set()
 
 
 def test_the_engine_needs_numpy_and_scipy_only() -> None:

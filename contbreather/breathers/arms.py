@@ -6,7 +6,7 @@ import math
 from functools import partial
 
 from contbreather.breathers.clearance import LIMIT
-from contbreather.breathers.lifts import Lift, lift
+from contbreather.breathers.lifts import OrbitLift, lift
 from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.symmetric import symmetric
@@ -88,7 +88,7 @@ def asymmetric(
     )
 
 
-def beside(lifted: Lift, asymmetry: float) -> Problem:
+def beside(lifted: OrbitLift, asymmetry: float) -> Problem:
     """The problem started on the arm where t2 - t1 - pi is about as given, small."""
     slots = lifted.problem.slots
     return lifted.arm(

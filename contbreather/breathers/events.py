@@ -15,7 +15,7 @@ from contbreather.breathers import symmetric_events
 from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.continuation import Event, Point, Problem
-from contbreather.continuation.events import Judged
+from contbreather.continuation.point import Judged
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.verdict import THRESHOLD

@@ -16,17 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import at_impact, closest, rivals
-from contbreather.breathers.lifts import lift
 from contbreather.breathers.modal_flight import EPS, ModalFlight
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.section import Section
 from contbreather.continuation import Event, Locus, Point, branch_point, fold
+from contbreather.continuation.branch_points import bordered
+from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import differences
-from contbreather.continuation.events import Meeting, Singular, bordered
-from contbreather.continuation.newton import Undefined, newton
-from contbreather.continuation.problem import Curve
-from contbreather.continuation.seed import Seed
-from contbreather.continuation.switching import across
+from contbreather.continuation.loci import Singular
+from contbreather.continuation.newton import Undefined
+from contbreather.continuation.point import Meeting
 from contbreather.errors import BadInput
 from contbreather.stability.pairs import beyond, outermost
 from contbreather.stability.verdict import THRESHOLD
@@ -37,8 +36,6 @@ Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
 REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
 ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
 VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding
-ASIDE = 1e-6  # impacts closer than this happen at once
-STRIDE = 1e-3  # from a point to where the direction of an arm is looked for
 SHALLOW = 1e-8  # velocity below which an impact is none
 DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
@@ -91,15 +88,6 @@ def period_doubling() -> Event:
     )
 
 
-def _both_arms(point: Point) -> tuple[Seed, ...]:
-    lifted = lift(point)
-    return lifted.seed(1.0), lifted.seed(-1.0)
-
-
-def _doubled_arm(point: Point) -> tuple[Seed, ...]:
-    return (lift(point).seed(),)  # the other side holds the same orbits, a period later
-
-
 def branching() -> Event:
     """BP: another curve of solutions of the same equations crosses; as the engine's own, but with
     a determinant for its test, which large rings can afford."""
@@ -115,40 +103,6 @@ def branching() -> Event:
         return beyond(_flight(point).coupled, point.solution.section.sign)
 
     return replace(branch_point(), test=Singular(bordered, test), count=count)
-
-
-def _crossing_arms(point: Point) -> tuple[Seed, ...]:
-    seeds = across(point)
-    if _kinked(point, np.asarray(seeds[0].tangent)):
-        return tuple(_one_sided(point, seed) for seed in seeds)
-    return seeds
-
-
-def _kinked(point: Point, across: FloatArray) -> bool:
-    """Whether impacts that happen at once come apart along a direction. Their order is another one
-    on either side, and the equations are differentiable only once across it."""
-    m = point.solution.section.count
-    same = abs(np.subtract.outer(point.z[:m], point.z[:m])) < ASIDE
-    return bool((same & (abs(np.subtract.outer(across[:m], across[:m])) > ASIDE)).any())
-
-
-def _one_sided(point: Point, seed: Seed) -> Seed:
-    """An arm that leaves with a kink: its direction is that of solutions found beside the point."""
-    curve, start = point.curve, np.asarray(seed.z)
-    across, near = np.asarray(seed.tangent), []
-    for distance in (STRIDE, 2.0 * STRIDE):
-        row = curve.dual(across)
-        guess = start + distance * across
-        found = newton(curve.equations, curve.jacobian, guess, row=row, metric=curve.metric)
-        if not found.converged:
-            raise Undefined("impacts at once come apart along an arm, and it was not found beside")
-        near.append(found.z)
-    tangent = curve.normalised(4.0 * near[0] - near[1] - 3.0 * start)
-    return seed._replace(tangent=tangent)
-
-
-# where other curves leave the events of an orbit
-LIFTS = {"PF": _both_arms, "PD": _doubled_arm, "BP": _crossing_arms}
 
 
 def ring_neimark_sacker(threshold: float = THRESHOLD) -> Event:

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from contbreather.breathers import watched
 from contbreather.breathers.images import images_of, simpler_than
-from contbreather.breathers.modal_events import LIFTS, events_of
+from contbreather.breathers.lifts import lift
+from contbreather.breathers.modal_events import events_of
 from contbreather.breathers.modal_flight import ModalFlight
 from contbreather.breathers.orbit import Orbit, road
 from contbreather.breathers.section import WEAK, Impact, Section, check_order, check_possible
@@ -182,7 +183,7 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         interpret=lambda point: Orbit(shooting.flight(point.x, point.params)),
         images=shooting.images,
         simpler=_simpler,
-        lifts=LIFTS,
+        lifts={"PF": lift, "PD": lift},
         label=f"shooting, {on.lattice.describe()}, {section.describe()}",
     )
 

@@ -23,7 +23,7 @@ from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.section import Section
 from contbreather.continuation import Branch, Point, Stop, fold, trace
-from contbreather.continuation.problem import Curve
+from contbreather.continuation.curve import Curve
 from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
 from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls

@@ -20,7 +20,7 @@ from contbreather.breathers.clearance import Admissibility, Watch, clearance
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.checks import numbers
 from contbreather.continuation import Event, Point, Problem
-from contbreather.continuation.problem import Curve
+from contbreather.continuation.curve import Curve
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Ring
 from contbreather.lattice.conditions import Conditions, Walls

@@ -9,11 +9,11 @@ from typing import Any
 
 from contbreather.breathers.closed_form import HALF, SymmetricFlight
 from contbreather.breathers.closure import Closure, roots, sprung
+from contbreather.breathers.lifts import lift
 from contbreather.breathers.one_site import symmetric_orbits
 from contbreather.breathers.orbit import Orbit, Road, orbit_of, road
 from contbreather.breathers.section import Impact, Section
 from contbreather.breathers.symmetric_events import (
-    asymmetric_arms,
     grazing,
     neimark_sacker,
     pitchfork,
@@ -21,7 +21,7 @@ from contbreather.breathers.symmetric_events import (
 )
 from contbreather.breathers.wave_road import asymmetric_problem
 from contbreather.continuation import Event, Point, Problem
-from contbreather.continuation.events import Judged
+from contbreather.continuation.point import Judged
 from contbreather.errors import BadInput
 from contbreather.lattice import (
     Forcing,
@@ -135,7 +135,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         record=next(event for event in events if isinstance(event, Judged)).record,
         domain=_domain(breather),
         interpret=interpret,
-        lifts={"PF": asymmetric_arms},
+        lifts={"PF": lift},
         label=f"symmetric breather{where}",
     )
 

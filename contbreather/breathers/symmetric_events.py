@@ -18,14 +18,12 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import Gap, clearance, rivals
 from contbreather.breathers.closed_form import SymmetricFlight, flight_slope_of
-from contbreather.breathers.lifts import lift
 from contbreather.breathers.watched import phase
 from contbreather.checks import check_kind, real
 from contbreather.continuation import Event, Locus, Point
-from contbreather.continuation.events import Judged, Meeting
+from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.problem import Curve
-from contbreather.continuation.seed import Seed
+from contbreather.continuation.point import Judged, Meeting
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Lattice, Ring
 from contbreather.stability.arc import OnArc, Window, on_arc, window
@@ -233,15 +231,9 @@ def _scalar_locus(value: Scalar, slope: Slope) -> Callable[[Point], Locus]:
     return lambda point: locus
 
 
-def asymmetric_arms(point: Point) -> tuple[Seed, ...]:
-    """Both arms of asymmetric breathers, in the problem that knows them."""
-    lifted = lift(point)
-    return lifted.seed(1.0), lifted.seed(-1.0)
-
-
 def _pitchfork_form(point: Point) -> Mapping[str, Any]:
     """How the arms leave, along a branch in one parameter."""
-    if point.curve.problem.adjoined is not None or _flight(point).lattice.spring:
+    if point.curve.problem.beneath is not None or _flight(point).lattice.spring:
         return {}
     form = form_at(_flight(point), point.curve.free[0])
     return {"criticality": form.criticality, "coefficient": form.coefficient}

@@ -17,15 +17,13 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import rivals
 from contbreather.breathers.images import simpler_than
-from contbreather.breathers.lifts import lift
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.watched import moved
-from contbreather.continuation import Event, Locus, Point, fold
+from contbreather.continuation import Event, Lift, Locus, Point, fold
 from contbreather.continuation.boundary import meeting
-from contbreather.continuation.events import Meeting
+from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.problem import Curve
-from contbreather.continuation.seed import Seed
+from contbreather.continuation.point import Meeting
 from contbreather.errors import BadInput
 from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
@@ -212,14 +210,12 @@ def _equal_flights_slope(curve: Curve, z: Array, extra: Array) -> Array:
     return row
 
 
-def symmetric_arms(point: Point) -> tuple[Seed, ...]:
-    """Both directions of the branch of symmetric breathers, in its own problem."""
+def symmetric_again(point: Point) -> Lift:
+    """The branch of symmetric breathers, in its own problem."""
     breather = simpler_than(_orbit(point))
     if breather is None:
         raise Undefined("the flights are not equal here")
-    curve = Curve(breather.problem, (point.curve.free[-1],))
-    tangent = np.linalg.svd(curve.jacobian(curve.start))[2][-1]
-    return tuple(Seed(curve.problem, curve.start, sign * tangent) for sign in (-1.0, 1.0))
+    return Lift(breather.problem, point.curve.free[-1])
 
 
 # --- period doubling ------------------------------------------------------------------------------
@@ -227,10 +223,6 @@ def symmetric_arms(point: Point) -> tuple[Seed, ...]:
 
 def _minus_one(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([_at(curve, z).map.minus_one()])
-
-
-def doubled_arm(point: Point) -> tuple[Seed, ...]:
-    return (lift(point).seed(),)  # the other direction is the same orbit, a period later
 
 
 def _examine_doubling(point: Point) -> str:

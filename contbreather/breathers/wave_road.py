@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from contbreather.breathers import watched
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
 from contbreather.breathers.images import images_of, simpler_than
+from contbreather.breathers.lifts import lift
 from contbreather.breathers.orbit import Orbit, Road, orbit_at, orbit_of, road
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.breathers.wave_events import (
     EQUAL,
-    doubled_arm,
     events_on,
     orbit_fold,
     pitchfork_of_arms,
-    symmetric_arms,
+    symmetric_again,
     unstable,
 )
 from contbreather.breathers.waves import GreenFlight, OrbitEquations, Params
@@ -153,7 +153,7 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         interpret=lambda point: solution(point.x, point.params),
         images=lambda x, params: tuple(i.flight.x for i in images_of(solution(x, params))),
         simpler=_simpler,
-        lifts={"PD": doubled_arm},
+        lifts={"PD": lift},
         label="orbit with impacts",
     )
 
@@ -223,7 +223,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         interpret=interpret,
         images=_mirror_image,
         simpler=_symmetric_again,
-        lifts={"PF": symmetric_arms, "PD": doubled_arm},
+        lifts={"PF": symmetric_again, "PD": lift},
         label="asymmetric breather",
     )
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
-from contbreather.continuation.events import Meeting
+from contbreather.continuation.point import Meeting
 from contbreather.continuation.progress import Progress
 from contbreather.continuation.starts import windows
 from contbreather.errors import BadInput, NoSolution, keeping, taking

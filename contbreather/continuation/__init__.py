@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from .boundary import boundary
-from .branch import Branch, Point, Stop
-from .codim2 import branch_point, cusp, fold, hopf
+from .branch import Branch, Stop
 from .columns import with_columns
-from .events import Event, Locus, user
+from .equilibria import branch_point, cusp, fold, hopf
+from .lift import Lift
+from .point import Event, Locus, Point, user
 from .problem import Problem
 from .refine import refined
-from .seed import Seed
 from .steps import Steps
 from .store import load, save
 from .trace import trace, walk
@@ -17,10 +17,10 @@ from .trace import trace, walk
 __all__ = [
     "Branch",
     "Event",
+    "Lift",
     "Locus",
     "Point",
     "Problem",
-    "Seed",
     "Steps",
     "Stop",
     "boundary",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -11,11 +12,13 @@ import numpy as np
 
 from ..checks import check_kind
 from ..errors import BadInput
-from .adjoin import adjoined, lifted
-from .branch import Branch, Point
-from .events import Crossings, Event, Locus, Meeting, branch_point_test, branches_cross
+from .branch import Branch
+from .branch_points import Crossings, branch_point_test, branches_cross
+from .curve import Curve
+from .extended import Extended, event_of, extended, lifted
 from .newton import Undefined
-from .problem import Curve, Problem
+from .point import Event, Locus, Meeting, Point
+from .problem import Problem
 from .scope import scope, titled, walls_are_lifted
 from .starts import Within, all_of
 from .steps import Steps
@@ -52,7 +55,8 @@ def boundary(
     events : iterable of Event, optional
         Events of the original problem to look for on the curve; all its own by default, apart
         from the kind that is traced. Those that were given to `trace` alone are not known here:
-        give them again. They are labelled with both kinds, ``"PF-GR"``.
+        give them again. They are labelled with both kinds, ``"PF-GR"``. With ``()`` cusps and the
+        like are not looked for either.
 
     Returns
     -------
@@ -110,7 +114,8 @@ def boundary_problem(
         locus = event.locus(replace(ground, curve=curve, z=curve.start, tangent=None))
     except Undefined as error:
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
-    longer = adjoined(base, locus, released=pair[1], base=curve, event=event)
+    longer = extended(curve, locus, event)
+    _check_derivative(longer, locus, pair[0])
     others = [
         one
         for other in given
@@ -118,6 +123,8 @@ def boundary_problem(
         for one in locus.meets.get(other.kind, (meeting(event.kind, other),))
     ]
     own = locus.events
+    if events is not None and not given:  # only what the curve cannot be followed beyond
+        own = tuple(one for one in own if one.ends)
     if walls_are_lifted(base) and event.walls:  # what ends it is another wall
         own = tuple(one for one in own if not (isinstance(one, Meeting) and one.met.walls))
     return replace(
@@ -126,6 +133,16 @@ def boundary_problem(
         record={name: _beside(event, column) for name, column in base.record.items()},
         label=titled(f"{event.kind} boundary", base),
     )
+
+
+def _check_derivative(longer: Problem, locus: Locus, free: str) -> None:
+    if locus.derivative is None:
+        return
+    curve = Curve(longer, (free,))
+    with contextlib.suppress(Undefined):
+        wrong = curve.wrong_entry(curve.start)
+        if wrong:
+            raise BadInput(f"the derivative of the locus does not fit its conditions: {wrong}")
 
 
 def _beside(event: Event, column: Callable[[Point], Any]) -> Callable[[Point], Any]:
@@ -144,11 +161,11 @@ def _beside(event: Event, column: Callable[[Point], Any]) -> Callable[[Point], A
 def _traceable(point: Point) -> Event:
     """The event to trace from a point: what happened there, the one that was met where two meet,
     and otherwise the one whose boundary the point lies on."""
-    event, together = point.event, point.curve.problem.adjoined
+    event = point.event
     if isinstance(event, Meeting):
         event = event.met
-    if (event is None or event.locus is None) and together is not None:
-        event = together.event
+    if event is None or event.locus is None:
+        event = event_of(point.curve.problem) or event
     if event is None and point.kind not in ("", "EP", "MX"):
         raise BadInput(
             f"{point!r} was loaded without its equations; load(path, problem=...) attaches them"
@@ -176,9 +193,9 @@ def meeting(kind: str, event: Event) -> Meeting:
     suffix = f" of {event.kind}"
 
     def locus(point: Point) -> Locus:
-        together = point.curve.problem.adjoined
+        together = point.curve.problem.residual
         assert event.locus is not None
-        assert together is not None
+        assert isinstance(together, Extended)
         return lifted(event.locus(point.ground), together, suffix)
 
     def examine(point: Point) -> str:

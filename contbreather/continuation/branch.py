@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import enum
-import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from .problem import Curve, Problem
+from .curve import Curve
+from .point import Point
+from .problem import Problem
 from .tabular import Column, Sheet
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
     from rich.table import Table
 
-    from .events import Event
 
 Array = NDArray[np.float64]
 
@@ -43,163 +43,6 @@ class Stop(enum.Enum):
     def failed(self) -> bool:
         """Whether the numerics gave up, rather than the curve being at its end."""
         return self in (Stop.NO_CONVERGENCE, Stop.RIM)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Point:
-    """A solution on a curve: values by name, and what is special about it.
-
-    Parameters
-    ----------
-    curve : Curve
-        The problem and its free parameters.
-    z : ndarray, shape (n + 1,)
-        Unknowns, then the free parameter.
-    tangent : ndarray, shape (n + 1,), optional
-        Unit tangent in the direction of the walk, at points of one.
-    arclength : float
-        Distance from the start of the walk.
-    residual : float
-        Largest entry of the equations here; at a located event that of its locus too.
-    kind, label : str
-        ``"PF"`` and ``"PF1"`` at a special point, empty elsewhere.
-    event : Event, optional
-        What was found here; `boundary` continues it.
-    bracket : tuple of float, optional
-        Arclengths between which the event was seen.
-    located : bool
-        Whether location converged and verification agreed; False keeps the point but says so.
-    parent : Point, optional
-        Where an arm sets out: the point on the branch that it left.
-    detail : dict
-        What the location found besides: a null vector, an angle, a time, a reason.
-    """
-
-    curve: Curve
-    z: Array
-    tangent: Array | None = None
-    arclength: float = 0.0
-    residual: float = math.nan
-    kind: str = ""
-    label: str = ""
-    event: Event | None = None
-    bracket: tuple[float, float] | None = None
-    located: bool = True
-    parent: Point | None = None
-    detail: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.z.flags.writeable = False
-        if self.tangent is not None:
-            self.tangent.flags.writeable = False
-
-    def __getitem__(self, name: str) -> Any:
-        """An unknown, a parameter, what was found here, a recorded number, in this order.
-
-        What was found here is there by its full name too: ``point["a of BT"]`` is a coefficient
-        of the normal form where ``point["a"]`` is a parameter of the problem.
-        """
-        slots = self.curve.slots
-        if name in slots:
-            value = self.z[slots[name]]
-            return float(value) if value.ndim == 0 else value
-        problem = self.curve.problem
-        if name in problem.params:
-            return float(problem.params[name])
-        if name in self.detail:
-            return self.detail[name]
-        if name in problem.record:
-            return problem.record[name](self.ground)
-        own = name.removesuffix(f" of {self.kind}")
-        if own != name and own in self.detail:
-            return self.detail[own]
-        raise BadInput(f"no {name!r} at this point; it has {[*problem.names, *problem.record]}")
-
-    @property
-    def x(self) -> Array:
-        """The unknowns as one array."""
-        return self.z[: self.curve.size]
-
-    @property
-    def direction(self) -> Array:
-        """The tangent, at a point of a walk."""
-        if self.tangent is None:
-            raise BadInput(f"{self!r} has no tangent: it is no point of a walk")
-        return self.tangent
-
-    @property
-    def on_verge(self) -> bool:
-        """Whether rounding decides a count of unstable directions here."""
-        left = self.parent or self  # an arm sets out at the point that it left
-        if left.event is None:  # without its equations: only ends are known to be clear
-            return left.kind not in ("", "EP", "MX")
-        return left.event.bifurcates
-
-    @property
-    def params(self) -> dict[str, float]:
-        """All parameters here."""
-        return self.curve.params(self.z)
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """All unknowns and parameters by name."""
-        return {name: self[name] for name in self.curve.problem.names}
-
-    @property
-    def problem(self) -> Problem:
-        """The problem with its start and parameters moved here."""
-        return self.curve.problem.at(**self.values)
-
-    @property
-    def ground(self) -> Point:
-        """On a boundary: this point as one of the original problem, without tangent."""
-        together = self.curve.problem.adjoined
-        if together is None:
-            return self
-        z, _ = together.split(self.x, self.params)
-        return replace(self, curve=together.base, z=z, tangent=None)
-
-    @property
-    def solution(self) -> Any:
-        """What this point is to the user of its problem, an `Orbit` for instance."""
-        interpret = self.ground.curve.problem.interpret
-        if interpret is None:
-            raise BadInput("this problem says no more of a point than its values")
-        return interpret(self.ground)
-
-    def __getattr__(self, name: str) -> Any:
-        """What the solution answers the point answers too: ``point.state(sites=20)`` of an orbit.
-
-        Called for names that a point does not have itself.
-        """
-        if name.startswith("_") or hasattr(type(self), name):
-            raise AttributeError(f"{name!r} of this point has no value")
-        try:
-            solution = self.solution
-        except BadInput as error:
-            raise AttributeError(f"a point has no {name!r}, and {error}") from error
-        try:
-            return getattr(solution, name)
-        except AttributeError as error:
-            what = type(solution).__name__
-            raise AttributeError(f"neither a point nor its {what} has {name!r}") from error
-
-    def jacobian(self) -> Array:
-        """Derivative of the equations, shape ``(n, n + 1)``: unknowns, then the free parameter."""
-        return self.curve.jacobian(self.z).copy()
-
-    @property
-    def title(self) -> str:
-        """The label, and of several levels the one that was met."""
-        return f"{self.label} ({self.detail['level']})" if "level" in self.detail else self.label
-
-    def __repr__(self) -> str:
-        shown = {name: value for name, value in self.values.items() if np.ndim(value) == 0}
-        values = ", ".join(f"{name}={value:.10g}" for name, value in shown.items())
-        if self.located:
-            return f"Point({self.title + ': ' if self.label else ''}{values})"
-        reason = f": {self.detail['reason']}" if "reason" in self.detail else ""
-        return f"Point({self.label or self.kind}?: {values}; not located{reason})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,8 @@ from copy import copy
 from dataclasses import replace
 from typing import Any
 
-from .branch import Branch, Point
+from .branch import Branch
+from .point import Point
 
 
 def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:

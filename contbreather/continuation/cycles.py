@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .branch import Point
-from .problem import Params, Problem
+from .curve import Params
+from .point import Point
+from .problem import Problem
 
 Array = NDArray[np.float64]
 Map = Callable[[Array, Params], Array]
@@ -83,7 +84,7 @@ class Cycle:
 
 
 def cycle(point: Point) -> Cycle:
-    iterate: Iterate = point.curve.problem.residual  # type: ignore[assignment]
+    iterate: Iterate = point.curve.problem.residual
     points = np.array([point.x, *iterate.phases(point.x, point.params)])
     return Cycle(points, multiplier_matrix(point), point.params)
 
@@ -109,7 +110,7 @@ def with_period(problem: Problem, period: int) -> Problem:
 
 def shorter(point: Point) -> Problem | None:
     """The cycle as one of the smallest period it has, if that is not the one it is written in."""
-    iterate: Iterate = point.curve.problem.residual  # type: ignore[assignment]
+    iterate: Iterate = point.curve.problem.residual
     size = 1 + float(np.linalg.norm(point.x))
     x = point.x
     for period in range(1, iterate.period):

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence, Sized
-from dataclasses import dataclass, replace
-from numbers import Integral
-from types import TracebackType
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import BadInput, ContbreatherError, NotConverged, keeping, taking
-from .branch import Branch, Point, Stop
-from .events import Event
+from ..checks import whole
+from ..errors import ContbreatherError, NotConverged, keeping, taking
+from .branch import Branch, Stop
+from .lift import Seed
+from .point import Event, Point
 from .problem import Problem
 from .progress import Progress
 from .recognition import Likeness, recognised, same_place, simplest
-from .seed import Seed
 from .starts import Within, all_of, windows
 from .steps import Steps
 from .switching import follow, lift_of, seeds_at
@@ -262,72 +261,39 @@ def diagram(
     >>> sorted(tree.graph.successors("branch 0: BP1"))
     [1, 2]
     """
-    kinds: set[type] = {type(depth), type(most)}
-    whole = bool not in kinds and all(issubclass(kind, Integral) for kind in kinds)
-    if not whole or depth < 0 or most < 1:
-        raise BadInput(
-            f"whole numbers depth >= 0 and most >= 1 were wanted, got {depth!r} and {most!r}"
+    depth, most = whole("depth", depth, 0), whole("most", most, 1)
+    with Progress(progress, free) as shown:
+        growth = _Growth(
+            free, windows(within), depth, all_of(events), steps or Steps(), most, shown
         )
-    shown = _Status(progress, free)
-    growth = _Growth(free, windows(within), depth, events, steps or Steps(), most, shown)
-    try:
         with keeping(growth.so_far):
             growth.run(start)
-    finally:
-        shown.close()
     return growth.diagram()
 
 
-class _Status(Progress):
-    """The status line of all walks of a diagram together."""
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """A walk has ended; the diagram has not."""
-
-    def close(self) -> None:
-        super().__exit__(None, None, None)
-
-
+@dataclass
 class _Growth:
     """A diagram under way."""
 
-    def __init__(
-        self,
-        free: str,
-        within: Within,
-        depth: int,
-        events: Event | Iterable[Event] | None,
-        steps: Steps,
-        most: int,
-        shown: _Status,
-    ) -> None:
-        self.free, self.within, self.depth, self.most = free, within, depth, most
-        self.events = all_of(events)
-        self.steps, self.shown = steps, shown
-        self.branches: list[Branch] = []
-        self.births: list[Birth] = []
-        self.places: list[tuple[Place, ...]] = []
-        self.met: list[Meeting] = []
-        self.failed: list[Failure] = []
-        self.left: list[Place] = []
-        self.queue: deque[Place] = deque()
+    free: str
+    within: Within
+    depth: int
+    events: tuple[Event, ...] | None
+    steps: Steps
+    most: int
+    shown: Progress
+    branches: list[Branch] = field(default_factory=list)
+    births: list[Birth] = field(default_factory=list)
+    places: list[tuple[Place, ...]] = field(default_factory=list)
+    met: list[Meeting] = field(default_factory=list)
+    failed: list[Failure] = field(default_factory=list)
+    left: list[Place] = field(default_factory=list)
+    queue: deque[Place] = field(default_factory=deque)
 
     def run(self, start: Problem | Startable) -> None:
         """Grow until nothing is left to switch at, or it is enough."""
         with taking(lambda piece: self._add(piece, Birth(0))):
-            first = trace(
-                start,
-                self.free,
-                within=self.within,
-                events=self.events,
-                steps=self.steps,
-                progress=self.shown,
-            )
+            first = self._trace(start, self.within, self.events)
         self._add(first, Birth(0))
         while self.queue and len(self.branches) < self.most:
             self._switch_at(self.queue[0])
@@ -367,43 +333,38 @@ class _Growth:
 
     def _follow(self, place: Place, seed: Seed) -> None:
         """Follow one arm, unless its first step is on a branch that is known."""
-        own = self._events_of(seed.problem, place.point)
-        within = {n: bounds for n, bounds in self.within.items() if n in seed.problem.names}
+        problem, point = seed.problem, place.point
+        # those that were given, for the problem they were given for
+        own = self.events if problem.residual is point.curve.problem.residual else None
+        within = self._within(problem)
         glance = replace(self.steps, most=1)
-        first = follow(place.point, seed, within=within, events=(), steps=glance, progress=False)
+        first = follow(point, seed, within=within, events=(), steps=glance, progress=False)
         reach = first.curve.length(first[-1].z - first[0].z)
         known = recognised(first[-1], self.branches, reach)
         if known is not None and (known.simpler or not known.image):
             self._meet(place, known, seed)
             return
-        depth = self.births[place.branch].depth + 1
         image_of = None if known is None else known.branch
-        birth = Birth(depth, place, image_of)
+        birth = Birth(self.births[place.branch].depth + 1, place, image_of)
         small = simplest(first[-1], reach)
         with taking(lambda piece: self._add(piece, birth)):
-            if small is not first[-1]:
-                arm = self._walk_through(small)
+            if small is not first[-1]:  # a branch of a smaller problem, which the place lies on
+                arm = self._trace(small.problem, self._within(small.problem), None)
             else:
                 arm = follow(
-                    place.point,
-                    seed,
-                    within=within,
-                    events=own,
-                    steps=self.steps,
-                    progress=self.shown,
+                    point, seed, within=within, events=own, steps=self.steps, progress=self.shown
                 )
         self._add(arm, birth)
 
-    def _walk_through(self, small: Point) -> Branch:
-        """The branch of a smaller problem, which the place lies on."""
-        problem = small.problem
-        within = {n: bounds for n, bounds in self.within.items() if n in problem.names}
-        return trace(problem, self.free, within=within, steps=self.steps, progress=self.shown)
+    def _trace(
+        self, start: Problem | Startable, within: Within, events: tuple[Event, ...] | None
+    ) -> Branch:
+        return trace(
+            start, self.free, within=within, events=events, steps=self.steps, progress=self.shown
+        )
 
-    def _events_of(self, problem: Problem, point: Point) -> tuple[Event, ...] | None:
-        """Those that were given, for the problem they were given for."""
-        same = problem.residual is point.curve.problem.residual
-        return self.events if same else None
+    def _within(self, problem: Problem) -> Within:
+        return {name: window for name, window in self.within.items() if name in problem.names}
 
     def _meet(self, place: Place, known: Likeness, seed: Seed) -> None:
         larger = seed.problem.residual is not self.branches[place.branch].problem.residual

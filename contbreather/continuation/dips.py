@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from .branch import Point
 from .newton import OUT_OF_DOMAIN
+from .point import Point
 from .segment import Segment
 from .trail import Trail, measure, place_of
 

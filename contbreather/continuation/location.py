@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from .adjoin import adjoined
-from .branch import Point
-from .crossing import GAP, crossing
+from .branch_points import GAP, Crossings, crossing
+from .curve import Curve
 from .dips import Place, bottom, probe, told_apart
-from .events import Crossings, Event, Examined, Level, Locus, Singular
+from .extended import extended
+from .loci import Singular
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
-from .problem import Curve
+from .point import Event, Examined, Level, Locus, Point
 from .segment import Segment
 from .trail import ASIDE, Trail, Value, foresee, look_at, measure, place_of
 
@@ -93,7 +93,7 @@ def find(
     end = segment.last.arclength * (1 - 1e-15)
     at_end = {id(p.event) for p in located if p.located and p.arclength >= end}
     after = tuple(0 if id(t.event) in at_end and not t.jumps else t.values[1.0] for t in trails)
-    if curve.problem.adjoined is not None:
+    if curve.problem.beneath is not None:
         located = list(_one_a_place(located))
     good = tuple(point for point in located if point.located)
     doubtful = _at_one_place([point for point in located if not point.located])
@@ -498,8 +498,8 @@ def _solved(locus_at: Callable[[Point], Locus], near: Point) -> tuple[Solution, 
         return locus_at.solve(near)
     locus = locus_at(near)
     own = {f"{name} of the locus": value for name, value in locus.extra.items()}
-    extended = replace(locus, extra=own)  # names that no problem has
-    problem = adjoined(near.problem, extended, near.curve.free[0], base=near.curve)
+    problem = extended(near.curve, replace(locus, extra=own))  # names that no problem has
+    problem = problem.at(**near.values)
     curve = Curve(problem, ())
     found = newton(curve.equations, curve.jacobian, problem.x, metric=curve.metric)
     n = near.curve.size

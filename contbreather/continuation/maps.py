@@ -14,29 +14,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import whole
 from ..errors import BadInput
-from . import events as static
 from . import normal_forms
 from .boundary import meeting
-from .branch import Point
-from .codim2 import CROSSED, branch_point, cusp, oriented_overlap, without
-from .crossing import along
+from .branch_points import CROSSED, Crossings, branches_cross
+from .curve import Params
 from .cycles import Iterate, Map, cycle, generic, multiplier_matrix, shorter, units, with_period
-from .events import (
-    Crossings,
-    Event,
-    Examined,
-    Locus,
-    Meeting,
+from .equilibria import branch_point, cusp, fold
+from .lift import Lift
+from .loci import (
     Singular,
-    branches_cross,
-    frame,
+    critical_plane,
     least_with_sign,
+    null_locus,
+    null_vector,
+    oriented_overlap,
+    pair_locus,
+    pairs,
     signed_smallest,
+    without,
 )
-from .newton import OUT_OF_DOMAIN, Undefined
-from .problem import Curve, Params, Problem
-from .seed import Seed
+from .point import Event, Examined, Locus, Meeting, Point
+from .problem import Problem
 from .starts import all_of
 
 Array = NDArray[np.float64]
@@ -101,13 +101,12 @@ def FixedPoint(
     >>> round(point["r"], 12), point.detail["criticality"]
     (3.0, 'supercritical')
     """
-    if isinstance(period, bool) or not isinstance(period, int | np.integer) or period < 1:
-        raise BadInput(f"a period is a positive integer, got {period!r}")
+    period = whole("period", period, 1)
     if not callable(map_) or not (jacobian is None or callable(jacobian)):
         raise BadInput(f"a map, and its jacobian, are functions; got {map_!r} and {jacobian!r}")
     if not (record is None or isinstance(record, Mapping)):
         raise BadInput(f"record must be a dict of names and functions, got {record!r}")
-    iterate = Iterate(map_, int(period), jacobian)
+    iterate = Iterate(map_, period, jacobian)
     return Problem(
         iterate,
         start,
@@ -120,7 +119,7 @@ def FixedPoint(
         interpret=cycle,
         images=iterate.phases,
         simpler=shorter,
-        lifts={"PD": doubled},
+        lifts={"PD": _doubled},
         label=label or generic(iterate.period),
     )
 
@@ -128,7 +127,7 @@ def FixedPoint(
 # --- the events on a branch -------------------------------------------------------------------
 
 
-def _with_multiplier_one(examine: Callable[[Point], Examined]) -> Callable[[Point], Examined]:
+def _with_multiplier_one(plain: Event) -> Callable[[Point], Examined]:
     """An event at which a multiplier is 1 is verified for that too: along cycles with multipliers
     far apart in size the derivative may look singular where it is not."""
 
@@ -136,7 +135,8 @@ def _with_multiplier_one(examine: Callable[[Point], Examined]) -> Callable[[Poin
         sizes = np.linalg.svd(units(point) - np.eye(point.curve.size), compute_uv=False)
         if sizes[-1] > _RANK * max(1.0, sizes[0]):
             return f"no multiplier is 1: the nearest is {sizes[-1]:.2g} off"
-        return examine(point)
+        assert plain.examine is not None
+        return plain.examine(point)
 
     return examined
 
@@ -145,35 +145,10 @@ def _flip_matrix(point: Point) -> Array:
     return units(point) + np.eye(point.curve.size)
 
 
-def _null(matrix: Array, scales: Array) -> Array:
-    """Unit null vector, or nearly so, of a matrix between unknowns in their scales."""
-    vector = np.linalg.svd(matrix)[2][-1] * scales
-    return np.asarray(vector / np.linalg.norm(vector))
-
-
 def _flip_locus(point: Point) -> Locus:
-    n = point.curve.size
-    null = _null(units(point) + np.eye(n), point.curve.scales[:n])
-    return Locus(
-        {"null": null},
-        _flip_conditions,
-        _flip_derivative,
-        events=(_GENERALISED_FLIP, _R2_ON_FLIP),
-        meets={"LP": (_FOLD_FLIP,), "NS": (_ROTATION_ON_FLIP,)},
-    )
-
-
-def _flip_conditions(curve: Curve, z: Array, null: Array) -> Array:
-    return np.append(curve.jacobian(z)[:, : curve.size] @ null + 2 * null, null.dot(null) - 1)
-
-
-def _flip_derivative(curve: Curve, z: Array, null: Array) -> Array:
-    n = curve.size
-    rows = np.zeros((n + 1, z.size + n))
-    rows[:n, : z.size] = along(curve, z, null)
-    rows[:n, z.size :] = curve.jacobian(z)[:, :n] + 2 * np.eye(n)
-    rows[n, z.size :] = 2 * null
-    return rows
+    null = null_vector(_flip_matrix(point), point.curve.scales[: point.curve.size])
+    own = (_GENERALISED_FLIP, _R2_ON_FLIP)
+    return replace(null_locus(null, 2.0), events=own, meets=MEETINGS["PD"])
 
 
 def _examine_flip(point: Point) -> Examined:
@@ -183,29 +158,16 @@ def _examine_flip(point: Point) -> Examined:
     if sizes.size > 1 and sizes[-2] < _RANK * max(1.0, sizes[0]):
         return "two multipliers are -1, with two eigenvectors: not a simple period doubling"
     ground = point.ground
-    try:
-        c = normal_forms.flip(ground.curve, ground.z)
-    except OUT_OF_DOMAIN as error:
-        return {"criticality": f"unknown: {error}"}
-    kind = normal_forms.criticality(c, stable_if_negative=False)
-    return {"c": c.value.real, "criticality": kind}
+    return normal_forms.criticality(
+        "c", lambda: normal_forms.flip(ground.curve, ground.z), stable_if_negative=False
+    )
 
 
-def doubled(point: Point) -> tuple[Seed, ...]:
+def _doubled(point: Point) -> Lift:
     """The cycle of twice the period. Its two phases set out in opposite directions: one arm."""
     problem = point.problem
-    iterate: Iterate = problem.residual  # type: ignore[assignment]
-    curve = point.curve
-    n = curve.size
-    null = _null(units(point) + np.eye(n), curve.scales[:n])
-    parent = point.tangent if point.tangent is not None else None
-    return (Seed(with_period(problem, 2 * iterate.period), point.z, np.append(null, 0.0), parent),)
-
-
-def _pairs(values: NDArray[np.complex128]) -> tuple[Any, Any, NDArray[np.complex128]]:
-    """All pairs of multipliers and by how much their product misses 1."""
-    first, second = np.triu_indices(values.size, 1)
-    return first, second, values[first] * values[second] - 1
+    twice = with_period(problem, 2 * problem.residual.period)  # type: ignore[attr-defined]
+    return Lift(twice, point.curve.free[0], both=False)
 
 
 def _rotation_test(point: Point) -> float:
@@ -217,67 +179,35 @@ def _rotation_test(point: Point) -> float:
 def _least_gap(matrix: Array, values: NDArray[np.complex128]) -> float:
     if values.size < 2:
         return math.nan
-    first, second, gaps = _pairs(values)
+    first, second = pairs(values)
     rounding = _ROUNDING * float(np.linalg.norm(matrix))
-    return least_with_sign(gaps, rounding * (abs(values[first]) + abs(values[second])))
+    return least_with_sign(first * second - 1, rounding * (abs(first) + abs(second)))
 
 
 def _circle_pair(point: Point) -> tuple[float, Array, Array]:
     """cos(angle) of the pair nearest the unit circle, and two vectors of its plane."""
     matrix = multiplier_matrix(point)
-    values, vectors = np.linalg.eig(matrix)
-    for sign in (1.0, -1.0):
-        if (abs(values - sign) < _ZERO * max(1.0, float(np.linalg.norm(matrix, 2)))).sum() == 2:
-            shifted = matrix - sign * np.eye(len(matrix))
-            null = np.linalg.svd(shifted)[2][-1]
-            return sign, np.linalg.lstsq(shifted, null)[0], null
-    upper = np.flatnonzero(values.imag > 0)
-    if not upper.size:
-        raise Undefined("no complex pair of multipliers: a neutral saddle, not NS")
-    nearest = upper[np.argmin(abs(abs(values[upper]) - 1))]
-    vector, mu = vectors[:, nearest], values[nearest]
-    return float(mu.real / abs(mu)), vector.real, vector.imag
+    small = _ZERO * max(1.0, float(np.linalg.norm(matrix, 2)))
+    mu, one, other = critical_plane(
+        matrix, (1.0, -1.0), small, lambda values: np.abs(np.abs(values) - 1)
+    )
+    return mu.real / abs(mu), one, other
 
 
 def _rotation_locus(point: Point) -> Locus:
     """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
-    cosine, real, imaginary = _circle_pair(point)
-    null, reference = frame(real, imaginary)
-
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        null, cosine = extra[:-1], extra[-1]
-        matrix = curve.jacobian(z)[:, : curve.size] + np.eye(curve.size)
-        turned = matrix @ null
-        own = matrix @ turned - 2 * cosine * turned + null
-        return np.concatenate([own, [null.dot(null) - 1, reference.dot(null)]])
-
-    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        null, cosine, n = extra[:-1], extra[-1], curve.size
-        matrix = curve.jacobian(z)[:, :n] + np.eye(n)
-        turned = matrix @ null
-        change = along(curve, z, null)
-        rows = np.zeros((n + 2, z.size + n + 1))
-        rows[:n, : z.size] = along(curve, z, turned) + matrix @ change - 2 * cosine * change
-        rows[:n, z.size : -1] = matrix @ matrix - 2 * cosine * matrix + np.eye(n)
-        rows[:n, -1] = -2 * turned
-        rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * null, reference
-        return rows
-
-    return Locus(
-        {"null": null, "cosine": cosine},
-        conditions,
-        derivative,
-        events=_ON_ROTATION,
-        meets={"LP": (_FOLD_ON_ROTATION,), "PD": (_FLIP_ON_ROTATION,)},
-    )
+    cosine, *plane = _circle_pair(point)
+    one, other = plane
+    locus = pair_locus("cosine", cosine, (one, other), 1.0, lambda cosine: (-2 * cosine, 1.0))
+    return replace(locus, events=_ON_ROTATION, meets=MEETINGS["NS"])
 
 
 def _examine_rotation(point: Point) -> Examined:
     """Of the two multipliers with product 1: are they a complex pair?"""
     values = np.linalg.eigvals(multiplier_matrix(point)).astype(complex)
-    first, second, gaps = _pairs(values)
-    nearest = int(abs(gaps).argmin())
-    pair = values[[first[nearest], second[nearest]]]
+    first, second = pairs(values)
+    nearest = int(abs(first * second - 1).argmin())
+    pair = np.array([first[nearest], second[nearest]])
     for sign, name in ((1, "R1"), (-1, "R2")):
         if (abs(pair - sign) < 1e-4).all():
             return f"both multipliers are {sign}: the resonance {name}"
@@ -285,23 +215,19 @@ def _examine_rotation(point: Point) -> Examined:
         return f"a neutral saddle: the multipliers {pair[0].real:.4g} and {pair[1].real:.4g}"
     ground = point.ground
     angle = math.acos(max(-1.0, min(1.0, point.detail.get("cosine", _circle_pair(ground)[0]))))
-    try:
-        d = normal_forms.rotation(ground.curve, ground.z, angle)
-    except OUT_OF_DOMAIN as error:
-        return {"angle": angle, "criticality": f"unknown: {error}"}
-    kind = normal_forms.criticality(d, stable_if_negative=True)
-    return {"angle": angle, "d": complex(d.value), "criticality": kind}
+    return {"angle": angle} | normal_forms.criticality(
+        "d",
+        lambda: normal_forms.rotation(ground.curve, ground.z, angle),
+        stable_if_negative=True,
+    )
 
 
 # --- what their curves in two parameters meet -------------------------------------------------
 
 
 def _fold_locus(point: Point) -> Locus:
-    return replace(
-        static.fold_locus(point),
-        events=(cusp(), _R1_ON_FOLD),
-        meets={"PD": (_FLIP_ON_FOLD,), "NS": (_ROTATION_ON_FOLD,)},
-    )
+    assert _PLAIN_FOLD.locus is not None
+    return replace(_PLAIN_FOLD.locus(point), events=(cusp(), _R1_ON_FOLD), meets=MEETINGS["LP"])
 
 
 def _overlap(sign: int) -> Callable[[Point], float]:
@@ -362,14 +288,9 @@ def _flip_coefficient(point: Point) -> float:
 def _examine_generalised_flip(point: Point) -> str:
     ground = point.ground
     c = normal_forms.flip(ground.curve, ground.z)
-    if abs(c.value.real) > 1e-6 * (c.size + _unit(ground)):
+    if not normal_forms.vanishes(c, ground.curve, ground.z):
         return f"the coefficient c = {c.value.real:.2g} is not zero"
     return ""
-
-
-def _unit(ground: Point) -> float:
-    """Size of a cubic coefficient of order one, in the units of the point."""
-    return normal_forms.Forms(ground.curve, ground.z).reach ** -2
 
 
 def _rotation_coefficient(point: Point) -> float:
@@ -387,7 +308,7 @@ def _rotation_coefficient(point: Point) -> float:
 def _examine_chenciner(point: Point) -> str:
     ground = point.ground
     d = normal_forms.rotation(ground.curve, ground.z, math.acos(point["cosine"]))
-    if abs(d.value.real) > 1e-6 * (d.size + _unit(ground)):
+    if not normal_forms.vanishes(d, ground.curve, ground.z):
         return f"Re d = {d.value.real:.2g} is not zero"
     return ""
 
@@ -424,35 +345,10 @@ def _beside_pair(multiplier: int) -> Callable[[Point], float]:
     return test
 
 
-_FOLD = Event(
-    "LP",
-    static.fold_test,
-    locus=_fold_locus,
-    examine=_with_multiplier_one(static.examine_fold),
-)
+_PLAIN_FOLD, _PLAIN_BRANCH_POINT = fold(), branch_point()
+_FOLD = replace(_PLAIN_FOLD, locus=_fold_locus, examine=_with_multiplier_one(_PLAIN_FOLD))
 _FLIP = Event("PD", Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
 _ROTATION = Event("NS", _rotation_test, locus=_rotation_locus, examine=_examine_rotation)
-
-
-def _meeting(
-    kind: str,
-    on: str,
-    event: Event,
-    wanted: str,
-    test: Callable[[Point], float] | None = None,
-) -> Meeting:
-    """On the boundary `on`, what meeting `event` there is called."""
-    examine = _on_circle(wanted, fold="+1" in wanted and on != "BP")
-    named = replace(meeting(on, event), kind=kind, examine=examine)
-    return named if test is None else replace(named, test=test)
-
-
-_FOLD_FLIP = _meeting("LPPD", "PD", _FOLD, "+1 -1")
-_FLIP_ON_FOLD = _meeting("LPPD", "LP", _FLIP, "+1 -1")
-_FOLD_ON_ROTATION = _meeting("LPNS", "NS", _FOLD, "+1 pair", _beside_pair(1))
-_ROTATION_ON_FOLD = _meeting("LPNS", "LP", _ROTATION, "+1 pair", _pair_beside(1))
-_FLIP_ON_ROTATION = _meeting("PDNS", "NS", _FLIP, "-1 pair", _beside_pair(-1))
-_ROTATION_ON_FLIP = _meeting("PDNS", "PD", _ROTATION, "-1 pair", _pair_beside(-1))
 _R1_ON_FOLD = Meeting("R1", _overlap(1), examine=_examine_double(1), met=_ROTATION)
 _R2_ON_FLIP = Meeting("R2", _overlap(-1), examine=_examine_double(-1), met=_ROTATION)
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
@@ -476,18 +372,47 @@ _ON_ROTATION = (
     _resonance(4),
     Event("CH", _rotation_coefficient, examine=_examine_chenciner),
 )
+
+
+def _named(
+    on: str,
+    event: Event,
+    kind: str,
+    wanted: str,
+    test: Callable[[Point], float] | None = None,
+) -> Meeting:
+    examine = _on_circle(wanted, fold="+1" in wanted and on != "BP")
+    plain = meeting(on, event)
+    return replace(plain, kind=kind, examine=examine, test=test or plain.test)
+
+
+# On the boundary of one kind, what the meeting with another is called, which multipliers are on
+# the unit circle there, and the test of the other for those that the boundary has not.
+MEETINGS: dict[str, Mapping[str, tuple[Event, ...]]] = {
+    "LP": {
+        "PD": (_named("LP", _FLIP, "LPPD", "+1 -1"),),
+        "NS": (_named("LP", _ROTATION, "LPNS", "+1 pair", _pair_beside(1)),),
+    },
+    "PD": {
+        "LP": (_named("PD", _FOLD, "LPPD", "+1 -1"),),
+        "NS": (_named("PD", _ROTATION, "PDNS", "-1 pair", _pair_beside(-1)),),
+    },
+    "NS": {
+        "LP": (_named("NS", _FOLD, "LPNS", "+1 pair", _beside_pair(1)),),
+        "PD": (_named("NS", _FLIP, "PDNS", "-1 pair", _beside_pair(-1)),),
+    },
+    "BP": {
+        "PD": (_named("BP", _FLIP, "BP-PD", "+1 -1"),),
+        "NS": (
+            replace(_R1_ON_FOLD, examine=_examine_double(1, crossed=True)),
+            _named("BP", _ROTATION, "BP-NS", "+1 pair", _pair_beside(1)),
+        ),
+    },
+}
 _BRANCH_POINT = replace(
-    branch_point(),
-    locus=Crossings(
-        {
-            "PD": (_meeting("BP-PD", "BP", _FLIP, "+1 -1"),),
-            "NS": (
-                replace(_R1_ON_FOLD, examine=_examine_double(1, crossed=True)),
-                _meeting("BP-NS", "BP", _ROTATION, "+1 pair", _pair_beside(1)),
-            ),
-        }
-    ),
-    examine=_with_multiplier_one(static.examine_branch_point),
+    _PLAIN_BRANCH_POINT,
+    locus=Crossings(MEETINGS["BP"]),
+    examine=_with_multiplier_one(_PLAIN_BRANCH_POINT),
 )
 EVENTS = (_FOLD, _BRANCH_POINT, _FLIP, _ROTATION)
 

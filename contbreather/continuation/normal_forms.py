@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .curve import Curve
 from .newton import OUT_OF_DOMAIN, Undefined
-from .problem import Curve
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -164,6 +164,28 @@ def _sum(*terms: float) -> Coefficient:
     return Coefficient(sum(terms), sum(abs(term) for term in terms))
 
 
+def criticality(
+    name: str, make: Callable[[], Coefficient], *, stable_if_negative: bool
+) -> dict[str, Any]:
+    """A coefficient by its name, and what its sign says of the orbits that are born; why it is not
+    known, where there is none."""
+    try:
+        found = make()
+    except OUT_OF_DOMAIN as error:
+        return {"criticality": f"unknown: {error}"}
+    stable = (found.value.real < 0) == stable_if_negative
+    kind = "degenerate" if found.degenerate else "supercritical" if stable else "subcritical"
+    value = found.value
+    plain = complex(value) if isinstance(value, complex) else float(value)
+    return {name: plain, "criticality": kind}
+
+
+def vanishes(found: Coefficient, curve: Curve, z: Array) -> bool:
+    """Whether the real part of a cubic coefficient is zero. Its terms may all vanish at once: then
+    it is small against a term of order one."""
+    return abs(found.value.real) <= 1e-6 * (found.size + Forms(curve, z).reach ** -2)
+
+
 # --- flows ------------------------------------------------------------------------------------
 
 
@@ -172,22 +194,23 @@ def lyapunov(curve: Curve, z: Array, omega: float) -> Coefficient:
 
     Negative: a stable limit cycle appears on the centre manifold (supercritical).
     """
+    found = _of_pair(curve, z, 1j * omega, 2j * omega, 2 * omega)
+    return replace(found, value=found.value.real)
+
+
+def _of_pair(curve: Curve, z: Array, value: complex, second: complex, unit: complex) -> Coefficient:
+    """The cubic coefficient of a pair of eigenvalues; `second` is what the square of its amplitude
+    turns by."""
     forms = Forms(curve, z)
-    A, one = forms.A, np.eye(forms.n)
-    q, p = eigenvectors(A - 1j * omega * one)
-    B, C = _along_plane(forms, q)
-    h11 = solve(A, B @ q.conj())
-    h20 = solve(2j * omega * one - A, B @ q)
-    terms = (C, -2 * B @ h11, B.conj() @ h20)
-    parts = [complex(np.vdot(p, term)) / (2 * omega) for term in terms]
-    return Coefficient(sum(parts).real, sum(abs(part) for part in parts))
-
-
-def _along_plane(forms: Forms, q: Complex) -> tuple[Complex, Complex]:
-    """The matrix ``B(q, .)`` and the vector ``C(q, q, conj(q))``; ``B(conj(q), .)`` is the
-    conjugate of the first."""
+    q, p = eigenvectors(forms.A - value * np.eye(forms.n))
     real, imaginary = forms.jet(q.real), forms.jet(q.imag)
-    return real.B + 1j * imaginary.B, (real.C + imaginary.C) @ q
+    # B(q, .), the conjugate of B(conj(q), .), and C(q, q, conj(q))
+    B, C = real.B + 1j * imaginary.B, (real.C + imaginary.C) @ q
+    h11 = solve(-forms.A, B @ q.conj())
+    h20 = solve(second * np.eye(forms.n) - forms.A, B @ q)
+    terms = (C, 2 * B @ h11, B.conj() @ h20)
+    parts = [complex(np.vdot(p, term)) / unit for term in terms]
+    return Coefficient(sum(parts), sum(abs(part) for part in parts))
 
 
 def cubic_at_cusp(curve: Curve, z: Array) -> tuple[Coefficient, Coefficient]:
@@ -254,23 +277,7 @@ def rotation(curve: Curve, z: Array, angle: float) -> Coefficient:
 
     Raises `Undefined` at the strong resonances 1:1 to 1:3, where the normal form is another.
     """
-    forms = Forms(curve, z)
-    one = np.eye(forms.n)
-    A, mu = forms.A + one, np.exp(1j * angle)
+    mu = np.exp(1j * angle)
     if min(abs(mu**k - 1) for k in (1, 2, 3)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
-    q, p = eigenvectors(A - mu * one)
-    B, C = _along_plane(forms, q)
-    h11 = solve(one - A, B @ q.conj())
-    h20 = solve(mu**2 * one - A, B @ q)
-    terms = (C, 2 * B @ h11, B.conj() @ h20)
-    parts = [complex(np.vdot(p, term)) / (2 * mu) for term in terms]
-    return Coefficient(sum(parts), sum(abs(part) for part in parts))
-
-
-def criticality(coefficient: Coefficient, *, stable_if_negative: bool) -> str:
-    """What the sign of a coefficient says of the orbits that are born."""
-    if coefficient.degenerate:
-        return "degenerate"
-    negative = coefficient.value.real < 0
-    return "supercritical" if negative == stable_if_negative else "subcritical"
+    return _of_pair(curve, z, mu - 1, mu**2 - 1, 2 * mu)

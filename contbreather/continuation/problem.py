@@ -6,26 +6,16 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput, NotConverged
-from . import derivatives
-from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, length, newton, rounding
-
-if TYPE_CHECKING:
-    from .adjoin import Adjoined
-    from .branch import Point
-    from .events import Event
-    from .seed import Seed
+from .curve import Curve, Params
+from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, newton
 
 Array = NDArray[np.float64]
-
-_VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
-_ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
-Params = Mapping[str, float]
 Residual = Callable[[Array, Params], Array]
 
 
@@ -70,11 +60,16 @@ class Problem:
         fixed point among the cycles of period 2, that problem with the solution as its start.
     lifts : dict, optional
         ``{kind: lift}``: where other curves leave an event of that kind, ``lift(point)`` returns a
-        tuple of `Seed`. `switch` follows them.
+        `Lift`, the problem that has them. `switch` follows them.
     label : str, optional
         Shown in tables.
-    adjoined : Adjoined, optional
-        Set by `boundary`: the shorter problem and the locus this one consists of.
+    derivatives : callable, optional
+        ``derivatives(x, params, names) -> (n, n + len(names)) array``, in place of `jacobian` and
+        `sensitivity`: in `x` and the named parameters.
+    beneath : callable, optional
+        Where this problem is a shorter one and the locus of an event, as on a boundary:
+        ``beneath(x, params, names) -> (curve, z)``, the curve of the shorter one and the point on
+        it, while the named parameters are free.
 
     Raises
     ------
@@ -90,23 +85,27 @@ class Problem:
     ('x', 'mu')
     """
 
+    # Any stands for what is built on problems: events, points, seeds
     residual: Residual
     start: Mapping[str, Any]
     params: Params
     jacobian: Callable[[Array, Params], Array] | None = field(default=None, kw_only=True)
     sensitivity: Callable[[Array, Params, str], Array] | None = field(default=None, kw_only=True)
-    events: tuple[Event, ...] = field(default=(), kw_only=True)
-    record: Mapping[str, Callable[[Point], float]] = field(default_factory=dict, kw_only=True)
+    events: tuple[Any, ...] = field(default=(), kw_only=True)
+    record: Mapping[str, Callable[[Any], float]] = field(default_factory=dict, kw_only=True)
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
     scales: Mapping[str, float] = field(default_factory=dict, kw_only=True)
-    interpret: Callable[[Point], Any] | None = field(default=None, kw_only=True)
+    interpret: Callable[[Any], Any] | None = field(default=None, kw_only=True)
     images: Callable[[Array, Params], tuple[Array, ...]] | None = field(default=None, kw_only=True)
-    simpler: Callable[[Point], Problem | None] | None = field(default=None, kw_only=True)
-    lifts: Mapping[str, Callable[[Point], tuple[Seed, ...]]] = field(
-        default_factory=dict, kw_only=True
-    )
+    simpler: Callable[[Any], Problem | None] | None = field(default=None, kw_only=True)
+    lifts: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict, kw_only=True)
     label: str = field(default="", kw_only=True)
-    adjoined: Adjoined | None = field(default=None, kw_only=True, repr=False)
+    derivatives: Callable[[Array, Params, tuple[str, ...]], Array] | None = field(
+        default=None, kw_only=True
+    )
+    beneath: Callable[[Array, Params, tuple[str, ...]], tuple[Curve, Array]] | None = field(
+        default=None, kw_only=True
+    )
 
     def __post_init__(self) -> None:
         for what in ("start", "params", "scales", "domain", "record", "lifts"):
@@ -165,10 +164,7 @@ class Problem:
         self.check_names(values)
         start = {name: values.get(name, value) for name, value in self.start.items()}
         params = {name: values.get(name, value) for name, value in self.params.items()}
-        moved = replace(self, start=start, params=params)
-        return (
-            moved if self.adjoined is None else self.adjoined.moved(moved, self.adjoined.base.free)
-        )
+        return replace(self, start=start, params=params)
 
     def check_names(self, names: Iterable[str]) -> None:
         """Raise `BadInput` at the first name that this problem does not have."""
@@ -272,252 +268,3 @@ def problem_in(given: object) -> Problem:
             f"{type(given).__name__}"
         )
     return problem
-
-
-def _check_shape(what: str, given: Any, shape: tuple[int, ...]) -> None:
-    if hasattr(given, "toarray"):
-        raise BadInput(
-            f"the {what} is sparse, a {type(given).__name__}; a dense array of shape {shape} was "
-            "wanted: return its toarray()"
-        )
-    try:
-        found = np.asarray(given, dtype=float).shape
-    except (TypeError, ValueError) as error:
-        raise BadInput(f"the {what} is {given!r}; an array of numbers was wanted") from error
-    if found != shape:
-        raise BadInput(f"the {what} has shape {found}; {shape} was wanted")
-
-
-class Curve:
-    """A problem with named parameters set free: H(z) with ``z = (x, free parameters)``.
-
-    Attributes
-    ----------
-    varied : tuple of str
-        The parameters that change along it: the free ones, and on a boundary the one that its
-        locus determines, an unknown there.
-    slots : dict
-        Where each unknown and each free parameter lies in z.
-    scales : ndarray
-        Typical size of each entry of z.
-    metric : ndarray or None
-        Weights of the squared arclength, None where all are 1. An array unknown counts as its
-        mean square, so that a refined mesh keeps its steps.
-    rows : ndarray
-        Size of the derivative of each equation along the latest piece of curve: what is small
-        against it counts as zero.
-    """
-
-    def __init__(self, problem: Problem, free: tuple[str, ...]) -> None:
-        for name in free:
-            if not isinstance(name, str) or name not in problem.params:
-                raise BadInput(
-                    f"{name!r} is no parameter of this problem; it has {list(problem.params)}"
-                )
-        if problem.adjoined is not None:
-            problem = problem.adjoined.freed(problem, free)
-        self.problem = problem
-        self.free = free
-        self.varied = free if problem.adjoined is None else (*free, list(problem.start)[-1])
-        self.size = problem.x.size
-        self.fixed = {name: float(value) for name, value in problem.params.items()}
-        self.start = np.concatenate([problem.x, [self.fixed[name] for name in free]])
-        self.slots = {**problem.slots, **{name: self.size + i for i, name in enumerate(free)}}
-        names = (*problem.start, *free)
-        counts = [np.size(problem.start.get(name, 0.0)) for name in names]
-        self.scales = np.repeat([float(problem.scales.get(name, 1.0)) for name in names], counts)
-        weights = 1 / (np.repeat(counts, counts) * self.scales**2)
-        self.metric = None if (weights == 1).all() else weights
-        self._scheme: derivatives.Scheme | None = None
-        self._recent: list[tuple[Array, Array]] = []
-        self._spectra: list[tuple[Array, NDArray[np.complex128]]] = []
-
-    def dual(self, tangent: Array) -> Array:
-        """The row whose product with z is the inner product of the arclength."""
-        return tangent if self.metric is None else tangent * self.metric
-
-    def length(self, z: Array) -> float:
-        return length(z, self.metric)
-
-    def normalised(self, z: Array) -> Array:
-        return z / length(z, self.metric)
-
-    @cached_property
-    def rows(self) -> Array:
-        sizes = self.row_sizes(self.start)
-        if sizes.size > 1 and sizes.min() > _VANISHED * sizes.max():
-            return sizes
-        # where curves cross a whole row, or the only one, may vanish: its size is seen aside
-        z = self.start + _ASIDE * (1 + self.length(self.start)) * self.scales
-        try:
-            return np.maximum(sizes, self.row_sizes(z))
-        except Undefined:
-            return sizes
-
-    def row_sizes(self, z: Array) -> Array:
-        sizes = abs(self.jacobian(z) * self.scales).max(axis=1)
-        sizes[sizes == 0] = 1.0
-        return sizes
-
-    def balanced(self, matrix: Array) -> Array:
-        """A derivative (its first columns, in the order of z) in units of `scales` and `rows`."""
-        return matrix * self.scales[: matrix.shape[1]] / self.rows[:, None]
-
-    def rounding(self, z: Array) -> Array:
-        """What rounding leaves of each equation at z."""
-        return rounding(self.jacobian(z), z)
-
-    def params(self, z: Array) -> dict[str, float]:
-        """All parameters at z, the free ones taken from it."""
-        values = self.fixed.copy()
-        for i, name in enumerate(self.free):
-            values[name] = float(z[self.size + i])
-        return values
-
-    def equations(self, z: Array) -> Array:
-        return self.problem.evaluate(self.unknowns(z), self.params(z))
-
-    def unknowns(self, z: Array) -> Array:
-        """The first entries of z, a copy: equations that write to it do not move the point."""
-        return z[: self.size].copy()
-
-    def jacobian(self, z: Array) -> Array:
-        """Derivative of `equations`, shape ``(n, n + len(free))``; not to be written to."""
-        for known, matrix in self._recent:
-            if known is z:
-                return matrix
-        try:
-            matrix = self._jacobian(z)
-        except OUT_OF_DOMAIN as error:
-            raise Undefined(str(error)) from error
-        self._recent = [(z, matrix), *self._recent[:2]]
-        return matrix
-
-    def spectrum(self, z: Array) -> NDArray[np.complex128]:
-        """Eigenvalues of the derivative in the unknowns; not to be written to."""
-        for known, values in self._spectra:
-            if known is z:
-                return values
-        values = np.linalg.eigvals(self.jacobian(z)[:, : self.size]).astype(complex)
-        self._spectra = [(z, values), *self._spectra[:2]]
-        return values
-
-    def _jacobian(self, z: Array) -> Array:
-        problem, n = self.problem, self.size
-        if problem.adjoined is not None:
-            return problem.adjoined.whole(z[:n], self.params(z))[:, : z.size]
-        matrix = np.empty((n, z.size))
-        by_hand = 0
-        if problem.jacobian is not None:
-            params = self.params(z)
-            matrix[:, :n] = problem.jacobian(self.unknowns(z), params)
-            by_hand = n
-            if problem.sensitivity is not None:
-                for i, name in enumerate(self.free):
-                    matrix[:, n + i] = problem.sensitivity(self.unknowns(z), params, name)
-                by_hand = z.size
-        if by_hand < z.size:
-            matrix[:, by_hand:] = self._by_trying(z, range(by_hand, z.size))
-        return matrix
-
-    def in_unknowns(self, z: Array) -> Array:
-        """The derivative in the unknowns alone, where none in parameters are wanted."""
-        try:
-            if self.problem.adjoined is not None:
-                return self.jacobian(z)[:, : self.size]
-            if self.problem.jacobian is None:
-                return self._by_trying(z, range(self.size))
-            return np.array(self.problem.jacobian(self.unknowns(z), self.params(z)))
-        except OUT_OF_DOMAIN as error:
-            raise Undefined(str(error)) from error
-
-    def _by_trying(self, z: Array, columns: range) -> Array:
-        """Columns of the derivative by the scheme that suits the residual, chosen anew where
-        complex numbers are refused after all."""
-        if self._scheme is derivatives.complex_steps:
-            try:
-                return self._scheme(self._raw, z, columns)
-            except OUT_OF_DOMAIN:
-                raise
-            except Exception:  # noqa: BLE001 - as where the scheme is chosen
-                self._scheme = None
-        if self._scheme is None:
-            self._scheme = derivatives.choose(self._raw, z, self.scales)
-        return self._scheme(self._raw, z, columns)
-
-    def _raw(self, z: Array) -> Array:
-        """The residual without checks, at a possibly complex z."""
-        values: dict[str, Any] = dict(self.fixed)
-        values.update(zip(self.free, z[self.size :], strict=True))
-        value = np.array(self.problem.residual(self.unknowns(z), values), ndmin=1)
-        if value.dtype.kind == "c" and z.dtype.kind != "c":
-            raise Undefined("the equations are not real")
-        return value
-
-    def check(self) -> None:
-        """Refuse wrong shapes and wrong derivatives before anything is built on them."""
-        try:
-            value = self.equations(self.start)
-        except Undefined as error:
-            raise BadInput(
-                f"the equations have no value at the start {self.problem.shown()}: {error}"
-            ) from error
-        if value.dtype == bool:
-            raise BadInput(f"the residual is {value!r}; an array of numbers was wanted")
-        self._check_shapes()
-        wrong = self.misfit(self.start)
-        if wrong:
-            raise BadInput(wrong)
-
-    def _check_shapes(self) -> None:
-        problem, z, n = self.problem, self.start, self.size
-        if problem.jacobian is not None:
-            given = problem.jacobian(self.unknowns(z), self.params(z))
-            _check_shape("Jacobian", given, (n, n))
-        if problem.sensitivity is not None:
-            for name in self.free:
-                given = problem.sensitivity(self.unknowns(z), self.params(z), name)
-                _check_shape("sensitivity", given, (n,))
-
-    def misfit(self, z: Array) -> str:
-        """What is wrong with derivatives that were given, seen at z: empty if nothing is."""
-        problem = self.problem
-        what = "the Jacobian that was given does not fit the residual"
-        if problem.adjoined is not None:
-            wrong = problem.adjoined.base.misfit(
-                problem.adjoined.split(z[: self.size], self.params(z))[0]
-            )
-            if wrong or problem.adjoined.locus.derivative is None:
-                return wrong
-            what = "the derivative of the locus does not fit its conditions"
-        elif problem.jacobian is None and problem.sensitivity is None:
-            return ""
-        given = self.jacobian(z)
-        # one direction through all entries tells whether any is wrong
-        direction = np.maximum(self.scales, abs(z)) * np.cos(np.arange(z.size))
-        wanted, doubt, _ = derivatives.estimate(
-            lambda t: self._raw(z + t[0] * direction), np.zeros(1), np.ones(1)
-        )
-        if derivatives.misfit((given @ direction)[:, None], wanted, doubt) is None:
-            return ""
-        wanted, doubt, _ = derivatives.estimate(self._raw, z, self.scales)
-        entry = derivatives.misfit(given, wanted, doubt)
-        if entry is None:
-            return ""
-        return (
-            f"{what}: its entry {entry} is {given[entry]:.8g}, differences give {wanted[entry]:.8g}"
-        )
-
-    def reconsider(self, *places: Array) -> str:
-        """Choose anew how derivatives are taken, now for these places; what is wrong with given
-        ones there."""
-        self._scheme, self._recent, self._spectra = None, [], []
-        for z in places:
-            try:
-                self.jacobian(z)
-                wrong = self.misfit(z)
-            except Undefined:
-                continue
-            if wrong:
-                return wrong
-        return ""

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .branch import Point
+    from .point import Point
 
 _PATIENCE = 1.0  # seconds before anything is shown
 _INTERVAL = 0.1

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import NotConverged
-from .branch import Branch, Point
+from .branch import Branch
+from .curve import Curve
 from .newton import OUT_OF_DOMAIN
-from .problem import Curve, Problem
+from .point import Point
+from .problem import Problem
 from .segment import Segment
 
 Array = NDArray[np.float64]
@@ -29,17 +31,6 @@ def lies_on(point: Point, branch: Branch, reach: float = math.inf) -> bool:
     False where it cannot be told: the branch has other unknowns, or other parameters than the
     free one differ. `reach` is the distance from a place where curves meet to the point on one of
     them: what is less close than a thousandth of it is on another one.
-
-    Examples
-    --------
-    >>> import contbreather as cb, numpy as np
-    >>> circle = cb.Problem(lambda x, p: np.array([x[0]**2 + p["mu"]**2 - 1]),
-    ...                     start={"x": 1.0}, params={"mu": 0.0})
-    >>> whole = cb.trace(circle, "mu")
-    >>> upper = cb.trace(circle, "mu", within={"x": (0, 2)})
-    >>> half = len(whole) // 2  # there x = -1
-    >>> [lies_on(upper[5], whole), lies_on(whole[5], upper), lies_on(whole[half], upper)]
-    [True, True, False]
     """
     z = placed(point, branch.curve)
     if z is None or len(branch) < 2:

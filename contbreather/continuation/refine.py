@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
-from .branch import Branch, Point
+from .branch import Branch
 from .newton import OUT_OF_DOMAIN, Undefined
+from .point import Point
 from .segment import Segment
 
 _CLOSE = 1e-8  # neighbours closer than this, relative to 1 + |z|, have nothing between them
@@ -44,14 +45,6 @@ def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
 def between(first: Point, last: Point, *, tolerance: float = 1e-9) -> Point | None:
     """The point halfway between two neighbours of a branch, solved for; None where they are one
     but for rounding, or none is found: on a branch without its equations, for instance.
-
-    Examples
-    --------
-    >>> import numpy as np, contbreather as cb
-    >>> line = cb.Problem(lambda x, p: np.array([x[0] - p["mu"]]), {"x": 0.0}, {"mu": 0.0})
-    >>> ends = cb.trace(line, "mu", within={"mu": (0, 1)}).points[-2:]
-    >>> bool(between(*ends)["mu"] == np.mean([end["mu"] for end in ends]))
-    True
     """
     if last.arclength - first.arclength <= _CLOSE * (1 + first.curve.length(first.z)):
         return None

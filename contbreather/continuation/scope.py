@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from .branch import Point
-from .events import Event, Judged
+from .point import Event, Judged, Point
 from .problem import Problem
 from .starts import all_of
 

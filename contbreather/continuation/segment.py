@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .branch import Point
+from .curve import Curve
 from .newton import Solution, Undefined, newton, solve_oriented
-from .problem import Curve
+from .point import Point
 
 Array = NDArray[np.float64]
 

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import real
 from ..errors import BadInput, NotConverged
-from .branch import Point
-from .crossing import crossing
-from .events import Event
+from .branch_points import crossing
+from .curve import Curve
 from .newton import Undefined, approach, newton
-from .problem import Curve, Problem
+from .point import Event, Point
+from .problem import Problem
 from .segment import closest, tangent_at
 
 Array = NDArray[np.float64]

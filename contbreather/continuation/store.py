@@ -20,11 +20,13 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from ..files import opened, write_whole
 from .boundary import boundary_problem
-from .branch import Branch, Point, Stop, labelled
-from .codim2 import branch_point, fold, hopf
-from .events import Event
+from .branch import Branch, Stop, labelled
+from .curve import Curve
+from .equilibria import branch_point, fold, hopf
+from .extended import event_of
 from .newton import Undefined
-from .problem import Curve, Problem, problem_in
+from .point import Event, Point
+from .problem import Problem, problem_in
 from .trail import measure
 
 if TYPE_CHECKING:
@@ -189,13 +191,13 @@ def _dataset(branch: Branch, points: Sequence[Point], *, recorded: bool) -> Data
     own = {"point", _DOUBTFUL, *(d for one in variables.values() for d in one[0])}
     if taken := sorted(own & set(variables)):
         raise BadInput(f"{taken[0]!r} is a name that the file needs itself; call yours otherwise")
-    together = problem.adjoined
+    event = event_of(problem)
     attributes = {
         "label": _text(problem.label),
         "unknowns": list(problem.start),
         "parameters": list(problem.params),
         "free": curve.free[0],
-        "boundary": together.event.kind if together and together.event else "",
+        "boundary": event.kind if event else "",
         "stop": branch.stop.name,
         "stop_meaning": branch.stop.value,
         "reason": _text(branch.reason),

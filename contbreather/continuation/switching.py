@@ -15,14 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput, NotConverged, keeping, taking
-from .branch import Branch, Point, Stop, labelled
-from .events import Event
-from .newton import OUT_OF_DOMAIN, Undefined
-from .problem import Curve, Problem
+from .branch import Branch, Stop, labelled
+from .curve import Curve
+from .lift import Lift, Seed, across
+from .newton import OUT_OF_DOMAIN
+from .point import Event, Point
+from .problem import Problem
 from .progress import Progress
 from .recognition import images, lies_on
 from .scope import walls_are_lifted
-from .seed import Seed
 from .starts import Within, all_of
 from .steps import Steps
 from .trace import trace
@@ -124,77 +125,49 @@ def switch(
     return tuple(arms)
 
 
-def lift_of(point: Point) -> Callable[[Point], tuple[Seed, ...]] | None:
+def lift_of(point: Point) -> Callable[[Point], Lift] | None:
     """What knows the curves that leave a point, if any do."""
     if point.event is None:
         return None
-    other = across if point.event.crosses else None
-    return point.curve.problem.lifts.get(point.kind, other)
+    own = _crossed if point.event.crosses else None
+    return point.curve.problem.lifts.get(point.kind, own)
+
+
+def _crossed(point: Point) -> Lift:
+    return Lift(point.problem, point.curve.free[0])
 
 
 def seeds_at(point: Point) -> tuple[Seed, ...]:
     """Where curves set out from a point, or why none do."""
-    if point.parent is not None:
-        raise NothingToSwitch(
-            f"{point!r} is where this arm sets out; switch at the point of the branch it left, "
-            "its `parent`",
-            point,
-        )
-    if point.event is None and point.kind not in ("", "EP", "MX"):
-        raise NothingToSwitch(
-            f"{point!r} was loaded without its equations; load(path, problem=...) attaches them",
-            point,
-        )
-    if point.event is None:
-        what = "where a branch ends" if point.kind else "no special point"
-        raise NothingToSwitch(f"{point!r} is {what}; switch at a BP, PF or PD of a branch", point)
-    lift = lift_of(point)
-    if lift is None:
-        raise NothingToSwitch(f"{point!r}: no other branch is known to leave a {point.kind}", point)
-    if not point.located:
-        raise NothingToSwitch(
-            f"{point!r} was seen, not located ({point.detail.get('reason', 'no reason kept')}): "
-            "where others would leave it is not known",
-            point,
-        )
+    why, lift = _nothing(point), lift_of(point)
+    if not why and lift is None:
+        why = f": no other branch is known to leave a {point.kind}"
+    if why or lift is None:
+        raise NothingToSwitch(f"{point!r}{why}", point)
     try:
-        seeds = lift(point)
+        found = lift(point)
+        if isinstance(found, Lift):
+            return found.seeds() if lift is not _crossed else across(point)
     except OUT_OF_DOMAIN as error:
         raise NothingToSwitch(f"{point!r}: {error}", point) from error
-    found = () if seeds is None else _checked(seeds, point)
-    if not found:
-        raise NothingToSwitch(f"{point!r}: no other branch leaves it", point)
-    return found
+    raise BadInput(f"the lift of {point!r} is {found!r}; a Lift was wanted")
 
 
-def across(point: Point) -> tuple[Seed, ...]:
-    """Both directions of the curve that crosses the one the point was found on."""
-    if "tangents" not in point.detail:
-        raise Undefined("no directions are known here: other curves set out where curves cross")
-    row = point.curve.dual(point.direction)
-    across = min(point.detail["tangents"], key=lambda tangent: abs(float(tangent.dot(row))))
-    problem = point.problem
-    return tuple(Seed(problem, point.z, side * across, point.tangent) for side in (1, -1))
-
-
-def _checked(seeds: Any, point: Point) -> tuple[Seed, ...]:
-    """What the arms of an event gave, as seeds."""
-    try:
-        found = tuple(Seed(*seed) for seed in seeds)
-        if not all(isinstance(seed.problem, Problem) for seed in found):
-            raise TypeError
-        parents = [
-            np.asarray(seed.parent, dtype=float) for seed in found if seed.parent is not None
-        ]
-        tangents = [np.shape(seed.tangent) for seed in found if seed.parent is not None]
-        if [parent.shape for parent in parents] != tangents:
-            raise ValueError
-    except (TypeError, ValueError) as error:
-        raise BadInput(
-            f"the arms of {point.kind} at {point!r} gave {seeds!r}; a tuple of Seeds was wanted, "
-            "each with a problem, a point z, a direction and perhaps that of the branch it leaves"
-        ) from error
-    return found
+def _nothing(point: Point) -> str:
+    """Why no curve can be followed from a point, whatever its event is."""
+    if point.parent is not None:
+        return (
+            " is where this arm sets out; switch at the point of the branch it left, its `parent`"
+        )
+    if point.event is None and point.kind not in ("", "EP", "MX"):
+        return " was loaded without its equations; load(path, problem=...) attaches them"
+    if point.event is None:
+        what = "where a branch ends" if point.kind else "no special point"
+        return f" is {what}; switch at a BP, PF or PD of a branch"
+    if not point.located and lift_of(point) is not None:
+        reason = point.detail.get("reason", "no reason kept")
+        return f" was seen, not located ({reason}): where others would leave it is not known"
+    return ""
 
 
 def follow(

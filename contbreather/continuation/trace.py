@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -11,18 +12,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput, keeping
-from .branch import Branch, Point, Stop, labelled
-from .crossing import crossing
-from .events import Event
+from .branch import Branch, Stop, labelled
+from .branch_points import crossing
+from .curve import Curve
 from .location import Ends, Found, find
 from .newton import Solution, Undefined, newton, solve
-from .problem import Curve, Problem, problem_in
+from .point import Event, Point
+from .problem import Problem, problem_in
 from .progress import Progress
 from .scope import scope
 from .segment import Segment, tangent_at
 from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, settled
 from .steps import Steps
-from .trail import Value, measure
+from .trail import Value, counted
 
 Array = NDArray[np.float64]
 
@@ -128,10 +130,8 @@ def trace(
     start = problem_in(start)  # once: what both find at the start is one event
     sides = ("down", "up") if towards == "both" and along is None else (towards,)
     legs: list[Leg] = []
-    with (
-        progress if isinstance(progress, Progress) else Progress(progress, free) as shown,
-        keeping(lambda: _so_far(legs)),
-    ):
+    line = nullcontext(progress) if isinstance(progress, Progress) else Progress(progress, free)
+    with line as shown, keeping(lambda: _so_far(legs)):
         for side in sides:
             walker = walk(
                 start,
@@ -513,9 +513,8 @@ class Walker:
         return {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
 
     def _first_tests(self) -> tuple[Value, ...]:
-        for event in self.events:
-            event.value(self.origin)  # a test that fails here, as for a wrong name, is a mistake
-        values = tuple(measure(event, self.origin) for event in self.events)
+        # a test that fails here, as for a wrong name, is a mistake
+        values = tuple(counted(event, event.value(self.origin)) for event in self.events)
         for event, value in zip(self.events, values, strict=True):
             if event.walls and value < -1e-9:
                 raise BadInput(

@@ -6,13 +6,14 @@ import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from ..errors import BadInput
-from .branch import Point
-from .events import Event, Singular, singular_between
+from .loci import Singular, singular_between
 from .newton import OUT_OF_DOMAIN, Undefined
+from .point import Event, Point
 from .segment import Segment
 
 Value = float | int
@@ -27,6 +28,11 @@ def measure(event: Event, point: Point) -> Value:
         value = event.value(point)
     except OUT_OF_DOMAIN:
         return math.nan
+    return counted(event, value)
+
+
+def counted(event: Event, value: Any) -> Value:
+    """What a test gave, as a number."""
     if isinstance(value, int | np.integer | np.bool_):
         return int(value)
     try:
@@ -75,7 +81,7 @@ class Trail:
     @property
     def jumps(self) -> bool:
         """Whether the test counts: all its values are int, but for NaN where it has none."""
-        return all(isinstance(v, int) or math.isnan(v) for v in self.values.values())
+        return not any(isinstance(v, float) and v == v for v in self.values.values())
 
     def settle(self, u: float, left: float, right: float) -> None:
         """Remember an event at u: the test keeps its sign up to it, and the other one after it."""

@@ -170,7 +170,7 @@ def _unstable(branch: Branch) -> NDArray[np.bool_]:
     between two special points one more that lies there.
     """
     stretches = np.zeros(max(len(branch) - 1, 0), dtype=bool)
-    if STABILITY not in branch.names or branch.problem.adjoined is not None:
+    if STABILITY not in branch.names or branch.problem.beneath is not None:
         return stretches
     unstable = np.asarray(branch[STABILITY]) > 0
     special = np.array([bool(point.kind) for point in branch])

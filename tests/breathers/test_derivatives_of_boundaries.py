@@ -23,7 +23,7 @@ from contbreather.breathers.wave_road import impact_problem
 from contbreather.continuation import Branch, Locus, Point
 from contbreather.continuation.boundary import boundary_problem
 from contbreather.continuation.boundary import meeting as meeting_of
-from contbreather.continuation.problem import Curve
+from contbreather.continuation.curve import Curve
 
 RICH = cb.Fourier(cos={1: -1.0, 3: -0.2}, sin={5: 0.1})
 LETTERS = cb.Symbolic("-cos(t) - c*cos(3*t)", c=0.2)

@@ -27,7 +27,7 @@ from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import ImpossibleSequence, Inadmissible
 from contbreather.breathers.section import Section, check_possible
 from contbreather.breathers.shooting import shooting
-from contbreather.continuation.problem import Curve
+from contbreather.continuation.curve import Curve
 from contbreather.continuation.switching import seeds_at, switch
 from contbreather.lattice.conditions import Conditions
 from contbreather.stability import dense_half_map

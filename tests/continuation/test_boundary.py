@@ -24,8 +24,8 @@ from contbreather.continuation import (
     trace,
     user,
 )
-from contbreather.continuation.adjoin import adjoined
-from contbreather.continuation.problem import Curve
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.extended import extended
 from contbreather.errors import BadInput
 
 from .zoo import (
@@ -231,11 +231,12 @@ def test_a_fold_of_a_large_system_is_traced_with_few_evaluations() -> None:
 def test_derivatives_of_the_loci_are_those_of_their_conditions(event, planar: Branch) -> None:
     point = planar.first(event.kind)
     locus = event.locus(point)
-    longer = adjoined(point.problem, locus, "b1", "b2")
+    base = Curve(point.problem, ("b1", "b2"))
+    longer = extended(base, locus)
     curve = Curve(longer, ("b2",))
     z = curve.start + 0.01 * np.cos(np.arange(curve.start.size))
     exact = curve.jacobian(z)
-    by_differences = adjoined(point.problem, replace(locus, derivative=None), "b1", "b2")
+    by_differences = extended(base, replace(locus, derivative=None))
     assert np.allclose(exact, Curve(by_differences, ("b2",)).jacobian(z), rtol=0, atol=1e-9)
 
 

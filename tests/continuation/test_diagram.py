@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from contbreather.continuation import Branch, Event, Problem, Seed, Steps, Stop, branch_point
+from contbreather.continuation import Branch, Event, Problem, Steps, Stop, branch_point
 from contbreather.continuation.diagram import Diagram, diagram
+from contbreather.continuation.lift import Lift, Seed
 from contbreather.continuation.maps import FixedPoint
 from contbreather.errors import BadInput, Interrupted, NotConverged
 
@@ -213,7 +213,7 @@ def test_the_cascade_goes_on_where_cycles_are_all_but_their_parents() -> None:
 
 
 def test_an_arm_that_is_its_own_parent_is_a_failure_and_no_meeting() -> None:
-    def arms(point: object) -> tuple[Seed, ...]:
+    def lift(point: object) -> Lift:
         own = point.problem
         twice = Problem(
             lambda x, p: np.concatenate([own.residual(x[:1], p), own.residual(x[1:], p)]),
@@ -221,9 +221,9 @@ def test_an_arm_that_is_its_own_parent_is_a_failure_and_no_meeting() -> None:
             {"mu": point["mu"]},
             simpler=lambda there: own.at(x=there["x"], mu=there["mu"]),
         )
-        return (Seed(twice, np.append(twice.x, point["mu"]), np.array([1.0, 1.0, 1.0])),)
+        return Lift(twice, "mu", both=False)
 
-    mine = scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}, lifts={"ODD": arms})
+    mine = scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}, lifts={"ODD": lift})
     tree = diagram(mine, "mu", within=MU, events=[Event("ODD", lambda p: p["mu"])])
     assert (len(tree), tree.met, len(tree.failed)) == (1, (), 1)
     assert "cannot be told from the branch it was to leave" in str(tree.failed[0])
@@ -262,9 +262,9 @@ def test_every_branch_ever_new_still_ends() -> None:
     """An event whose arms lead to problems that nobody can recognise."""
 
     def problem(level: int) -> Problem:
-        def arms(point: object) -> tuple[Seed, ...]:
-            z = np.array([point["mu"], point["mu"]])
-            return (Seed(problem(level + 1), z, np.array([1.0, 1.0])),)
+        def lift(point: object) -> Lift:
+            start = {f"x{level + 1}": point["mu"], "mu": point["mu"]}
+            return Lift(problem(level + 1).at(**start), "mu", both=False)
 
         event = Event("ODD", lambda point: point["mu"] - 0.5)
         return Problem(
@@ -272,20 +272,22 @@ def test_every_branch_ever_new_still_ends() -> None:
             {f"x{level}": -0.6},
             {"mu": -0.6},
             events=(event,),
-            lifts={"ODD": arms},
+            lifts={"ODD": lift},
         )
 
     tree = diagram(problem(0), "mu", within=MU, depth=10**6, most=12)
     assert len(tree) <= 12
 
 
-def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on() -> None:
-    def arms(point: object) -> tuple[Seed, ...]:
+def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def seeds(point: object) -> tuple[Seed, ...]:
         wrong = Seed(point.problem, point.z + 0.3, np.array([1.0, 0.0]))
         return (wrong, Seed(point.problem, point.z, np.array([1.0, 0.0])))
 
-    event = Event("ODD", lambda point: point["mu"])
-    tree = diagram(replace(PITCHFORK.problem, lifts={"ODD": arms}), "mu", within=MU, events=[event])
+    monkeypatch.setattr("contbreather.continuation.diagram.seeds_at", seeds)
+    tree = diagram(PITCHFORK.problem, "mu", within=MU, events=[branch_point()])
     assert len(tree) == 2
     assert "no curve leaves the start" in str(tree.failed[0])
     assert "1 arm not followed" in tree.describe()
@@ -337,7 +339,7 @@ def test_a_start_that_is_no_solution_is_refused_like_anywhere() -> None:
     [{"depth": -1}, {"most": 0}, {"depth": "2"}, {"depth": 1.5}, {"most": None}, {"depth": True}],
 )
 def test_impossible_bounds_are_refused(given: dict[str, object]) -> None:
-    with pytest.raises(BadInput, match="depth >= 0 and most >= 1"):
+    with pytest.raises(BadInput, match=r"a whole number, at least [01], was wanted"):
         grown(PITCHFORK.problem, **given)
 
 

@@ -19,9 +19,9 @@ from scipy.integrate import solve_ivp
 
 from contbreather.continuation import Problem, fold, hopf, trace
 from contbreather.continuation import normal_forms as forms
+from contbreather.continuation.curve import Curve
 from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.problem import Curve
 
 from .zoo import BRUSSELATOR, LORENZ, Array, takens, trace_case
 

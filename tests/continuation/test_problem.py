@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from contbreather.continuation import Problem, Steps, Stop, fold, trace
+from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import complex_steps, differences, estimate, misfit
-from contbreather.continuation.problem import Curve
 from contbreather.errors import BadInput, NotConverged
 
 from .zoo import LINE, SMALL, Case, counted, scalar

@@ -16,20 +16,21 @@ from contbreather.continuation import (
     Branch,
     Event,
     Problem,
-    Seed,
     Steps,
     Stop,
     branch_point,
     fold,
     hopf,
+    switching,
     trace,
+    user,
 )
-from contbreather.continuation.problem import Curve
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.lift import Lift, Seed
 from contbreather.continuation.recognition import lies_on, recognised, same_place
 from contbreather.continuation.switching import (
     ArmsCoincide,
     NothingToSwitch,
-    across,
     follow,
     switch,
 )
@@ -178,17 +179,17 @@ def test_any_event_can_have_its_own_arms_in_a_larger_problem() -> None:
 
     larger = Problem(apart, {"left": 0.0, "right": 0.0}, {"mu": 0.0})
 
-    def arms(point: object) -> tuple[Seed, ...]:
-        x, mu = point["x"], point["mu"]
-        z, parent = np.array([x, x, mu]), np.array([1.0, 1.0, 1.0])
-        return tuple(Seed(larger, z, side * np.array([1.0, -1.0, 0]), parent) for side in (1, -1))
+    def lift(point: object) -> Lift:
+        there = larger.at(left=point["x"], right=point["x"], mu=point["mu"])
+        return Lift(there, "mu", by=("right",))
 
     event = Event("ODD", lambda point: point["mu"] - 0.5)
-    lifts = {"ODD": arms}
+    lifts = {"ODD": lift}
     mine = scalar(lambda x, p: x - p["mu"], 0.0, {"mu": 0.0}, events=(event,), lifts=lifts)
     found = switch(trace(mine, "mu", within=MU).first("ODD"), within=MU)
-    for arm in found:
+    for side, arm in zip((1, -1), found, strict=True):
         half = 0.5 * (arm["left"] - arm["right"])
+        assert side * half[-1] > 0
         assert abs(arm["mu"] - 0.5 - half**2).max() < 1e-12
     assert found[0]["left"][-1] == pytest.approx(found[1]["right"][-1], abs=1e-12)
 
@@ -245,11 +246,19 @@ def test_a_point_that_was_not_located_is_refused() -> None:
     assert "seen, not located (for a test)" in str(refused(doubt))
 
 
-def test_an_event_without_arms_at_its_point_is_refused() -> None:
+def test_a_lift_to_equations_that_fold_there_is_refused() -> None:
+    """Along no direction in which these equations could be left does the parameter change."""
+
+    def lift(point: object) -> Lift:
+        fold = Problem(
+            lambda x, p: np.array([x[0] ** 2 - p["mu"], x[1] ** 2]), {"x": 0, "y": 0}, {"mu": 0}
+        )
+        return Lift(fold, "mu")
+
     event = Event("ODD", lambda point: point["mu"])
-    mine = replace(PITCHFORK.problem, lifts={"ODD": lambda point: ()})
+    mine = replace(PITCHFORK.problem, lifts={"ODD": lift})
     point = trace(mine, "mu", events=[event], within=MU).first("ODD")
-    assert "no other branch leaves it" in str(refused(point))
+    assert "they fold there" in str(refused(point))
 
 
 def with_seed(z: Array, tangent: Array, parent: Array | None = None) -> tuple[object, Seed]:
@@ -257,33 +266,20 @@ def with_seed(z: Array, tangent: Array, parent: Array | None = None) -> tuple[ob
     return point, Seed(point.problem, z, tangent, parent)
 
 
-def first_switched(arms: object) -> object:
-    event = Event("BP", lambda point: point["mu"] - 0.3)
-    mine = replace(PITCHFORK.problem, lifts={"BP": arms})
-    return switch(trace(mine, "mu", within=MU, events=[event]).first("BP"))
-
-
 def test_the_arms_of_a_branch_point_are_refused_where_none_is() -> None:
+    event = replace(branch_point(), test=lambda point: point["mu"] - 0.3)
+    point = trace(PITCHFORK.problem, "mu", within=MU, events=[user("mu", 0.3)]).first("UZ")
     with pytest.raises(NothingToSwitch, match="no directions are known here"):
-        first_switched(across)
+        switch(replace(point, event=event))
 
 
-@pytest.mark.parametrize(
-    "arms",
-    [
-        lambda point: 3,
-        lambda point: [3],
-        lambda point: "ab",
-        lambda point: [(1, 2, 3, 4, 5, 6)],
-        lambda point: [("a", point.z, point.tangent)],
-        lambda point: Seed(point.problem, point.z, point.tangent),
-        lambda point: [Seed(point.problem, point.z, point.tangent, "junk")],
-        lambda point: [Seed(point.problem, point.z, point.tangent, np.zeros(3))],
-    ],
-)
-def test_arms_that_are_no_seeds_are_refused(arms: object) -> None:
-    with pytest.raises(BadInput, match=r"the arms of BP at .* a tuple of Seeds was wanted"):
-        first_switched(arms)
+@pytest.mark.parametrize("found", [3, "ab", None, (), [3], np.zeros(2), PITCHFORK.problem])
+def test_what_is_no_lift_is_refused(found: object) -> None:
+    event = Event("BP", lambda point: point["mu"] - 0.3)
+    mine = replace(PITCHFORK.problem, lifts={"BP": lambda point: found})
+    point = trace(mine, "mu", within=MU, events=[event]).first("BP")
+    with pytest.raises(BadInput, match=r"the lift of .*; a Lift was wanted"):
+        switch(point)
 
 
 def test_an_arm_that_follows_its_parent_is_refused_with_the_arm() -> None:
@@ -296,11 +292,10 @@ def test_an_arm_that_follows_its_parent_is_refused_with_the_arm() -> None:
     assert isinstance(caught.value, NotConverged)
 
 
-def test_arms_that_coincide_are_refused_with_both() -> None:
-    aside = np.array([1.0, 0.0])
-    lifts = {"BP": lambda point: (Seed(point.problem, point.z, aside),) * 2}
-    mine = replace(PITCHFORK.problem, lifts=lifts)
-    point = trace(mine, "mu", within=MU, events=[branch_point()]).first("BP")
+def test_arms_that_coincide_are_refused_with_both(monkeypatch: pytest.MonkeyPatch) -> None:
+    point = trace_case(PITCHFORK).first("BP")
+    twice = (Seed(point.problem, point.z, np.array([1.0, 0.0])),) * 2
+    monkeypatch.setattr(switching, "seeds_at", lambda point: twice)
     with pytest.raises(ArmsCoincide, match=r"two arms of .* coincide") as caught:
         switch(point, within=MU)
     assert caught.value.distance < 1e-12

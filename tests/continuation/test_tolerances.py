@@ -40,7 +40,8 @@ def test_next_to_a_strong_resonance_there_is_a_coefficient_and_on_it_none() -> N
 )
 def test_a_coefficient_has_a_sign_down_to_a_millionth_of_its_terms(value, word) -> None:
     coefficient = forms.Coefficient(3.0 * value, 3.0)
-    assert forms.criticality(coefficient, stable_if_negative=True) == word
+    found = forms.criticality("c", lambda: coefficient, stable_if_negative=True)
+    assert found["criticality"] == word
 
 
 def test_a_coefficient_is_rounding_only_where_its_terms_cancel_to_eleven_digits() -> None:

@@ -27,9 +27,9 @@ from contbreather.continuation import (
     trace,
     user,
 )
+from contbreather.continuation.curve import Curve
 from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.problem import Curve
 
 from .zoo import CUSP, LINE, PITCHFORK, Array, cusp_surface, takens, trace_case
 

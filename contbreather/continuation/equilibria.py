@@ -1,28 +1,55 @@
-"""Folds and Hopf points as curves in two parameters, and what happens on these curves.
+"""LP, BP and HB of any equations, or of a flow ``x' = F``, and what their curves meet.
 
-CP where two folds meet; for a flow ``x' = F`` also BT (a double zero eigenvalue), ZH (a zero and a
-pair on the imaginary axis), GH (the first Lyapunov coefficient vanishes) and HH (two pairs). Each
-is verified by the eigenvalues, and by coefficients of its normal form, before it is labelled.
+On curves of folds CP, where two of them meet; for a flow also BT (a double zero eigenvalue), ZH (a
+zero and a pair on the imaginary axis), GH (the first Lyapunov coefficient vanishes) and HH (two
+pairs). Each is verified by the eigenvalues, and by coefficients of its normal form.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import events, normal_forms
+from . import normal_forms
 from .boundary import meeting
-from .branch import Point
-from .events import Crossings, Event, Examined, Locus, Meeting, Singular
+from .branch_points import (
+    CROSSED,
+    GAP,
+    Crossings,
+    balanced,
+    bordered,
+    branch_point_test,
+    branches_cross,
+    examine_branch_point,
+)
+from .loci import (
+    Singular,
+    critical_plane,
+    least_with_sign,
+    null_locus,
+    null_vector,
+    oriented_overlap,
+    pair_locus,
+    pairs,
+    signed_smallest,
+    without,
+)
 from .newton import OUT_OF_DOMAIN
+from .point import Event, Examined, Locus, Meeting, Point
 
 Array = NDArray[np.float64]
+Values = NDArray[np.complex128]
 
-CROSSED = "branches cross here, held together by a symmetry or an invariant subspace"
-_ZERO = 1e-5  # eigenvalues this small, relative to the derivative, are zero: double ones split
+_EXACT = 1e-14  # relative rounding of singular values
+_ZERO = 1e-6  # relative size of eigenvalues that are both zero: a double zero splits by a root
+_CLOSE = 1e-5  # and where two curves meet
+# Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
+# where they are zero all along a branch, as in conservative systems.
+_ROUNDING = 2e-13
 
 
 def fold() -> Event:
@@ -86,12 +113,44 @@ def branch_point() -> Event:
     return _BRANCH_POINT
 
 
-# --- on curves of folds -----------------------------------------------------------------------
+# --- folds ------------------------------------------------------------------------------------
+
+
+def _fold_test(point: Point) -> float:
+    if point.tangent is not None:
+        return float(point.tangent[-1])
+    return signed_smallest(balanced(point)[:, : point.curve.size])
 
 
 def _fold_locus(point: Point) -> Locus:
-    locus = events.fold_locus(point)
-    return replace(locus, events=(cusp(),), meets={"HB": (_BT_ON_FOLD, _ON_FOLD_HOPF)})
+    n = point.curve.size
+    null = null_vector(balanced(point)[:, :n], point.curve.scales[:n])
+    return replace(null_locus(null), events=(cusp(),), meets=MEETINGS["LP"])
+
+
+def _examine_fold(point: Point) -> str:
+    if point.tangent is not None and "null" not in point.detail:
+        return "a degenerate fold or a branch point: no null vector could be solved for"
+    curve, z, n = point.curve, point.z, point.curve.size
+    whole = balanced(point)
+    left, sizes, right = np.linalg.svd(whole[:, :n])
+    change = left[:, -1] @ curve.balanced(curve.along(z, right[-1] * curve.scales[:n]))
+    # what vanishes within a short way along any direction vanishes here, whatever its units
+    near = GAP * (1 + curve.length(z)) * np.linalg.norm(change) + _EXACT * sizes[0]
+    if abs(left[:, -1] @ whole[:, n:]).max(initial=0.0) <= near:
+        return "a branch point, not a fold: the whole derivative loses rank"
+    if sizes[-1] > near:
+        return f"the derivative in the unknowns is regular: least singular value {sizes[-1]:.2g}"
+    return ""
+
+
+def _cusp_test(point: Point) -> float:
+    """w . F_xx v v / 2 with the left null vector w as in the adjugate, so that no sign jumps."""
+    ground, null = point.ground, np.atleast_1d(point["null"])
+    n = ground.curve.size
+    left, _, right = np.linalg.svd(ground.jacobian()[:, :n])
+    sign = np.linalg.det(left) * np.linalg.det(right) * np.sign(right[-1] @ null)
+    return float(sign * left[:, -1] @ ground.curve.along(ground.z, null)[:, :n] @ null / 2)
 
 
 def cusp() -> Event:
@@ -108,7 +167,7 @@ def cusp() -> Event:
     >>> abs(line.first("CP")["mu"]) < 1e-12
     True
     """
-    return Event("CP", events.cusp_test, examine=_examine_cusp)
+    return Event("CP", _cusp_test, examine=_examine_cusp)
 
 
 def _examine_cusp(point: Point) -> Examined:
@@ -123,24 +182,73 @@ def _examine_cusp(point: Point) -> Examined:
     if abs(quadratic.value) > 1e-4 * (quadratic.size + abs(cubic.value)):
         return f"the quadratic coefficient {quadratic.value.real:.2g} is not zero"
     c = cubic.value.real
-    return {"c": c, "degenerate": CROSSED} if events.branches_cross(ground) else {"c": c}
+    return {"c": c, "degenerate": CROSSED} if branches_cross(ground) else {"c": c}
 
 
-def oriented_overlap(matrix: Array) -> float:
-    """``w . v`` of the left and right null vector as in the adjugate, so that no sign jumps: zero
-    where the eigenvalue 0 is double with one eigenvector."""
-    if len(matrix) < 2:
-        return math.nan
-    left, _, right = np.linalg.svd(matrix)
-    return float(np.linalg.det(left) * np.linalg.det(right) * left[:, -1] @ right[-1])
+# --- Hopf points ------------------------------------------------------------------------------
 
 
-def without(values: NDArray[np.complex128], *known: complex) -> NDArray[np.complex128]:
-    """Eigenvalues but for those that the curve has everywhere: where a second one joins them the
-    meeting has another name, BT for a flow."""
-    for one in known:
-        values = np.delete(values, int(abs(values - one).argmin()))
-    return values
+def _hopf_test(point: Point) -> float:
+    return _least_sum(point.curve.spectrum(point.z), _rounding(point))
+
+
+def _rounding(point: Point) -> float:
+    return _ROUNDING * float(np.linalg.norm(_flow(point)))
+
+
+def _flow(point: Point) -> Array:
+    """The derivative between unknowns in their scales, which keeps the eigenvalues."""
+    scales = point.curve.scales[: point.curve.size]
+    return np.asarray(point.jacobian()[:, : scales.size] * scales / scales[:, None])
+
+
+def _unstable(point: Point) -> int:
+    """Number of eigenvalues of the derivative in the unknowns with positive real part."""
+    return int(np.count_nonzero(point.curve.spectrum(point.z).real > 0))
+
+
+def _unstable_pairs(point: Point) -> int:
+    """Half the number of eigenvalues to the right of the imaginary axis, by more than rounding."""
+    beyond = point.curve.spectrum(point.z).real > _rounding(point)
+    return int(np.count_nonzero(beyond)) // 2
+
+
+def _hopf_locus(point: Point) -> Locus:
+    """``(F_x^2 + omega^2) v = 0`` in the plane of the pair."""
+    matrix, scales = _flow(point), point.curve.scales[: point.curve.size]
+    small = _ZERO * float(np.linalg.norm(matrix, 2))
+    value, *plane = critical_plane(matrix, (0.0,), small, lambda values: abs(values.real))
+    one, other = (vector * scales for vector in plane)
+    locus = pair_locus("omega2", value.imag**2, (one, other), 0.0, lambda square: (0.0, square))
+    ends = (_BT_ON_HOPF, _GENERALISED, _DOUBLE_HOPF)
+    return replace(locus, events=ends, meets=MEETINGS["HB"])
+
+
+def _examine_hopf(point: Point) -> Examined:
+    """omega, l1 and what the sign of l1 means; why not, where there is no l1. Of the two
+    eigenvalues that add up to nothing: are they a complex pair? On a boundary they may be both
+    zero, where it meets a fold curve."""
+    matrix = _flow(point)
+    one, other = pairs(np.linalg.eigvals(matrix).astype(complex))
+    nearest = int(abs(one + other).argmin())
+    pair = np.array([one[nearest], other[nearest]])
+    zero = abs(pair).max() <= _ZERO * np.linalg.norm(matrix, 2)
+    if zero and point.tangent is not None:
+        return "a double zero eigenvalue: no pair on the imaginary axis"
+    if not zero and not pair.imag.any():
+        return (
+            f"a neutral saddle: the eigenvalues {pair[0].real:.3g} and {pair[1].real:.3g} are real"
+        )
+    ground, square = point.ground, point.detail.get("omega2")
+    omega = math.sqrt(square) if square and square > 0 else _frequency(_eigenvalues(point)[0])
+    return {"omega": omega} | normal_forms.criticality(
+        "l1",
+        lambda: normal_forms.lyapunov(ground.curve, ground.z, omega),
+        stable_if_negative=True,
+    )
+
+
+# --- where a pair or a second zero joins the one that a curve has everywhere --------------------
 
 
 def _hopf_beside_zero(point: Point) -> float:
@@ -148,11 +256,12 @@ def _hopf_beside_zero(point: Point) -> float:
     return _least_sum(without(_eigenvalues(point)[0], 0.0))
 
 
-def _least_sum(values: NDArray[np.complex128]) -> float:
+def _least_sum(values: Values, rounding: float = 0.0) -> float:
+    """The smallest sum of two eigenvalues, with the sign of the product of all such sums."""
     if values.size < 2:
         return math.nan
-    one, other = np.triu_indices(values.size, 1)
-    return events.least_with_sign(values[one] + values[other], 0.0)
+    one, other = pairs(values)
+    return least_with_sign(one + other, rounding)
 
 
 def _overlap(point: Point) -> float:
@@ -175,7 +284,7 @@ def _examine_double_zero(point: Point) -> Examined:
     except OUT_OF_DOMAIN as error:
         return str(error)
     found = {"a": a.value.real, "b": b.value.real}
-    if events.branches_cross(ground):
+    if branches_cross(ground):
         return {**found, "degenerate": CROSSED}
     if a.degenerate or b.degenerate:
         reason = f"degenerate: a = {a.value.real:.2g}, b = {b.value.real:.2g}"
@@ -185,7 +294,7 @@ def _examine_double_zero(point: Point) -> Examined:
 
 def _examine_zero_hopf(point: Point) -> Examined:
     """One eigenvalue zero in a fold, one pair on the axis and away from zero, no other on it."""
-    if events.branches_cross(point.ground):
+    if branches_cross(point.ground):
         return "a branch point, not a fold"
     return _examine_zero_and_pair(point)
 
@@ -204,42 +313,20 @@ def _examine_zero_and_pair(point: Point) -> Examined:
     return {"omega": _frequency(values)}
 
 
-def _frequency(values: NDArray[np.complex128]) -> float:
+def _frequency(values: Values) -> float:
     """Of the pair nearest the imaginary axis."""
     pairs = values[values.imag > 0]
     return float(pairs[abs(pairs.real).argmin()].imag)
 
 
-def _eigenvalues(point: Point) -> tuple[NDArray[np.complex128], float]:
+def _eigenvalues(point: Point) -> tuple[Values, float]:
     """Eigenvalues of the flow, and how small one must be to be zero."""
     ground = point.ground
     matrix = normal_forms.Forms(ground.curve, ground.z).A
-    return np.linalg.eigvals(matrix).astype(complex), _ZERO * float(np.linalg.norm(matrix, 2))
+    return np.linalg.eigvals(matrix).astype(complex), _CLOSE * float(np.linalg.norm(matrix, 2))
 
 
 # --- on curves of Hopf points -----------------------------------------------------------------
-
-
-def _hopf_locus(point: Point) -> Locus:
-    locus = events.hopf_locus(point)
-    ends = (_BT_ON_HOPF, _GENERALISED, _DOUBLE_HOPF)
-    return replace(locus, events=ends, meets={"LP": (_ON_HOPF_ZERO,)})
-
-
-def _examine_hopf(point: Point) -> Examined:
-    """omega, l1 and what the sign of l1 means, at a Hopf point; why not, where there is no l1."""
-    reason = events.not_hopf(point)
-    if reason:
-        return reason
-    ground = point.ground
-    square = point.detail.get("omega2")
-    omega = math.sqrt(square) if square and square > 0 else _frequency(_eigenvalues(point)[0])
-    try:
-        l1 = normal_forms.lyapunov(ground.curve, ground.z, omega)
-    except OUT_OF_DOMAIN as error:
-        return {"omega": omega, "criticality": f"unknown: {error}"}
-    kind = normal_forms.criticality(l1, stable_if_negative=True)
-    return {"omega": omega, "l1": l1.value.real, "criticality": kind}
 
 
 def _lyapunov_on_hopf(point: Point) -> float:
@@ -251,15 +338,13 @@ def _lyapunov_on_hopf(point: Point) -> float:
     l1 = normal_forms.value_or_nan(
         lambda: normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(square))
     )
-    return l1 * events.signed_smallest(normal_forms.Forms(ground.curve, ground.z).A)
+    return l1 * signed_smallest(normal_forms.Forms(ground.curve, ground.z).A)
 
 
 def _examine_generalised(point: Point) -> str:
     ground = point.ground
     l1 = normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(point["omega2"]))
-    # its terms may all vanish at once: then it is small against a term of order one
-    forms = normal_forms.Forms(ground.curve, ground.z)
-    if abs(l1.value.real) > 1e-6 * (l1.size + forms.reach**-2):
+    if not normal_forms.vanishes(l1, ground.curve, ground.z):
         return f"the first Lyapunov coefficient {l1.value.real:.2g} is not zero"
     values, small = _eigenvalues(point)
     if (abs(values.real) < small).sum() != 2:
@@ -267,7 +352,7 @@ def _examine_generalised(point: Point) -> str:
     return ""
 
 
-def _beside_pair(point: Point) -> NDArray[np.complex128]:
+def _beside_pair(point: Point) -> Values:
     """All eigenvalues but the pair on the axis; none beyond BT."""
     square = point["omega2"]
     if not square > 0:
@@ -283,7 +368,7 @@ def _second_pair(point: Point) -> float:
 
 def _zero_beside_pair(point: Point) -> float:
     values = _beside_pair(point)
-    return events.least_with_sign(values, 0.0) if values.size else math.nan
+    return least_with_sign(values, 0.0) if values.size else math.nan
 
 
 def _examine_second_pair(point: Point) -> str:
@@ -296,14 +381,8 @@ def _examine_second_pair(point: Point) -> str:
 
 # --- the events -------------------------------------------------------------------------------
 
-_FOLD = Event("LP", events.fold_test, locus=_fold_locus, examine=events.examine_fold)
-_HOPF = Event(
-    "HB",
-    events.hopf_test,
-    count=events.unstable_pairs,
-    locus=_hopf_locus,
-    examine=_examine_hopf,
-)
+_FOLD = Event("LP", _fold_test, locus=_fold_locus, examine=_examine_fold)
+_HOPF = Event("HB", _hopf_test, count=_unstable_pairs, locus=_hopf_locus, examine=_examine_hopf)
 _GENERALISED = Event("GH", _lyapunov_on_hopf, examine=_examine_generalised)
 _DOUBLE_HOPF = Event("HH", _second_pair, examine=_examine_second_pair)
 # Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.
@@ -314,21 +393,41 @@ _BT_ON_HOPF = Meeting(
     ends="domain",
     met=_FOLD,
 )
-_ON_HOPF_ZERO = replace(
-    meeting("HB", _FOLD), kind="ZH", test=_zero_beside_pair, examine=_examine_zero_hopf
-)
-_ON_FOLD_HOPF = replace(
-    meeting("LP", _HOPF), kind="ZH", test=_hopf_beside_zero, examine=_examine_zero_hopf
-)
-_ON_BRANCH_POINTS = replace(
-    meeting("BP", _HOPF), test=_hopf_beside_zero, examine=_examine_zero_and_pair
-)
-_BT_ON_FOLD = Meeting("BT", _overlap, examine=_examine_takens, met=_HOPF)
-_BT_ON_BRANCH_POINTS = replace(_BT_ON_FOLD, examine=_examine_double_zero)
+_BT = Meeting("BT", _overlap, examine=_examine_takens, met=_HOPF)
+# On the boundary of one kind, what the meeting with another is called.
+MEETINGS: dict[str, Mapping[str, tuple[Event, ...]]] = {
+    "LP": {
+        "HB": (
+            _BT,
+            replace(
+                meeting("LP", _HOPF),
+                kind="ZH",
+                test=_hopf_beside_zero,
+                examine=_examine_zero_hopf,
+            ),
+        )
+    },
+    "HB": {
+        "LP": (
+            replace(
+                meeting("HB", _FOLD),
+                kind="ZH",
+                test=_zero_beside_pair,
+                examine=_examine_zero_hopf,
+            ),
+        )
+    },
+    "BP": {
+        "HB": (
+            replace(_BT, examine=_examine_double_zero),
+            replace(meeting("BP", _HOPF), test=_hopf_beside_zero, examine=_examine_zero_and_pair),
+        )
+    },
+}
 _BRANCH_POINT = Event(
     "BP",
-    Singular(events.bordered, events.branch_point_test),
-    count=events.unstable,
-    locus=Crossings({"HB": (_BT_ON_BRANCH_POINTS, _ON_BRANCH_POINTS)}),
-    examine=events.examine_branch_point,
+    Singular(bordered, branch_point_test),
+    count=_unstable,
+    locus=Crossings(MEETINGS["BP"]),
+    examine=examine_branch_point,
 )

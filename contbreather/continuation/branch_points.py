@@ -1,0 +1,252 @@
+"""BP, where two curves cross: the system that locates it, the tangents of both, and its event.
+
+Curves of branch points are followed where a symmetry or an invariant subspace keeps them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import NotConverged
+from .curve import Curve
+from .loci import signed_smallest
+from .newton import Solution, Undefined, solve
+from .point import Event, Locus, Point
+
+Array = NDArray[np.float64]
+
+# Curves that come closer than this, relative to 1 + |z|, are taken to cross. The residual between
+# them is its square, 1e-12: as much as differences and long sums leave where curves do cross. Of
+# stiff equations more may be left, all that rounds in their terms.
+GAP = 1e-6
+_ANGLE = 1e-8  # square of half the angle below which curves touch rather than cross
+CROSSED = "branches cross here, held together by a symmetry or an invariant subspace"
+_RANK = 1e-7  # balanced singular value of a matrix that loses rank; at a located point about 1e-12
+_PARTING = 1e-5  # and of a second derivative that vanishes along a curve of branch points
+# Branches that miss each other by a distance d solve the equations up to d^2 between them: what is
+# left after Newton's iteration with differences, and what `crossing` takes for one.
+_SPLIT = 1e-10
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A simple branch point and the unit tangents of both curves there."""
+
+    solution: Solution
+    tangents: tuple[Array, Array]
+    double: bool = False  # whether the derivative loses another rank as close by as curves may be
+
+
+def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
+    """The branch point near z, by Newton's iteration on ``H + beta w = 0, w^T H_z = 0, |w| = 1``.
+
+    That system is regular where two curves cross at an angle; along one of them Newton's
+    iteration for H alone is singular there and good to 1e-8 only. With N the two null vectors
+    of H_z, a step is ``N c + y``: y answers H but for its part along w, and c makes ``w^T H_z``
+    vanish on N, which takes second derivatives in two directions only. ``beta = w . H`` then
+    tells whether the curves do cross or only come close.
+
+    Raises `Undefined` if they do not.
+    """
+    previous = math.inf
+    for iteration in range(1, most + 1):
+        value, matrix = curve.equations(z) / curve.rows, _finite(curve.balanced(curve.jacobian(z)))
+        left, sizes, right = np.linalg.svd(matrix)
+        w, null = left[:, -1], right[-2:]
+        n = sizes.size - 1
+        rest = -right[:n].T @ (left[:, :n].T @ value / sizes[:n])
+        turned = [curve.balanced(curve.along(z, vector * curve.scales)) for vector in null]
+        second = _finite(np.stack([w @ change for change in turned]))
+        form = second @ null.T  # w^T H_zz on the null space
+        c = solve(form, -null @ (w @ matrix) - second @ rest)
+        if c is None:
+            break
+        step = (null.T @ c + rest) * curve.scales
+        correction = curve.length(step)
+        z = z + step
+        size = 1 + curve.length(z)
+        stalled = previous / 2 < correction <= GAP * size  # what is left is rounding
+        if correction <= 1e-9 * size or stalled:
+            found = Solution(z, True, iteration, 0.0, correction)
+            resolved = _resolved(curve, found, w, null * curve.scales, form)
+            double = (sizes[:n] < GAP * size * abs(form).max()).any()
+            return replace(resolved, double=bool(double))
+        previous = correction
+    raise Undefined("no branch point was found nearby")
+
+
+def _finite(matrix: Array) -> Array:
+    if not math.isfinite(matrix.sum()):
+        raise Undefined("the derivatives are not finite")
+    return matrix
+
+
+def _resolved(curve: Curve, found: Solution, w: Array, null: Array, form: Array) -> Crossing:
+    """The tangents ``c . N`` with ``c^T form c = 0``, once the curves are seen to cross."""
+    z, value = found.z, curve.equations(found.z)
+    (low, high), axes = np.linalg.eigh((form + form.T) / 2)
+    if not min(-low, high) > _ANGLE * max(-low, high):
+        raise Undefined("an isolated point or a touch: no two curves cross at an angle")
+    left = max(0.0, abs(w.dot(value / curve.rows)) - abs(w) @ (curve.rounding(z) / curve.rows))
+    gap = math.sqrt(left / min(-low, high))
+    if gap > GAP * (1 + curve.length(z)):
+        raise Undefined(f"the curves pass each other at a distance of {gap:.2g}")
+    c = axes @ np.array([[math.sqrt(high)] * 2, [math.sqrt(-low), -math.sqrt(-low)]])
+    one, other = c.T @ null
+    solution = replace(found, residual=float(abs(value).max()))
+    return Crossing(solution, (curve.normalised(one), curve.normalised(other)))
+
+
+# --- the event --------------------------------------------------------------------------------
+
+
+def branch_point_test(point: Point) -> float:
+    if point.tangent is None:
+        return float("nan")  # of codimension two on a boundary: nothing to look for
+    return signed_smallest(bordered(point))
+
+
+def bordered(point: Point) -> Array:
+    curve, whole = point.curve, np.empty((point.z.size, point.z.size))
+    whole[:-1], whole[-1] = curve.jacobian(point.z), curve.dual(point.direction)
+    whole *= curve.scales
+    return whole
+
+
+def examine_branch_point(point: Point) -> str:
+    return "" if "tangents" in point.detail else "no two curves were found to cross here"
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """The locus of an event where curves cross.
+
+    Along one of them the equations are singular there: it is located by `solve`, and its locus is
+    one in two parameters only.
+    """
+
+    meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
+
+    def __call__(self, point: Point) -> Locus:
+        # all along a curve of branch points the derivative in the unknowns is singular
+        return replace(_branch_point_locus(point), meets={"LP": (), **self.meets})
+
+    @staticmethod
+    def solve(point: Point) -> tuple[Solution, Mapping[str, Any]]:
+        found = crossing(point.curve, point.z)
+        if found.double:
+            reason = "the derivative loses more than one rank: not a simple branch point"
+            return found.solution, {"tangents": found.tangents, "reason": reason}
+        return found.solution, {"tangents": found.tangents}
+
+
+def branches_cross(ground: Point) -> bool:
+    """Whether the derivative in unknowns and both parameters loses one rank: solutions then are
+    no smooth surface, and branches cross for other values of the parameters as well."""
+    sizes = np.linalg.svd(balanced(ground), compute_uv=False)
+    return bool(sizes[-1] < _RANK and (sizes.size == 1 or sizes[-2] > _RANK))
+
+
+def _branch_point_locus(point: Point) -> Locus:
+    """``H + split b = 0`` and rank n - 1 of ``A = (H_x, H_p d)``, where the direction d of the two
+    parameters leaves the curve of branch points.
+
+    H alone is singular at every branch point, so it is unfolded by `split`: by how much branches
+    that do not quite cross miss each other. Curves of branch points need three parameters in
+    general. With two there are some where a symmetry or an invariant subspace holds the branches
+    together, and then `split` stays 0.
+    """
+    b, null, direction = _held_together(point)
+
+    def bordered(curve: Curve, z: Array) -> Array:
+        A = _columns(curve.jacobian(z), direction)
+        return np.block([[A, b[:, None]], [null, np.zeros((2, 1))]])
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        return _solved(bordered(curve, z), np.eye(curve.size + 2)[:, -2:])[-1]
+
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        matrix, n = bordered(curve, z), curve.size
+        unit = np.eye(n + 2)
+        vectors, w = _solved(matrix, unit[:, -2:])[:-1].T, _solved(matrix.T, unit[-1])[:n]
+        # - w^T A'(u) v for all u at once: second derivatives are symmetric
+        rows = [w @ curve.along(z, np.append(v[:n], v[n] * direction)) for v in vectors]
+        return -np.hstack([rows, np.zeros((2, 1))])
+
+    stays = Event("BP", _refuse_to_part, ends="branch")
+    return Locus(
+        {"split": 0.0},
+        conditions,
+        derivative,
+        events=(stays,),
+        unfolding=lambda extra: (extra[0] * b, b[:, None]),
+    )
+
+
+def _columns(rows: Array, direction: Array) -> Array:
+    """Columns of the unknowns, and of the parameters along a direction."""
+    n = rows.shape[1] - 2
+    return np.hstack([rows[:, :n], (rows[:, n:] @ direction)[:, None]])
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError as error:
+        raise Undefined("more than one rank is lost at a branch point") from error
+
+
+def _held_together(point: Point) -> tuple[Array, Array, Array]:
+    """Left and right null vectors of A, and the direction d across the curve of branch points: to
+    first order nothing changes along the null vector of ``w^T H_zz`` in the null space of H_z."""
+    curve, z = point.curve, point.z
+    one, other = curve.free
+    left, sizes, right = np.linalg.svd(balanced(point))
+    refusal = (
+        f"the branches cross at these values of {one} and {other} only, and come apart beside "
+        "them; a curve of such branch points needs a third parameter"
+    )
+    if sizes[-1] > _RANK:
+        raise Undefined(refusal)
+    null = right[-3:]
+    bent = np.stack([curve.balanced(curve.along(z, v * curve.scales)) for v in null])
+    form = left[:, -1] @ bent @ null.T
+    values, axes = np.linalg.eigh((form + form.T) / 2)
+    least = int(abs(values).argmin())
+    if abs(values[least]) > _PARTING * abs(values).max():
+        raise Undefined(refusal)
+    tangent = (axes[:, least] @ null * curve.scales)[-2:]
+    if not np.linalg.norm(tangent) > _RANK:
+        raise Undefined(f"the branch point does not move with {one} and {other}")
+    direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)
+    w = left[:, -1] / curve.rows
+    return (
+        w / np.linalg.norm(w),
+        np.linalg.svd(_columns(point.jacobian(), direction))[2][-2:],
+        direction,
+    )
+
+
+def _refuse_to_part(point: Point) -> float:
+    """No test: the curve is analytic, so that branches either cross all along it or nowhere else
+    but at its start."""
+    ground = point.ground
+    split = abs(point["split"]) / float(ground.curve.rows.max())
+    if split > _SPLIT * (1 + ground.curve.length(ground.z)) ** 2:
+        values = ", ".join(f"{name} = {point[name]:.6g}" for name in ground.curve.free)
+        raise NotConverged(
+            f"no curve of branch points: at {values} the branches have come apart (they miss each "
+            f"other by {split:.2g} in the equations); it needs a third parameter",
+            residual=split,
+        )
+    return float("nan")
+
+
+def balanced(point: Point) -> Array:
+    return point.curve.balanced(point.jacobian())

@@ -1,0 +1,279 @@
+"""Curves H(z) = 0: a problem with named parameters set free, its derivatives and its measures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from . import derivatives
+from .newton import OUT_OF_DOMAIN, Undefined, length, rounding
+
+Array = NDArray[np.float64]
+Params = Mapping[str, float]
+
+_VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
+_ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
+
+
+def _check_shape(what: str, given: Any, shape: tuple[int, ...]) -> None:
+    if hasattr(given, "toarray"):
+        raise BadInput(
+            f"the {what} is sparse, a {type(given).__name__}; a dense array of shape {shape} was "
+            "wanted: return its toarray()"
+        )
+    try:
+        found = np.asarray(given, dtype=float).shape
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"the {what} is {given!r}; an array of numbers was wanted") from error
+    if found != shape:
+        raise BadInput(f"the {what} has shape {found}; {shape} was wanted")
+
+
+class Curve:
+    """A problem with named parameters set free: H(z) with ``z = (x, free parameters)``.
+
+    Attributes
+    ----------
+    varied : tuple of str
+        The parameters that change along it: the free ones, and on a boundary the one that its
+        locus determines, an unknown there.
+    slots : dict
+        Where each unknown and each free parameter lies in z.
+    scales : ndarray
+        Typical size of each entry of z.
+    metric : ndarray or None
+        Weights of the squared arclength, None where all are 1. An array unknown counts as its
+        mean square, so that a refined mesh keeps its steps.
+    rows : ndarray
+        Size of the derivative of each equation along the latest piece of curve: what is small
+        against it counts as zero.
+    """
+
+    def __init__(self, problem: Any, free: tuple[str, ...]) -> None:
+        for name in free:
+            if not isinstance(name, str) or name not in problem.params:
+                raise BadInput(
+                    f"{name!r} is no parameter of this problem; it has {list(problem.params)}"
+                )
+        self.problem = problem  # a Problem, which is built on curves
+        self.free = free
+        self.varied = free if problem.beneath is None else (*free, list(problem.start)[-1])
+        self.size = problem.x.size
+        self.fixed = {name: float(value) for name, value in problem.params.items()}
+        self.start = np.concatenate([problem.x, [self.fixed[name] for name in free]])
+        self.slots = {**problem.slots, **{name: self.size + i for i, name in enumerate(free)}}
+        names = (*problem.start, *free)
+        counts = [np.size(problem.start.get(name, 0.0)) for name in names]
+        self.scales = np.repeat([float(problem.scales.get(name, 1.0)) for name in names], counts)
+        weights = 1 / (np.repeat(counts, counts) * self.scales**2)
+        self.metric = None if (weights == 1).all() else weights
+        self._scheme: derivatives.Scheme | None = None
+        self._known: dict[str, list[tuple[Array, Any]]] = {}
+
+    def dual(self, tangent: Array) -> Array:
+        """The row whose product with z is the inner product of the arclength."""
+        return tangent if self.metric is None else tangent * self.metric
+
+    def length(self, z: Array) -> float:
+        return length(z, self.metric)
+
+    def normalised(self, z: Array) -> Array:
+        return z / length(z, self.metric)
+
+    @cached_property
+    def rows(self) -> Array:
+        sizes = self.row_sizes(self.start)
+        if sizes.size > 1 and sizes.min() > _VANISHED * sizes.max():
+            return sizes
+        # where curves cross a whole row, or the only one, may vanish: its size is seen aside
+        z = self.start + _ASIDE * (1 + self.length(self.start)) * self.scales
+        try:
+            return np.maximum(sizes, self.row_sizes(z))
+        except Undefined:
+            return sizes
+
+    def row_sizes(self, z: Array) -> Array:
+        sizes = abs(self.jacobian(z) * self.scales).max(axis=1)
+        sizes[sizes == 0] = 1.0
+        return sizes
+
+    def balanced(self, matrix: Array) -> Array:
+        """A derivative (its first columns, in the order of z) in units of `scales` and `rows`."""
+        return matrix * self.scales[: matrix.shape[1]] / self.rows[:, None]
+
+    def rounding(self, z: Array) -> Array:
+        """What rounding leaves of each equation at z."""
+        return rounding(self.jacobian(z), z)
+
+    def params(self, z: Array) -> dict[str, float]:
+        """All parameters at z, the free ones taken from it."""
+        values = self.fixed.copy()
+        for i, name in enumerate(self.free):
+            values[name] = float(z[self.size + i])
+        return values
+
+    def equations(self, z: Array) -> Array:
+        return self.problem.evaluate(self.unknowns(z), self.params(z))
+
+    def unknowns(self, z: Array) -> Array:
+        """The first entries of z, a copy: equations that write to it do not move the point."""
+        return z[: self.size].copy()
+
+    def once(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
+        """What was made of one of the latest z, known by identity, or is made of it now: all
+        events ask about the same point in turn."""
+        recent = self._known.get(what, [])
+        for known, value in recent:
+            if known is z:
+                return value
+        value = make(z)
+        self._known[what] = [(z, value), *recent[:2]]
+        return value
+
+    def jacobian(self, z: Array) -> Array:
+        """Derivative of `equations`, shape ``(n, n + len(free))``; not to be written to."""
+        matrix: Array = self.once("jacobian", z, self._derivatives)
+        return matrix
+
+    def in_unknowns(self, z: Array) -> Array:
+        """The derivative in the unknowns alone, where none in parameters are wanted."""
+        return self._derivatives(z, self.size)
+
+    def spectrum(self, z: Array) -> NDArray[np.complex128]:
+        """Eigenvalues of the derivative in the unknowns; not to be written to."""
+
+        def eigenvalues(z: Array) -> Any:
+            return np.linalg.eigvals(self.jacobian(z)[:, : self.size]).astype(complex)
+
+        values: NDArray[np.complex128] = self.once("spectrum", z, eigenvalues)
+        return values
+
+    def _derivatives(self, z: Array, width: int | None = None) -> Array:
+        """The first columns of the derivative, or all of them."""
+        problem, n, width = self.problem, self.size, width or z.size
+        params, by_hand = self.params(z), 0
+        matrix = np.empty((n, width))
+        try:
+            if problem.derivatives is not None:
+                x = self.unknowns(z)
+                return np.asarray(problem.derivatives(x, params, self.free)[:, :width])
+            if problem.jacobian is not None:
+                matrix[:, :n] = problem.jacobian(self.unknowns(z), params)
+                by_hand = n
+                if problem.sensitivity is not None:
+                    for i in range(n, width):
+                        name = self.free[i - n]
+                        matrix[:, i] = problem.sensitivity(self.unknowns(z), params, name)
+                    by_hand = width
+            if by_hand < width:
+                matrix[:, by_hand:] = self._by_trying(z, range(by_hand, width))
+        except OUT_OF_DOMAIN as error:
+            raise Undefined(str(error)) from error
+        return matrix
+
+    def along(self, z: Array, vector: Array) -> Array:
+        """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only."""
+        direction = np.zeros(z.size)
+        direction[: vector.size] = vector
+        return derivatives.along(self.jacobian, z, direction, self.scales)
+
+    def _by_trying(self, z: Array, columns: range) -> Array:
+        """Columns of the derivative by the scheme that suits the residual, chosen anew where
+        complex numbers are refused after all."""
+        if self._scheme is derivatives.complex_steps:
+            try:
+                return self._scheme(self._raw, z, columns)
+            except OUT_OF_DOMAIN:
+                raise
+            except Exception:  # noqa: BLE001 - as where the scheme is chosen
+                self._scheme = None
+        if self._scheme is None:
+            self._scheme = derivatives.choose(self._raw, z, self.scales)
+        return self._scheme(self._raw, z, columns)
+
+    def _raw(self, z: Array) -> Array:
+        """The residual without checks, at a possibly complex z."""
+        values: dict[str, Any] = dict(self.fixed)
+        values.update(zip(self.free, z[self.size :], strict=True))
+        value = np.array(self.problem.residual(self.unknowns(z), values), ndmin=1)
+        if value.dtype.kind == "c" and z.dtype.kind != "c":
+            raise Undefined("the equations are not real")
+        return value
+
+    def check(self) -> None:
+        """Refuse wrong shapes and wrong derivatives before anything is built on them."""
+        try:
+            value = self.equations(self.start)
+        except Undefined as error:
+            raise BadInput(
+                f"the equations have no value at the start {self.problem.shown()}: {error}"
+            ) from error
+        if value.dtype == bool:
+            raise BadInput(f"the residual is {value!r}; an array of numbers was wanted")
+        self._check_shapes()
+        wrong = self.misfit(self.start)
+        if wrong:
+            raise BadInput(wrong)
+
+    def _check_shapes(self) -> None:
+        problem, z, n = self.problem, self.start, self.size
+        if problem.jacobian is not None:
+            given = problem.jacobian(self.unknowns(z), self.params(z))
+            _check_shape("Jacobian", given, (n, n))
+        if problem.sensitivity is not None:
+            for name in self.free:
+                given = problem.sensitivity(self.unknowns(z), self.params(z), name)
+                _check_shape("sensitivity", given, (n,))
+
+    def misfit(self, z: Array) -> str:
+        """What is wrong with derivatives that were given, seen at z: empty if nothing is."""
+        problem = self.problem
+        if problem.beneath is not None:
+            curve, near = problem.beneath(self.unknowns(z), self.params(z), self.free)
+            return str(curve.misfit(near))
+        if problem.jacobian is None and problem.sensitivity is None:
+            return ""
+        wrong = self.wrong_entry(z)
+        return wrong and f"the Jacobian that was given does not fit the residual: {wrong}"
+
+    def wrong_entry(self, z: Array) -> str:
+        """An entry of the derivative at z that differences contradict: empty if there is none."""
+        given = self.jacobian(z)
+        # one direction through all entries tells whether any is wrong
+        direction = np.maximum(self.scales, abs(z)) * np.cos(np.arange(z.size))
+        wanted, doubt, _ = derivatives.estimate(
+            lambda t: self._raw(z + t[0] * direction), np.zeros(1), np.ones(1)
+        )
+        if derivatives.misfit((given @ direction)[:, None], wanted, doubt) is None:
+            return ""
+        wanted, doubt, _ = derivatives.estimate(self._raw, z, self.scales)
+        entry = derivatives.misfit(given, wanted, doubt)
+        if entry is None:
+            return ""
+        return f"its entry {entry} is {given[entry]:.8g}, differences give {wanted[entry]:.8g}"
+
+    def recalled(self, z: Array) -> Array:
+        """The same z where the derivative is known already, to be found again by identity."""
+        for known, _ in self._known.get("jacobian", ()):
+            if known.tobytes() == z.tobytes():
+                return known
+        return z
+
+    def reconsider(self, *places: Array) -> str:
+        """Choose anew how derivatives are taken, now for these places; what is wrong with given
+        ones there."""
+        self._scheme, self._known = None, {}
+        for z in places:
+            try:
+                self.jacobian(z)
+                wrong = self.misfit(z)
+            except Undefined:
+                continue
+            if wrong:
+                return wrong
+        return ""

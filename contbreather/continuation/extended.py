@@ -1,0 +1,146 @@
+"""A problem and the conditions of one event as one longer problem: its curves are boundaries."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from . import derivatives
+from .curve import Curve, Params
+from .point import Event, Locus
+from .problem import Problem
+
+Array = NDArray[np.float64]
+
+
+class Extended:
+    """Residual and derivatives of a problem and the conditions of a locus together.
+
+    The unknowns are those of the problem, the extra ones of the locus, then a parameter that is
+    `released`: the conditions determine it. `base` is the curve of the problem with this parameter
+    free, and perhaps another one that is to be free in the longer problem.
+    """
+
+    def __init__(self, base: Curve, locus: Locus, event: Event | None = None) -> None:
+        self.locus = locus
+        self.event = event
+        self.problem = base.problem
+        self.released, *others = base.free
+        self.free = tuple(others)
+        self.n = base.size
+        self.extra = sum(np.size(value) for value in locus.extra.values())
+        self._curves = {self.free: base}
+
+    def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
+        """The curve of the shorter problem, and the point on it."""
+        z = np.concatenate([x[: self.n], x[-1:], [params[name] for name in free]])
+        curve = self._curves.get(free)
+        # made anew where a parameter that is not free has another value
+        fixed = (name for name in params if name not in free)
+        if curve is None or any(curve.fixed[name] != params[name] for name in fixed):
+            values = {name: x[slot] for name, slot in self.problem.slots.items()}
+            here = self.problem.at(**values, **params, **{self.released: float(x[-1])})
+            curve = self._curves[free] = Curve(here, (self.released, *free))
+        return curve, curve.recalled(z)
+
+    def __call__(self, x: Array, params: Params) -> Array:
+        curve, z = self.beneath(x, params, self.free)
+        extra = x[self.n : -1]
+        own = curve.equations(z)
+        if self.locus.unfolding is not None:
+            own = own + self.locus.unfolding(extra)[0]
+        conditions = np.asarray(self.locus.conditions(curve, z, extra))
+        if conditions.shape != (self.extra + 1,):
+            raise BadInput(
+                f"a locus with {self.extra} extra unknowns needs {self.extra + 1} conditions, "
+                f"it gave {conditions.shape}"
+            )
+        return np.concatenate([own, conditions])
+
+    def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Array:
+        """Columns in the order: unknowns, extra, released, free."""
+        (curve, z), extra = self.beneath(x, params, free), x[self.n : -1]
+        n, m = self.n, self.extra
+        whole = np.zeros((n + m + 1, z.size + m))
+        own = curve.jacobian(z)
+        rows = self._of_conditions(curve, z, extra)
+        whole[:n, :n], whole[:n, n + m :] = own[:, :n], own[:, n:]
+        whole[n:, :n], whole[n:, n + m :] = rows[:, :n], rows[:, n : z.size]
+        whole[n:, n : n + m] = rows[:, z.size :]
+        if self.locus.unfolding is not None:
+            whole[:n, n : n + m] = self.locus.unfolding(extra)[1]
+        return whole
+
+    def _of_conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        if self.locus.derivative is not None:
+            return np.asarray(self.locus.derivative(curve, z, extra))
+        # apart: conditions that ask for derivatives of the problem at one z get those they had
+        own = derivatives.differences(
+            lambda y: self.locus.conditions(curve, y, extra),
+            z,
+            scales=curve.scales,
+            one_sided=True,
+        )
+        if not extra.size:
+            return own
+        others = derivatives.differences(
+            lambda y: self.locus.conditions(curve, z, y),
+            extra,
+            scales=np.ones(extra.size),
+            one_sided=True,
+        )
+        return np.hstack([own, others])
+
+
+def extended(base: Curve, locus: Locus, event: Event | None = None) -> Problem:
+    """The problem of a curve with the conditions of `locus` added, and the first of its free
+    parameters made unknown; `event` is what the locus is of, where that is a boundary."""
+    problem, released = base.problem, base.free[0]
+    clash = set(locus.extra) & set(problem.names)
+    if clash:
+        raise BadInput(f"rename {sorted(clash)} in the problem: the locus needs these names")
+    # an angle or a squared frequency is measured by its size: it is not what the steps are about
+    scalars = {name: abs(float(v)) for name, v in locus.extra.items() if np.ndim(v) == 0}
+    sizes = {name: size for name, size in scalars.items() if size > 1.0}
+    together = Extended(base, locus, event)
+    return Problem(
+        together,
+        {**problem.start, **locus.extra, released: problem.params[released]},
+        {name: value for name, value in problem.params.items() if name != released},
+        domain={**problem.domain, **{n: d for n, d in locus.domain.items() if n in base.free}},
+        scales={**sizes, **problem.scales},
+        derivatives=together.derivatives,
+        beneath=together.beneath,
+    )
+
+
+def event_of(problem: Problem) -> Event | None:
+    """The event whose boundary a problem is of, if it is one."""
+    return problem.residual.event if isinstance(problem.residual, Extended) else None
+
+
+def lifted(locus: Locus, together: Extended, suffix: str) -> Locus:
+    """The locus of an event of the shorter problem as one on the longer, its unknowns renamed."""
+    n, m = together.n, together.extra
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        base, own = together.beneath(z[: curve.size], curve.params(z), curve.free)
+        return np.asarray(locus.conditions(base, own, extra))
+
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        assert locus.derivative is not None
+        base, own = together.beneath(z[: curve.size], curve.params(z), curve.free)
+        rows = np.asarray(locus.derivative(base, own, extra))
+        return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])
+
+    names = {f"{name}{suffix}": value for name, value in locus.extra.items()}
+    return replace(
+        locus,
+        extra=names,
+        conditions=conditions,
+        derivative=derivative if locus.derivative else None,
+        events=(),
+    )

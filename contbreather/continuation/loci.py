@@ -1,0 +1,205 @@
+"""What events share: matrices that lose rank, pairs of eigenvalues, and their defining systems."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .curve import Curve
+from .newton import Undefined, solve
+from .point import Locus, Point
+
+Array = NDArray[np.float64]
+Values = NDArray[np.complex128]
+
+_NEARLY = 0.1  # how far off the real axis, relative, two zeros that are not quite real may be
+_EDGE = 1e-9  # how far outside of a step its ends still belong to it
+_NONE = 1e-100  # the size of what has a sign only
+
+
+# --- matrices that lose rank ------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Singular:
+    """A test by a matrix that is singular at the event.
+
+    Its smallest singular value, with the sign of the determinant, is the test, unless `size` is
+    given; and where between two points the matrix should be singular is looked at, so that two
+    zeros within a step leave their changes of sign.
+    """
+
+    matrix: Callable[[Point], Array]
+    size: Callable[[Point], float] | None = None
+
+    def __call__(self, point: Point) -> float:
+        return signed_smallest(self.matrix(point)) if self.size is None else self.size(point)
+
+
+def singular_between(first: Array, *others: Array) -> Array:
+    """Where from the first of several matrices, 0, to the last, 1, they are singular, in order, by
+    linear interpolation of two or quadratic of three.
+
+    Of steep and shallow singular values side by side the smallest alone shows no two zeros.
+    """
+    change = _pencil(first, *others)
+    if change is None:  # an event is where the first is: seen from the other end
+        change = _pencil(*others[::-1], first)
+        return np.empty(0) if change is None else 1 - _inverses(change)[::-1]
+    return _inverses(change)
+
+
+def _pencil(first: Array, *others: Array) -> Array | None:
+    """A matrix whose eigenvalues are the inverses of these places."""
+    middle, last = (others[0], others[-1]) if len(others) > 1 else (None, others[-1])
+    if middle is None:
+        return solve(first, first - last)
+    bend = 2 * (first - 2 * middle + last)
+    change = solve(first, np.hstack([first + bend - last, -bend]))
+    return change if change is None else np.vstack([change, np.eye(*change.shape)])
+
+
+def _inverses(matrix: Array) -> Array:
+    """The inverses of the eigenvalues, as far as they are real and from 0 to 1, in order."""
+    if not (1.0 - _EDGE) ** 2 <= (matrix * matrix).sum() < math.inf:
+        return np.empty(0)  # no eigenvalue of a smaller matrix reaches 1
+    values = np.linalg.eigvals(matrix)
+    places = values.real / np.maximum(abs(values) ** 2, 1e-300)
+    near = (abs(values.imag) < _NEARLY * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
+    return np.sort(places[near])
+
+
+def signed_smallest(matrix: Array) -> float:
+    """Smallest singular value with the sign of the determinant: smooth through a simple zero."""
+    left, values, right = np.linalg.svd(matrix)
+    return float(np.linalg.det(left) * np.linalg.det(right) * values[-1])
+
+
+def oriented_overlap(matrix: Array) -> float:
+    """``w . v`` of the left and right null vector as in the adjugate, so that no sign jumps: zero
+    where the eigenvalue 0 is double with one eigenvector."""
+    if len(matrix) < 2:
+        return math.nan
+    left, _, right = np.linalg.svd(matrix)
+    return float(np.linalg.det(left) * np.linalg.det(right) * left[:, -1] @ right[-1])
+
+
+def null_vector(matrix: Array, scales: Array) -> Array:
+    """Unit null vector, or nearly so, of a matrix between unknowns in their scales."""
+    vector = np.linalg.svd(matrix)[2][-1] * scales
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def null_locus(null: Array, shift: float = 0.0) -> Locus:
+    """``(F_x + shift) v = 0, |v| = 1``."""
+
+    def conditions(curve: Curve, z: Array, v: Array) -> Array:
+        return np.append(curve.jacobian(z)[:, : curve.size] @ v + shift * v, v.dot(v) - 1)
+
+    def derivative(curve: Curve, z: Array, v: Array) -> Array:
+        n = curve.size
+        rows = np.zeros((n + 1, z.size + n))
+        # second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v
+        rows[:n, : z.size] = curve.along(z, v)
+        rows[:n, z.size :] = curve.jacobian(z)[:, :n] + shift * np.eye(n)
+        rows[n, z.size :] = 2 * v
+        return rows
+
+    return Locus({"null": null}, conditions, derivative)
+
+
+# --- pairs of eigenvalues ---------------------------------------------------------------------
+
+
+def without(values: NDArray[np.complex128], *known: complex) -> NDArray[np.complex128]:
+    """Eigenvalues but for those that the curve has everywhere: where a second one joins them the
+    meeting has another name, BT for a flow."""
+    for one in known:
+        values = np.delete(values, int(abs(values - one).argmin()))
+    return values
+
+
+def pairs(values: Values) -> tuple[Values, Values]:
+    """The first and the second eigenvalues of all pairs of them."""
+    first, second = np.triu_indices(values.size, 1)
+    return values[first], values[second]
+
+
+def least_with_sign(factors: NDArray[np.complex128], rounding: Array | float) -> float:
+    """The size of the smallest factor with the sign of the product of all: it vanishes where the
+    product does, smoothly, and cannot overflow.
+
+    A factor that is rounding, as it is all along the branches of conservative systems, is zero.
+    Several of them have no size, and the sign that the others have: a zero of even order.
+    """
+    sizes = abs(factors)
+    clear = sizes > rounding
+    least = sizes.min() if clear.all() else 0.0 if np.count_nonzero(~clear) == 1 else _NONE
+    return float(np.copysign(least, np.prod(factors[clear] / sizes[clear]).real))
+
+
+def critical_plane(
+    matrix: Array, double: Sequence[float], small: float, off: Callable[[Values], Array]
+) -> tuple[complex, Array, Array]:
+    """The eigenvalue that is critical, by how far `off` each is, and two vectors of the plane of
+    its pair; one of `double` where that is twice there, with one eigenvector."""
+    values, vectors = np.linalg.eig(matrix)
+    for value in double:
+        if np.count_nonzero(abs(values - value) < small) == 2:
+            shifted = matrix - value * np.eye(len(matrix))
+            null = np.linalg.svd(shifted)[2][-1]
+            return value, np.linalg.lstsq(shifted, null)[0], null
+    upper = np.flatnonzero(values.imag > 0)
+    if not upper.size:
+        raise Undefined("no complex pair of eigenvalues is there: a neutral saddle")
+    nearest = upper[off(values[upper]).argmin()]
+    return complex(values[nearest]), vectors[:, nearest].real, vectors[:, nearest].imag
+
+
+def pair_locus(
+    name: str,
+    value: float,
+    plane: tuple[Array, Array],
+    shift: float,
+    quadratic: Callable[[float], tuple[float, float]],
+) -> Locus:
+    """``(M^2 + b M + c) v = 0`` in the plane of a pair, with ``M = F_x + shift``; b and c are
+    linear in one more unknown."""
+    start, reference = _frame(*plane)
+    zero, one = quadratic(0.0), quadratic(1.0)
+    slope_b, slope_c = one[0] - zero[0], one[1] - zero[1]
+
+    def shifted(curve: Curve, z: Array) -> Array:
+        return np.asarray(curve.jacobian(z)[:, : curve.size] + shift * np.eye(curve.size))
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        v, (b, c), matrix = extra[:-1], quadratic(extra[-1]), shifted(curve, z)
+        turned = matrix @ v
+        own = matrix @ turned + b * turned + c * v
+        return np.concatenate([own, [v.dot(v) - 1, reference.dot(v)]])
+
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        v, (b, c), matrix, n = extra[:-1], quadratic(extra[-1]), shifted(curve, z), curve.size
+        turned, change = matrix @ v, curve.along(z, v)
+        rows = np.zeros((n + 2, z.size + n + 1))
+        rows[:n, : z.size] = curve.along(z, turned) + matrix @ change + b * change
+        rows[:n, z.size : -1] = matrix @ matrix + b * matrix + c * np.eye(n)
+        rows[:n, -1] = slope_b * turned + slope_c * v
+        rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * v, reference
+        return rows
+
+    return Locus({"null": start, name: value}, conditions, derivative)
+
+
+def _frame(one: Array, other: Array) -> tuple[Array, Array]:
+    """Orthonormal vectors of the plane of a pair, the first between both that are given: where the
+    pair becomes a double eigenvalue its eigenvector must not be that one, as it satisfies the
+    conditions of a pair by itself."""
+    null = one / np.linalg.norm(one) + other / np.linalg.norm(other)
+    null /= np.linalg.norm(null)
+    reference = one - (one @ null) * null
+    return null, reference / np.linalg.norm(reference)

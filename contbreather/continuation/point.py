@@ -1,0 +1,365 @@
+"""A point of a curve, an event that may happen there, and where it does, as equations.
+
+Three types in one file, for each speaks of the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import number
+from ..errors import BadInput
+from .curve import Curve
+from .problem import Problem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Point:
+    """A solution on a curve: values by name, and what is special about it.
+
+    Parameters
+    ----------
+    curve : Curve
+        The problem and its free parameters.
+    z : ndarray, shape (n + 1,)
+        Unknowns, then the free parameter.
+    tangent : ndarray, shape (n + 1,), optional
+        Unit tangent in the direction of the walk, at points of one.
+    arclength : float
+        Distance from the start of the walk.
+    residual : float
+        Largest entry of the equations here; at a located event that of its locus too.
+    kind, label : str
+        ``"PF"`` and ``"PF1"`` at a special point, empty elsewhere.
+    event : Event, optional
+        What was found here; `boundary` continues it.
+    bracket : tuple of float, optional
+        Arclengths between which the event was seen.
+    located : bool
+        Whether location converged and verification agreed; False keeps the point but says so.
+    parent : Point, optional
+        Where an arm sets out: the point on the branch that it left.
+    detail : dict
+        What the location found besides: a null vector, an angle, a time, a reason.
+    """
+
+    curve: Curve
+    z: Array
+    tangent: Array | None = None
+    arclength: float = 0.0
+    residual: float = math.nan
+    kind: str = ""
+    label: str = ""
+    event: Event | None = None
+    bracket: tuple[float, float] | None = None
+    located: bool = True
+    parent: Point | None = None
+    detail: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.z.flags.writeable = False
+        if self.tangent is not None:
+            self.tangent.flags.writeable = False
+
+    def __getitem__(self, name: str) -> Any:
+        """An unknown, a parameter, what was found here, a recorded number, in this order.
+
+        What was found here is there by its full name too: ``point["a of BT"]`` is a coefficient
+        of the normal form where ``point["a"]`` is a parameter of the problem.
+        """
+        slots = self.curve.slots
+        if name in slots:
+            value = self.z[slots[name]]
+            return float(value) if value.ndim == 0 else value
+        problem = self.curve.problem
+        if name in problem.params:
+            return float(problem.params[name])
+        if name in self.detail:
+            return self.detail[name]
+        if name in problem.record:
+            return problem.record[name](self.ground)
+        own = name.removesuffix(f" of {self.kind}")
+        if own != name and own in self.detail:
+            return self.detail[own]
+        raise BadInput(f"no {name!r} at this point; it has {[*problem.names, *problem.record]}")
+
+    @property
+    def x(self) -> Array:
+        """The unknowns as one array."""
+        return self.z[: self.curve.size]
+
+    @property
+    def direction(self) -> Array:
+        """The tangent, at a point of a walk."""
+        if self.tangent is None:
+            raise BadInput(f"{self!r} has no tangent: it is no point of a walk")
+        return self.tangent
+
+    @property
+    def on_verge(self) -> bool:
+        """Whether rounding decides a count of unstable directions here."""
+        left = self.parent or self  # an arm sets out at the point that it left
+        if left.event is None:  # without its equations: only ends are known to be clear
+            return left.kind not in ("", "EP", "MX")
+        return left.event.bifurcates
+
+    @property
+    def params(self) -> dict[str, float]:
+        """All parameters here."""
+        return self.curve.params(self.z)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """All unknowns and parameters by name."""
+        return {name: self[name] for name in self.curve.problem.names}
+
+    @property
+    def problem(self) -> Problem:
+        """The problem with its start and parameters moved here."""
+        return self.curve.problem.at(**self.values)
+
+    @property
+    def ground(self) -> Point:
+        """On a boundary: this point as one of the original problem, without tangent."""
+        beneath = self.curve.problem.beneath
+        if beneath is None:
+            return self
+        curve, z = beneath(self.x, self.params, self.curve.free)
+        return replace(self, curve=curve, z=z, tangent=None)
+
+    @property
+    def solution(self) -> Any:
+        """What this point is to the user of its problem, an `Orbit` for instance."""
+        ground = self.ground
+        interpret = ground.curve.problem.interpret
+        if interpret is None:
+            raise BadInput("this problem says no more of a point than its values")
+        return ground.curve.once("solution", ground.z, lambda z: interpret(ground))
+
+    def __getattr__(self, name: str) -> Any:
+        """What the solution answers the point answers too: ``point.state(sites=20)`` of an orbit.
+
+        Called for names that a point does not have itself.
+        """
+        if name.startswith("_") or hasattr(type(self), name):
+            raise AttributeError(f"{name!r} of this point has no value")
+        try:
+            solution = self.solution
+        except BadInput as error:
+            raise AttributeError(f"a point has no {name!r}, and {error}") from error
+        try:
+            return getattr(solution, name)
+        except AttributeError as error:
+            what = type(solution).__name__
+            raise AttributeError(f"neither a point nor its {what} has {name!r}") from error
+
+    def jacobian(self) -> Array:
+        """Derivative of the equations, shape ``(n, n + 1)``: unknowns, then the free parameter."""
+        return self.curve.jacobian(self.z).copy()
+
+    @property
+    def title(self) -> str:
+        """The label, and of several levels the one that was met."""
+        return f"{self.label} ({self.detail['level']})" if "level" in self.detail else self.label
+
+    def __repr__(self) -> str:
+        shown = {name: value for name, value in self.values.items() if np.ndim(value) == 0}
+        values = ", ".join(f"{name}={value:.10g}" for name, value in shown.items())
+        if self.located:
+            return f"Point({self.title + ': ' if self.label else ''}{values})"
+        reason = f": {self.detail['reason']}" if "reason" in self.detail else ""
+        return f"Point({self.label or self.kind}?: {values}; not located{reason})"
+
+
+@dataclass(frozen=True)
+class Locus:
+    """Where an event happens, as equations: what `boundary` adds to the problem's own.
+
+    Parameters
+    ----------
+    extra : dict
+        Name and start value of each unknown that the conditions bring, in all m numbers.
+    conditions : callable
+        ``conditions(curve, z, extra) -> (m + 1,) array``; `curve` is the problem with its one or
+        two freed parameters, ``z`` its unknowns and these parameters, ``extra`` an (m,) array.
+    derivative : callable, optional
+        ``(curve, z, extra) -> (m + 1, len(z) + m) array``; differences are taken without it.
+    events : tuple of Event
+        What can happen on the boundary itself, a cusp on a fold curve for instance.
+    domain : dict, optional
+        ``{name: (low, high)}``, bounds of parameters, where they are freed, within which the
+        conditions can be followed, as far as they are narrower than those of the problem.
+    meets : dict, optional
+        ``{kind: events}`` to look for on the boundary in place of the meeting with an event of that
+        kind, where that has names of its own: on a fold curve HB is met at BT and ZH.
+    unfolding : callable, optional
+        ``unfolding(extra) -> (value, slope)``, shapes (n,) and (n, m): what is added to the
+        problem's own equations, and its derivative. Needed where these alone are singular along
+        the curve, as they are at branch points; where the event is met it vanishes.
+    """
+
+    extra: Mapping[str, Any]
+    conditions: Callable[[Curve, Array, Array], Array]
+    derivative: Callable[[Curve, Array, Array], Array] | None = None
+    events: tuple[Event, ...] = ()
+    domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
+    unfolding: Callable[[Array], tuple[Array, Array]] | None = None
+
+
+Examined = str | Mapping[str, Any]
+
+
+@dataclass(frozen=True, repr=False)
+class Event:
+    """A test function along a curve, and what its zero means.
+
+    Parameters
+    ----------
+    kind : str
+        The field's label: LP, BP, PF, NS, PD, GR, HB, UZ.
+    test : callable or None
+        ``test(point)`` returns a float with a zero at the event, or an int (or bool) that jumps
+        there. It may return NaN where it has no meaning: nothing is looked for there. A `Singular`
+        looks ahead as well. None where there is a `count` alone, of what all other events change:
+        where it changes without one, the place is kept among the doubtful.
+    count : callable, optional
+        ``count(point) -> int``, a number that changes by one where the test has a simple zero, of
+        unstable eigenvalues for instance. Two zeros within a step, which leave no change of sign,
+        are seen by it.
+    locus : callable, optional
+        ``locus(point) -> Locus`` at a point close to the event, its curve with both parameters
+        free where a boundary sets out. Needed to trace the event in two parameters, and to locate
+        one whose test jumps beyond what bisection gives.
+    examine : callable, optional
+        ``examine(point)`` returns a str, the reason why a located point is not what the kind says,
+        empty if it is; or a dict of what else to know of it, coefficients of its normal form for
+        instance. That is kept in ``point.detail``, but for "kind", a better name.
+    ends : {'', 'branch', 'domain'}
+        Whether the branch ends at the event, and whether solutions mean something on the positive
+        side of the test only: then a start beyond is refused.
+
+    Examples
+    --------
+    >>> Event("UZ", lambda point: point["x"] - 0.5).ends
+    ''
+    """
+
+    kind: str
+    test: Callable[[Point], float | int] | None
+    count: Callable[[Point], int | float] | None = field(default=None, kw_only=True)
+    locus: Callable[[Point], Locus] | None = field(default=None, kw_only=True)
+    examine: Callable[[Point], Examined] | None = field(default=None, kw_only=True)
+    ends: Literal["", "branch", "domain"] = field(default="", kw_only=True)
+
+    def __post_init__(self) -> None:
+        if self.ends not in ("", "branch", "domain"):
+            raise BadInput(f"ends={self.ends!r}: '', 'branch' or 'domain' was wanted")
+        if self.test is None and self.count is None:
+            raise BadInput(f"an event of kind {self.kind} needs a test, or at least a count")
+
+    @property
+    def crosses(self) -> bool:
+        """Whether curves cross there: the equations are singular, and solved for otherwise."""
+        return hasattr(self.locus, "solve")
+
+    @property
+    def walls(self) -> bool:
+        """Whether solutions mean nothing beyond it."""
+        return self.ends == "domain"
+
+    @property
+    def bifurcates(self) -> bool:
+        """Whether counts of unstable directions are decided by rounding there: not at a wall, at a
+        level that a user asked for, and where a count changes for no reason that is known."""
+        return not (self.walls or self.test is None or isinstance(self.test, Level))
+
+    def of(self, problem: Problem) -> Event:
+        """The event as it is for one problem: itself, unless only its kind is known so far."""
+        return self
+
+    def value(self, point: Point) -> float | int:
+        """What is looked at along the curve: the test, or the count where there is no test."""
+        look = self.test or self.count
+        assert look is not None
+        return look(point)
+
+    def __repr__(self) -> str:
+        return f"<Event {self.kind}{', terminal' if self.ends else ''}>"
+
+
+@dataclass(frozen=True, repr=False)
+class Judged(Event):
+    """An event with a rule of its own for who counts as unstable: the columns that go with it.
+
+    Parameters
+    ----------
+    record : dict
+        Columns in place of those of the problem of the same names.
+    about : str
+        What these columns are about, shown with the label of the problem.
+    """
+
+    record: Mapping[str, Callable[[Point], float]] = field(default_factory=dict, kw_only=True)
+    about: str = field(default="", kw_only=True)
+
+
+@dataclass(frozen=True, repr=False)
+class Meeting(Event):
+    """An event on a boundary; `met` is the event of the original problem that happens there too,
+    so that a meeting can be the start of either curve."""
+
+    met: Event = field(kw_only=True)
+
+    @property
+    def bifurcates(self) -> bool:
+        return self.met.bifurcates
+
+
+@dataclass(frozen=True)
+class Level:
+    """A test by a named value that passes a level."""
+
+    name: str
+    value: float
+
+    def __call__(self, point: Point) -> float:
+        return float(point[self.name] - self.value)
+
+    def __str__(self) -> str:
+        return f"{self.name} = {self.value:.12g}"
+
+
+def user(name: str, value: float, *, terminal: bool = False) -> Event:
+    """UZ: a named value (an unknown, a parameter, a recorded number) passes `value`.
+
+    Traced in two parameters it is a contour line of that value. A located point says which of
+    several levels it is on: ``point.detail["level"]`` is ``"mu = 0.3"``, and so do tables.
+
+    Examples
+    --------
+    >>> user("mu", 0.3)
+    <Event UZ>
+    """
+
+    if not isinstance(name, str):
+        raise BadInput(f"user({name!r}, ...): the name of an unknown or a parameter was wanted")
+    value = number("value", value, -1e300, 1e300, "the level to stop at")
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        return np.array([Point(curve, z.copy())[name] - value])
+
+    return Event(
+        "UZ",
+        Level(name, value),
+        locus=lambda point: Locus({}, conditions),
+        ends="branch" if terminal else "",
+    )
