@@ -159,8 +159,37 @@ def test_a_threshold_is_of_any_finite_lattice(run) -> None:
     assert content(run, f"{line} --threshold 1.005")["unstable"] == 4
 
 
+@pytest.mark.parametrize(
+    ("lattice", "kind"),
+    [("open:9", "PERIODIC"), ("grid:3x3", "UNDECIDED")],  # it repels
+)
+def test_a_run_from_the_orbit_of_the_lattice_stays_on_it(run, lattice: str, kind: str) -> None:
+    own = {"open:9": cb.OpenChain(9), "grid:3x3": cb.Grid(3, 3)}[lattice]
+    line = f"simulate --a 0.6 {AT} --lattice {lattice} --site 4 --damping 0.02 --spring 0.1"
+    found = content(run, f"{line} --periods 100 --impacts i.csv -o run.png")
+    more = {"damping": 0.02, "spring": 0.1, "lattice": own}
+    orbit = cb.symmetric(0.6, 0.05, 0.8, site=4, **more)
+    motion = cb.simulate(orbit.state(t=0.0), a=0.6, gamma=0.05, k=0.8, periods=100, **more)
+    assert (found["lattice"], found["sites"]) == (own.describe(), 9)
+    assert np.array_equal([found["final"]["u"], found["final"]["v"]], motion.final)
+    assert found["impacts"] == {"total": 200, "by_site": {"4": 200}}
+    assert found["lost_after"] is None
+    assert found["verdict"]["kind"] == kind
+    assert Path("run.png").stat().st_size > 10_000
+    assert "of them at site 4" in run(line)[1]
+
+
+def test_a_run_between_far_walls_and_one_without_a_lattice(run) -> None:
+    found = content(run, f"simulate --a 1.2 {AT} --sites 12 --walls -2,2 --periods 3")
+    assert found["impacts"]["by_site"] == {"0": 6}
+    springs = content(run, f"simulate --a 0.6 {AT} --spring 0.1 --periods 3")
+    assert springs["impacts"]["by_site"] == {"0": 6}
+    assert springs["sites"] == 20
+    smooth = content(run, f"simulate --a 0.1 {AT} --lattice open:9 --smooth 6 --periods 3")
+    assert smooth["lattice"] == "open chain with free ends, 9 sites"
+
+
 POINT = f"point --a 0.6 {AT}"
-GROUND = [[1, -1], [-1, 1]]
 REFUSED = {
     "no such lattice": (f"{POINT} --lattice cube:3", r"--lattice cube:3: wanted is ring:20, open"),
     "no size": (f"{POINT} --lattice ring", r"--lattice ring: wanted is ring:20"),
@@ -245,6 +274,18 @@ REFUSED = {
     "threshold of a run": (
         f"simulate --a 0.6 {AT} --sites 9 --threshold 1.02",
         r"--threshold: the verdict on a run has none",
+    ),
+    "run from a site not there": (
+        f"simulate --a 0.6 {AT} --lattice open:9 --site 9",
+        r"no such site on the open chain",
+    ),
+    "run between walls crossed": (
+        f"simulate --a 0.6 {AT} --lattice open:9 --walls 1,-1",
+        r"two numbers low < high",
+    ),
+    "smooth walls elsewhere": (
+        f"simulate --a 0.6 {AT} --walls -2,2 --smooth 6",
+        r"--walls goes with rigid walls only: leave out --smooth",
     ),
     "threshold zero": (f"{POINT} --lattice open:9 --threshold 0", r"threshold = 0"),
     "zones": ("zones --lattice open:9", r"--lattice is no option of zones: .* boundary follows"),

@@ -27,6 +27,7 @@ class Seen:
     interrupted: bool
     stop: str
     stream: Recording | None = None
+    site: int = 0
     by_site: dict[int, int] | None = None
     lost: int | None = None
     kind: str = "UNDECIDED"
@@ -34,15 +35,15 @@ class Seen:
     evidence: dict[str, float] = field(default_factory=dict)
 
 
-def seen_of(run: Run | SmoothRun) -> Seen:
+def seen_of(run: Run | SmoothRun, site: int = 0) -> Seen:
     """A whole run and how it ended, not judged yet."""
     from contbreather.dynamics import RunStop
 
     stop = getattr(run, "reason", "") or run.stop.value
-    return Seen(run, run.periods, run.stop is RunStop.INTERRUPTED, stop)
+    return Seen(run, run.periods, run.stop is RunStop.INTERRUPTED, stop, site=site)
 
 
-def seen_in(kept: Recording, wanted: int) -> Seen:
+def seen_in(kept: Recording, wanted: int, site: int = 0) -> Seen:
     """A run on disk, not judged yet: it is read piece by piece, only its end is held."""
 
     run = _end_of(kept, 2 * JUDGED)
@@ -50,7 +51,7 @@ def seen_in(kept: Recording, wanted: int) -> Seen:
     stop = run.reason or run.stop.value
     if interrupted:
         stop = f"interrupted after {kept.periods} of {wanted} periods; the same command goes on"
-    return Seen(run, kept.periods, interrupted, stop, kept)
+    return Seen(run, kept.periods, interrupted, stop, kept, site)
 
 
 @computing()
@@ -62,9 +63,9 @@ def judged(seen: Seen) -> Seen:
 
         if seen.stream is not None:
             by_site = _counted(one.impacts for one in seen.stream.stretches())
-            seen = replace(seen, by_site=by_site, lost=_lost_in(seen.stream))
+            seen = replace(seen, by_site=by_site, lost=_lost_in(seen.stream, seen.site))
         elif isinstance(seen.run, Run):
-            lost = life(seen.run) if seen.periods else None
+            lost = life(seen.run, seen.site) if seen.periods else None
             seen = replace(seen, by_site=_counted([seen.run.impacts]), lost=lost)
         kind, reason, evidence = _judged(seen.run)
     except KeyboardInterrupt:
@@ -83,7 +84,7 @@ def _counted(tables: Iterable[Any]) -> dict[int, int]:
     return dict(sorted(found.items()))
 
 
-def _lost_in(kept: Recording) -> int | None:
+def _lost_in(kept: Recording, site: int) -> int | None:
     """`life`, piece by piece."""
     import numpy as np
 
@@ -91,7 +92,7 @@ def _lost_in(kept: Recording) -> int | None:
 
     wall = 0
     for one in kept.stretches():
-        gone = np.flatnonzero(unlike_a_breather(one.impacts, one.periods, one.first, wall))
+        gone = np.flatnonzero(unlike_a_breather(one.impacts, one.periods, one.first, wall, site))
         if gone.size:
             return one.first + int(gone[0])
         wall = int(one.impacts["wall"][-1]) if one.impacts.size else wall

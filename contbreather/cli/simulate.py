@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from contbreather.cli.interrupts import computing
-from contbreather.cli.lattices import lattice_by
-from contbreather.cli.options import PARAMETERS, Into, Where, Whole
+from contbreather.cli.options import PARAMETERS, Into, On, Where, Whole
 from contbreather.cli.output import check_places, note, say, to_csv, to_figure, to_json
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
 from contbreather.cli.starts import read_state, write_state
@@ -41,9 +40,10 @@ def simulate(
     final: str | None = None,
     into: Into = Into(),
 ) -> int | None:
-    """A ring in motion, impact by impact, and a verdict on what it comes to.
+    """A lattice in motion, impact by impact, and a verdict on what it comes to.
 
-    It starts on the exact breather at t = 0, or from a file: JSON with u, v and t, as --final
+    It is a ring of 20 unless a lattice or a state is given. It starts on the exact breather at
+    t = 0, or from a file: JSON with u, v and t, as --final
     writes it, or two columns u and v. --csv takes the states once in a period. After Ctrl-C all
     that was simulated until then is written, then judged; a second one leaves the verdict out.
 
@@ -78,7 +78,8 @@ def simulate(
     else:
         walls = "rigid walls" if smooth is None else f"smooth walls, m = {smooth:g}"
         length = seen.periods if seen.stream else length_of(seen.run)
-        say(f"Ring of {seen.run.sites}, {walls}, {periods_in_words(length)}")
+        lattice = seen.run.conditions.lattice.describe()
+        say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}")
         table = _table(seen, asked)
         if table.row_count:
             say(table)
@@ -115,71 +116,63 @@ class Asked:
         if self.seed < 0:
             raise BadInput(f"--seed {self.seed}: a whole number, at least 0, was wanted")
 
-    @property
-    def sites_asked(self) -> int | None:
-        """The length of the ring, if one was given."""
-        from contbreather.lattice import Ring
-
-        where = self.where
-        lattice = lattice_by(where.lattice, where.sites)
-        ring = lattice.sites is None or isinstance(lattice, Ring)
-        if not ring or where.site or where.spring or where.walls:
-            raise BadInput(
-                "simulate moves rings, between walls at -1 and 1 and without springs: leave out "
-                "--site, --spring and --walls, and take --lattice ring:N"
-            )
-        if where.threshold is not None:
+        if self.smooth is not None and self.where.walls:
+            raise BadInput("--walls goes with rigid walls only: leave out --smooth")
+        if self.where.threshold is not None:
             raise BadInput("--threshold: the verdict on a run has none; leave it out")
-        return lattice.sites
 
     @computing()
     def simulate(self) -> Seen:
         """Run it."""
         from contbreather.dynamics import record, simulate, simulate_smooth
 
-        values = self.where.need(*PARAMETERS)
-        forcing = self.where.drive()
-        state, t0 = self._state(values)
-        values.pop("spring", None)  # it is 0
-        shared: dict[str, Any] = {**values, "forcing": forcing, "t0": t0}
-        if self.stream is not None:
-            kept = record(self.stream, state, periods=int(self.periods), **shared)
-            return seen_in(kept, int(self.periods))
+        values, on = self.where.need(*PARAMETERS), self.where.on()
+        lattice = None if on.lattice.sites is None else on.lattice
+        state, t0 = self._read(lattice) if self.start is not None else self._breather(on, lattice)
+        shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on.forcing, "t0": t0}
         if self.smooth is not None:
-            return seen_of(simulate_smooth(state, m=self.smooth, periods=self.periods, **shared))
-        return seen_of(simulate(state, periods=self.periods, **shared))
+            smooth: dict[str, Any] = {"m": self.smooth, "periods": self.periods}
+            return seen_of(simulate_smooth(self._pushed(state), **smooth, **shared))
+        shared |= {"walls": on.more["walls"]}
+        if self.stream is not None:
+            kept = record(self.stream, self._pushed(state), periods=int(self.periods), **shared)
+            return seen_in(kept, int(self.periods), self.where.site)
+        run = simulate(self._pushed(state), periods=self.periods, **shared)
+        return seen_of(run, self.where.site)
 
-    def _state(self, values: dict[str, float]) -> tuple[Any, float]:
-        """The first state and its time."""
-        import numpy as np
-
-        if self.start is not None:
-            (u, v), t0 = read_state(self.start)
-            sites = self.sites_asked
-            if sites is not None and sites != len(u):
-                raise BadInput(
-                    f"--sites {sites}: the state in {self.start} has {len(u)} sites; leave "
-                    "out --sites"
-                )
-        else:
-            (u, v), t0 = self._breather(values)
-        if self.perturb > 0.0:
-            push = self.perturb * np.random.default_rng(self.seed).normal(size=(2, len(u)))
-            u, v = u + push[0], v + push[1]
+    def _read(self, lattice: Any) -> tuple[Any, float]:
+        """The state in a file, and its time."""
+        (u, v), t0 = read_state(str(self.start))
+        if lattice is not None and lattice.sites != len(u):
+            typed = "--sites" if self.where.lattice is None else "--lattice"
+            raise BadInput(
+                f"{typed} {self.where.lattice or lattice.sites}: the state in {self.start} has "
+                f"{len(u)} sites; leave out {typed}"
+            )
         return (u, v), t0
 
-    def _breather(self, values: dict[str, float]) -> tuple[Any, float]:
-        """The exact breather at t = 0, or a quarter of a period later if it hits just then."""
+    def _breather(self, on: On, lattice: Any) -> tuple[Any, float]:
+        """The exact breather at t = 0, or a quarter of a period later if it hits just then. That of
+        a ring is the one without damping, as in the paper; that of --lattice has all."""
         from contbreather.breathers import symmetric
+        from contbreather.lattice import Ring
 
-        found = symmetric(values["a"], values["gamma"], values["k"], forcing=self.where.drive())
+        values = self.where.given | ({} if self.where.lattice else {"damping": 0.0})
+        found = symmetric(**{**values, **on.given, "lattice": lattice or Ring(SITES)})
         margins = found.admissibility()
         if not margins.ok:
             raise BadInput(f"{margins.reason.rstrip('.')}; give a state with --start instead")
         # a period should not begin at an impact: it might be counted there or not
         t0 = 0.0 if abs(math.remainder(found.phi, math.pi)) > CLOSE else 0.5 * math.pi
-        sites = self.sites_asked
-        return found.state(SITES if sites is None else sites, t0), t0
+        return found.state(t=t0), t0
+
+    def _pushed(self, state: Any) -> Any:
+        import numpy as np
+
+        if not self.perturb:
+            return state
+        push = self.perturb * np.random.default_rng(self.seed).normal(size=(2, len(state[0])))
+        return state[0] + push[0], state[1] + push[1]
 
 
 # --- what is left ---------------------------------------------------------------------------------
@@ -195,7 +188,7 @@ def _files(seen: Seen, asked: Asked) -> Iterator[Any]:
     if asked.impacts is not None:
         yield to_csv(asked.impacts, _impacts(seen), IMPACTS)
     if asked.into.output is not None:
-        yield to_figure(asked.into.output, lambda: draw(seen.run))
+        yield to_figure(asked.into.output, lambda: draw(seen.run, seen.site))
 
 
 def _strobes(seen: Seen) -> Iterator[dict[str, float]]:
@@ -235,15 +228,15 @@ def _rows(table: Any) -> Iterator[dict[str, float]]:
         yield dict(zip(IMPACTS, row, strict=True))
 
 
-def draw(run: Run | SmoothRun) -> Figure:
-    """The last periods of three sites, the section of site 0, and how localised it was."""
+def draw(run: Run | SmoothRun, site: int = 0) -> Figure:
+    """The last periods of three sites, the section of one, and how localised it was."""
     from contbreather.plotting import new_figure, plot_localisation, plot_motion, plot_section
     from contbreather.plotting.canvas import style
 
     with style():
         figure, (motion, section, where) = new_figure(3, height=13.5)
-        plot_motion(_window(run), ax=motion)
-        plot_section(run, skip=run.periods // 2, ax=section)
+        plot_motion(_window(run, site), ax=motion)
+        plot_section(run, site=site, skip=run.periods // 2, ax=section)
         plot_localisation(run, ax=where)
         titles = ("the last periods", "once in a period, later half", "where the energy is")
         for ax, letter, title in zip((motion, section, where), "abc", titles, strict=True):
@@ -251,7 +244,7 @@ def draw(run: Run | SmoothRun) -> Figure:
     return figure
 
 
-def _window(run: Any) -> Any:
+def _window(run: Any, site: int) -> Any:
     """The last periods again, with some sites recorded densely."""
     from contbreather.dynamics import Run, Sample, State
     from contbreather.dynamics.impacting import advance, completed
@@ -259,7 +252,7 @@ def _window(run: Any) -> Any:
 
     count = min(WINDOW, run.periods)
     state = State(run.strobe.u[-1 - count], run.strobe.v[-1 - count])
-    shown = tuple(dict.fromkeys((0, 1 % run.sites, run.sites // 2)))
+    shown = tuple(dict.fromkeys((site + n) % run.sites for n in (0, 1, run.sites // 2)))
     window: dict[str, Any] = {"periods": max(1, count), "sample": Sample(shown, 100)}
     window |= {"t0": float(run.times[-1 - count]), "progress": False}
     again = advance if isinstance(run, Run) else advance_smooth
@@ -273,6 +266,7 @@ def _content(seen: Seen, asked: Asked) -> dict[str, Any]:
         "damping": c.damping,
         "forcing": c.forcing.describe(),
         "m": asked.smooth,
+        "lattice": c.lattice.describe(),
         "sites": run.sites,
         "periods": seen.periods,
         "stop": seen.stop,
@@ -304,9 +298,9 @@ def _table(seen: Seen, asked: Asked) -> Table:
     table.add_column()
     table.add_column(justify="right")
     if seen.by_site is not None:
-        own = seen.by_site.get(0, 0)
+        own = seen.by_site.get(seen.site, 0)
         table.add_row("impacts", str(sum(seen.by_site.values())))
-        table.add_row("of them at site 0", str(own))
+        table.add_row(f"of them at site {seen.site}", str(own))
         if asked.start is None:
             lost = "to the end" if seen.lost is None else periods_in_words(seen.lost)
             table.add_row("breather kept for", lost)

@@ -36,33 +36,33 @@ HARD = 30  # hardness of a wall at which the breather is close to the impacting 
 MOST = 0.06  # damping that is enough for every breather of the figures
 
 
-def life(run: Run | SmoothRun) -> int | None:
-    """Periods until site 0 misses a wall or another site comes to one; None if it never happens.
+def life(run: Run | SmoothRun, site: int = 0) -> int | None:
+    """Periods until a site misses a wall or another one comes to one; None if it never happens.
 
-    Of smooth rings it needs a record of site 0 and its neighbours.
+    Of smooth rings it needs a record of that site and its neighbours.
     """
     if isinstance(run, Run):
-        broken = unlike_a_breather(run.impacts, run.periods)
+        broken = unlike_a_breather(run.impacts, run.periods, site=site)
     else:
         assert run.record is not None
         u = run.record.u.reshape(run.periods, -1, len(run.record.sites))
-        here = run.record.sites.index(0)
-        site, rest = u[:, :, here], np.delete(u, here, 2)
-        missed = (site.max(axis=1) < MISSED) | (site.min(axis=1) > -MISSED)
+        here = run.record.sites.index(site)
+        centre, rest = u[:, :, here], np.delete(u, here, 2)
+        missed = (centre.max(axis=1) < MISSED) | (centre.min(axis=1) > -MISSED)
         broken = missed | (np.abs(rest).max(axis=(1, 2)) > REACHED)
     gone = np.flatnonzero(broken)
     return int(gone[0]) if gone.size else None
 
 
 def unlike_a_breather(
-    impacts: NDArray[np.void], periods: int, first: int = 0, wall: int = 0
+    impacts: NDArray[np.void], periods: int, first: int = 0, wall: int = 0, site: int = 0
 ) -> NDArray[np.bool_]:
-    """For each whole period: does site 0 rest, or miss a wall, or does any other site hit one?
+    """For each whole period: does `site` rest, or miss a wall, or does any other hit one?
 
     `wall` is the one of the last impact before, if there was any. Impacts are not counted: where
     their phases move, as on a torus, one may slip over the end of a period.
     """
-    period, own = impacts["period"] - first, impacts["site"] == 0
+    period, own = impacts["period"] - first, impacts["site"] == site
     walls = np.concatenate([[wall], impacts["wall"][own]])
     missed = period[own][walls[1:] == walls[:-1]]
     none = np.bincount(period[own], minlength=periods)[:periods] == 0
