@@ -35,7 +35,6 @@ ALIKE = 1e-9  # sites whose motions differ by less are images of each other
 BESIDE = 1e-4  # times this close to a crest, or to half of it, are of that crest
 TELLING = 1e-12  # where margins vanish together, the least size of what still sets them apart
 MIRRORED = 1e-13  # the margin of a crest that symmetry makes touch the other wall at the same place
-ENDS = 1e-9  # relative distance from its impacts at which a flight counts as at them
 USUAL = (-1.0, 1.0)
 
 
@@ -240,14 +239,6 @@ def centre_margin(orbit: Any) -> float:
 def closest(orbit: Watch) -> Gap:
     """What is closest to a wall, or beyond it, the far field aside."""
     return min([*gaps_of_flights(orbit), *gaps_of_idle(orbit)])
-
-
-def at_impact(orbit: Watch, gap: Gap) -> bool:
-    """Whether that is at an impact itself, which then has lost its velocity."""
-    if gap.flight < 0:
-        return False
-    own = orbit.flights[gap.flight]
-    return min(gap.time - own.start, own.start + own.length - gap.time) < ENDS * own.length
 
 
 def _reason(orbit: Watch, worst: Gap) -> str:
@@ -512,8 +503,12 @@ def _crests(u: FloatArray) -> FloatArray:
 # --- besides a grazing crest ----------------------------------------------------------------
 
 
-def rivals(orbit: Watch, site: int | None, t: float) -> list[Gap]:
+def rivals(orbit: Watch, site: int | None, t: float, *, mirrored: bool = False) -> list[Gap]:
     """Everything that may touch a wall besides the crest of one site at one time, which does.
+
+    With `mirrored` the orbit is a symmetric one with its whole period written out: the crest at the
+    other wall, half a period later, is the same again. On an arm it is not, and both come together
+    at the pitchfork.
 
     The far field is not among them: its displacement lies between those of two neighbours far out,
     so it is never highest by more than rounding.
@@ -530,7 +525,7 @@ def rivals(orbit: Watch, site: int | None, t: float) -> list[Gap]:
     elif site in busy:
         found = [*_besides_dip(orbit, site, t, flights), *gaps_of_idle(orbit)]
     else:
-        found = [*_besides_crest(orbit, site, t), *flights, *gaps_of_others(orbit, site)]
+        found = [*_besides_crest(orbit, site, t, mirrored), *flights, *gaps_of_others(orbit, site)]
     least = 0.0 if site is None else orbit.felt(site)
     sizes = [max(least, orbit.felt(gap.site)) for gap in found if gap.site is not None]
     return [
@@ -543,7 +538,7 @@ def _told_apart(margin: float, size: float) -> float:
     return 1.0 if size < TELLING else margin / (abs(margin) + size)
 
 
-def _besides_crest(orbit: Watch, site: int, t: float) -> list[Gap]:
+def _besides_crest(orbit: Watch, site: int, t: float, mirrored: bool) -> list[Gap]:
     """Margins of a site whose crest at ``t`` touches a wall: that crest, a double zero, is divided
     out, so what is left tells the others, and where it is no crest."""
     (low, high), u = orbit.walls(site), orbit.at(site, t)[0]
@@ -555,9 +550,8 @@ def _besides_crest(orbit: Watch, site: int, t: float) -> list[Gap]:
     if orbit.sign > 0:  # otherwise the other wall is that of the other half
         other = (low, math.inf) if side > 0.0 else (-math.inf, high)
         if any(map(math.isfinite, other)):
-            # that of a symmetric orbit with its whole period written out is the same crest again
             more = _gaps(orbit, sites, path, sites.tolist(), [other])
-            found += [gap for gap in more if abs(gap.margin) > MIRRORED]
+            found += [gap for gap in more if not (mirrored and abs(gap.margin) < MIRRORED)]
     return found
 
 

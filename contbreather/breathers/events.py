@@ -14,7 +14,7 @@ from typing import Any
 from contbreather.breathers import symmetric_events
 from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.orbit import Orbit, orbit_at
-from contbreather.continuation import Event, Point, Problem
+from contbreather.continuation import Event, Locus, Point, Problem
 from contbreather.continuation.point import Judged
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
@@ -36,10 +36,16 @@ class OfProblem(Event):
     choose: Callable[[Problem], Event] = field(kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "test", self._value)
+        object.__setattr__(self, "test", lambda point: self._at(point).value(point))
+        object.__setattr__(self, "locus", self._locus)
 
-    def _value(self, point: Point) -> float | int:
-        return self.of(point.ground.curve.problem).value(point)
+    def _at(self, point: Point) -> Event:
+        return self.of(point.ground.curve.problem)
+
+    def _locus(self, point: Point) -> Locus:
+        own = self._at(point).locus
+        assert own is not None  # each of these events has one
+        return own(point)
 
     def of(self, problem: Problem) -> Event:
         return self.choose(problem)

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import at_impact, closest, rivals
+from contbreather.breathers.grazing import Crest, grazing
 from contbreather.breathers.modal_flight import EPS, ModalFlight
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.section import Section
@@ -25,7 +25,6 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import differences
 from contbreather.continuation.loci import Singular
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import Meeting
 from contbreather.errors import BadInput
 from contbreather.stability.pairs import beyond, outermost
 from contbreather.stability.verdict import THRESHOLD
@@ -36,7 +35,6 @@ Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
 REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
 ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
 VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding
-SHALLOW = 1e-8  # velocity below which an impact is none
 DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
 
@@ -124,15 +122,8 @@ def ring_neimark_sacker(threshold: float = THRESHOLD) -> Event:
 
 
 def contact() -> Event:
-    """GR: a site comes to touch a wall without an impact; VI: an impact loses its velocity. The
-    branch ends there; site and time are in ``point.solution.admissibility()``."""
-    return Event(
-        "GR",
-        lambda point: point.solution.admissibility().margin,
-        ends="domain",
-        locus=_contact_locus,
-        examine=_vanishing,
-    )
+    """GR: a site comes to touch a wall without an impact; VI: an impact loses its velocity."""
+    return grazing(_crest, shallow=_shallow_locus)
 
 
 def _flight(point: Point) -> ModalFlight:
@@ -253,30 +244,12 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
 # --- contacts -------------------------------------------------------------------------------
 
 
-def _contact_locus(point: Point) -> Locus:
-    """``u_n = wall, u_n' = 0`` at an unknown time, for the site closest to its walls."""
-    orbit: Orbit = point.solution
-    worst = closest(orbit.watch)
-    if at_impact(orbit.watch, worst):
-        return _shallow_locus(orbit)
-    site, there = worst.site, orbit.displacement(worst.site, worst.time)
-    place = min(orbit.conditions.walls.at(site), key=lambda wall: abs(there - wall))
+def _crest(orbit: Orbit, site: int) -> Crest:
+    def slopes(curve: Curve, orbit: Orbit, t: float) -> FloatArray:
+        found: FloatArray = orbit.flight.watched(site, t, curve.free)[:2, 1:]
+        return found
 
-    def conditions(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-        u, v, _ = _at(curve, z).at(site, float(extra[0]))
-        return np.array([u - place, v])
-
-    def derivative(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-        flight = _at(curve, z)
-        (_, *u), (v, *du), (w, *_) = flight.watched(site, float(extra[0]), curve.free)
-        return np.array([[*u, v], [*du, w]])
-
-    return Locus({"t": worst.time}, conditions, derivative, events=(_other_contact(site),))
-
-
-def _vanishing(point: Point) -> dict[str, str]:
-    least = min(abs(one.velocity) for one in _flight(point).arrivals)
-    return {"kind": "VI"} if least < SHALLOW else {}
+    return Crest(lambda orbit, t: orbit.flight.at(site, t), slopes)
 
 
 def _shallow_locus(orbit: Orbit) -> Locus:
@@ -290,16 +263,3 @@ def _shallow_locus(orbit: Orbit) -> Locus:
         return np.array([_at(curve, z).arrivals[j].velocity])
 
     return Locus({}, conditions)  # a single number: differences of it cost little
-
-
-def _other_contact(site: int) -> Event:
-    """Where one crest touches its wall, all else must still keep off theirs: other sites, and other
-    crests of the same one. So the grazing of one arm ends at the pitchfork, where the other's
-    begins."""
-
-    def test(point: Point) -> float:
-        found = rivals(point.solution.watch, site, point["t"])
-        return min((gap.margin for gap in found), default=1.0)
-
-    met = Event("GR", test, locus=_contact_locus, ends="domain")
-    return Meeting("GR-GR", test, ends="domain", met=met)

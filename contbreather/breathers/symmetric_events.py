@@ -16,8 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import Gap, clearance, rivals
+from contbreather.breathers.clearance import Watch
 from contbreather.breathers.closed_form import SymmetricFlight, flight_slope_of
+from contbreather.breathers.grazing import ALIKE, Crest
+from contbreather.breathers.grazing import grazing as followed
+from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.watched import phase
 from contbreather.checks import check_kind, real
 from contbreather.continuation import Event, Locus, Point
@@ -43,8 +46,6 @@ Slope = Callable[[SymmetricFlight, str], float]
 # k = 1 there are none: within rounding of the edge the curve cannot be followed.
 _ELASTIC = 1.0 - 1e-5
 _ALL_BUT = 1.0 - 1e-15
-_ALIKE = 1e-5  # a coupling below which sites are told apart as they would be there
-_VANISHED = 1e-9  # an impact of smaller p is none
 _ZERO = 1e-8  # a located event's own scalar, relative to the terms in it
 
 
@@ -114,19 +115,9 @@ def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
 
 
 def grazing() -> Event:
-    """GR: a site comes to touch a wall that it must not touch; the branch ends there.
-
-    A neighbour (15), site 0 between its impacts (B3), or the far field ``|a f| <= 1``. Where the
-    impact itself loses its momentum, p -> 0, all of them are met at once: that end is labelled VI,
-    a vanishing impact.
-    """
-    return Event(
-        "GR",
-        _on_breather(lambda breather: clearance(breather.watch).margin),
-        ends="domain",
-        locus=_grazing_locus,
-        examine=lambda point: {"kind": "VI"} if point["p"] < _VANISHED else {},
-    )
+    """GR: a neighbour (15), site 0 between its impacts (B3), or the far field ``|a f| <= 1``. Where
+    the impact itself loses its momentum, p -> 0, all of them graze at once: VI."""
+    return followed(_crest, weakly=_weakly)
 
 
 def _on_breather(test: Callable[[SymmetricFlight], float]) -> Callable[[Point], float]:
@@ -400,62 +391,17 @@ def _next_wave(ring: Ring, threshold: float) -> Event:
 # --- grazing --------------------------------------------------------------------------------------
 
 
-def _grazing_locus(point: Point) -> Locus:
-    """``u_n = 1, u_n' = 0`` at an unknown time, for the site that is closest to its walls."""
-    return _crest_locus(_flight(point), *_closest(_flight(point)))
+def _crest(orbit: Orbit, site: int) -> Crest:
+    def slopes(curve: Curve, orbit: Orbit, t: float) -> Array:
+        rows = [_motion_slope(orbit.flight, site, t, name) for name in _names(curve)]
+        return np.array(rows).T
+
+    return Crest(lambda orbit, t: orbit.watch.at(site, t), slopes)
 
 
-def _closest(breather: SymmetricFlight) -> tuple[int, float]:
-    """Site and time of the crest that is closest to a wall."""
-    found = clearance(breather.watch)
-    if found.centre < min(found.neighbours, found.far):
-        return 0, found.places["centre"][1]
-    if breather.gamma < _ALIKE:
-        # without coupling all neighbours climb alike: the one that does highest with a little of it
-        found = clearance(replace(breather, gamma=_ALIKE).watch)
-    site, t = found.places["neighbours"]
-    assert site is not None
-    return site, t
-
-
-def _crest_locus(breather: SymmetricFlight, site: int, t: float) -> Locus:
-    wall = math.copysign(1.0, breather.watch.at(site, t)[0])
-    if site == 0 and not 1e-9 < t - breather.phi < math.pi - 1e-9:
-        raise Undefined("the impact of site 0 itself loses its velocity: no grazing to follow")
-
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        u, v, _ = _breather(curve, z).watch.at(site, float(extra[0]))
-        return np.array([wall * u - 1.0, wall * v])
-
-    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        breather = _breather(curve, z)
-        t = float(extra[0])
-        rows = [_motion_slope(breather, site, t, name) for name in _names(curve)]
-        _, v, acceleration = breather.watch.at(site, t)
-        return wall * np.array([*rows, (v, acceleration)]).T
-
-    return Locus({"t": t}, conditions, derivative, events=(_other_grazing(site),))
-
-
-def _other_grazing(site: int) -> Event:
-    """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
-    of the same one. Where it does not, the limit of existence goes on with that."""
-
-    def closest(point: Point) -> Gap:
-        return min(rivals(_flight(point).watch, site, point["t"]))
-
-    def analysis(point: Point) -> Mapping[str, Any]:
-        other = closest(point)
-        return {"site": other.site, "time": other.time}
-
-    def locus(point: Point) -> Locus:
-        return _crest_locus(_flight(point), point.detail["site"], point.detail["time"])
-
-    def test(point: Point) -> float:
-        return closest(point).margin
-
-    met = Event("GR", test, ends="domain", locus=locus)
-    return Meeting("GR-GR", test, ends="domain", met=met, examine=analysis)
+def _weakly(orbit: Orbit) -> Watch:
+    watch: Watch = replace(orbit.flight, gamma=ALIKE).watch
+    return watch
 
 
 def _motion_slope(breather: SymmetricFlight, site: int, t: float, name: str) -> tuple[float, float]:

@@ -15,7 +15,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import rivals
+from contbreather.breathers.clearance import Terms
+from contbreather.breathers.grazing import Crest, Ends, grazing, solution_at
 from contbreather.breathers.images import simpler_than
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.watched import moved
@@ -23,7 +24,6 @@ from contbreather.continuation import Event, Lift, Locus, Point, fold
 from contbreather.continuation.boundary import meeting
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import Meeting
 from contbreather.errors import BadInput
 from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
@@ -35,7 +35,6 @@ from contbreather.stability.winding import Count
 Array = NDArray[np.float64]
 
 EQUAL = 1e-9  # flights that differ by less are equal
-_VANISHED = 1e-8  # an impact of a smaller impulse is none
 _EPS = float(np.finfo(float).eps)
 _BLURRED = 1e-8  # rounding of multipliers that hides which of them is outside
 
@@ -55,7 +54,7 @@ def orbit_fold() -> Event:
 
     def off_pitchfork(event: Event) -> Event:
         def test(point: Point) -> float:
-            asymmetry = _orbit(point.ground).asymmetry
+            asymmetry = solution_at(point.ground).asymmetry
             return math.nan if asymmetry == 0.0 else event.value(point) / asymmetry
 
         return replace(event, test=test)
@@ -87,7 +86,7 @@ def pitchfork_of_arms() -> Event:
     locus = Locus({}, _equal_flights, _equal_flights_slope)
     return Event(
         "PF",
-        lambda point: _orbit(point).asymmetry,
+        lambda point: solution_at(point).asymmetry,
         locus=lambda point: locus,
     )
 
@@ -96,7 +95,7 @@ def period_doubling() -> Event:
     """PD: a multiplier passes -1 (`OrbitMap.minus_one`)."""
     return Event(
         "PD",
-        lambda point: _orbit(point).map.minus_one(),
+        lambda point: solution_at(point).map.minus_one(),
         count=_outside,
         locus=lambda point: Locus({}, _minus_one, _slopes(_minus_one)),
         examine=_examine_doubling,
@@ -120,7 +119,7 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = THRESH
         )
     return Event(
         "NS",
-        lambda point: _outermost(_orbit(point), threshold),
+        lambda point: _outermost(solution_at(point), threshold),
         locus=lambda point: _circle_locus(point, threshold),
         examine=_examine_angle,
     )
@@ -133,22 +132,10 @@ def _outermost(orbit: Orbit, threshold: float) -> float:
     return outermost(_multipliers(orbit.map), threshold)
 
 
-def orbit_grazing() -> Event:
-    """GR: a site comes to touch a wall at an impact that the orbit does not name; terminal. Where
-    one that it does name loses its momentum instead, VI."""
-    return Event(
-        "GR",
-        lambda point: _orbit(point).admissibility().margin,
-        ends="domain",
-        locus=_grazing_locus,
-        examine=_vanishing,
-    )
-
-
 def events_on(lattice: Lattice, threshold: float) -> tuple[Event, ...]:
     """The events that any orbit with impacts can meet, apart from multipliers +1."""
     pairs = orbit_neimark_sacker(on=lattice, threshold=threshold)
-    own = (period_doubling(), pairs, orbit_grazing())
+    own = (period_doubling(), pairs, grazing(_crest, ends=_ends_of_grazing))
     return own if isinstance(lattice, Ring) else (*own, tally())
 
 
@@ -165,7 +152,7 @@ def _counted(map: OrbitMap, radius: float) -> Count:
 
 def _outside(point: Point) -> int:
     """Beside PD: two multipliers that pass -1 within one step are seen by it."""
-    map = _orbit(point).map
+    map = solution_at(point).map
     if map.lattice.sites is not None:
         return beyond(_multipliers(map), -1.0)
     return _counted(map, 1.0).count
@@ -180,21 +167,14 @@ def tally() -> Event:
     """What no label explains: the number of multipliers outside changes, on the infinite chain."""
 
     def outside(point: Point) -> float | int:
-        found = _counted(_orbit(point).map, 1.0)
+        found = _counted(solution_at(point).map, 1.0)
         return found.count if found.certain else math.nan
 
     return Event("MX", None, count=outside)
 
 
-@lru_cache(maxsize=4)
-def _orbit(point: Point) -> Orbit:
-    # all events ask about the same point in turn
-    orbit: Orbit = point.solution
-    return orbit
-
-
 def _at(curve: Curve, z: Array) -> Orbit:
-    return _orbit(Point(curve, z))
+    return solution_at(Point(curve, z))
 
 
 # --- equal flights ------------------------------------------------------------------------------
@@ -212,7 +192,7 @@ def _equal_flights_slope(curve: Curve, z: Array, extra: Array) -> Array:
 
 def symmetric_again(point: Point) -> Lift:
     """The branch of symmetric breathers, in its own problem."""
-    breather = simpler_than(_orbit(point))
+    breather = simpler_than(solution_at(point))
     if breather is None:
         raise Undefined("the flights are not equal here")
     return Lift(breather.problem, point.curve.free[-1])
@@ -226,7 +206,7 @@ def _minus_one(curve: Curve, z: Array, extra: Array) -> Array:
 
 
 def _examine_doubling(point: Point) -> str:
-    map = _orbit(point).map
+    map = solution_at(point).map
     size = float(np.prod([1.0 + abs(kick.b) for kick in map.kicks]))
     value = map.minus_one()
     return "" if abs(value) < 1e-8 * size else f"D(-1) = {value:.2g} is not zero"
@@ -236,12 +216,12 @@ def _examine_doubling(point: Point) -> str:
 
 
 def _chain_pairs(point: Point) -> int:
-    return _counted(_orbit(point).map, 1.0).pairs
+    return _counted(solution_at(point).map, 1.0).pairs
 
 
 def _chain_miss(point: Point) -> float:
     """How far the next pair is off the circle, negative while an odd number is outside."""
-    map = _orbit(point).map
+    map = solution_at(point).map
     return -_approach(map) if _counted(map, 1.0).pairs % 2 else _approach(map)
 
 
@@ -252,7 +232,7 @@ def _approach(map: OrbitMap) -> float:
 
 def _arc_locus(point: Point) -> Locus:
     """F = 0 on the circle, at the angle where it is nearest to that."""
-    map = _orbit(point).map
+    map = solution_at(point).map
     if map.gamma == 0.0 and map.lattice.sites is None:
         raise Undefined("at gamma = 0 there is no band for a pair to come out of")
     ends = {"k": (0.0, _ELASTIC)}
@@ -286,7 +266,7 @@ def _examine_angle(point: Point) -> str:
 def _circle_locus(point: Point, threshold: float) -> Locus:
     """A multiplier of the ring on the circle of the threshold."""
     depth = -0.5j * math.log(threshold) / math.pi
-    mu = _orbit(point).map.over_period
+    mu = solution_at(point).map.over_period
     mu = mu[mu.imag > 0.0]
     first = mu[int(np.abs(mu).argmax())]
 
@@ -340,38 +320,22 @@ def _slopes(
 # --- grazing --------------------------------------------------------------------------------------
 
 
-def _grazing_locus(point: Point) -> Locus:
-    """``u = wall, u' = 0`` at an unknown time, for the site that is closest to its walls."""
-    orbit = _orbit(point)
-    worst = orbit.admissibility()
-    site, t = worst.site, worst.time
-    if site in orbit.section.hit and any(t == impact.time for impact in orbit.impacts):
-        raise Undefined(f"an impact of site {site} itself loses its velocity: no grazing to follow")
-    wall = math.copysign(1.0, orbit.watch.at(site, t)[0])
-    share = _offset_share(orbit, site, wall)
+def _crest(orbit: Orbit, site: int) -> Crest:
+    """A site with its share of the offsets as it is where the curve sets out."""
+    share = _offset_share(orbit, site)
 
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        orbit = _at(curve, z)
-        u, v, _ = moved(orbit, site, float(extra[0]))
-        return np.array([wall * (u + share @ orbit.offsets) - 1.0, wall * v])
+    def motion(orbit: Orbit, t: float) -> Terms:
+        u, v, w = moved(orbit, site, t)
+        return u + float(share @ orbit.offsets), v, w
 
-    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        orbit, t = _at(curve, z), float(extra[0])
+    def slopes(curve: Curve, orbit: Orbit, t: float) -> Array:
         rows = [_motion_slope(orbit, site, share, t, name) for name in _names(curve)]
-        _, v, acceleration = moved(orbit, site, t)
-        return wall * np.array([*rows, (v, acceleration)]).T
+        return np.array(rows).T
 
-    # the pitchfork of the arms is among what ends it, on the side of the arm
-    ends = _ends_of_grazing(orbit, site)
-    return Locus({"t": t}, conditions, derivative, events=ends, meets={"PF": ()})
+    return Crest(motion, slopes)
 
 
-def _vanishing(point: Point) -> dict[str, str]:
-    least = float(np.abs(_orbit(point).impulses).min())
-    return {"kind": "VI"} if least < _VANISHED else {}
-
-
-def _offset_share(orbit: Orbit, site: int | None, wall: float) -> Array:
+def _offset_share(orbit: Orbit, site: int) -> Array:
     """Weights of the offsets in the static displacement of a site.
 
     On a boundary that runs into gamma = 0 a site keeps to what holds for gamma > 0.
@@ -379,9 +343,6 @@ def _offset_share(orbit: Orbit, site: int | None, wall: float) -> Array:
     size = len(orbit.offsets)
     if orbit.gamma == 0.0 and site not in orbit.section.hit:
         return np.zeros(size)
-    if site is None:
-        end = 0 if wall * orbit.offsets[0] >= wall * orbit.offsets[-1] else size - 1
-        return np.eye(size)[end]
     flight = orbit.flight
     unit = [replace(flight, offsets=tuple(row)).offset(site) for row in np.eye(size).tolist()]
     return np.array(unit, dtype=float)
@@ -393,7 +354,7 @@ def _names(curve: Curve) -> tuple[str, ...]:
 
 
 def _motion_slope(
-    orbit: Orbit, site: int | None, share: Array, t: float, name: str
+    orbit: Orbit, site: int, share: Array, t: float, name: str
 ) -> tuple[float, float]:
     """Derivative of displacement and velocity at a fixed time."""
     f, a = orbit.forcing, orbit.a
@@ -403,7 +364,7 @@ def _motion_slope(
         return a * f.f_param(name, t, 0), a * f.f_param(name, t, 1)
     if name[0] == "c" and name not in f.params:
         return float(share[int(name[1:]) - 1 if len(name) > 1 else 0]), 0.0
-    if site is None or name == "k":
+    if name == "k":
         return 0.0, 0.0
     if name == "gamma":
         return _answers(orbit, site, t, wave_slope, orbit.impulses)[:2]
@@ -432,37 +393,24 @@ def _answers(
     return float(total[0]), float(total[1]), float(total[2])
 
 
-def _ends_of_grazing(orbit: Orbit, site: int | None) -> tuple[Event, ...]:
-    """What ends the grazing of one crest: another one, or the pitchfork of its arm."""
+def _ends_of_grazing(orbit: Orbit) -> Ends:
+    """The grazing of an arm ends at its pitchfork, on the side of the arm.
+
+    There that of the other arm begins: the margin of the mirrored crest vanishes together with the
+    asymmetry, and their ratio does not. So that this end is known by one name, margins are those
+    per asymmetry.
+    """
     asymmetry = orbit.asymmetry if orbit.section.two_impacts else 0.0
     if abs(asymmetry) <= EQUAL:
-        return (_other_grazing(site),)
+        return Ends(meets={"PF": ()})
     side = math.copysign(1.0, asymmetry)
-    pitchfork = replace(
-        meeting("GR", pitchfork_of_arms()),
-        test=lambda point: side * _orbit(point.ground).asymmetry,
-        ends="domain",
-    )
-    return (pitchfork, _other_grazing(site, side))
 
+    def off(point: Point) -> float:
+        return side * solution_at(point.ground).asymmetry
 
-def _other_grazing(site: int | None, side: float = 0.0) -> Event:
-    """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
-    of the same one.
+    def scale(point: Point) -> float:
+        asymmetry = side * solution_at(point).asymmetry
+        return asymmetry if asymmetry > EQUAL else math.nan
 
-    The grazing of one arm ends at the pitchfork, where that of the other begins: the margin of the
-    mirrored crest vanishes there together with the asymmetry, and their ratio does not. So that
-    this end is known by one name, the margins are those per asymmetry on the `side` of the arm.
-    """
-
-    def margin(point: Point) -> float:
-        return min(gap.margin for gap in rivals(_orbit(point).watch, site, point["t"]))
-
-    def test(point: Point) -> float:
-        if side == 0.0:
-            return margin(point)
-        asymmetry = side * _orbit(point).asymmetry
-        return margin(point) / asymmetry if asymmetry > EQUAL else math.nan
-
-    other = Event("GR", margin, locus=_grazing_locus, ends="domain")
-    return Meeting("GR-GR", test, ends="domain", met=other)
+    pitchfork = replace(meeting("GR", pitchfork_of_arms()), test=off, ends="domain")
+    return Ends((pitchfork,), scale, {"PF": ()})
