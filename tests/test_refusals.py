@@ -67,7 +67,7 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     *(
         (
             lambda period=period: cb.FixedPoint(grown, {"x": 0.6}, {"r": 2.5}, period=period),
-            rf"a period is a positive integer, got {period!r}",
+            rf"^period = {period!r}: a whole number, at least 1",
         )
         for period in (0, -1, 1.5, True, "2")
     ),
