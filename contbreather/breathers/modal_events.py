@@ -27,6 +27,7 @@ from contbreather.continuation.loci import Singular
 from contbreather.continuation.newton import Undefined
 from contbreather.errors import BadInput
 from contbreather.stability.pairs import beyond, outermost
+from contbreather.stability.section_map import ModalMap
 from contbreather.stability.verdict import THRESHOLD
 
 FloatArray = NDArray[np.float64]
@@ -35,7 +36,6 @@ Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
 REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
 ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
 VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding
-DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
 
 def events_of(section: Section, threshold: float = THRESHOLD) -> tuple[Event, ...]:
@@ -65,7 +65,7 @@ def symmetry_breaking() -> Event:
     return Event(
         "PF",
         test,
-        count=lambda point: beyond(_flight(point).coupled, 1.0),
+        count=lambda point: beyond(_map(point).coupled, 1.0),
         locus=locus,
     )
 
@@ -81,7 +81,7 @@ def period_doubling() -> Event:
     return Event(
         "PD",
         lambda point: determinant(_flight(point), -1.0),
-        count=lambda point: beyond(_flight(point).coupled, -1.0),
+        count=lambda point: beyond(_map(point).coupled, -1.0),
         locus=_null_locus(-1.0),
     )
 
@@ -95,10 +95,10 @@ def branching() -> Event:
             return math.nan
         flight = _flight(point)
         whole = np.vstack([point.curve.jacobian(point.z), point.curve.dual(point.tangent)])
-        return _in_units_of_flight(flight, whole, flight.section.sign)
+        return flight.map.in_units_of_flight(whole, flight.section.sign)
 
     def count(point: Point) -> int:
-        return beyond(_flight(point).coupled, point.solution.section.sign)
+        return beyond(_map(point).coupled, point.solution.section.sign)
 
     return replace(branch_point(), test=Singular(bordered, test), count=count)
 
@@ -114,7 +114,7 @@ def ring_neimark_sacker(threshold: float = THRESHOLD) -> Event:
         flight = _flight(point)
         # where an impact loses its velocity one multiplier grows beyond all bounds, and with it
         # the rounding of all others: no pair can be told from that
-        if EPS * np.linalg.norm(flight.monodromy) > REAL:
+        if EPS * np.linalg.norm(flight.map.matrix) > REAL:
             return math.nan
         return outermost(_upper(flight), _radius(flight, threshold))
 
@@ -131,6 +131,10 @@ def _flight(point: Point) -> ModalFlight:
     return flight
 
 
+def _map(point: Point) -> ModalMap:
+    return _flight(point).map
+
+
 def _at(curve: Curve, z: FloatArray) -> ModalFlight:
     return _flight(Point(curve, z))
 
@@ -143,37 +147,29 @@ def determinant(flight: ModalFlight, mu: float) -> float:
 
     Each impact brings a pole where its velocity vanishes, which is divided out.
     """
-    monodromy = flight.monodromy
     velocities = [one.velocity * one.wall for one in flight.arrivals]
     if min(velocities) < VANISHED:
         return math.nan  # the end of the branch, where rounding decides
-    own = _in_units_of_flight(flight, monodromy - mu * np.eye(len(monodromy)), mu)
-    return own * math.prod(velocities)
-
-
-def _in_units_of_flight(flight: ModalFlight, matrix: FloatArray, mu: float) -> float:
-    sign, size = np.linalg.slogdet(matrix)
-    free = np.maximum(abs(flight.free(mu)), DAMPED)
-    return float(sign * math.exp(min(size - np.log(free).sum(), 700.0)))
+    return flight.map.crosses(mu) * math.prod(velocities)
 
 
 def _null_locus(mu: float) -> Callable[[Point], Locus]:
     """``(M - mu) y = 0, |y| = 1``, with y as an unknown: no determinant."""
 
     def conditions(curve: Curve, z: FloatArray, y: FloatArray) -> FloatArray:
-        moved = _at(curve, z).applied(y)
+        moved = _at(curve, z).map.applied(y)
         return np.append(moved - mu * y, y.dot(y) - 1.0)
 
     def derivative(curve: Curve, z: FloatArray, y: FloatArray) -> FloatArray:
         rows = np.empty((y.size + 1, z.size + y.size))
         rows[:, : z.size] = _in_z(conditions, curve, z, y)
-        rows[:-1, z.size :] = _at(curve, z).monodromy - mu * np.eye(y.size)
+        rows[:-1, z.size :] = _at(curve, z).map.matrix - mu * np.eye(y.size)
         rows[-1, z.size :] = 2.0 * y
         return rows
 
     def locus(point: Point) -> Locus:
-        monodromy = _flight(point).monodromy
-        null = np.linalg.svd(monodromy - mu * np.eye(len(monodromy)))[2][-1]
+        matrix = _map(point).matrix
+        null = np.linalg.svd(matrix - mu * np.eye(len(matrix)))[2][-1]
         return Locus({"null": null}, conditions, derivative)
 
     return locus
@@ -194,13 +190,14 @@ def _radius(flight: ModalFlight, threshold: float) -> float:
 
 def _upper(flight: ModalFlight) -> NDArray[np.complex128]:
     """Multipliers over a section in the open upper half plane, of modes that impacts see."""
-    return flight.coupled[flight.coupled.imag > REAL]
+    mu = flight.map.coupled
+    return mu[mu.imag > REAL]
 
 
 def _circle_locus(point: Point, threshold: float) -> Locus:
     """``(M - mu) y = 0`` for a complex y of length 1 and a multiplier mu on the circle of the
     threshold, at an unknown angle ``nu pi``."""
-    values, vectors = np.linalg.eig(_flight(point).monodromy)
+    values, vectors = np.linalg.eig(_map(point).matrix)
     upper = np.flatnonzero(values.imag > REAL)
     if not upper.size:
         raise Undefined("no complex multipliers on this ring")
@@ -216,7 +213,7 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
         flight = _at(curve, z)
         both = extra[:-1].reshape(2, size)
         mu = multiplier(flight, extra)
-        off = flight.applied(both.T).T
+        off = flight.map.applied(both.T).T
         off -= np.array([[mu.real, -mu.imag], [mu.imag, mu.real]]) @ both
         return np.concatenate(
             [off[0], off[1], [both.ravel().dot(both.ravel()) - 1.0, both[1, largest]]]
@@ -228,7 +225,7 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
         rows = np.zeros((2 * size + 2, z.size + extra.size))
         rows[:, : z.size] = _in_z(conditions, curve, z, extra)
         own = rows[:, z.size :]
-        one, M = np.eye(size), flight.monodromy
+        one, M = np.eye(size), flight.map.matrix
         own[:size, :size] = own[size:-2, size:-1] = M - mu.real * one
         own[:size, size:-1], own[size:-2, :size] = mu.imag * one, -mu.imag * one
         own[:size, -1] = math.pi * (mu.imag * re + mu.real * im)

@@ -20,10 +20,19 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.section import Impact, Section
 from contbreather.errors import BadInput
-from contbreather.flows.modes import Driven, Turn, driven, turn, turn_slope, turn_slope_in_damping
+from contbreather.flows.modes import (
+    Driven,
+    Turn,
+    driven,
+    free_multipliers,
+    turn,
+    turn_slope,
+    turn_slope_in_damping,
+)
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Basis, Finite
 from contbreather.stability.saltation import saltation, saltation_entry
+from contbreather.stability.section_map import Blow, ModalMap
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
@@ -422,56 +431,29 @@ class ModalFlight:
             for one in self.arrivals
         )
 
-    def perturbed(self, y: Array, v: Array) -> tuple[Array, Array]:
-        """Small perturbations (columns at once) one section later: flows and saltations."""
-        kicks = [*zip(self.arrivals, self.saltations, strict=True), None]
-        for fly, kick in zip(self._course.turns, kicks, strict=True):
-            y, v = fly(y, v)
-            if kick is not None:
-                e, kicked, S = self.shapes[kick[0].which], self.kicks[kick[0].which], kick[1]
-                u, w = e @ y, e @ v
-                y = y + np.multiply.outer(kicked, (S[0, 0] - 1.0) * u)
-                v = v + np.multiply.outer(kicked, S[1, 0] * u + (S[1, 1] - 1.0) * w)
-        return y, v
-
-    def applied(self, y: FloatArray) -> FloatArray:
-        """`monodromy` times a perturbation (q, r), or columns of them, without the matrix."""
-        half = self.q.size
-        return np.concatenate(self.perturbed(y[:half], y[half:]))
-
     @cached_property
-    def monodromy(self) -> FloatArray:
-        """``Q S_m ... Q S_1`` over one section in the modes that impacts see, (2K, 2K)."""
-        return self.applied(np.eye(2 * self.q.size))
-
-    @cached_property
-    def coupled(self) -> NDArray[np.complex128]:
-        """Eigenvalues of `monodromy`; kept, because events and columns ask for them in turn."""
-        return np.linalg.eigvals(self.monodromy).astype(complex)
-
-    @cached_property
-    def over_period(self) -> NDArray[np.complex128]:
-        """The same over the period."""
-        return self.coupled**2 if self.section.symmetric else self.coupled
-
-    @property
-    def idle(self) -> float:
-        """Largest modulus over a section of all other modes, 0 if there are none."""
-        unseen = abs(self._unseen())
-        damping = self.conditions.damping
-        return float(unseen.max(initial=0.0)) if damping else float(unseen.size > 0)
-
-    def _unseen(self) -> NDArray[np.complex128]:
-        z = self.conditions.gamma * self.basis.unseen + self.conditions.spring
-        return np.concatenate(free_multipliers(z, self.conditions.damping, self.section.length))
+    def map(self) -> ModalMap:
+        """What small perturbations become over a section."""
+        on = self.conditions
+        blows = tuple(
+            Blow(self.shapes[one.which], self.kicks[one.which], saltation)
+            for one, saltation in zip(self.arrivals, self.saltations, strict=True)
+        )
+        return ModalMap(
+            on.lattice,
+            on.gamma,
+            on.damping,
+            self.z,
+            on.gamma * self.basis.unseen + on.spring,
+            self._course.turns,
+            blows,
+            self.section.length,
+            self.section.sign,
+        )
 
     def multipliers(self) -> NDArray[np.complex128]:
         """First those of the modes that impacts see; the others are exactly ``exp(+-i w T)``."""
-        return np.concatenate([self.coupled, self._unseen()])
-
-    @property
-    def map(self) -> ModalFlight:
-        return self
+        return self.map.multipliers()
 
     @property
     def lattice(self) -> Finite:
@@ -502,19 +484,6 @@ class ModalFlight:
         gap = abs(one - self.section.sign)
         j = int(gap.argmin())
         return Resonance(j + 1, math.sqrt(float(z[j])), float(gap[j]))
-
-    def free(self, mu: float) -> FloatArray:
-        """``det(flight - mu)`` of each mode over a section without impacts."""
-        one, other = free_multipliers(self.z, self.conditions.damping, self.section.length)
-        return np.asarray(((one - mu) * (other - mu)).real)
-
-
-def free_multipliers(
-    z: FloatArray, damping: float, time: float
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Both multipliers of each mode over a flight without impacts, ``exp(+-i w t)`` undamped."""
-    w = np.sqrt(z - 0.25 * damping * damping + 0j)
-    return np.exp((1j * w - 0.5 * damping) * time), np.exp((-1j * w - 0.5 * damping) * time)
 
 
 @lru_cache(maxsize=128)

@@ -29,7 +29,7 @@ from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import Judged, Meeting
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Lattice, Ring
-from contbreather.stability.arc import OnArc, Window, on_arc, window
+from contbreather.stability.arc import OnArc, on_arc
 from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import closest_approach
@@ -99,7 +99,13 @@ def unstable(breather: SymmetricFlight, lattice: Lattice, threshold: float) -> i
 
 def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
     if isinstance(on, InfiniteChain):
-        return Event("NS", _miss, count=_passed, locus=_arc_locus, examine=_examine_angle)
+        return Event(
+            "NS",
+            lambda point: _pairs(point)[0],
+            count=lambda point: _pairs(point)[1],
+            locus=_arc_locus,
+            examine=_examine_angle,
+        )
     check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
@@ -267,26 +273,17 @@ def _b_slope(breather: SymmetricFlight, name: str) -> float:
     return slope
 
 
-def _window(point: Point) -> Window:
-    """The values of b between which a pair is outside.
+def _pairs(point: Point) -> tuple[float, int]:
+    """How far b is from the values between which a pair is outside, and how many of both ends of
+    that window are below b: two that are passed in one step are seen.
 
     Along a curve in k, elastic impacts are the limit of those before: what is neutral only there
     is no event.
     """
-    breather = _flight(point)
-    k = breather.k
-    if k == 1.0 and "k" in point.curve.varied:
-        k = _ALL_BUT
-    return window(breather.gamma, k, breather.lattice.spring)
-
-
-def _miss(point: Point) -> float:
-    return _window(point).miss(_flight(point).b)
-
-
-def _passed(point: Point) -> int:
-    """How many of both ends of the window are below b: two that are passed in one step are seen."""
-    return _window(point).passed(_flight(point).b)
+    map = _flight(point).map
+    if map.k == 1.0 and "k" in point.curve.varied:
+        map = replace(map, k=_ALL_BUT)
+    return map.pairs()
 
 
 def _arc_locus(point: Point) -> Locus:

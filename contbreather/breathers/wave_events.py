@@ -92,10 +92,10 @@ def pitchfork_of_arms() -> Event:
 
 
 def period_doubling() -> Event:
-    """PD: a multiplier passes -1 (`OrbitMap.minus_one`)."""
+    """PD: a multiplier passes -1 (`OrbitMap.crosses`)."""
     return Event(
         "PD",
-        lambda point: solution_at(point).map.minus_one(),
+        lambda point: solution_at(point).map.crosses(-1.0),
         count=_outside,
         locus=lambda point: Locus({}, _minus_one, _slopes(_minus_one)),
         examine=_examine_doubling,
@@ -110,7 +110,11 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = THRESH
     """
     if not isinstance(on, Ring):
         return Event(
-            "NS", _chain_miss, count=_chain_pairs, locus=_arc_locus, examine=_examine_angle
+            "NS",
+            lambda point: _pairs(solution_at(point).map)[0],
+            count=lambda point: _pairs(solution_at(point).map)[1],
+            locus=_arc_locus,
+            examine=_examine_angle,
         )
     if not (math.isfinite(threshold) and threshold > 1.0):
         raise BadInput(
@@ -202,32 +206,22 @@ def symmetric_again(point: Point) -> Lift:
 
 
 def _minus_one(curve: Curve, z: Array, extra: Array) -> Array:
-    return np.array([_at(curve, z).map.minus_one()])
+    return np.array([_at(curve, z).map.crosses(-1.0)])
 
 
 def _examine_doubling(point: Point) -> str:
     map = solution_at(point).map
     size = float(np.prod([1.0 + abs(kick.b) for kick in map.kicks]))
-    value = map.minus_one()
+    value = map.crosses(-1.0)
     return "" if abs(value) < 1e-8 * size else f"D(-1) = {value:.2g} is not zero"
 
 
 # --- Neimark-Sacker -------------------------------------------------------------------------------
 
 
-def _chain_pairs(point: Point) -> int:
-    return _counted(solution_at(point).map, 1.0).pairs
-
-
-def _chain_miss(point: Point) -> float:
-    """How far the next pair is off the circle, negative while an odd number is outside."""
-    map = solution_at(point).map
-    return -_approach(map) if _counted(map, 1.0).pairs % 2 else _approach(map)
-
-
 @lru_cache(maxsize=512)
-def _approach(map: OrbitMap) -> float:
-    return map.approach()
+def _pairs(map: OrbitMap) -> tuple[float, int]:
+    return map.pairs()
 
 
 def _arc_locus(point: Point) -> Locus:
@@ -242,7 +236,7 @@ def _arc_locus(point: Point) -> Locus:
 
 
 def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
-    value = complex(_at(curve, z).map.F(np.array([extra[0]]))[0])
+    value = _at(curve, z).map.on_circle(2.0 * extra[0])
     return np.array([value.real, value.imag])
 
 
@@ -265,13 +259,12 @@ def _examine_angle(point: Point) -> str:
 
 def _circle_locus(point: Point, threshold: float) -> Locus:
     """A multiplier of the ring on the circle of the threshold."""
-    depth = -0.5j * math.log(threshold) / math.pi
     mu = solution_at(point).map.over_period
     mu = mu[mu.imag > 0.0]
     first = mu[int(np.abs(mu).argmax())]
 
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        value = complex(_at(curve, z).map.D(np.array([extra[0] + depth]))[0])
+        value = _at(curve, z).map.on_circle(2.0 * extra[0], threshold)
         return np.array([value.real, value.imag])
 
     kappa = float(np.angle(first)) / (2.0 * math.pi)

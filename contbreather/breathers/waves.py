@@ -32,8 +32,8 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, check_amplitude, restitution_ratio
 from contbreather.lattice.periodic import check_coupling, wave, wave_slope
-from contbreather.stability.monodromy import Kick
 from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.saltation import Kick
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]

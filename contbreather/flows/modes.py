@@ -117,6 +117,12 @@ def _reach_slope(z: FloatArray, time: float, at: Turn, damping: float) -> FloatA
     return np.where(near, -0.5 * decay * time**3 * series, far)
 
 
+def free_multipliers(z: FloatArray, damping: float, time: float) -> tuple[Array, Array]:
+    """Both multipliers of each mode over a flight without impacts, ``exp(+-i w t)`` undamped."""
+    w = np.sqrt(z - 0.25 * damping * damping + 0j)
+    return np.exp((1j * w - 0.5 * damping) * time), np.exp((-1j * w - 0.5 * damping) * time)
+
+
 # --- the answer to the drive --------------------------------------------------------------------
 
 

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice.modes import InfiniteChain, Lattice, Ring
-from contbreather.stability.characteristic import sites_of
+from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.stability.arc import on_arc, window
+from contbreather.stability.characteristic import D, sites_of
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import unstable_multipliers
+from contbreather.stability.pairs import outermost
 from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
 from contbreather.stability.winding import Count, unstable_count
 
@@ -34,7 +36,7 @@ class HalfMap:
     gamma: float
     k: float
     b: float
-    lattice: Lattice = InfiniteChain()
+    lattice: Any = InfiniteChain()
 
     def __post_init__(self) -> None:
         sites_of(self.lattice)
@@ -44,6 +46,33 @@ class HalfMap:
         """Of the orbit, two half maps."""
         return 2.0 * math.pi
 
+    def crosses(self, mu: float) -> float:
+        """D at mu = 1, without the pole that it has there where no spring holds the sites, or at
+        mu = -1: a multiple of the scalar of the pitchfork, of that of the fold."""
+        c2, d, lattice = (1.0 + self.k) ** 2, 0.5 * (1.0 - self.k), self.lattice
+        if mu < 0.0:
+            fold = self.b + 0.5 * c2 * lattice.eta(self.gamma)
+            return d * d + 0.5 * lattice.chi(self.gamma) * fold
+        held = 2.0 * d * d / lattice.tau(self.gamma) if lattice.spring else 0.0
+        return 0.5 * c2 * lattice.psi(self.gamma) + held - self.b
+
+    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
+        """On the infinite chain by the window of b in which a pair is outside; on a ring by how
+        much the first one is short of the circle."""
+        if self.lattice.sites is None:
+            own = window(self.gamma, self.k, self.lattice.spring)
+            return own.miss(self.b), own.passed(self.b)
+        upper = self.half[self.half.imag > 0.0]
+        return -outermost(upper, radius), int(np.count_nonzero(abs(upper) > radius))
+
+    def on_circle(self, angle: float, radius: float = 1.0) -> complex:
+        """D at ``radius exp(i pi angle)``; on the band of the infinite chain F of `on_arc`."""
+        if self.lattice.sites is None and radius == 1.0:
+            real, imag = on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring).value
+            return complex(real, imag)
+        nu = angle - 1j * math.log(radius) / math.pi
+        return complex(D(self.gamma, nu, self.k, self.b, self.lattice))
+
     def count(self) -> Count:
         """Multipliers outside the unit circle of the infinite chain."""
         return unstable_count(self.gamma, self.k, self.b, self.lattice)
@@ -52,11 +81,16 @@ class HalfMap:
         """The same, one by one."""
         return unstable_multipliers(self.gamma, self.k, self.b, self.lattice)
 
-    @cached_property
+    @property
     def over_period(self) -> Array:
         """On a ring: the squares of the multipliers of the modes that the impact sees."""
-        ring = Ring(self.lattice.sites)  # type: ignore[arg-type]
-        return np.asarray(even_multipliers(ring, self.gamma, self.k, self.b) ** 2)
+        return self.half**2
+
+    @cached_property
+    def half(self) -> Array:
+        """On a ring: those of QS of the modes that the impact sees."""
+        ring = Ring(self.lattice.sites)
+        return even_multipliers(ring, self.gamma, self.k, self.b)
 
     @property
     def idle(self) -> float:

@@ -29,9 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
+from contbreather.flows.modes import turn
 from contbreather.lattice.modes import InfiniteChain, Lattice, Ring
 from contbreather.lattice.periodic import check_coupling
-from contbreather.stability.monodromy import Kick, monodromy
 from contbreather.stability.propagators import (
     DEEP,
     Propagators,
@@ -40,7 +40,8 @@ from contbreather.stability.propagators import (
     resolvent,
     root,
 )
-from contbreather.stability.saltation import saltation
+from contbreather.stability.saltation import Kick, saltation
+from contbreather.stability.section_map import Blow, ModalMap
 from contbreather.stability.winding import Count
 
 Array = NDArray[Any]
@@ -233,7 +234,11 @@ class OrbitMap:
 
     # --- real multipliers as scalars ---
 
-    def plus_one(self) -> float:
+    def crosses(self, mu: float) -> float:
+        """Changes sign where a multiplier is mu, 1 or -1."""
+        return self._plus_one() if mu > 0.0 else self._minus_one()
+
+    def _plus_one(self) -> float:
         """Vanishes where a multiplier is +1: D at mu = 1 without the pole of the band's end.
 
         It is the determinant of the orbit's own equations, offsets included: folds, pitchforks
@@ -249,7 +254,7 @@ class OrbitMap:
         matrix[:-1, -1], matrix[-1, :-1] = column[0], row[0]
         return float(np.linalg.det(matrix).real)
 
-    def minus_one(self) -> float:
+    def _minus_one(self) -> float:
         """Vanishes where a multiplier is -1, a period doubling.
 
         ``D/(1 + |g|^2)`` at mu = -1, real: bounded also where the band's edge passes there.
@@ -305,6 +310,19 @@ class OrbitMap:
         ends = int(F[0].real > 0.0) + int(F[-1].real < 0.0)
         nu = 2.0 * float(kappa[least].real)
         return Count(count, certain, float(size[least]), nu, (count - ends) // 2)
+
+    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
+        """How far the next pair is off the circle, negative while an odd number is outside, and
+        how many are."""
+        if self.lattice.sites is not None:
+            return self.modal.pairs(radius)
+        outside = self.count().pairs
+        return (-self.approach() if outside % 2 else self.approach()), outside
+
+    def on_circle(self, angle: float, radius: float = 1.0) -> complex:
+        """Vanishes where ``radius exp(i pi angle)`` is a multiplier."""
+        kappa = np.array([0.5 * angle - 0.5j * math.log(radius) / math.pi])
+        return complex((self.F(kappa) if radius == 1.0 else self.D(kappa))[0])
 
     def nearest(self) -> float:
         """kappa on the circle where a multiplier is closest to passing: a start for its angle."""
@@ -381,9 +399,21 @@ class OrbitMap:
             found.append(OrbitMap(0.0, self.k, tuple(own), self.periods, Ring(1)).multipliers())
         return np.concatenate(found)
 
-    def monodromy(self) -> Array:
-        """The monodromy matrix on a ring, in the modes that some impact sees."""
-        return monodromy(self._ring(), self.gamma, self.k, self.kicks, self.periods)
+    @cached_property
+    def modal(self) -> ModalMap:
+        """The map on a ring, mode by mode, from just before the first impact."""
+        ring = self._ring()
+        basis = ring.basis(tuple(sorted({kick.site for kick in self.kicks})))
+        z, lam = self.gamma * basis.lam, self.gamma * basis.unseen
+        times = [kick.time for kick in self.kicks]
+        times = [times[0], *times, times[0] + self.period]
+        turns = tuple(turn(z, later - time) for time, later in pairwise(times))
+        shapes = basis.at(np.array([kick.site for kick in self.kicks]))
+        blows = tuple(
+            Blow(shape, shape, saltation(self.k, kick.b))
+            for shape, kick in zip(shapes, self.kicks, strict=True)
+        )
+        return ModalMap(ring, self.gamma, 0.0, z, lam, turns, blows, self.period)
 
     def _ring(self) -> Ring:
         if not isinstance(self.lattice, Ring):
@@ -393,15 +423,15 @@ class OrbitMap:
             )
         return self.lattice
 
-    @cached_property
+    @property
     def over_period(self) -> Array:
         """On a ring: multipliers of the modes that some impact sees, the others left out."""
-        return np.linalg.eigvals(self.monodromy()).astype(complex)
+        return self.modal.over_period
 
     @property
     def idle(self) -> float:
         """Largest modulus of those of all other modes, 0 if there are none."""
-        return float(self.over_period.size < 2 * self._ring().sites)
+        return self.modal.idle
 
     def multipliers(self) -> Array:
         """All 2N multipliers over the period on a ring.
@@ -416,14 +446,7 @@ class OrbitMap:
         >>> mu.size, round(float(np.prod(mu).real), 12)  # 0.8^4
         (18, 0.4096)
         """
-        ring = self._ring()
-        found = self.over_period
-        if found.size == 2 * ring.sites:
-            return found
-        j = np.arange(1, (ring.sites + 1) // 2)
-        w = ring.frequencies(self.gamma)[j]
-        idle = np.exp(2j * math.pi * self.periods * w)
-        return np.concatenate([found, idle, idle.conj()])
+        return self.modal.multipliers()
 
     def unstable_multipliers(self) -> Array:
         """The multipliers outside the unit circle on the infinite chain, largest first.

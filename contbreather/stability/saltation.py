@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
+
+
+class Kick(NamedTuple):
+    """One impact as a perturbation feels it: where, when, and the entry b of (19)."""
+
+    site: int
+    time: float
+    b: float
 
 
 def saltation(k: float, b: float) -> NDArray[np.float64]:

@@ -151,7 +151,7 @@ def test_elastic_impacts_let_the_doubling_happen_at_weak_coupling():
     assert meeting["a"] == pytest.approx(0.9545786040, abs=1e-9)
     margins = orbit_at(meeting.ground.problem).admissibility()
     assert abs(margins.margin) < 1e-9
-    assert abs(orbit_at(meeting.ground.problem).map.minus_one()) < 1e-10
+    assert abs(orbit_at(meeting.ground.problem).map.crosses(-1.0)) < 1e-10
     assert orbit_at(line[len(line) // 2].ground.problem).admissibility().ok
 
 

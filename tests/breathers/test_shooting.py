@@ -488,7 +488,7 @@ def test_newton_matrix_is_singular_with_the_monodromy_matrix() -> None:
 
     def ratio(orbit: Orbit) -> float:
         flight = orbit.flight
-        M = flight.monodromy
+        M = flight.map.matrix
         left = np.linalg.det(flight.jacobian())
         right = np.linalg.det(M - orbit.section.sign * np.eye(len(M)))
         # each impact trades its time for the crossing of its wall

@@ -80,6 +80,29 @@ def test_a_long_ring_has_the_same_orbit_events_and_multipliers() -> None:
     assert beyond.stability(sites=60).largest == pytest.approx(abs(mu) ** 2, rel=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_any_forcing_spring_and_loss_agree_with_the_modes_of_a_ring(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    spring, k = rng.uniform(0.01, 0.8), rng.uniform(0, 1)
+    gamma = rng.uniform(0.005, 0.15) * (1 - spring)
+    cos = {1: 1.0, 3: rng.uniform(-0.3, 0.3), 5: rng.uniform(-0.1, 0.1)}
+    forcing = cb.Fourier.from_response(cos=cos, sin={3: rng.uniform(-0.3, 0.3)})
+    a = rng.uniform(0.6, 0.9) * (1 - spring)
+    for b in cb.symmetric_roots(a, gamma, k, spring=spring, forcing=forcing):
+        own = b.on(cb.Ring(48))
+        assert (own.p, own.phi) == pytest.approx((b.p, b.phi), abs=1e-11)
+        n, t = np.arange(4)[:, None], np.linspace(0, 7, 9)
+        for order in ("displacement", "velocity", "acceleration"):
+            both = (getattr(one, order)(n, t) for one in (own, b))
+            assert next(both) == pytest.approx(next(both), abs=1e-10)
+        margins, theirs = b.admissibility(), own.admissibility()
+        assert margins.neighbours == pytest.approx(theirs.neighbours, abs=1e-9)
+        assert margins.centre == pytest.approx(theirs.centre, abs=1e-9)
+        for mu in b.stability().multipliers:
+            if abs(mu) > 1.1:
+                assert abs(own.multipliers(half=True) - mu).min() < 1e-6
+
+
 def test_neimark_sacker_points_are_ends_of_the_window_and_seen_on_a_ring() -> None:
     branch = branch_in_a(0.3, 0.05)
     points = [point for point in branch.special if point.kind == "NS"]

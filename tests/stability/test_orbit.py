@@ -11,10 +11,9 @@ from scipy.linalg import expm
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import D, neimark_sacker, unstable_count, unstable_multipliers
-from contbreather.stability.monodromy import Kick
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.propagators import propagators
-from contbreather.stability.saltation import saltation
+from contbreather.stability.saltation import Kick, saltation
 from contbreather.stability.verdict import verdict
 
 
@@ -232,7 +231,7 @@ def test_multipliers_come_largest_first_and_in_pairs():
 
 def test_a_multiplier_of_minus_one_is_a_zero_of_its_scalar():
     def value(b, lattice):
-        return OrbitMap(0.04, 0.8, [(0, 0.0, b), (0, 2.7, 0.3)], lattice=lattice).minus_one()
+        return OrbitMap(0.04, 0.8, [(0, 0.0, b), (0, 2.7, 0.3)], lattice=lattice).crosses(-1.0)
 
     for lattice in (InfiniteChain(), Ring(30)):
         low, high = 0.0, 6.0
@@ -251,7 +250,7 @@ def test_a_multiplier_of_minus_one_is_a_zero_of_its_scalar():
 @pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(20)])
 def test_scalar_at_minus_one_is_bounded_where_the_band_passes_it(lattice):
     values = [
-        OrbitMap(g, 0.8, [(0, 0.0, 0.5), (0, 2.7, 0.3)], lattice=lattice).minus_one()
+        OrbitMap(g, 0.8, [(0, 0.0, 0.5), (0, 2.7, 0.3)], lattice=lattice).crosses(-1.0)
         for g in (0.0625 + np.array([-1e-9, 0.0, 1e-9])).tolist()
     ]
     # it has a square root there
@@ -264,7 +263,7 @@ def test_counts_change_by_one_across_plus_and_minus_one():
 
     grid = np.linspace(-9.0, 6.0, 61)
     counts = np.array([of(b).count().count for b in grid])
-    signs = np.array([(of(b).plus_one() > 0, of(b).minus_one() > 0) for b in grid])
+    signs = np.array([(of(b).crosses(1.0) > 0, of(b).crosses(-1.0) > 0) for b in grid])
     pairs = np.array([of(b).count().pairs for b in grid])
     steps = np.diff(counts) - 2 * np.diff(pairs)
     crossings = (signs[1:] != signs[:-1]).sum(axis=1)
@@ -320,4 +319,4 @@ def test_nonsense_is_refused_by_a_sentence():
     with pytest.raises(BadInput, match="threshold"):
         verdict(OrbitMap(0.1, 0.8, good, lattice=Ring(5)), threshold=1.0)
     with pytest.raises(BadInput, match="several sites"):
-        OrbitMap(0.1, 0.8, [Kick(0, 0.0, 0.5), Kick(1, 1.0, 0.5)]).plus_one()
+        OrbitMap(0.1, 0.8, [Kick(0, 0.0, 0.5), Kick(1, 1.0, 0.5)]).crosses(1.0)

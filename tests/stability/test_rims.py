@@ -126,7 +126,7 @@ def test_the_scalar_at_minus_one_is_the_determinant_over_the_size_of_the_resolve
     map = OrbitMap(gamma, 0.8, [(0, 0.0, 0.5), (0, 2.7, 0.3)])
     size = 0.25 * abs(0.25 - 4 * gamma)
     whole = complex(map.D(np.array([0.5 - 1e-13j]))[0])
-    assert map.minus_one() == pytest.approx(whole.real * size / (1 + size), rel=1e-6)
+    assert map.crosses(-1.0) == pytest.approx(whole.real * size / (1 + size), rel=1e-6)
 
 
 @pytest.mark.parametrize("wrong", [-1, 1])

@@ -1,0 +1,162 @@
+"""Small perturbations of an orbit over a section: what every such map answers, and the map of a
+finite lattice, mode by mode.
+
+``M = Q(T_m) S_m ... S_1 Q(T_0)``: in the modes a flight turns each for itself (18) and an impact is
+a change of rank two (19), so the product is built without a matrix product. Modes with a node at
+every impacting site are left out: their multipliers are those of a free flight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.flows.modes import Turn, free_multipliers
+from contbreather.stability.pairs import outermost
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Array = NDArray[Any]
+
+DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
+
+
+class Map(Protocol):
+    """The map of small perturbations over a section of an orbit.
+
+    No matrix is promised: on the infinite chain +1 is the end of the band, and a pair leaves the
+    unit circle in a limit from outside. On finite lattices ``over_period`` has the multipliers
+    over the period of the modes that impacts see, ``idle`` the largest modulus of all others.
+    """
+
+    @property
+    def lattice(self) -> Any: ...
+    @property
+    def gamma(self) -> float: ...
+    @property
+    def period(self) -> float:
+        """Of the orbit."""
+
+    def crosses(self, mu: float) -> float:
+        """A smooth scalar that changes sign where a multiplier over the section is mu, 1 or -1."""
+
+    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
+        """A float that changes sign where a complex pair passes a circle (of a finite lattice the
+        first of all pairs), and a number that changes wherever one does."""
+
+    def on_circle(self, angle: float, radius: float = 1.0) -> complex:
+        """Vanishes where ``radius exp(i pi angle)`` is a multiplier over the section."""
+
+
+class Blow(NamedTuple):
+    """An impact as a perturbation of the modes feels it."""
+
+    shape: FloatArray  # the modes at its site
+    kick: FloatArray  # what a change of that site does to them
+    saltation: FloatArray  # 2x2, eq. (19)
+
+
+@dataclass(frozen=True, eq=False)
+class ModalMap:
+    """The map of a finite lattice over a section.
+
+    Parameters
+    ----------
+    lattice : Ring or Lattice
+    gamma, damping : float
+    z, unseen : ndarray
+        Squared frequencies of the modes that some impact sees, and of all others.
+    turns : sequence of Turn
+        The flights, before the first impact, between them and after the last.
+    blows : sequence of Blow
+        The impacts in order of time.
+    length : float
+        Of the section, in time.
+    sign : int
+        -1 for half the period of a symmetric orbit.
+    """
+
+    lattice: Any
+    gamma: float
+    damping: float
+    z: FloatArray
+    unseen: FloatArray
+    turns: tuple[Turn, ...]
+    blows: tuple[Blow, ...]
+    length: float
+    sign: int = 1
+
+    @property
+    def period(self) -> float:
+        return self.length if self.sign > 0 else 2.0 * self.length
+
+    def applied(self, x: Array) -> Array:
+        """`matrix` times a perturbation (displacements, velocities of the modes), or columns of
+        them, without the matrix."""
+        y, v = x[: self.z.size], x[self.z.size :]
+        for fly, blow in zip(self.turns, (*self.blows, None), strict=True):
+            y, v = fly(y, v)
+            if blow is not None:
+                (loss, _), (b, _) = blow.saltation - np.eye(2)
+                u, w = blow.shape @ y, blow.shape @ v
+                y = y + np.multiply.outer(blow.kick, loss * u)
+                v = v + np.multiply.outer(blow.kick, b * u + loss * w)
+        return np.concatenate([y, v])
+
+    @cached_property
+    def matrix(self) -> FloatArray:
+        """The map of the modes that impacts see, (2K, 2K)."""
+        return np.asarray(self.applied(np.eye(2 * self.z.size)))
+
+    @cached_property
+    def coupled(self) -> ComplexArray:
+        """Eigenvalues of `matrix`; kept, because events and columns ask for them in turn."""
+        return np.linalg.eigvals(self.matrix).astype(complex)
+
+    @cached_property
+    def over_period(self) -> ComplexArray:
+        """The same over the period."""
+        return self.coupled if self.sign > 0 else self.coupled**2
+
+    @cached_property
+    def _others(self) -> ComplexArray:
+        return np.concatenate(free_multipliers(self.unseen, self.damping, self.length))
+
+    @property
+    def idle(self) -> float:
+        """Largest modulus over a section of all other modes, 0 if there are none."""
+        if not self.damping:
+            return float(self.unseen.size > 0)
+        return float(abs(self._others).max(initial=0.0))
+
+    def multipliers(self) -> ComplexArray:
+        """All over a section: first those of the modes that impacts see."""
+        return np.concatenate([self.coupled, self._others])
+
+    def crosses(self, mu: float) -> float:
+        """``det(M - mu)`` in units of what it is without impacts."""
+        return self.in_units_of_flight(self.matrix - mu * np.eye(len(self.matrix)), mu)
+
+    def in_units_of_flight(self, matrix: FloatArray, mu: float) -> float:
+        """A determinant over that of all flights less mu."""
+        sign, size = np.linalg.slogdet(matrix)
+        one, other = free_multipliers(self.z, self.damping, self.length)
+        free = np.maximum(abs(((one - mu) * (other - mu)).real), DAMPED)
+        return float(sign * math.exp(min(size - np.log(free).sum(), 700.0)))
+
+    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
+        """By how much the first pair is short of a circle, and how many are outside."""
+        upper = self.coupled[self.coupled.imag > 0.0]
+        return -outermost(upper, radius), int(np.count_nonzero(abs(upper) > radius))
+
+    def on_circle(self, angle: float, radius: float = 1.0) -> complex:
+        """``det(M - mu)``, in units of what it is without impacts."""
+        mu = radius * np.exp(1j * math.pi * angle)
+        one, other = free_multipliers(self.z, self.damping, self.length)
+        sign, size = np.linalg.slogdet(self.matrix - mu * np.eye(len(self.matrix)))
+        return complex(sign * math.exp(size - np.log(abs((one - mu) * (other - mu))).sum()))

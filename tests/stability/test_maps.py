@@ -1,0 +1,97 @@
+"""Maps of small perturbations answer alike, whichever way they are evaluated."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contbreather.flows.modes import turn
+from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.stability.half_period import HalfMap
+from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.saltation import saltation
+from contbreather.stability.section_map import Blow, ModalMap
+from contbreather.stability.verdict import verdict
+
+
+def half_by_modes(sites: int, gamma: float, k: float, b: float, damping: float = 0.0) -> ModalMap:
+    """Half a period, mode by mode."""
+    basis = Ring(sites).basis((0,))
+    z, (shape,) = gamma * basis.lam, basis.at(np.array([0]))
+    turns = (turn(z, 0.0, damping), turn(z, math.pi, damping))
+    blow = Blow(shape, shape, saltation(k, b))
+    return ModalMap(
+        Ring(sites), gamma, damping, z, gamma * basis.unseen, turns, (blow,), math.pi, sign=-1
+    )
+
+
+@pytest.mark.parametrize("b", [-0.8, 0.3, 1.4])
+def test_half_a_ring_and_its_modes_have_the_same_multipliers_and_verdict(b: float) -> None:
+    half, modes = HalfMap(0.11, 0.8, b, Ring(30)), half_by_modes(30, 0.11, 0.8, b)
+    assert np.sort(abs(half.half)) == pytest.approx(np.sort(abs(modes.coupled)), abs=1e-10)
+    assert half.pairs(1.001) == pytest.approx(modes.pairs(1.001), abs=1e-10)
+    assert half.idle == modes.idle == 1.0
+    one, other = verdict(half), verdict(modes)
+    assert one == other
+    assert one.describe() == other.describe()
+    assert one.period == pytest.approx(2 * math.pi)
+    assert modes.multipliers().size == 60
+
+
+@pytest.mark.parametrize("mu", [1.0, -1.0])
+@pytest.mark.parametrize("spring", [0.0, 0.2])
+def test_scalars_change_sign_where_the_count_does(mu: float, spring: float) -> None:
+    maps = [HalfMap(0.1, 0.8, b, InfiniteChain(spring)) for b in np.linspace(-4, 4, 160)]
+    signs = np.sign([map.crosses(mu) for map in maps])
+    real = [map.count().count - 2 * map.count().pairs for map in maps]
+    assert np.count_nonzero(np.diff(signs)) == 1
+    changed = np.flatnonzero(np.diff(signs))[0]
+    assert abs(real[changed + 1] - real[changed]) == 1
+
+
+@pytest.mark.parametrize("sites", [1, 24])
+def test_scalars_of_a_ring_change_sign_together(sites: int) -> None:
+    grid = np.linspace(-3.0, 3.0, 90)
+    for mu in (1.0, -1.0):
+        half = [HalfMap(0.1, 0.8, b, Ring(sites)).crosses(mu) for b in grid]
+        modes = [half_by_modes(sites, 0.1, 0.8, b).crosses(mu) for b in grid]
+        assert np.array_equal(np.diff(np.sign(half)) != 0, np.diff(np.sign(modes)) != 0)
+
+
+def test_on_a_circle_all_of_them_vanish_at_the_same_multipliers() -> None:
+    gamma, k, b = 0.11, 0.8, -0.3
+    ring = half_by_modes(24, gamma, k, b)
+    mu = ring.coupled[ring.coupled.imag > 1e-3]
+    mu = mu[abs(mu).argmax()]
+    angle, radius = float(np.angle(mu)) / math.pi, float(abs(mu))
+    whole = OrbitMap(gamma, k, [(0, 0.0, b), (0, math.pi, b)], lattice=Ring(24))
+    for map, turned, size in (
+        (ring, angle, radius),
+        (HalfMap(gamma, k, b, Ring(24)), angle, radius),
+        (whole, (2 * angle) % 2, radius**2),
+        (whole.modal, 2 * angle, radius**2),
+    ):
+        off = abs(map.on_circle(turned + 0.05, size))
+        assert abs(map.on_circle(turned, size)) < 1e-7 * off
+
+
+def test_two_halves_make_the_whole_orbit() -> None:
+    gamma, k = 0.06, 0.7
+    for lattice in (InfiniteChain(), Ring(18)):
+        for b in (-0.5, 0.4, 1.2):
+            half = HalfMap(gamma, k, b, lattice)
+            whole = OrbitMap(gamma, k, [(0, 0.0, b), (0, math.pi, b)], lattice=lattice)
+            assert verdict(half).unstable == verdict(whole).unstable
+            assert verdict(half).period == verdict(whole).period
+            if lattice.sites:
+                assert np.sort(abs(half.over_period)) == pytest.approx(
+                    np.sort(abs(whole.over_period)), abs=1e-9
+                )
+
+
+def test_losses_let_every_mode_decay() -> None:
+    modes = half_by_modes(9, 0.1, 0.8, 0.4, damping=0.1)
+    assert modes.idle == pytest.approx(math.exp(-0.05 * math.pi))
+    assert abs(np.prod(modes.multipliers())) == pytest.approx(0.64 * math.exp(-0.9 * math.pi))
