@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from .boundary import boundary
-from .branch import Branch, Stop
-from .columns import with_columns
+from .branch import Branch, Stop, with_columns
 from .equilibria import branch_point, cusp, fold, hopf
 from .lift import Lift
 from .point import Event, Locus, Point, user

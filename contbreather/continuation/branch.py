@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +38,6 @@ class Stop(enum.Enum):
     RIM = "reached the rim of the domain of the equations"
     INTERRUPTED = "interrupted; the points up to here are kept"
     START = "where the walk set out"
-    ONGOING = "still under way"
 
     @property
     def failed(self) -> bool:
@@ -212,6 +212,33 @@ class Branch:
 
     def __repr__(self) -> str:
         return f"<Branch {self.describe()}; special {[point.label for point in self.special]}>"
+
+
+def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
+    """The same branch with more recorded columns, to draw or to save them.
+
+    Parameters
+    ----------
+    branch : Branch
+    **columns : callable
+        ``name=function``, with ``function(point)`` the number that is wanted.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)})
+    >>> more = with_columns(branch, height=lambda point: point.displacement(1, 0.0))
+    >>> round(float(more["height"][0]), 9)
+    0.552886482
+    """
+    problem, curve = branch.problem, copy(branch.curve)
+    curve.problem = replace(problem, record={**problem.record, **columns})
+
+    def moved(point: Point) -> Point:
+        return replace(point, curve=curve)
+
+    points, doubtful = map(moved, branch.points), map(moved, branch.doubtful)
+    return replace(branch, points=tuple(points), doubtful=tuple(doubtful))
 
 
 def labelled(points: tuple[Point, ...]) -> tuple[Point, ...]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import NotConverged
 from .curve import Curve
-from .loci import signed_smallest
+from .loci import Singular, signed_smallest
 from .newton import Solution, Undefined, solve
 from .point import Event, Locus, Point
 
@@ -106,6 +106,22 @@ def _resolved(curve: Curve, found: Solution, w: Array, null: Array, form: Array)
 # --- the event --------------------------------------------------------------------------------
 
 
+def crossing_event(meets: Mapping[str, tuple[Event, ...]]) -> Event:
+    """BP, with the names of what else happens on its curves."""
+    return Event(
+        "BP",
+        Singular(bordered, branch_point_test),
+        count=_unstable,
+        locus=Crossings(meets),
+        examine=_examine,
+    )
+
+
+def _unstable(point: Point) -> int:
+    """Number of eigenvalues of the derivative in the unknowns with positive real part."""
+    return int(np.count_nonzero(point.curve.spectrum(point.z).real > 0))
+
+
 def branch_point_test(point: Point) -> float:
     if point.tangent is None:
         return float("nan")  # of codimension two on a boundary: nothing to look for
@@ -119,7 +135,7 @@ def bordered(point: Point) -> Array:
     return whole
 
 
-def examine_branch_point(point: Point) -> str:
+def _examine(point: Point) -> str:
     return "" if "tangents" in point.detail else "no two curves were found to cross here"
 
 
@@ -151,6 +167,11 @@ def branches_cross(ground: Point) -> bool:
     no smooth surface, and branches cross for other values of the parameters as well."""
     sizes = np.linalg.svd(balanced(ground), compute_uv=False)
     return bool(sizes[-1] < _RANK and (sizes.size == 1 or sizes[-2] > _RANK))
+
+
+def crossed(ground: Point) -> dict[str, str]:
+    """That branches cross where they do, which makes any other normal form degenerate."""
+    return {"degenerate": CROSSED} if branches_cross(ground) else {}
 
 
 def _branch_point_locus(point: Point) -> Locus:

@@ -10,34 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import normal_forms
+from . import branch_points, loci, normal_forms
 from .boundary import meeting
-from .branch_points import (
-    CROSSED,
-    GAP,
-    Crossings,
-    balanced,
-    bordered,
-    branch_point_test,
-    branches_cross,
-    examine_branch_point,
-)
-from .loci import (
-    Singular,
-    critical_plane,
-    least_with_sign,
-    null_locus,
-    null_vector,
-    oriented_overlap,
-    pair_locus,
-    pairs,
-    signed_smallest,
-    without,
-)
 from .newton import OUT_OF_DOMAIN
 from .point import Event, Examined, Locus, Meeting, Point
 
@@ -119,24 +98,24 @@ def branch_point() -> Event:
 def _fold_test(point: Point) -> float:
     if point.tangent is not None:
         return float(point.tangent[-1])
-    return signed_smallest(balanced(point)[:, : point.curve.size])
+    return loci.signed_smallest(branch_points.balanced(point)[:, : point.curve.size])
 
 
 def _fold_locus(point: Point) -> Locus:
     n = point.curve.size
-    null = null_vector(balanced(point)[:, :n], point.curve.scales[:n])
-    return replace(null_locus(null), events=(cusp(),), meets=MEETINGS["LP"])
+    null = loci.null_vector(branch_points.balanced(point)[:, :n], point.curve.scales[:n])
+    return replace(loci.null_locus(null), events=(cusp(),), meets=MEETINGS["LP"])
 
 
 def _examine_fold(point: Point) -> str:
     if point.tangent is not None and "null" not in point.detail:
         return "a degenerate fold or a branch point: no null vector could be solved for"
     curve, z, n = point.curve, point.z, point.curve.size
-    whole = balanced(point)
+    whole = branch_points.balanced(point)
     left, sizes, right = np.linalg.svd(whole[:, :n])
     change = left[:, -1] @ curve.balanced(curve.along(z, right[-1] * curve.scales[:n]))
     # what vanishes within a short way along any direction vanishes here, whatever its units
-    near = GAP * (1 + curve.length(z)) * np.linalg.norm(change) + _EXACT * sizes[0]
+    near = branch_points.GAP * (1 + curve.length(z)) * np.linalg.norm(change) + _EXACT * sizes[0]
     if abs(left[:, -1] @ whole[:, n:]).max(initial=0.0) <= near:
         return "a branch point, not a fold: the whole derivative loses rank"
     if sizes[-1] > near:
@@ -181,8 +160,7 @@ def _examine_cusp(point: Point) -> Examined:
         return f"the cubic coefficient vanishes as well: c = {cubic.value.real:.2g}"
     if abs(quadratic.value) > 1e-4 * (quadratic.size + abs(cubic.value)):
         return f"the quadratic coefficient {quadratic.value.real:.2g} is not zero"
-    c = cubic.value.real
-    return {"c": c, "degenerate": CROSSED} if branches_cross(ground) else {"c": c}
+    return {"c": cubic.value.real, **branch_points.crossed(ground)}
 
 
 # --- Hopf points ------------------------------------------------------------------------------
@@ -202,11 +180,6 @@ def _flow(point: Point) -> Array:
     return np.asarray(point.jacobian()[:, : scales.size] * scales / scales[:, None])
 
 
-def _unstable(point: Point) -> int:
-    """Number of eigenvalues of the derivative in the unknowns with positive real part."""
-    return int(np.count_nonzero(point.curve.spectrum(point.z).real > 0))
-
-
 def _unstable_pairs(point: Point) -> int:
     """Half the number of eigenvalues to the right of the imaginary axis, by more than rounding."""
     beyond = point.curve.spectrum(point.z).real > _rounding(point)
@@ -217,9 +190,11 @@ def _hopf_locus(point: Point) -> Locus:
     """``(F_x^2 + omega^2) v = 0`` in the plane of the pair."""
     matrix, scales = _flow(point), point.curve.scales[: point.curve.size]
     small = _ZERO * float(np.linalg.norm(matrix, 2))
-    value, *plane = critical_plane(matrix, (0.0,), small, lambda values: abs(values.real))
+    value, *plane = loci.critical_plane(matrix, (0.0,), small, lambda values: abs(values.real))
     one, other = (vector * scales for vector in plane)
-    locus = pair_locus("omega2", value.imag**2, (one, other), 0.0, lambda square: (0.0, square))
+    locus = loci.pair_locus(
+        "omega2", value.imag**2, (one, other), 0.0, lambda square: (0.0, square)
+    )
     ends = (_BT_ON_HOPF, _GENERALISED, _DOUBLE_HOPF)
     return replace(locus, events=ends, meets=MEETINGS["HB"])
 
@@ -229,7 +204,7 @@ def _examine_hopf(point: Point) -> Examined:
     eigenvalues that add up to nothing: are they a complex pair? On a boundary they may be both
     zero, where it meets a fold curve."""
     matrix = _flow(point)
-    one, other = pairs(np.linalg.eigvals(matrix).astype(complex))
+    one, other = loci.pairs(np.linalg.eigvals(matrix).astype(complex))
     nearest = int(abs(one + other).argmin())
     pair = np.array([one[nearest], other[nearest]])
     zero = abs(pair).max() <= _ZERO * np.linalg.norm(matrix, 2)
@@ -253,21 +228,21 @@ def _examine_hopf(point: Point) -> Examined:
 
 def _hopf_beside_zero(point: Point) -> float:
     """The test of a Hopf point for all eigenvalues but the one that is zero."""
-    return _least_sum(without(_eigenvalues(point)[0], 0.0))
+    return _least_sum(loci.without(_eigenvalues(point)[0], 0.0))
 
 
 def _least_sum(values: Values, rounding: float = 0.0) -> float:
     """The smallest sum of two eigenvalues, with the sign of the product of all such sums."""
     if values.size < 2:
         return math.nan
-    one, other = pairs(values)
-    return least_with_sign(one + other, rounding)
+    one, other = loci.pairs(values)
+    return loci.least_with_sign(one + other, rounding)
 
 
 def _overlap(point: Point) -> float:
     """The test of BT where one eigenvalue is zero all along the curve."""
     ground = point.ground
-    return oriented_overlap(ground.jacobian()[:, : ground.curve.size])
+    return loci.oriented_overlap(ground.jacobian()[:, : ground.curve.size])
 
 
 def _examine_takens(point: Point) -> Examined:
@@ -283,18 +258,15 @@ def _examine_double_zero(point: Point) -> Examined:
         a, b = normal_forms.takens_bogdanov(ground.curve, ground.z)
     except OUT_OF_DOMAIN as error:
         return str(error)
-    found = {"a": a.value.real, "b": b.value.real}
-    if branches_cross(ground):
-        return {**found, "degenerate": CROSSED}
+    found: dict[str, Any] = {"a": a.value.real, "b": b.value.real}
     if a.degenerate or b.degenerate:
-        reason = f"degenerate: a = {a.value.real:.2g}, b = {b.value.real:.2g}"
-        return {**found, "degenerate": reason}
-    return found
+        found["degenerate"] = f"degenerate: a = {a.value.real:.2g}, b = {b.value.real:.2g}"
+    return found | branch_points.crossed(ground)
 
 
 def _examine_zero_hopf(point: Point) -> Examined:
     """One eigenvalue zero in a fold, one pair on the axis and away from zero, no other on it."""
-    if branches_cross(point.ground):
+    if branch_points.branches_cross(point.ground):
         return "a branch point, not a fold"
     return _examine_zero_and_pair(point)
 
@@ -338,7 +310,7 @@ def _lyapunov_on_hopf(point: Point) -> float:
     l1 = normal_forms.value_or_nan(
         lambda: normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(square))
     )
-    return l1 * signed_smallest(normal_forms.Forms(ground.curve, ground.z).A)
+    return l1 * loci.signed_smallest(normal_forms.Forms(ground.curve, ground.z).A)
 
 
 def _examine_generalised(point: Point) -> str:
@@ -358,7 +330,7 @@ def _beside_pair(point: Point) -> Values:
     if not square > 0:
         return np.empty(0, dtype=complex)
     axis = 1j * math.sqrt(square)
-    return without(_eigenvalues(point)[0], axis, -axis)
+    return loci.without(_eigenvalues(point)[0], axis, -axis)
 
 
 def _second_pair(point: Point) -> float:
@@ -368,7 +340,7 @@ def _second_pair(point: Point) -> float:
 
 def _zero_beside_pair(point: Point) -> float:
     values = _beside_pair(point)
-    return least_with_sign(values, 0.0) if values.size else math.nan
+    return loci.least_with_sign(values, 0.0) if values.size else math.nan
 
 
 def _examine_second_pair(point: Point) -> str:
@@ -424,10 +396,4 @@ MEETINGS: dict[str, Mapping[str, tuple[Event, ...]]] = {
         )
     },
 }
-_BRANCH_POINT = Event(
-    "BP",
-    Singular(bordered, branch_point_test),
-    count=_unstable,
-    locus=Crossings(MEETINGS["BP"]),
-    examine=examine_branch_point,
-)
+_BRANCH_POINT = branch_points.crossing_event(MEETINGS["BP"])

@@ -16,25 +16,13 @@ from numpy.typing import NDArray
 
 from ..checks import whole
 from ..errors import BadInput
-from . import normal_forms
+from . import loci, normal_forms
 from .boundary import meeting
-from .branch_points import CROSSED, Crossings, branches_cross
+from .branch_points import branches_cross, crossed, crossing_event
 from .curve import Params
 from .cycles import Iterate, Map, cycle, generic, multiplier_matrix, shorter, units, with_period
-from .equilibria import branch_point, cusp, fold
+from .equilibria import cusp, fold
 from .lift import Lift
-from .loci import (
-    Singular,
-    critical_plane,
-    least_with_sign,
-    null_locus,
-    null_vector,
-    oriented_overlap,
-    pair_locus,
-    pairs,
-    signed_smallest,
-    without,
-)
 from .point import Event, Examined, Locus, Meeting, Point
 from .problem import Problem
 from .starts import all_of
@@ -82,9 +70,12 @@ def FixedPoint(
     -------
     Problem
         To trace, to switch, to follow as boundaries. ``point.solution`` is a `Cycle`. A located
-        PD knows the coefficient ``detail["c"]`` of its normal form, NS ``detail["angle"]`` and
-        ``detail["d"]``, both their ``detail["criticality"]``. Boundaries meet, under the names of
-        the field, CP, R1, R2, R3, R4, LPPD (fold-flip), LPNS, PDNS, GPD and CH.
+        PD knows the coefficient ``detail["c"]`` of ``u -> -u + c u^3``, NS its ``detail["angle"]``
+        and ``detail["d"]`` of ``w -> exp(i angle) w (1 + d |w|^2)``, for eigenvectors of length 1,
+        and both their ``detail["criticality"]``: supercritical where what is born is stable on the
+        centre manifold. Two real multipliers with product 1, a neutral saddle, are told apart.
+        Boundaries meet, under the names of the field, CP, R1, R2, R3, R4, LPPD (fold-flip), LPNS,
+        PDNS, GPD and CH.
 
     Raises
     ------
@@ -146,9 +137,9 @@ def _flip_matrix(point: Point) -> Array:
 
 
 def _flip_locus(point: Point) -> Locus:
-    null = null_vector(_flip_matrix(point), point.curve.scales[: point.curve.size])
+    null = loci.null_vector(_flip_matrix(point), point.curve.scales[: point.curve.size])
     own = (_GENERALISED_FLIP, _R2_ON_FLIP)
-    return replace(null_locus(null, 2.0), events=own, meets=MEETINGS["PD"])
+    return replace(loci.null_locus(null, 2.0), events=own, meets=MEETINGS["PD"])
 
 
 def _examine_flip(point: Point) -> Examined:
@@ -179,16 +170,16 @@ def _rotation_test(point: Point) -> float:
 def _least_gap(matrix: Array, values: NDArray[np.complex128]) -> float:
     if values.size < 2:
         return math.nan
-    first, second = pairs(values)
+    first, second = loci.pairs(values)
     rounding = _ROUNDING * float(np.linalg.norm(matrix))
-    return least_with_sign(first * second - 1, rounding * (abs(first) + abs(second)))
+    return loci.least_with_sign(first * second - 1, rounding * (abs(first) + abs(second)))
 
 
 def _circle_pair(point: Point) -> tuple[float, Array, Array]:
     """cos(angle) of the pair nearest the unit circle, and two vectors of its plane."""
     matrix = multiplier_matrix(point)
     small = _ZERO * max(1.0, float(np.linalg.norm(matrix, 2)))
-    mu, one, other = critical_plane(
+    mu, one, other = loci.critical_plane(
         matrix, (1.0, -1.0), small, lambda values: np.abs(np.abs(values) - 1)
     )
     return mu.real / abs(mu), one, other
@@ -198,14 +189,14 @@ def _rotation_locus(point: Point) -> Locus:
     """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
     cosine, *plane = _circle_pair(point)
     one, other = plane
-    locus = pair_locus("cosine", cosine, (one, other), 1.0, lambda cosine: (-2 * cosine, 1.0))
+    locus = loci.pair_locus("cosine", cosine, (one, other), 1.0, lambda cosine: (-2 * cosine, 1.0))
     return replace(locus, events=_ON_ROTATION, meets=MEETINGS["NS"])
 
 
 def _examine_rotation(point: Point) -> Examined:
     """Of the two multipliers with product 1: are they a complex pair?"""
     values = np.linalg.eigvals(multiplier_matrix(point)).astype(complex)
-    first, second = pairs(values)
+    first, second = loci.pairs(values)
     nearest = int(abs(first * second - 1).argmin())
     pair = np.array([first[nearest], second[nearest]])
     for sign, name in ((1, "R1"), (-1, "R2")):
@@ -235,12 +226,12 @@ def _overlap(sign: int) -> Callable[[Point], float]:
 
     def test(point: Point) -> float:
         matrix = multiplier_matrix(point.ground)
-        return oriented_overlap(matrix - sign * np.eye(len(matrix)))
+        return loci.oriented_overlap(matrix - sign * np.eye(len(matrix)))
 
     return test
 
 
-def _examine_double(sign: int, *, crossed: bool = False) -> Callable[[Point], Examined]:
+def _examine_double(sign: int, *, either: bool = False) -> Callable[[Point], Examined]:
     """Two multipliers there, with one eigenvector; whether branches cross as well is asked of
     those that have to be told apart."""
 
@@ -253,7 +244,7 @@ def _examine_double(sign: int, *, crossed: bool = False) -> Callable[[Point], Ex
         sizes = np.linalg.svd(matrix - sign * np.eye(len(matrix)), compute_uv=False)
         if sizes[-2] < _RANK * size:
             return f"two multipliers are {sign}, with two eigenvectors"
-        return {"degenerate": CROSSED} if crossed and branches_cross(point.ground) else {}
+        return crossed(point.ground) if either else {}
 
     return examine
 
@@ -282,7 +273,7 @@ def _flip_coefficient(point: Point) -> float:
     ground = point.ground
     poles = _overlap(-1)(point) if ground.curve.size > 1 else 1.0
     c = normal_forms.value_or_nan(lambda: normal_forms.flip(ground.curve, ground.z))
-    return c * poles * signed_smallest(units(ground) - np.eye(ground.curve.size))
+    return c * poles * loci.signed_smallest(units(ground) - np.eye(ground.curve.size))
 
 
 def _examine_generalised_flip(point: Point) -> str:
@@ -302,7 +293,7 @@ def _rotation_coefficient(point: Point) -> float:
     d = normal_forms.value_or_nan(
         lambda: normal_forms.rotation(ground.curve, ground.z, math.acos(cosine))
     )
-    return d * signed_smallest(units(ground) - np.eye(ground.curve.size))
+    return d * loci.signed_smallest(units(ground) - np.eye(ground.curve.size))
 
 
 def _examine_chenciner(point: Point) -> str:
@@ -325,7 +316,7 @@ def _pair_beside(multiplier: int) -> Callable[[Point], float]:
     def test(point: Point) -> float:
         matrix = units(point.ground)
         values = np.linalg.eigvals(matrix).astype(complex)
-        return _least_gap(matrix, without(values, multiplier))
+        return _least_gap(matrix, loci.without(values, multiplier))
 
     return test
 
@@ -339,15 +330,15 @@ def _beside_pair(multiplier: int) -> Callable[[Point], float]:
             return math.nan
         pair = cosine + 1j * math.sqrt(1 - cosine**2)
         values = np.linalg.eigvals(units(point.ground)).astype(complex)
-        others = without(values, pair, pair.conjugate())
-        return least_with_sign(others - multiplier, 0.0) if others.size else math.nan
+        others = loci.without(values, pair, pair.conjugate())
+        return loci.least_with_sign(others - multiplier, 0.0) if others.size else math.nan
 
     return test
 
 
-_PLAIN_FOLD, _PLAIN_BRANCH_POINT = fold(), branch_point()
+_PLAIN_FOLD = fold()
 _FOLD = replace(_PLAIN_FOLD, locus=_fold_locus, examine=_with_multiplier_one(_PLAIN_FOLD))
-_FLIP = Event("PD", Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
+_FLIP = Event("PD", loci.Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
 _ROTATION = Event("NS", _rotation_test, locus=_rotation_locus, examine=_examine_rotation)
 _R1_ON_FOLD = Meeting("R1", _overlap(1), examine=_examine_double(1), met=_ROTATION)
 _R2_ON_FLIP = Meeting("R2", _overlap(-1), examine=_examine_double(-1), met=_ROTATION)
@@ -357,7 +348,7 @@ _ON_ROTATION = (
     Meeting(
         "R1",
         lambda point: 1 - point["cosine"],
-        examine=_examine_double(1, crossed=True),
+        examine=_examine_double(1, either=True),
         ends="domain",
         met=_FOLD,
     ),
@@ -404,73 +395,11 @@ MEETINGS: dict[str, Mapping[str, tuple[Event, ...]]] = {
     "BP": {
         "PD": (_named("BP", _FLIP, "BP-PD", "+1 -1"),),
         "NS": (
-            replace(_R1_ON_FOLD, examine=_examine_double(1, crossed=True)),
+            replace(_R1_ON_FOLD, examine=_examine_double(1, either=True)),
             _named("BP", _ROTATION, "BP-NS", "+1 pair", _pair_beside(1)),
         ),
     },
 }
-_BRANCH_POINT = replace(
-    _PLAIN_BRANCH_POINT,
-    locus=Crossings(MEETINGS["BP"]),
-    examine=_with_multiplier_one(_PLAIN_BRANCH_POINT),
-)
+_PLAIN_BRANCH_POINT = crossing_event(MEETINGS["BP"])
+_BRANCH_POINT = replace(_PLAIN_BRANCH_POINT, examine=_with_multiplier_one(_PLAIN_BRANCH_POINT))
 EVENTS = (_FOLD, _BRANCH_POINT, _FLIP, _ROTATION)
-
-
-def fixed_point_fold() -> Event:
-    """LP of a map: two cycles meet, a multiplier is +1.
-
-    As a curve it meets CP, R1 (the multiplier is double), LPPD (another one is -1: fold-flip) and
-    LPNS (a pair is on the unit circle).
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> mine = FixedPoint(lambda x, p: x + p["h"] - x * x, {"x": 0.5}, {"h": 0.25},
-    ...                   events=[fixed_point_fold()])
-    >>> point = cb.trace(mine, "h", within={"x": (-0.5, 1)}).first("LP")
-    >>> abs(point["h"]) < 1e-12
-    True
-    """
-    return _FOLD
-
-
-def period_doubling() -> Event:
-    """PD of a map: a multiplier is -1, and a cycle of twice the period leaves, which `switch`
-    follows.
-
-    ``detail["c"]`` is the coefficient of ``u -> -u + c u^3`` (for the eigenvector of length 1);
-    positive: the doubled cycle is born stable (on the centre manifold), ``detail["criticality"]``
-    is ``"supercritical"``. As a curve it meets GPD (c vanishes), R2, LPPD and PDNS.
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> mine = FixedPoint(lambda x, p: -(1 + p["m"]) * x - x**2, {"x": 0.0}, {"m": -0.1},
-    ...                   events=[period_doubling()])
-    >>> point = cb.trace(mine, "m", within={"m": (-0.5, 0.5)}).first("PD")
-    >>> round(point.detail["c"], 9), point.detail["criticality"]
-    (1.0, 'supercritical')
-    """
-    return _FLIP
-
-
-def neimark_sacker() -> Event:
-    """NS of a map: a complex pair of multipliers is on the unit circle.
-
-    ``detail["angle"]`` is its angle, ``detail["d"]`` the coefficient of
-    ``w -> exp(i angle) w (1 + d |w|^2)``; its real part negative: a closed curve is born stable,
-    ``detail["criticality"]`` is ``"supercritical"``. Two real multipliers with product 1 (a
-    neutral saddle) are told apart. As a curve, on which ``cosine`` is that of the angle, it meets
-    R3, R4, CH (Re d vanishes), LPNS and PDNS, and ends at R1 and R2.
-
-    Examples
-    --------
-    >>> import contbreather as cb, numpy as np
-    >>> mine = FixedPoint(lambda u, p: np.array([p["r"] * u[0] * (1 - u[1]), u[0]]),
-    ...                   {"x": 0.4, "y": 0.4}, {"r": 1.7}, events=[neimark_sacker()])
-    >>> point = cb.trace(mine, "r", within={"r": (1.5, 2.5)}).first("NS")
-    >>> round(point["r"], 9), round(point.detail["angle"] / np.pi, 9)
-    (2.0, 0.333333333)
-    """
-    return _ROTATION

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from contbreather.continuation import Branch, Event, Problem, Steps, branch_point, fold, hopf, trace
-from contbreather.continuation.maps import FixedPoint, neimark_sacker, period_doubling
+from contbreather.continuation.maps import EVENTS, FixedPoint
 
 from .zoo import events_of, scalar
 
+_, _, DOUBLING, ROTATION = EVENTS
 UNIT = {"m": (-1.0, 1.0)}
 GAPS = [0.05, 3e-3, 1e-5]
 RATES = [1.0, 7.0, -1.0, -0.3]  # at which the second crosses, the first at 1
@@ -97,8 +98,8 @@ def test_two_close_bifurcations_of_a_map_are_both_found(gap: float) -> None:
 
     within = {"m": (-0.3, 0.3)}
     for map_, names, event in (
-        (wheels, "abcd", neimark_sacker()),
-        (flips, "ab", period_doubling()),
+        (wheels, "abcd", ROTATION),
+        (flips, "ab", DOUBLING),
     ):
         start = dict.fromkeys(names, 0.0)
         problem = FixedPoint(map_, start, {"m": -0.21}, events=[event])
