@@ -8,8 +8,7 @@ from dataclasses import replace
 
 from .newton import OUT_OF_DOMAIN
 from .point import Point
-from .segment import Segment
-from .trail import Trail, measure, place_of
+from .trail import Trail, measure
 
 Place = tuple[float, float, Point]  # bracket and point
 
@@ -20,13 +19,13 @@ _LOW = 0.1  # a test this small within a step, relative to its ends, may vanish 
 _TOUCH = 1e-5  # and one this small does
 
 
-def told_apart(segment: Segment, trail: Trail) -> Iterator[Place]:
+def told_apart(trail: Trail) -> Iterator[Place]:
     """Look between several zeros, where their count changes by more than one, so that each leaves
     its change of sign. Those that are at one place are doubtful."""
     event = trail.event
     if event.count is None:
         return
-    place = place_of(segment, event)
+    place = trail.place
     counts = {u: event.count(place(u)) for u in (0.0, 1.0)}
     size = _TOUCH * max(abs(trail.values[u]) for u in counts)
     pieces, looks = [(0.0, 1.0)], 0
@@ -59,7 +58,7 @@ def _doubtful(trail: Trail, left: float, right: float, point: Point, reason: str
     return left, right, replace(point, detail={"reason": reason})
 
 
-def probe(segment: Segment, trail: Trail) -> bool:
+def probe(trail: Trail) -> bool:
     """Whether a test that keeps its sign dips through zero and back within the step, as smooth
     tests do."""
     places = [0.0, 0.5, 1.0]
@@ -75,7 +74,7 @@ def probe(segment: Segment, trail: Trail) -> bool:
             return False
         if any(abs(vertex - zero) < _APART for zero in trail.zeros):
             return False
-        trail.values[vertex] = measure(trail.event, segment.provisional(vertex))
+        trail.glance(vertex)
         if trail.changes():
             return True
         around = sorted([*places, vertex])
@@ -94,7 +93,7 @@ def _parabola(u: list[float], f: list[float]) -> tuple[float, float]:
     return vertex, f[0] + (vertex - u[0]) * (slope + bend * (vertex - u[1]))
 
 
-def bottom(segment: Segment, trail: Trail) -> Iterator[Place]:
+def bottom(trail: Trail) -> Iterator[Place]:
     """Look where the size of a test may have a kink at zero, as the least of several does: on the
     line through the middle of the step and one end of it, and from there downhill."""
     size = {u: abs(trail.deflated(u)) for u in (0.0, 0.5, 1.0)}
@@ -105,27 +104,27 @@ def bottom(segment: Segment, trail: Trail) -> Iterator[Place]:
         if 2 * middle < size[end]:
             u = 0.5 + (0.5 - end) * middle / (size[end] - middle)
             if min(abs(u - known) for known in size) > _ONE:
-                size[u] = abs(trail.deflated(u, measure(trail.event, segment.provisional(u))))
+                near = measure(trail.event, trail.segment.provisional(u))
+                size[u] = abs(trail.deflated(u, near))
     places = sorted(size)
     at = min(range(len(places)), key=lambda i: size[places[i]])
     if not 0 < at < len(places) - 1 or size[places[at]] > _LOW * highest or trail.changes():
         return
-    left, right = _downhill(segment, trail, places[at - 1], places[at + 1])
+    left, right = _downhill(trail, places[at - 1], places[at + 1])
     u = 0.5 * (left + right)
     if _ONE < u < 1 - _ONE and not trail.changes():  # at an end it only approaches zero
-        point = segment.provisional(u)
+        point = trail.segment.provisional(u)
         if abs(trail.deflated(u, measure(trail.event, point))) < _TOUCH * highest:
             reason = f"the test of {trail.event.kind} touches zero: none, or two at once"
             yield _doubtful(trail, left, right, point, reason)
 
 
-def _downhill(segment: Segment, trail: Trail, left: float, right: float) -> tuple[float, float]:
+def _downhill(trail: Trail, left: float, right: float) -> tuple[float, float]:
     """Bracket of the least size of a test by golden section, unless a change of sign is met."""
     golden = 0.5 * (math.sqrt(5) - 1)
 
     def size(u: float) -> float:
-        trail.values[u] = measure(trail.event, segment.provisional(u))
-        return abs(trail.deflated(u))
+        return abs(trail.deflated(u, trail.glance(u)))
 
     one, other = right - golden * (right - left), left + golden * (right - left)
     low, high = size(one), size(other)

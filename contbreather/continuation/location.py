@@ -20,7 +20,7 @@ from .loci import Singular
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
 from .point import Event, Examined, Level, Locus, Point
 from .segment import Segment
-from .trail import ASIDE, Trail, Value, foresee, look_at, measure, place_of
+from .trail import ASIDE, Trail, Value, measure
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,8 @@ def find(
     curve = segment.curve
     curve.rows = np.maximum(0.5 * curve.rows, curve.row_sizes(segment.last.z))
     middle = segment.provisional(0.5)
-    trails = [Trail(event, {0.0: value}) for event, value in zip(events, before, strict=True)]
+    tests = zip(events, before, strict=True)
+    trails = [Trail(segment, event, {0.0: value}) for event, value in tests]
     for trail in trails:
         if trail.event.test is not None:  # else it is looked at last, and at few places
             trail.values[0.5] = measure(trail.event, middle)
@@ -81,14 +82,14 @@ def find(
     tallies = [trail for trail in trails if trail.event.test is None]
     crossings = [trail for trail in trails if trail.event.crosses]
     others = [t for t in trails if t.event.test is not None and not t.event.crosses]
-    located = list(_events_on(segment, crossings, ends))
+    located = list(_events_on(crossings, ends))
     cuts = [p for p in located if "tangents" in p.detail] or ([crossing] if crossing else [])
     if cuts and others:
         located += _between(segment, cuts, others, ends)
     else:
-        located += _events_on(segment, others, ends)
+        located += _events_on(others, ends)
     for trail in tallies:
-        located += _explained(segment, trail, others, located)
+        located += _explained(trail, others, located)
     located.sort(key=lambda point: point.arclength)
     end = segment.last.arclength * (1 - 1e-15)
     at_end = {id(p.event) for p in located if p.located and p.arclength >= end}
@@ -145,61 +146,66 @@ def _at_one_place(doubtful: Sequence[Point]) -> tuple[Point, ...]:
         if twin is None:
             kept.append(point)
         else:
-            reason = f"two {point.kind} at once, or closer than can be told: not simple"
-            kept[twin] = replace(kept[twin], detail={**kept[twin].detail, "reason": reason})
+            known = kept[twin].detail
+            kept[twin] = replace(kept[twin], detail={**known, "reason": _two(point.kind)})
     return tuple(kept)
 
 
-def _events_on(segment: Segment, trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
+def _two(kind: str) -> str:
+    return f"two {kind} at once, or closer than can be told: not simple"
+
+
+def _events_on(trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
     for trail in trails:
-        yield from _at_ends(segment, trail, ends)
-        foresee(segment, trail)
-        for low, high, point in told_apart(segment, trail):
-            yield _special(point, trail.event, (low, high), segment)
-        yield from _dipped(segment, trail)
-        yield from _closer(segment, trail)
+        yield from _at_ends(trail, ends)
+        trail.foresee()
+        for low, high, point in told_apart(trail):
+            yield _special(trail, point, low, high)
+        yield from _dipped(trail)
+        yield from _closer(trail)
     for _ in range(_ROUNDS):
-        fresh = [point for trail in trails for point in _search(segment, trail)]
+        fresh = [point for trail in trails for point in _search(trail)]
         yield from fresh
         if not fresh:
             break
-        _look_at(segment, trails, fresh)
+        _look_at(trails, fresh)
         for trail in trails:
-            yield from _dipped(segment, trail)
+            yield from _dipped(trail)
 
 
-def _dipped(segment: Segment, trail: Trail) -> Iterator[Point]:
+def _dipped(trail: Trail) -> Iterator[Point]:
     if trail.jumps or trail.changes():
         return
-    if not probe(segment, trail):
-        for low, high, point in bottom(segment, trail):
-            yield _special(point, trail.event, (low, high), segment)
+    if not probe(trail):
+        for low, high, point in bottom(trail):
+            yield _special(trail, point, low, high)
     if isinstance(trail.event.test, Singular):
         trail.beside(*(middle for _, middle in trail.changes()[:-1]))
 
 
-def _closer(segment: Segment, trail: Trail) -> Iterator[Point]:
+def _closer(trail: Trail) -> Iterator[Point]:
     """Two zeros that are close together, on a shorter piece of curve: on a long one its cubic may
     be further off than they are apart."""
+    segment = trail.segment
     for left, right in trail.brackets():
         if segment.length < _POINT * (1 + segment.curve.length(segment.first.z)):
             trail.done.append((0.0, 1.0))
-            kind, point = trail.event.kind, segment.provisional(0.5 * (left + right))
+            point = segment.provisional(0.5 * (left + right))
             if abs(measure(trail.event, point)) >= min(abs(trail.values[u]) for u in (0.0, 1.0)):
                 return  # what was seen is where the curve starts or ends
-            reason = f"two {kind} at once, or closer than can be told: not simple"
-            point = replace(point, detail={"reason": reason})
-            yield _special(point, trail.event, (left, right), segment)
+            yield _special(trail, point, left, right, _two(trail.event.kind))
             return
         try:
             piece = Segment(segment.at(left), segment.at(right), segment.tolerance)
         except Undefined:
             continue
-        part = Trail(trail.event, {u: measure(trail.event, piece.provisional(u)) for u in _START})
+        part = Trail(piece, trail.event, {})
+        for u in _START:
+            part.glance(u)
         trail.values[left], trail.values[right] = part.values[0.0], part.values[1.0]
         trail.sure |= {left, right}
         trail.done.append((left, right))
-        for point in _events_on(piece, [part], Ends()):
+        for point in _events_on([part], Ends()):
             trail.zeros.append((point.arclength - segment.first.arclength) / segment.length)
             yield point
 
@@ -216,7 +222,11 @@ def _between(
         piece = Segment(start, end, segment.tolerance)
         middle = piece.provisional(0.5)
         parts = [
-            Trail(t.event, {0.0: value, 0.5: measure(t.event, middle), 1.0: measure(t.event, end)})
+            Trail(
+                piece,
+                t.event,
+                {0.0: value, 0.5: measure(t.event, middle), 1.0: measure(t.event, end)},
+            )
             for t, value in zip(trails, values, strict=True)
         ]
         at_first, at_last = start is segment.first, end is segment.last
@@ -224,10 +234,9 @@ def _between(
             if not at_last and _vanishes(part, part.values[1.0]):
                 # its sign is rounding: what is seen here must not be seen to either side as well
                 part.values[1.0] = math.nan
-                there = replace(end, located=True, detail={})
-                yield _special(there, part.event, (1.0, 1.0), piece)
+                yield _special(part, replace(end, located=True, detail={}), 1.0, 1.0)
         own = Ends(ends.first and at_first, ends.last and at_last, ends.closed and at_last)
-        yield from _events_on(piece, parts, own)
+        yield from _events_on(parts, own)
         values = [part.values[1.0] for part in parts]
 
 
@@ -237,8 +246,9 @@ def _vanishes(trail: Trail, value: Value) -> bool:
     return not trail.jumps and abs(value) <= _AT_CUT * beside
 
 
-def _at_ends(segment: Segment, trail: Trail, ends: Ends) -> Iterator[Point]:
+def _at_ends(trail: Trail, ends: Ends) -> Iterator[Point]:
     """Events at the very start or end of the walk, within rounding."""
+    segment = trail.segment
     if trail.jumps or not (ends.first or ends.last or ends.closed):
         return
     start, end = trail.values[0.0], trail.values[1.0]
@@ -246,97 +256,87 @@ def _at_ends(segment: Segment, trail: Trail, ends: Ends) -> Iterator[Point]:
     change = abs(end - start) / segment.length * (1 + segment.curve.length(segment.last.z))
     if ends.first and abs(start) < _AT_END * change:
         trail.values[0.0] = 0.0
-        yield _at_end(segment, trail.event, 0.0)
+        yield _at_end(trail, 0.0)
     elif (ends.last or ends.closed) and abs(end) < _AT_END * change:
         trail.values[1.0] = math.copysign(math.ulp(0.0), start)  # no change left to be found
         if ends.last:
-            yield _at_end(segment, trail.event, 1.0)
+            yield _at_end(trail, 1.0)
 
 
-def _at_end(segment: Segment, event: Event, u: float) -> Point:
-    polished = _polish(segment, event, u, u, u)
-    low, high, sharp = polished or (u, u, segment.at(u))
-    point = replace(segment.at(u), detail=sharp.detail)  # where it is known exactly already
-    return _special(point, event, (low, high), segment)
+def _at_end(trail: Trail, u: float) -> Point:
+    there = trail.segment.at(u)  # where it is known exactly already
+    low, high, sharp = _polish(trail, u, u, u) or (u, u, there)
+    return _special(trail, replace(there, detail=sharp.detail), low, high)
 
 
-def _search(segment: Segment, trail: Trail) -> Iterator[Point]:
+def _search(trail: Trail) -> Iterator[Point]:
     """Locate each change of one test that was not dealt with yet."""
-    _make_sure(segment, trail)
+    _make_sure(trail)
     for left, right in trail.changes():
         try:
-            yield from _located(segment, trail, left, right)
+            yield from _located(trail, left, right)
         except Undefined as error:
-            trail.settle(0.5 * (left + right), left, right)
-            point = segment.provisional(0.5 * (left + right))
+            middle = 0.5 * (left + right)
+            trail.settle(middle, left, right)
             reason = f"{trail.event.kind} seen but not located: {error}"
-            point = replace(point, detail={"reason": reason})
-            yield _special(point, trail.event, (left, right), segment)
+            yield _special(trail, trail.segment.provisional(middle), left, right, reason)
 
 
-def _make_sure(segment: Segment, trail: Trail) -> None:
+def _make_sure(trail: Trail) -> None:
     """Replace values seen on the cubic by those on the curve, wherever a change depends on them."""
-    look = look_at(segment, trail.event)
     while unsure := {u for pair in trail.changes() for u in pair} - trail.sure:
         for u in unsure:
             try:
-                trail.values[u] = look(u)
+                trail.values[u] = trail.look(u)
             except Undefined:
                 trail.values[u] = math.nan
         trail.sure |= unsure
 
 
-def _located(segment: Segment, trail: Trail, left: float, right: float) -> Iterator[Point]:
+def _located(trail: Trail, left: float, right: float) -> Iterator[Point]:
     finder = _jump if trail.jumps else _zero
-    for number, (low, high, point) in enumerate(finder(segment, trail, left, right)):
+    for number, (low, high, point) in enumerate(finder(trail, left, right)):
         if number == _MOST:
             trail.done.append((left, right))
             reason = f"more than {_MOST} changes of {trail.event.kind} within one step: no event"
-            yield _special(
-                replace(point, detail={"reason": reason}), trail.event, (low, right), segment
-            )
+            yield _special(trail, point, low, right, reason)
             return
         if trail.jumps:
-            trail.settle_jump(low, high, look_at(segment, trail.event))
+            trail.settle_jump(low, high)
         else:
             trail.settle(0.5 * (low + high), left, right)
-        yield _special(point, trail.event, (low, high), segment)
+        yield _special(trail, point, low, high)
 
 
-def _look_at(segment: Segment, trails: Sequence[Trail], fresh: Sequence[Point]) -> None:
+def _look_at(trails: Sequence[Trail], fresh: Sequence[Point]) -> None:
     """What happens at one event tells about the others: evaluate every test there."""
-    for point in fresh:
+    for point, trail in itertools.product(fresh, trails):
+        segment = trail.segment
         u = (point.arclength - segment.first.arclength) / segment.length
-        if not 0 < u < 1:
-            continue
-        for trail in trails:
-            if trail.event is not point.event:
-                trail.learn(u, measure(trail.event, point))
+        if 0 < u < 1 and trail.event is not point.event:
+            trail.learn(u, measure(trail.event, point))
 
 
 # --- what no event explains -------------------------------------------------------------------
 
 
-def _explained(
-    segment: Segment, trail: Trail, others: Sequence[Trail], located: Sequence[Point]
-) -> list[Point]:
+def _explained(trail: Trail, others: Sequence[Trail], located: Sequence[Point]) -> list[Point]:
     """Events of all others next to where a tally changes without one; where there are none, that
     place, as doubtful."""
     more: list[Point] = []
+    segment = trail.segment
     for attempt in range(2):
         places = _places(segment, [*located, *more])
-        jumps = [jump for pair in places if (jump := _changed(segment, trail, *pair)) is not None]
+        jumps = [jump for pair in places if (jump := _changed(trail, *pair)) is not None]
         if not jumps or attempt:
             break
         for (low, high), *_ in jumps:
             for other, u in itertools.product(others, (low, high)):
                 other.learn(u, measure(other.event, segment.provisional(u)))
-        more += [point for other in others for point in _search(segment, other)]
-    for bracket, before, after in jumps:
-        u = 0.5 * (bracket[0] + bracket[1])
+        more += [point for other in others for point in _search(other)]
+    for (low, high), before, after in jumps:
         reason = f"a count changes from {before} to {after}, and no event here explains it"
-        point = replace(segment.provisional(u), detail={"reason": reason})
-        more.append(_special(point, trail.event, bracket, segment))
+        more.append(_special(trail, segment.provisional(0.5 * (low + high)), low, high, reason))
     return more
 
 
@@ -355,14 +355,14 @@ def _places(segment: Segment, located: Sequence[Point]) -> list[tuple[float, flo
 
 
 def _changed(
-    segment: Segment, trail: Trail, low: float, high: float
+    trail: Trail, low: float, high: float
 ) -> tuple[tuple[float, float], Value, Value] | None:
     """Where a tally changes on a piece of the step, and from what to what."""
 
     def at(u: float) -> Value:
         if u not in trail.values:
             try:
-                trail.values[u] = measure(trail.event, segment.at(u))
+                trail.values[u] = measure(trail.event, trail.segment.at(u))
             except Undefined:
                 trail.values[u] = math.nan
         return trail.values[u]
@@ -382,40 +382,44 @@ def _changed(
 # --- zeros and jumps --------------------------------------------------------------------------
 
 
-def _zero(segment: Segment, trail: Trail, left: float, right: float) -> Iterator[Place]:
+def _zero(trail: Trail, left: float, right: float) -> Iterator[Place]:
     """The zero of a float test in a bracket."""
     a, b = float(trail.values[left]), float(trail.values[right])
     if b == 0:
-        yield right, right, _isolated(segment, trail.event, right, left, right)
+        yield right, right, _isolated(trail, right, left, right)
         return
-    event = trail.event
-    polished = _polish(segment, event, left + (right - left) * a / (a - b), left, right)
+    crude = left + (right - left) * a / (a - b)
+    polished = _polish(trail, crude, left, right)
     if polished is not None:
         yield polished
         return
-    look = look_at(segment, event)
-    if float(look(left)) * float(look(right)) > 0:  # what was seen on the cubic is not there
+    if (
+        float(trail.look(left)) * float(trail.look(right)) > 0
+    ):  # what was seen on the cubic is not there
         trail.done.append((left, right))
         return
     try:
-        u = brentq(look, left, right, xtol=1e-15, rtol=1e-14, disp=False)
+        u = brentq(trail.look, left, right, xtol=1e-15, rtol=1e-14, disp=False)
     except Undefined:
-        yield _at_crossing(segment, event, left + (right - left) * a / (a - b), abs(a) + abs(b))
+        yield _at_crossing(trail, crude, abs(a) + abs(b))
         return
-    polished = _polish(segment, event, u, left, right)
-    point = polished[2] if polished else segment.at(u)
+    polished = _polish(trail, u, left, right)
     if polished is not None:
         yield polished
-    elif abs(measure(event, point)) > 1e-6 * (abs(a) + abs(b)):
-        reason = f"the test of {event.kind} changes sign without a zero: it jumps or has a pole"
+        return
+    point = trail.segment.at(u)
+    if abs(measure(trail.event, point)) > 1e-6 * (abs(a) + abs(b)):
+        kind = trail.event.kind
+        reason = f"the test of {kind} changes sign without a zero: it jumps or has a pole"
         yield u, u, replace(point, detail={"reason": reason}, located=False)
     else:
         width = 1e-14
-        yield u - width, u + width, _isolated(segment, event, u, left, right)
+        yield u - width, u + width, _isolated(trail, u, left, right)
 
 
-def _isolated(segment: Segment, event: Event, u: float, left: float, right: float) -> Point:
+def _isolated(trail: Trail, u: float, left: float, right: float) -> Point:
     """The point at a zero, doubtful if the test is exactly zero beside it as well."""
+    segment, event = trail.segment, trail.event
     point = segment.at(u)
     if measure(event, point) != 0:
         return point
@@ -427,51 +431,47 @@ def _isolated(segment: Segment, event: Event, u: float, left: float, right: floa
     return replace(point, detail={"reason": reason})
 
 
-def _at_crossing(segment: Segment, event: Event, u: float, size: float) -> Place:
+def _at_crossing(trail: Trail, u: float, size: float) -> Place:
     """A zero where another curve crosses as well, as grazing does at a pitchfork: the corrector
     fails beside it, so the branch point is solved for."""
+    segment = trail.segment
     found = crossing(segment.curve, segment.provisional(u).z)
-    if not found.solution.converged:
-        raise Undefined("Newton's iteration failed between two points of the curve")
     place, point = segment.settled(found.solution, found.tangents)
-    if abs(measure(event, point)) > 1e-6 * size:
+    if abs(measure(trail.event, point)) > 1e-6 * size:
         raise Undefined("a branch point is in the way")
     return place - ASIDE, place + ASIDE, point
 
 
-def _jump(
-    segment: Segment, trail: Trail, left: float, right: float, attempt: float = 0.3
-) -> Iterator[Place]:
+def _jump(trail: Trail, left: float, right: float, attempt: float = 0.3) -> Iterator[Place]:
     """Each jump of an integer test in a bracket: by its locus once that agrees, else bisection.
 
     The locus is tried when the bracket has shrunk to `attempt`, and then at every eighth of it.
     """
-    event = trail.event
     middle = 0.5 * (left + right)
     if right - left < attempt:
         attempt = (right - left) / 8
-        polished = _polish(segment, event, middle, left, right)
+        polished = _polish(trail, middle, left, right)
         if polished is not None:
             yield polished
             return
     if right - left < _SHARP:
-        yield left, right, segment.at(middle)
+        yield left, right, trail.segment.at(middle)
         return
-    trail.values[middle] = look_at(segment, event)(middle)
+    trail.values[middle] = trail.look(middle)
     trail.sure.add(middle)
     for low, high in ((left, middle), (middle, right)):
         if trail.values[low] != trail.values[high]:
-            yield from _jump(segment, trail, low, high, attempt)
+            yield from _jump(trail, low, high, attempt)
 
 
-def _polish(segment: Segment, event: Event, u: float, left: float, right: float) -> Place | None:
+def _polish(trail: Trail, u: float, left: float, right: float) -> Place | None:
     """Newton's iteration on problem and locus together, if it ends inside the bracket at a place
     where the test does change."""
+    segment, event = trail.segment, trail.event
     if event.locus is None:
         return None
     try:
-        near = place_of(segment, event)(u)
-        found, detail = _solved(event.locus, near)
+        found, detail = _solved(event.locus, trail.place(u))
         if not found.converged:
             return None
         place, point = segment.settled(found, detail.get("tangents", ()))
@@ -513,12 +513,12 @@ def _plain(value: Any) -> Any:
     return float(value) if np.ndim(value) == 0 else value
 
 
-def _special(point: Point, event: Event, bracket: tuple[float, float], segment: Segment) -> Point:
-    """The point with its kind, once it has been verified."""
-    start, length = segment.first.arclength, segment.length
-    around = (start + bracket[0] * length, start + bracket[1] * length)
+def _special(trail: Trail, point: Point, low: float, high: float, reason: str = "") -> Point:
+    """The point with its kind, once it has been verified; doubtful for a reason."""
+    event, start, length = trail.event, trail.segment.first.arclength, trail.segment.length
+    around = (start + low * length, start + high * length)
     point = replace(point, kind=event.kind, event=event, bracket=around)
-    found: Examined = point.detail.get("reason", "")
+    found: Examined = reason or point.detail.get("reason", "")
     if not found and event.examine is not None:
         found = event.examine(point)
     if isinstance(found, str) and found:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -52,12 +52,30 @@ _LOW = 0.1  # a test this small within a step, relative to its largest, is looke
 class Trail:
     """The values of one test along one step, by u, and what they gave away."""
 
+    segment: Segment
     event: Event
     values: dict[float, Value]
     done: list[tuple[float, float]] = field(default_factory=list)  # brackets that were dealt with
     zeros: list[float] = field(default_factory=list)
     sure: set[float] = field(default_factory=lambda: {0.0, 1.0})  # where the value is final
     close: list[tuple[float, float]] = field(default_factory=list)  # where two zeros may be
+
+    def place(self, u: float) -> Point:
+        """Where the event is looked for. Next to a branch point the corrector may end on the other
+        curve, so that one is looked for on the cubic."""
+        return self.segment.provisional(u) if self.event.crosses else self.segment.at(u)
+
+    def look(self, u: float) -> Value:
+        """The test along the step."""
+        value = measure(self.event, self.place(u))
+        if math.isnan(value):
+            raise Undefined("the test has no value between two points of the curve")
+        return value
+
+    def glance(self, u: float) -> Value:
+        """The test on the cubic, close enough to see its sign."""
+        self.values[u] = measure(self.event, self.segment.provisional(u))
+        return self.values[u]
 
     def changes(self) -> list[tuple[float, float]]:
         """Neighbouring places between which the test changes sign, or jumps."""
@@ -91,11 +109,11 @@ class Trail:
         self.sure |= {low, high}
         self.zeros.append(u)
 
-    def settle_jump(self, low: float, high: float, look: Callable[[float], Value]) -> None:
+    def settle_jump(self, low: float, high: float) -> None:
         """Remember a jump in a bracket: there may be others to either side."""
         for u in (low, high):
             if u not in self.sure:
-                self.values[u] = look(u)
+                self.values[u] = self.look(u)
         self.done.append((low, high))
         self.sure |= {low, high}
 
@@ -120,40 +138,20 @@ class Trail:
         if u not in self.values and not any(low <= u <= high for low, high in self.done):
             self.values[u] = value
 
-
-def look_at(segment: Segment, event: Event) -> Callable[[float], Value]:
-    """The test along the step."""
-    place = place_of(segment, event)
-
-    def look(u: float) -> Value:
-        value = measure(event, place(u))
-        if math.isnan(value):
-            raise Undefined("the test has no value between two points of the curve")
-        return value
-
-    return look
-
-
-def place_of(segment: Segment, event: Event) -> Callable[[float], Point]:
-    """Where an event is looked for. Next to a branch point the corrector may end on the other
-    curve, so that one with its own polish is looked for on the cubic."""
-    return segment.provisional if event.crosses else segment.at
-
-
-def foresee(segment: Segment, trail: Trail) -> None:
-    """Look between the places where a test should have its zeros, so that each leaves its change
-    of sign; and beside an event at the start, where the sign is not known."""
-    event, look = trail.event, list[float]()
-    if isinstance(event.test, Singular) and segment.last.tangent is not None:
-        sizes = [abs(value) for value in trail.values.values()]
-        near = min(sizes) < _LOW * max(sizes)
-        middle = (segment.provisional(0.5),) if near else ()
-        matrices = [event.test.matrix(p) for p in (segment.first, *middle, segment.last)]
-        places = singular_between(*matrices)
-        for one, other in itertools.pairwise(places.tolist()):
-            look.append((one + other) / 2)
-            trail.beside(*(look[-1:] if other - one < _CLOSE else ()))
-    if trail.values[0.0] == 0 and not trail.jumps:
-        look.append(ASIDE + 1e-12 * (1 + segment.curve.length(segment.first.z)) / segment.length)
-    for u in look:
-        trail.values[u] = measure(event, segment.provisional(u))
+    def foresee(self) -> None:
+        """Look between the places where a test should have its zeros, so that each leaves its
+        change of sign; and beside an event at the start, where the sign is not known."""
+        test, segment, look = self.event.test, self.segment, list[float]()
+        if isinstance(test, Singular) and segment.last.tangent is not None:
+            sizes = [abs(value) for value in self.values.values()]
+            near = min(sizes) < _LOW * max(sizes)
+            middle = (segment.provisional(0.5),) if near else ()
+            places = singular_between(*map(test.matrix, (segment.first, *middle, segment.last)))
+            for one, other in itertools.pairwise(places.tolist()):
+                look.append((one + other) / 2)
+                self.beside(*(look[-1:] if other - one < _CLOSE else ()))
+        if self.values[0.0] == 0 and not self.jumps:
+            size = 1 + segment.curve.length(segment.first.z)
+            look.append(ASIDE + 1e-12 * size / segment.length)
+        for u in look:
+            self.glance(u)

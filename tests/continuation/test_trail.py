@@ -19,7 +19,7 @@ EVENT = cb.user("mu", 0.0)
 
 
 def trail(values: dict[float, Any], **more: Any) -> Trail:
-    return Trail(EVENT, values, **more)
+    return Trail(None, EVENT, values, **more)
 
 
 # --- the trail of a test --------------------------------------------------------------------------
@@ -69,7 +69,8 @@ def test_a_jump_is_looked_at_on_either_side_unless_that_is_known() -> None:
         looked.append(u)
         return int(u > 0.5)
 
-    own.settle_jump(0.0, 0.6, look)
+    own.look = look
+    own.settle_jump(0.0, 0.6)
     assert looked == [0.6]
     assert own.values[0.6] == 1
     assert own.done == [(0.0, 0.6)]
