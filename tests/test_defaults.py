@@ -198,3 +198,16 @@ def test_what_is_not_said_is_as_its_page_says(name: str) -> None:
     given = inspect.signature(getattr(module, own)).parameters
     for parameter, value in WHOSE[name].items():
         assert given[parameter].default == value, parameter
+
+
+def test_the_threshold_of_the_paper_is_the_same_everywhere() -> None:
+    import importlib
+
+    found = []
+    for path in SOURCES:
+        inside = path.relative_to(PACKAGE).with_suffix("").parts
+        if inside[-1].startswith("__") or inside[0] == "cli":
+            continue
+        module = importlib.import_module(".".join(("contbreather", *inside)))
+        found += [getattr(module, name) for name in ("THRESHOLD", "PAPER") if hasattr(module, name)]
+    assert set(found) == {1.005}

@@ -53,3 +53,17 @@ def test_every_identity_of_the_flight_has_a_name_and_an_equation() -> None:
         "free motion", "antisymmetry", "the impact takes 2p", "symmetric impact (7)", "chi", "eta",
     ]  # fmt: skip
     assert all(name.partition(": ")[2] for name in found)
+
+
+def test_what_is_seen_as_a_pitchfork_and_is_none_is_told_apart(monkeypatch) -> None:
+    from contbreather.breathers import symmetric_events as own
+
+    branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.05, 0.9)})
+    (event,) = (event for event in branch.problem.events if event.kind == "PF")
+    found = event.examine(branch.first("PF"))
+    assert found["criticality"] in ("supercritical", "subcritical")
+    assert "is not zero" in event.examine(branch.first("LP"))
+    assert "is not zero" in event.examine(branch[0])
+    monkeypatch.setattr(own, "_fold", lambda breather: 0.0)
+    words = event.examine(branch.first("PF"))
+    assert words == "a fold of the closure, not a pitchfork"
