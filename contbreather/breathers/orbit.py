@@ -593,8 +593,8 @@ def orbit_of(
         impulses, section = np.concatenate([impulses, -impulses]), section.unfolded()
     raise BadInput(
         f"damping = {on.damping}, spring = {on.spring}, walls = {on.walls}: orbits of the "
-        f"{on.lattice.describe()} have walls at -1 and 1 and neither damping nor springs; take a "
-        "finite lattice, Ring(200) for instance."
+        f"{on.lattice.describe()} have walls at -1 and 1 and no damping, and springs only where "
+        "one site hits its walls in turn; take a finite lattice, Ring(200) for instance."
     )
 
 

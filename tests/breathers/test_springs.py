@@ -215,5 +215,8 @@ def test_what_is_not_known_of_springs_says_where_it_is() -> None:
     b = cb.symmetric(0.5, 0.05, 0.8, spring=0.2)
     with pytest.raises(cb.BadInput, match=r"trace breather\.on\(Ring\(20\)\)"):
         cb.trace(b, "a", events=[cb.neimark_sacker(on=cb.Ring(20))], within={"a": (0.45, 0.55)})
-    with pytest.raises(cb.BadInput, match="finite lattice"):
-        cb.switch(branch_in_a(0.02, 0.02).first("PF"))
+    start = cb.symmetric(0.5, 0.02, 0.8, spring=0.02)
+    with pytest.raises(cb.BadInput, match="one site hits its walls in turn; take a finite lattice"):
+        cb.switch(cb.trace(start, "a", towards="up").first("PF"))
+    found = cb.diagram(start, "a", within={"a": (0.45, 0.8)})  # what cannot be followed is said
+    assert "1 arm not followed" in repr(found)
