@@ -21,7 +21,6 @@ from contbreather.dynamics import (
     Basin,
     Sweep,
     attraction,
-    damped_orbit,
     periodic,
     sweep,
     there_and_back,
@@ -40,7 +39,7 @@ def around_the_fold() -> tuple[Sweep, cb.Branch]:
     )
     orbit = periodic(start, symmetric=True, **FOLD)
     within = {"a": (0.05, 0.2)}
-    branch = cb.trace(damped_orbit(orbit), "a", towards="down", within=within, progress=False)
+    branch = cb.trace(orbit, "a", towards="down", within=within, progress=False)
     print(f"the branch ends in a fold at a = {branch.first('LP')['a']:.6f}")
     print(f"the sweep loses the breather at a = {loop.lost():.3f} and never finds it again")
     return loop, refined(branch, 60)

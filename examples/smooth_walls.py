@@ -16,7 +16,7 @@ import numpy as np
 
 import contbreather as cb
 from contbreather.continuation import refined
-from contbreather.dynamics import damped_orbit, periodic, smooth_orbit
+from contbreather.dynamics import periodic
 from contbreather.plotting import new_figure, save_figure
 
 SETTINGS = {"a": 0.3, "gamma": 0.04, "k": 0.8, "damping": 0.005}
@@ -27,8 +27,8 @@ SITES = 6
 def branches(hardnesses: tuple[int, ...]) -> dict[str, cb.Branch]:
     """The branch in a for each m, and for rigid walls, through both sides of its fold."""
     state = cb.symmetric(a=0.3, gamma=0.04, k=0.8).state(SITES)
-    starts = {f"m = {m}": smooth_orbit(state, m=m, **SETTINGS) for m in hardnesses}
-    starts["rigid"] = damped_orbit(periodic(state, symmetric=True, **SETTINGS))
+    starts = {f"m = {m}": periodic(state, m=m, symmetric=True, **SETTINGS) for m in hardnesses}
+    starts["rigid"] = periodic(state, symmetric=True, **SETTINGS)
     found = {}
     for name, start in starts.items():
         found[name] = cb.trace(start, "a", within=WINDOW, towards="down", progress=False)

@@ -172,7 +172,6 @@ WHOSE = {
     "dynamics.lyapunov": {"settle": 0, "count": 2, "seed": 0},
     "dynamics.attraction": {"periods": 500, "tolerance": 1e-3, "site": 0},
     "dynamics.periodic": {"periods": 1, "symmetric": False},
-    "dynamics.smooth_orbit": {"symmetric": True, "tolerance": 1e-12},
     "diagram": {"depth": 2, "most": 100},
     "multibreathers": {"most": 3},
     "FixedPoint": {"period": 1},

@@ -246,17 +246,16 @@ def draw(run: Run | SmoothRun, site: int = 0) -> Figure:
 
 def _window(run: Any, site: int) -> Any:
     """The last periods again, with some sites recorded densely."""
-    from contbreather.dynamics import Run, Sample, State
-    from contbreather.dynamics.impacting import advance, completed
-    from contbreather.dynamics.smooth import advance_smooth
+    from contbreather.dynamics import Sample, State
+    from contbreather.dynamics.impacting import completed
+    from contbreather.dynamics.smooth import let_go
 
     count = min(WINDOW, run.periods)
     state = State(run.strobe.u[-1 - count], run.strobe.v[-1 - count])
     shown = tuple(dict.fromkeys((site + n) % run.sites for n in (0, 1, run.sites // 2)))
     window: dict[str, Any] = {"periods": max(1, count), "sample": Sample(shown, 100)}
     window |= {"t0": float(run.times[-1 - count]), "progress": False}
-    again = advance if isinstance(run, Run) else advance_smooth
-    return completed(again(state, run.conditions, **window)).record
+    return completed(let_go(state, run.conditions, **window)).record
 
 
 def _content(seen: Seen, asked: Asked) -> dict[str, Any]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from contbreather.dynamics.basin import Axis, Basin, Fate, attraction
 from contbreather.dynamics.energy import Localisation, localisation
 from contbreather.dynamics.impacting import Record, Run, RunStop, Sample, simulate
-from contbreather.dynamics.periodic_motion import PeriodicMotion, damped_orbit, periodic
 from contbreather.dynamics.quasiperiodic import Kind, Rotation, Verdict, rotation, verdict
 from contbreather.dynamics.recording import Recording, open_recording, record
+from contbreather.dynamics.returning import PeriodicMotion, periodic
 from contbreather.dynamics.slow_sweep import Sweep, sweep, there_and_back
 from contbreather.dynamics.smooth import (
     Explicit,
@@ -17,7 +17,6 @@ from contbreather.dynamics.smooth import (
     Switching,
     simulate_smooth,
 )
-from contbreather.dynamics.smooth_shooting import SmoothOrbit, smooth_orbit
 from contbreather.dynamics.states import State
 from contbreather.dynamics.tangent import Lyapunov, lyapunov, variation
 
@@ -38,14 +37,12 @@ __all__ = [
     "RunStop",
     "Sample",
     "SmoothConditions",
-    "SmoothOrbit",
     "SmoothRun",
     "State",
     "Sweep",
     "Switching",
     "Verdict",
     "attraction",
-    "damped_orbit",
     "localisation",
     "lyapunov",
     "open_recording",
@@ -54,7 +51,6 @@ __all__ = [
     "rotation",
     "simulate",
     "simulate_smooth",
-    "smooth_orbit",
     "sweep",
     "there_and_back",
     "variation",

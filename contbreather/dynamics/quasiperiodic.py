@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import numbers, whole
 from contbreather.dynamics.energy import forced, localised
 from contbreather.dynamics.impacting import Run, RunStop, advance, completed
-from contbreather.dynamics.periodic_motion import PeriodicMotion, closing
+from contbreather.dynamics.returning import PeriodicMotion, closing
 from contbreather.dynamics.states import On, State, check_state, conditions_of
 from contbreather.dynamics.tangent import exponents, weighted_mean
 from contbreather.errors import BadInput, NotConverged

@@ -17,15 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, row, whole
 from contbreather.dynamics.energy import localised
-from contbreather.dynamics.impacting import RunStop, advance, completed
+from contbreather.dynamics.impacting import RunStop, completed
 from contbreather.dynamics.progress import Bar
 from contbreather.dynamics.smooth import (
     SmoothConditions,
     Solver,
-    advance_smooth,
-    smooth_conditions_of,
+    let_go,
+    rigid_or_smooth,
 )
-from contbreather.dynamics.states import On, State, check_state, conditions_of, ranged
+from contbreather.dynamics.states import On, State, check_state, ranged
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 
@@ -174,11 +174,7 @@ def sweep(
     """
     steps = row("values", values, "the values of a sweep")
     start = check_state(state)
-    conditions = (
-        conditions_of(start.u.size, **on)
-        if m is None
-        else smooth_conditions_of(start.u.size, m=m, **on)  # type: ignore[misc]
-    )
+    conditions = rigid_or_smooth(start.u.size, m, **on)
     known = tuple(conditions.params) + (() if m is None else ("k",))
     if name not in known:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(known)}")
@@ -219,7 +215,10 @@ class _Stage:
         moved = self.conditions.at({self.name: value})
         on = moved.ranged() if isinstance(moved, SmoothConditions) else ranged(moved)
         # a Ctrl-C inside the run ends the sweep, too: its value is not complete
-        run: Any = completed(self._flown(state, on))
+        how: dict[str, Any] = {"solver": self.solver} if isinstance(on, SmoothConditions) else {}
+        run: Any = completed(
+            let_go(state, on, periods=self.periods, t0=self.t0, progress=False, **how)
+        )
         u, v = run.strobe
         seen = localised(u, v, run.times, on)
         half = 1 + run.periods // 2
@@ -229,12 +228,6 @@ class _Stage:
         own = 4 * (math.nan,) if isinstance(on, SmoothConditions) else _impacts(run, centre)
         found = (float(seen.participation[half:].mean()), centre, speed, *own, float(change.max()))
         return run.final, found, run.stop
-
-    def _flown(self, state: State, on: Conditions | SmoothConditions) -> Any:
-        quietly: dict[str, Any] = {"periods": self.periods, "t0": self.t0, "progress": False}
-        if isinstance(on, SmoothConditions):
-            return advance_smooth(state, on, solver=self.solver, **quietly)
-        return advance(state, on, **quietly)
 
 
 def _impacts(run: Any, centre: int) -> tuple[float, ...]:

@@ -25,22 +25,32 @@ from numpy.typing import NDArray
 
 from contbreather.checks import number
 from contbreather.dynamics.held import held
-from contbreather.dynamics.impacting import LONGEST, Record, RunStop, Sample, check_sample
+from contbreather.dynamics.impacting import (
+    LONGEST,
+    Record,
+    RunStop,
+    Sample,
+    advance,
+    check_sample,
+)
 from contbreather.dynamics.progress import Bar
 from contbreather.dynamics.states import (
     PERIOD,
     State,
     check_ranges,
     check_state,
+    conditions_of,
     lattice_for,
     reduced,
 )
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic, Ring, forcing_of
+from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 
 Array = NDArray[Any]
 
+FINE = 1e-12  # tolerance where derivatives are asked for
 CAP = 0.2  # largest step of any solver
 OWN = ("a", "gamma", "lam", "m", "damping", "spring")  # in the order of the compiled variations
 MOST = 1_000_000  # steps between two outputs
@@ -138,6 +148,13 @@ def smooth_conditions_of(
     wall, where = wall_damping(k, lam), lattice_for(sites, lattice)
     drive = forcing_of(forcing)
     return SmoothConditions(a, gamma, wall, m, damping, spring, drive, where).ranged()
+
+
+def rigid_or_smooth(sites: int, m: float | None = None, **on: Any) -> Conditions | SmoothConditions:
+    """The conditions of rigid walls, or of smooth ones if there is a hardness m."""
+    if m is None:
+        return conditions_of(sites, **on)
+    return smooth_conditions_of(sites, m=m, **on)
 
 
 @lru_cache(maxsize=64)
@@ -402,6 +419,45 @@ def advance_smooth(
     u, v = y.reshape(2, -1)
     both = State(strobe[:, 0], strobe[:, 1])
     return SmoothRun(times, both, State(u.copy(), v.copy()), end, record, conditions, stop)
+
+
+def let_go(state: State, on: Conditions | SmoothConditions, **settings: Any) -> Any:
+    """The run of a state under rigid or smooth walls; settings as of `advance`."""
+    go: Any = advance_smooth if isinstance(on, SmoothConditions) else advance
+    return go(state, on, **settings)
+
+
+def flown(
+    on: SmoothConditions,
+    state: State,
+    t0: float,
+    span: float,
+    *,
+    slopes: bool = False,
+    columns: Array | None = None,
+) -> tuple[Array, Array | None, Array | None]:
+    """Where a state gets to in some periods, as one row; with `slopes` also its derivatives in the
+    state, times some columns if they are given, and in the numbers `OWN`.
+
+    Raises
+    ------
+    ArithmeticError
+        Where the solver cannot go on: there are no equations there.
+    """
+    from contbreather.dynamics.smooth_flow import motion, varied
+
+    x, times = np.concatenate(state), np.array([t0 + PERIOD * span])
+    solver, arguments = Explicit(FINE), on.arguments
+    try:
+        if not slopes:
+            return solver.states(motion, None, arguments, t0, x, times)[0], None, None
+        first = np.eye(x.size) if columns is None else columns.T
+        start = np.concatenate([x, first.ravel(), np.zeros(len(OWN) * x.size)])
+        arguments = (*arguments, state.u.size, len(OWN))
+        end = solver.states(varied, None, arguments, t0, start, times)[0].reshape(-1, x.size)
+    except NotConverged as error:
+        raise ArithmeticError(str(error)) from error
+    return end[0], end[1 : -len(OWN)].T, end[-len(OWN) :].T
 
 
 def wall_damping(k: float | None, lam: float | None) -> float:

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from contbreather.dynamics.energy import localised
-from contbreather.dynamics.periodic_motion import returning
 from contbreather.dynamics.quasiperiodic import (
     CLOSED,
     LONGEST,
@@ -24,10 +23,10 @@ from contbreather.dynamics.quasiperiodic import (
     rational,
     rotation,
 )
+from contbreather.dynamics.returning import closing
 from contbreather.dynamics.smooth import SmoothRun
-from contbreather.dynamics.smooth_shooting import Shooting
-from contbreather.dynamics.states import PERIOD, State, reduced
-from contbreather.dynamics.tangent import FINE, variation, weighted_mean
+from contbreather.dynamics.states import PERIOD, State
+from contbreather.dynamics.tangent import variation, weighted_mean
 from contbreather.errors import NotConverged
 
 BROAD = 3.0  # participation ratio beyond which a state is no breather
@@ -103,17 +102,13 @@ def _closed(run: SmoothRun, evidence: dict[str, float]) -> SmoothVerdict | None:
 
 def _orbit(run: SmoothRun, periods: int) -> tuple[float, float] | None:
     """How far the motion of that many periods is from the end of a run; its largest multiplier."""
-    c = run.conditions
-    shooting = Shooting(c, reduced(run.times[-1]), periods * PERIOD, 1.0, FINE)
-    last = np.concatenate([run.strobe.u[-1], run.strobe.v[-1]])
+    last = State(run.strobe.u[-1], run.strobe.v[-1])
     try:
-        found, _, matrix = returning(
-            lambda x: shooting.linearised(x, c.params)[:2], last, solved=CLOSED, steps=8
-        )
+        found = closing(last, run.conditions, periods=periods, t0=float(run.times[-1]))
     except (NotConverged, ArithmeticError):
         return None
-    away = float(np.abs(last - found).max())
-    return (away, float(np.abs(np.linalg.eigvals(matrix)).max())) if away < 100.0 * NEARBY else None
+    away = float(np.abs(np.subtract(last, found.state)).max())
+    return (away, found.largest) if away < 100.0 * NEARBY else None
 
 
 def _open(run: SmoothRun, evidence: dict[str, float]) -> SmoothVerdict:

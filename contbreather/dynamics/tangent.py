@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import check_kind, numbers, whole
 from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import Run, walk
-from contbreather.dynamics.smooth import Explicit, SmoothRun
+from contbreather.dynamics.smooth import SmoothRun, flown
 from contbreather.dynamics.states import (
     PERIOD,
     On,
@@ -35,7 +35,6 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import stiffness_of
 
 Array = NDArray[Any]
-FINE = 1e-12  # tolerance of the variational equations of a smooth run
 
 
 def kicks(
@@ -126,17 +125,12 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
 
 def _smooth(run: SmoothRun, columns: Array) -> Array:
     """Along a smooth run: its variational equations, integrated together with it."""
-    from contbreather.dynamics.smooth_flow import varied
-
-    first = np.concatenate([run.strobe.u[0], run.strobe.v[0]])
-    start = np.concatenate([first, columns.T.ravel()])
-    t0 = reduced(run.times[0])
-    times = np.array([t0 + run.end - run.times[0]])
-    if times[0] == t0:
+    span = (run.end - run.times[0]) / PERIOD
+    if span == 0.0:
         return columns
-    arguments = (*run.conditions.arguments, run.sites, 0)
-    end = Explicit(FINE).states(varied, None, arguments, t0, start, times)[0]
-    return np.asarray(end.reshape(-1, first.size)[1:].T)
+    first = State(run.strobe.u[0], run.strobe.v[0])
+    found = flown(run.conditions, first, reduced(run.times[0]), span, slopes=True, columns=columns)
+    return np.asarray(found[1])
 
 
 def resting(state: State, conditions: Conditions, t0: float) -> NDArray[np.int8]:

@@ -10,19 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers import Orbit
-from contbreather.continuation import fold, trace, walk
+from contbreather.continuation import fold, trace
 from contbreather.dynamics import (
     PeriodicMotion,
     Run,
-    SmoothOrbit,
     SmoothRun,
+    State,
     periodic,
-    simulate,
-    simulate_smooth,
-    smooth_orbit,
 )
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import completed
+from contbreather.dynamics.smooth import let_go
 from contbreather.errors import NotConverged, keeping
 
 Array = NDArray[Any]
@@ -76,7 +74,7 @@ def delocalised(run: SmoothRun) -> bool:
     return float(seen.participation) > BROAD
 
 
-def growth(motion: PeriodicMotion | SmoothOrbit, periods: int = 2400) -> float:
+def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
     """By which factor a small perturbation of a periodic motion grows in a period: simulated.
 
     Every few periods it is made small again; the first third of them is left to the largest
@@ -107,34 +105,21 @@ def growth(motion: PeriodicMotion | SmoothOrbit, periods: int = 2400) -> float:
     return float(np.exp(slope))
 
 
-def _after(motion: PeriodicMotion | SmoothOrbit, state: Array) -> Array:
+def _after(motion: PeriodicMotion, state: Array) -> Array:
     """Stroboscopic states from one near a motion: shape (TOGETHER + 1, 2, N)."""
-    c = motion.conditions
-    shared: dict[str, Any] = {"a": c.a, "gamma": c.gamma, "k": c.k, "damping": c.damping}
-    shared |= {"periods": TOGETHER, "t0": motion.t0, "forcing": c.forcing, "progress": False}
-    run: Any
-    if isinstance(motion, SmoothOrbit):
-        run = simulate_smooth(state, m=motion.conditions.m, **shared)
-    else:
-        run = simulate(state, **shared)
+    on = {"periods": TOGETHER, "t0": motion.t0, "progress": False}
+    run = let_go(State(*state), motion.conditions, **on)
     return np.stack(completed(run).strobe, axis=1)
 
 
-def smooth_breather(breather: Orbit, m: float, damping: float, sites: int) -> SmoothOrbit | None:
+def smooth_breather(breather: Orbit, m: float, damping: float, sites: int) -> PeriodicMotion | None:
     """The smooth ring's own breather next to the exact one; None if there is none."""
     conditions: dict[str, Any] = {"a": breather.a, "gamma": breather.gamma, "k": breather.k}
-    start = smooth_orbit(breather.state(sites), m=m, damping=damping, **conditions)
+    shared: dict[str, Any] = {"damping": damping, "symmetric": True, **conditions}
     try:
-        problem, _ = start.solve()
+        return periodic(breather.state(sites), m=m, **shared)
     except NotConverged:
         return None
-    found: SmoothOrbit = solution(problem)
-    return found
-
-
-def solution(problem: Any) -> Any:
-    """What a solved problem's start is."""
-    return next(walk(problem, "a", events=())).solution
 
 
 @keeping()
@@ -142,7 +127,8 @@ def softest(breather: Orbit, damping: float, sites: int) -> float:
     """The m at which the smooth ring's breather ends in a fold, coming from hard walls; NaN if it
     reaches m = 5."""
     conditions: dict[str, Any] = {"a": breather.a, "gamma": breather.gamma, "k": breather.k}
-    start = smooth_orbit(breather.state(sites), m=HARD, damping=damping, **conditions)
+    shared: dict[str, Any] = {"damping": damping, "symmetric": True, **conditions}
+    start = periodic(breather.state(sites), m=HARD, **shared)
     branch = trace(
         start, "m", within={"m": (5.0, HARD + 1.0)}, towards="down",
         events=(replace(fold(), ends="branch"),), progress=False,

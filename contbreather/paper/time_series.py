@@ -25,12 +25,10 @@ from contbreather.dynamics import (
     PeriodicMotion,
     Run,
     Sample,
-    SmoothOrbit,
     SmoothRun,
     periodic,
     simulate,
     simulate_smooth,
-    smooth_orbit,
     sweep,
     verdict,
 )
@@ -43,7 +41,6 @@ from contbreather.paper.fates import (
     life,
     smooth_breather,
     softest,
-    solution,
 )
 from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, style
 
@@ -260,8 +257,7 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
     transient = completed(
         simulate_smooth((np.zeros(SITES), v), m=m, periods=SETTLING, **conditions)
     )
-    problem, _ = smooth_orbit(transient.final, m=m, **conditions).solve()
-    orbit = solution(problem)
+    orbit = periodic(transient.final, m=m, symmetric=True, **conditions)
     away = float(np.abs(np.subtract(transient.final, orbit.state)).max())
     circles, settled = (
         completed(simulate_smooth(state, m=m, periods=2, sample=Sample(SHOWN, n), **conditions))
@@ -468,14 +464,12 @@ def _ramped(m: int, gamma: float) -> SmoothRun:
 
 
 @lru_cache(maxsize=1)
-def _gently(m: int, gamma: float) -> SmoothOrbit:
+def _gently(m: int, gamma: float) -> PeriodicMotion:
     """The asymmetric breather of the smooth ring next to the end of a slower ramp."""
     conditions = _conditions(RAMP[1], gamma)
     start = symmetric(RAMP[0], gamma, RESTITUTION).state(SITES)
     ramp = completed(sweep(start, "a", np.linspace(*RAMP, 61), periods=6, m=m, **conditions))
-    problem, _ = smooth_orbit(ramp.final, m=m, symmetric=False, **conditions).solve()
-    found: SmoothOrbit = solution(problem)
-    return found
+    return periodic(ramp.final, m=m, **conditions)
 
 
 def _impacts_and_mean(motion: PeriodicMotion) -> tuple[tuple[float, float], float]:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.dynamics import Fate, smooth_orbit
+from contbreather.dynamics import Fate, periodic
 
 
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_columns_of_a_smooth_orbit_are_about_its_whole_period(symmetric: bool) -> None:
     state = cb.symmetric(0.1, 0.08, 0.8).state(4)
-    start = smooth_orbit(state, a=0.1, gamma=0.08, m=6, k=0.8, damping=0.01, symmetric=symmetric)
+    start = periodic(state, a=0.1, gamma=0.08, m=6, k=0.8, damping=0.01, symmetric=symmetric)
     branch = cb.trace(start, "a", within={"a": (0.098, 0.102)}, events=())
     assert len(branch) >= 3
     for point in branch:

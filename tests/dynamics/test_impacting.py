@@ -582,7 +582,7 @@ def test_results_are_shown_in_a_line():
     assert repr(basin) == f"<Basin of 2 x 1 starts over u_0 and v_0: {words}>"
     own = periodic(symmetric(0.5, 0.0, 0.8).state(1), a=0.5, gamma=0.0, k=0.8)
     assert repr(own).startswith(
-        "<PeriodicMotion of 1 site at a = 0.5, gamma = 0, k = 0.8, damping = 0: closes after"
+        "<PeriodicMotion on the ring of 1 at a = 0.5, k = 0.8: closes after"
     )
     assert f"largest multiplier {own.largest:.6g}" in repr(own)
     assert "\n" not in repr(own)

@@ -482,7 +482,9 @@ def test_growth_is_the_logarithm_of_the_largest_multiplier_a_unit_of_time() -> N
     assert twice.run().periods == 2
     assert twice.run(periods=5).periods == 5
     assert twice.run().strobe.u[-1] == pytest.approx(own.state.u, abs=1e-9)
-    assert repr(twice).startswith("<PeriodicMotion of 4 sites at a = 0.3, gamma = 0.05, k = 0.8")
+    assert repr(twice).startswith(
+        "<PeriodicMotion on the ring of 4 at a = 0.3, gamma = 0.05, k = 0.8"
+    )
     assert "closes after 2 x 2 pi to" in repr(twice)
     half = periodic(b.state(4), symmetric=True, **shared)
     assert "closes after half a period to" in repr(half)

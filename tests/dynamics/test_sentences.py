@@ -16,7 +16,6 @@ from contbreather.dynamics import (
     periodic,
     record,
     simulate_smooth,
-    smooth_orbit,
     sweep,
     verdict,
 )
@@ -74,7 +73,7 @@ def test_a_name_has_one_default_wherever_it_is_given() -> None:
     plain = {"damping": 0.0, "t0": 0.0, "forcing": None, "sample": None, "progress": None}
     seen = set()
     makers = (cb.simulate, simulate_smooth, record, verdict, sweep, attraction, periodic, lyapunov,
-              smooth_orbit, localisation)  # fmt: skip
+              localisation)  # fmt: skip
     for of in makers:
         own = defaults(of)
         seen |= set(own)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contbreather.breathers import symmetric
-from contbreather.breathers.symmetric import smallest_amplitude
+from contbreather.breathers.closure import smallest_amplitude
 from contbreather.continuation import Steps, trace
 from contbreather.dynamics import (
     Explicit,
@@ -19,7 +19,6 @@ from contbreather.dynamics import (
     periodic,
     simulate,
     simulate_smooth,
-    smooth_orbit,
     variation,
 )
 from contbreather.dynamics.smooth import SmoothConditions, damping_of, restitution_of
@@ -153,8 +152,8 @@ def test_other_forcing_drives_the_smooth_ring_too():
 
 @pytest.fixture(scope="module")
 def figure5():
-    start = smooth_orbit(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5)
-    return start.solve()[0]
+    start = periodic(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5, symmetric=True)
+    return start.problem
 
 
 def test_smooth_breather_of_figure_5_differs_from_the_exact_one_as_measured(figure5):
@@ -190,7 +189,7 @@ def test_derivatives_of_the_shooting_problem_are_those_of_its_residual(figure5):
 
     wanted = (along(1e-5) - along(-1e-5)) / 2e-5
     assert np.allclose(figure5.jacobian(x, params) @ direction, wanted, rtol=1e-5, atol=1e-5)
-    for name in ("a", "gamma", "lam", "m", "damping"):
+    for name in ("a", "gamma", "lam", "m", "damping", "spring"):
         h = 1e-4 if name == "m" else 1e-5
         plus = figure5.residual(x, {**params, name: params[name] + h})
         minus = figure5.residual(x, {**params, name: params[name] - h})
@@ -218,7 +217,7 @@ def test_smooth_branch_in_m_leads_to_the_impacting_ring():
     """Distance to the damped impacting breather falls like 1/m; multipliers agree in the limit."""
     state = symmetric(0.1, 0.08, 0.8).state(20)
     hard = periodic(state, **FIGURE5, symmetric=True)
-    start = smooth_orbit(state, m=20, **FIGURE5)
+    start = periodic(state, m=20, **FIGURE5, symmetric=True)
     steps = Steps(largest=4.0, first=1.0)
     branch = trace(start, "m", within={"m": (6, 400)}, steps=steps, towards="up")
     gap = np.abs(branch["u"][:, 0] - hard.state.u[0]) * branch["m"]
@@ -232,7 +231,7 @@ def test_branch_of_figure_6c_has_a_fold_in_m():
     """At a = 0.7, gamma = 0.104 no symmetric breather continues that of the rigid walls below
     m = 16.46: for m = 6 the figure's start is no breather at all."""
     state = symmetric(0.7, 0.104, 0.8).state(20)
-    start = smooth_orbit(state, a=0.7, gamma=0.104, k=0.8, damping=0.005, m=40)
+    start = periodic(state, a=0.7, gamma=0.104, k=0.8, damping=0.005, m=40, symmetric=True)
     branch = trace(start, "m", within={"m": (6, 41)}, towards="down", steps=Steps(largest=1.0))
     fold = branch.first("LP")
     assert fold["m"] == pytest.approx(16.4605, abs=1e-3)
@@ -241,7 +240,7 @@ def test_branch_of_figure_6c_has_a_fold_in_m():
 
 def test_smooth_breather_is_lost_where_a_pair_leaves_the_circle():
     """a = 0.1, m = 6: at gamma = 0.0927; Fig. 6 (a) at 0.104 is beyond, Fig. 5 at 0.08 is not."""
-    start = smooth_orbit(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5)
+    start = periodic(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5, symmetric=True)
     steps = Steps(largest=0.005)
     branch = trace(start, "gamma", within={"gamma": (0.08, 0.104)}, towards="up", steps=steps)
     found = branch.first("NS")
@@ -252,14 +251,14 @@ def test_smooth_breather_is_lost_where_a_pair_leaves_the_circle():
 
 def test_pitchfork_of_the_smooth_chain_comes_later_than_that_of_rigid_walls():
     conditions = {"a": 0.77, "gamma": 0.04, "k": 0.8, "damping": 0.0}
-    start = smooth_orbit(symmetric(0.77, 0.04, 0.8).state(6), m=100, **conditions)
+    start = periodic(symmetric(0.77, 0.04, 0.8).state(6), m=100, **conditions, symmetric=True)
     branch = trace(start, "a", within={"a": (0.77, 0.79)}, towards="up")
     assert 0.7777 < branch.first("PF")["a"] < 0.785
 
 
 def test_smooth_branch_in_a_has_a_fold_near_that_of_the_exact_one():
     """Down from a = 0.1: the fold of m = 6 at 0.0726, of rigid walls, undamped, at 0.0601."""
-    start = smooth_orbit(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5)
+    start = periodic(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5, symmetric=True)
     branch = trace(start, "a", within={"a": (0.05, 0.12)}, towards="down")
     assert branch.first("LP")["a"] == pytest.approx(0.0726, abs=1e-4)
     exact = smallest_amplitude(0.08, 0.8)
@@ -268,7 +267,7 @@ def test_smooth_branch_in_a_has_a_fold_near_that_of_the_exact_one():
 
 def test_branch_in_gamma_and_lam_stays_near_the_exact_one():
     state = symmetric(0.3, 0.05, 0.8).state(10)
-    start = smooth_orbit(state, a=0.3, gamma=0.05, k=0.8, m=60, damping=0.0)
+    start = periodic(state, a=0.3, gamma=0.05, k=0.8, m=60, damping=0.0, symmetric=True)
     for name, window in (("gamma", (0.03, 0.06)), ("lam", (0.12, 0.16))):
         branch = trace(start, name, within={name: window}, steps=Steps(largest=0.02))
         for point in (branch[0], branch[-1]):

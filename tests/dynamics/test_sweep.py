@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from contbreather.breathers import symmetric
-from contbreather.breathers.symmetric import smallest_amplitude
+from contbreather.breathers.closure import smallest_amplitude
 from contbreather.continuation import trace
 from contbreather.dynamics import (
     Axis,
@@ -23,7 +23,6 @@ from contbreather.dynamics import (
     RunStop,
     Sample,
     attraction,
-    damped_orbit,
     localisation,
     periodic,
     simulate,
@@ -48,13 +47,13 @@ def orbit():
 def test_fold_of_the_undamped_orbit_is_that_of_the_closure():
     ring = Ring(6)
     start = periodic(symmetric(0.1, 0.05, 0.8).state(6), a=0.1, gamma=0.05, k=0.8, symmetric=True)
-    branch = trace(damped_orbit(start), "a", towards="down", within={"a": (0.06, 0.2)})
+    branch = trace(start, "a", towards="down", within={"a": (0.06, 0.2)})
     exact = smallest_amplitude(0.05, 0.8, lattice=ring)
     assert branch.first("LP")["a"] == pytest.approx(exact, abs=1e-11)
 
 
 def test_breather_is_lost_at_the_fold_of_its_branch_the_later_the_faster(orbit):
-    branch = trace(damped_orbit(orbit), "a", towards="down", within={"a": (0.05, 0.3)})
+    branch = trace(orbit, "a", towards="down", within={"a": (0.05, 0.3)})
     fold = branch.first("LP")["a"]
     values = np.arange(0.1, 0.07, -0.0005)
     delays = []
@@ -67,7 +66,7 @@ def test_breather_is_lost_at_the_fold_of_its_branch_the_later_the_faster(orbit):
 
 
 def test_sweep_follows_the_branch_until_then(orbit):
-    branch = trace(damped_orbit(orbit), "a", towards="down", within={"a": (0.1, 0.3)})
+    branch = trace(orbit, "a", towards="down", within={"a": (0.1, 0.3)})
     point = branch[-1]
     down = sweep(orbit.state, "a", [0.15, 0.12, 0.1], periods=400, a=0.2, **DAMPED)
     assert point["a"] == pytest.approx(0.1)
@@ -104,7 +103,7 @@ def test_sweep_in_gamma_meets_the_torus_where_the_branch_has_it():
     and further on the torus is lost."""
     conditions = {"a": 0.1, "k": 0.8, "damping": 0.005}
     start = periodic(symmetric(0.1, 0.08, 0.8).state(20), gamma=0.08, **conditions, symmetric=True)
-    branch = trace(damped_orbit(start), "gamma", within={"gamma": (0.07, 0.1)}, towards="up")
+    branch = trace(start, "gamma", within={"gamma": (0.07, 0.1)}, towards="up")
     border = branch.first("NS")["gamma"]
     values = np.arange(0.08, 0.09, 0.0005)
     up = sweep(start.state, "gamma", values, periods=2000, gamma=0.08, **conditions)

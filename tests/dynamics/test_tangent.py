@@ -12,7 +12,6 @@ from contbreather.breathers import symmetric
 from contbreather.continuation import trace
 from contbreather.dynamics import (
     Kind,
-    damped_orbit,
     lyapunov,
     periodic,
     simulate,
@@ -148,7 +147,7 @@ def test_growth_of_a_simulated_perturbation_is_that_of_the_multiplier(a):
 def test_damped_breather_becomes_a_torus_where_a_pair_leaves_the_circle():
     conditions = {"a": 0.1, "k": 0.8, "damping": 0.005}
     start = periodic(symmetric(0.1, 0.08, 0.8).state(20), gamma=0.08, **conditions, symmetric=True)
-    branch = trace(damped_orbit(start), "gamma", within={"gamma": (0.07, 0.1)}, towards="up")
+    branch = trace(start, "gamma", within={"gamma": (0.07, 0.1)}, towards="up")
     found = branch.first("NS")
     assert found["gamma"] == pytest.approx(0.0832031649, abs=1e-9)
     assert found["largest"] == pytest.approx(1.0, abs=1e-9)
@@ -160,7 +159,7 @@ def test_damped_breather_becomes_a_torus_where_a_pair_leaves_the_circle():
 def test_pitchfork_of_the_undamped_ring_is_that_of_the_closure():
     """gamma = 0.04, k = 0.8: a = 0.777632425944 on all but the shortest rings."""
     start = periodic(symmetric(0.7, 0.04, 0.8).state(16), a=0.7, gamma=0.04, k=0.8, symmetric=True)
-    branch = trace(damped_orbit(start), "a", within={"a": (0.7, 0.8)}, towards="up")
+    branch = trace(start, "a", within={"a": (0.7, 0.8)}, towards="up")
     assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-10)
 
 
@@ -168,12 +167,12 @@ def test_period_doubling_without_coupling_is_that_of_the_closed_form():
     """gamma = 0, k = 0.8: the asymmetric breather doubles at a = 0.925512006294."""
     conditions = {"a": 0.9, "gamma": 0.0, "k": 0.8}
     settled = simulate(symmetric(0.9, 0.0, 0.8).state(1), **conditions, periods=500).final
-    branch = trace(damped_orbit(periodic(settled, **conditions)), "a", within={"a": (0.85, 0.95)})
+    branch = trace(periodic(settled, **conditions), "a", within={"a": (0.85, 0.95)})
     assert branch.first("PD")["a"] == pytest.approx(0.925512006294, abs=1e-10)
 
 
 def test_where_newton_ends_nowhere_it_says_so(monkeypatch):
-    monkeypatch.setattr("contbreather.dynamics.periodic_motion.STEPS", 2)
+    monkeypatch.setattr("contbreather.dynamics.returning.STEPS", 2)
     with pytest.raises(NotConverged, match="no periodic motion near this state: the residual is"):
         periodic(([0.3, -0.7], [2.0, 1.0]), a=3.0, gamma=0.2, k=0.99)
     with pytest.raises(BadInput, match="a symmetric motion has the period 2 pi"):

@@ -13,11 +13,9 @@ import contbreather as cb
 from contbreather.cli import DONE, main
 from contbreather.dynamics import (
     Sample,
-    damped_orbit,
     periodic,
     simulate,
     simulate_smooth,
-    smooth_orbit,
     sweep,
 )
 from contbreather.paper import fates, time_series
@@ -62,7 +60,7 @@ def test_with_more_than_enough_damping_the_ring_settles_on_the_breather_and_with
 
 def test_enough_damping_is_the_neimark_sacker_point_of_the_branch_in_damping():
     own = periodic(breather(0.7).state(20), a=0.7, damping=0.03, symmetric=True, **SET)
-    branch = cb.trace(damped_orbit(own), "damping", within={"damping": (0.01, 0.03)})
+    branch = cb.trace(own, "damping", within={"damping": (0.01, 0.03)})
     enough = fates.enough_damping(breather(0.7), 20)
     assert branch.first("NS")["damping"] == pytest.approx(enough, abs=1e-8)
 
@@ -148,8 +146,8 @@ def along_m():
     """The asymmetric breather from m = 15 up to 15.5, over both doublings."""
     start = cb.symmetric(0.7, 0.04, 0.8).state(20)
     ramp = sweep(start, "a", np.linspace(0.7, 0.82, 61), periods=6, a=0.7, m=15, **SOFT)
-    problem, _ = smooth_orbit(ramp.final, a=0.82, m=15, symmetric=False, **SOFT).solve()
-    return cb.trace(problem, "m", towards="up", within={"m": (15, 15.5)}, events=())
+    motion = periodic(ramp.final, a=0.82, m=15, **SOFT)
+    return cb.trace(motion, "m", towards="up", within={"m": (15, 15.5)}, events=())
 
 
 def test_breather_of_figure_7_repels_between_its_period_doublings(along_m):
