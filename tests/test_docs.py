@@ -149,6 +149,14 @@ def test_tests_that_a_page_names_exist(page: Path) -> None:
     assert set(re.findall(r"\btest_\w+", TEXT[page])) - there == set()
 
 
+def test_the_glossary_is_about_words_that_are_used() -> None:
+    rows = re.findall(r"^\| ([^|]+) \|", TEXT[ROOT / "docs" / "glossary.md"], re.MULTILINE)
+    named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    source = "\n".join(path.read_text() for path in (ROOT / "contbreather").rglob("*.py"))
+    assert named
+    assert {name for name in named if not re.search(rf"\b{name}\b", source)} == set()
+
+
 def test_every_public_name_is_on_the_page_of_the_interface() -> None:
     listed = set(re.findall(r"^\s*(?:.*:: )?(\w+)$", TEXT[ROOT / "docs" / "api.md"], re.MULTILINE))
     assert set(contbreather.__all__) - {"__version__"} - listed == set()
