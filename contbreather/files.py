@@ -20,7 +20,7 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
     """Let `write` fill a temporary file beside `path`, then put it in its place at once.
 
     Whoever reads `path` sees the old file or the new one, never half of it, even after a loss of
-    power. A symbolic link stays one, and a file keeps its mode. What is no ordinary file
+    power. A symbolic link stays one, and a file keeps its mode. What is not an ordinary file
     (``/dev/stdout``, a named pipe) is written to directly.
 
     Raises
@@ -108,7 +108,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     source = _named("read", path)
     mode = _mode("read", source)
     if mode and not stat.S_ISREG(mode):
-        what = "a directory" if stat.S_ISDIR(mode) else "no ordinary file"
+        what = "a directory" if stat.S_ISDIR(mode) else "not an ordinary file"
         raise BadInput(f"cannot read {source}: it is {what}")
     try:
         with source.open("rb") as stream:
@@ -129,7 +129,9 @@ def read_text(path: str | Path) -> str:
 
 def _named(verb: str, path: object) -> Path:
     if not isinstance(path, str | os.PathLike):
-        raise BadInput(f"{path!r} is no name of a file; give one as text, for instance 'run.nc'")
+        raise BadInput(
+            f"{path!r} is not the name of a file; give one as text, for instance 'run.nc'"
+        )
     if not os.fspath(path).strip():
         raise BadInput(f"the name of the file to {verb} is empty; give one, for instance zones.csv")
     return Path(path)

@@ -107,7 +107,7 @@ REFUSED = {
         "point --a 0.5 --gamma 0.12 --k 0.4 --forcing 'cos(t/2)'",
         r"antisymmetric|period",
     ),
-    "no formula": ("point --a 0.5 --gamma 0.12 --k 0.4 --forcing 'cos(t'", r"is no formula"),
+    "no formula": ("point --a 0.5 --gamma 0.12 --k 0.4 --forcing 'cos(t'", r"is not a formula"),
     "letter without value": (
         "point --a 0.5 --gamma 0.12 --k 0.4 --forcing '-cos(t)-c*cos(3*t)'",
         r"needs a value for c",
@@ -160,7 +160,7 @@ REFUSED = {
     ),
     "sites no number": (
         "point --a 0.5 --gamma 0.12 --k 0.4 --sites many",
-        r"many is no whole number",
+        r"many is not a whole number",
     ),
     "threshold alone": (
         "point --a 0.5 --gamma 0.12 --k 0.4 --threshold 1.005",
@@ -229,7 +229,7 @@ REFUSED = {
         r"no breather at a = 2 for k between 0\.01 and 0\.999 and gamma between 0 and 0\.2499;",
     ),
     "two fixed parameters": ("zones --k 0.8 --a 0.5", r"leave one"),
-    "unknown kind": ("boundary HB --k 0.8", r"'HB' is none of them"),
+    "unknown kind": ("boundary HB --k 0.8", r"'HB' is not one of them"),
     "no kind": ("boundary --k 0.8", r"LP, PF, NS or GR; none was given"),
     "pair of one": ("boundary PF --pair a a --k 0.8", r"two different parameters"),
     "unknown pair": ("boundary PF --pair a b --k 0.8", r"unknown parameter 'b'"),
@@ -913,4 +913,4 @@ def test_reader_that_has_seen_enough_is_no_error() -> None:
 def test_half_a_site_is_refused(line: str, run: Callable[..., Output]) -> None:
     status, out, err = run(*shlex.split(line))
     assert (status, out) == (BAD_INPUT, "")
-    assert "is no whole number" in err
+    assert "is not a whole number" in err

@@ -229,7 +229,7 @@ REFUSED = {
         r"site 2 of this lattice has no bond to any other",
     ),
     "site not there": (f"{POINT} --lattice open:9 --site 9", r"no such site on the open chain"),
-    "site not whole": (f"{POINT} --lattice open:9 --site 1.5", r"1\.5 is no whole number"),
+    "site not whole": (f"{POINT} --lattice open:9 --site 1.5", r"1\.5 is not a whole number"),
     "walls of a site not there": (
         f"{POINT} --lattice open:9 --walls 12:-1,1",
         r"walls of site 12: there is no such site on the open chain .* sites are 0 to 8",
@@ -288,9 +288,15 @@ REFUSED = {
         r"--walls goes with rigid walls only: leave out --smooth",
     ),
     "threshold zero": (f"{POINT} --lattice open:9 --threshold 0", r"threshold = 0"),
-    "zones": ("zones --lattice open:9", r"--lattice is no option of zones: .* boundary follows"),
-    "zones with damping": ("zones --damping 0.1", r"--damping is no option of zones"),
-    "figure": ("figure 4 --walls -2,2", r"--walls is no option of figure: the figures are those"),
+    "zones": (
+        "zones --lattice open:9",
+        r"--lattice is not an option of zones: .* boundary follows",
+    ),
+    "zones with damping": ("zones --damping 0.1", r"--damping is not an option of zones"),
+    "figure": (
+        "figure 4 --walls -2,2",
+        r"--walls is not an option of figure: the figures are those",
+    ),
 }
 
 

@@ -129,10 +129,10 @@ def test_last_state_starts_the_next_run_at_its_own_time(run):
 def test_state_that_cannot_be_read_is_refused_with_the_systems_reason(run):
     run("--version")
     Path("picture").write_bytes(b"\x89PNG\xff")
-    for name, reason in (("nowhere", "No such file or directory"), ("picture", "it is no text")):
+    for name, reason in (("nowhere", "No such file or directory"), ("picture", "it is not text")):
         status, out, err = run(f"{LOST} --periods 1 --start {name}")
         assert (status, out) == (BAD_INPUT, "")
-        assert f"cannot read a state from {name}: {reason}; JSON with u, v and t" in err
+        assert f"cannot read {name}: {reason}; JSON with u, v and t" in err
 
 
 def test_two_columns_are_a_state_and_set_the_length_of_the_ring(run):
@@ -304,8 +304,8 @@ REFUSED = {
         "simulate --a 0.99 --gamma 0.2 --k 0.8",
         r"[^.]; give a state with --start instead\n",
     ),
-    "half a site": (f"{LOST} --sites 2.5", r"--sites: 2\.5 is no whole number"),
-    "half a seed": (f"{LOST} --seed 1.9", r"--seed: 1\.9 is no whole number"),
+    "half a site": (f"{LOST} --sites 2.5", r"--sites: 2\.5 is not a whole number"),
+    "half a seed": (f"{LOST} --seed 1.9", r"--seed: 1\.9 is not a whole number"),
     "heavy damping": (f"{STABLE[:-5]} 1e12", r"damping = 1000000000000\.0: .* at most 1e4"),
     "too long": (f"{LOST} --periods 1e13", r"periods = 10000000000000\.0: a length .* to 1e12"),
     "too soft": (f"{LOST} --smooth 0.3", r"m = 0\.3: a hardness .* 0\.5 to 1e4 .* any real one"),
@@ -324,7 +324,7 @@ REFUSED = {
     "push": (f"{LOST} --perturb -1", r"--perturb -1: a size"),
     "push through a wall": (f"{LOST} --perturb 5", r"lies outside the walls"),
     "seed": (f"{LOST} --perturb 0.1 --seed -1", r"--seed -1"),
-    "no file": (f"{LOST} --start nothing.json", r"cannot read a state from nothing\.json"),
+    "no file": (f"{LOST} --start nothing.json", r"cannot read nothing\.json: .*JSON with u, v"),
     "no state": (f"{LOST} --start words.txt", r"no state in words\.txt: JSON with u, v"),
     "half a state": (f"{LOST} --start half.json", r"no state in half\.json"),
     "other length": (f"{LOST} --start two.csv --sites 5", r"has 2 sites; leave out --sites"),

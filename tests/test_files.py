@@ -148,9 +148,9 @@ def test_link_laid_in_place_of_the_temporary_file_is_not_followed(
     [
         ("", "the name of the file to write is empty"),
         (" ", "the name of the file to write is empty"),
-        (7, "7 is no name of a file"),
-        (None, "None is no name of a file"),
-        (b"x", "b'x' is no name of a file"),
+        (7, "7 is not the name of a file"),
+        (None, "None is not the name of a file"),
+        (b"x", "b'x' is not the name of a file"),
         ("folder", "it is a directory"),
         (".", "it is a directory"),
         ("nowhere/x", "there is no directory nowhere"),
@@ -250,9 +250,9 @@ def test_reading_is_of_ordinary_files(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for place, sentence in (
         (tmp_path, "it is a directory"),
-        (tmp_path / "pipe", "it is no ordinary file"),
+        (tmp_path / "pipe", "it is not an ordinary file"),
         (tmp_path / "y", "No such file"),
-        (None, "None is no name"),
+        (None, "None is not the name"),
         ("n" * 256, "File name too long"),
     ):
         with pytest.raises(BadInput, match=sentence), opened(place):

@@ -72,7 +72,7 @@ CASES: list[tuple[Callable[[], Any], str]] = [
         for period in (0, -1, 1.5, True, "2")
     ),
     # lattices
-    (lambda: cb.Lattice([[1.0, "a"], [0.0, 1.0]]), "the stiffness is no matrix of numbers"),
+    (lambda: cb.Lattice([[1.0, "a"], [0.0, 1.0]]), "the stiffness is not a matrix of numbers"),
     (
         lambda: cb.Lattice([[1.0, 2.0]]),
         r"the stiffness has shape \(1, 2\); a square matrix",
@@ -122,8 +122,8 @@ CASES: list[tuple[Callable[[], Any], str]] = [
         )
         for m in (0, 2, -1, 1.5, True)
     ),
-    (lambda: Fourier(sin={1: math.nan}), r"sin harmonic 1: its coefficient nan is no finite"),
-    (lambda: Fourier(sin={1: "a"}), r"sin harmonic 1: its coefficient 'a' is no finite"),
+    (lambda: Fourier(sin={1: math.nan}), r"sin harmonic 1: its coefficient nan is not a finite"),
+    (lambda: Fourier(sin={1: "a"}), r"sin harmonic 1: its coefficient 'a' is not a finite"),
     (lambda: Fourier(cos={1: 1e-200}), r"too little to be computed with; .* scale it up"),
     (lambda: Fourier(cos={1: 1e200}), r"too large to be computed with; .* scale it down"),
     (lambda: Harmonic().slope_harmonics("c3"), r"unknown forcing parameter 'c3': this forcing"),

@@ -81,7 +81,7 @@ def _sentence(error: Exception) -> str:
     if isinstance(error, UnknownOptionError) and error.token.keyword in LATTICES:
         for command, reason in CHAINS_ONLY.items():
             if command in (error.command_chain or ()):
-                return f"{error.token.keyword} is no option of {command}: {reason}"
+                return f"{error.token.keyword} is not an option of {command}: {reason}"
     if isinstance(error, UnusedCliTokensError):
         extra = " ".join(error.unused_tokens or ())
         return (

@@ -55,6 +55,6 @@ def boundary(
 
 def _kind(kind: str | None) -> str:
     if kind is None or kind.upper() not in KINDS:
-        given = "none was given" if kind is None else f"{kind!r} is none of them"
+        given = "none was given" if kind is None else f"{kind!r} is not one of them"
         raise BadInput(f"a boundary is of a kind LP, PF, NS or GR; {given}")
     return kind.upper()

@@ -41,7 +41,7 @@ def whole_number(_: Any, tokens: Sequence[Token]) -> int:
     try:
         return int(typed)
     except ValueError:
-        raise ValueError(f"{typed} is no whole number") from None
+        raise ValueError(f"{typed} is not a whole number") from None
 
 
 Whole = Annotated[int, Parameter(converter=whole_number)]

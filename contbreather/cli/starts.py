@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contbreather.errors import BadInput
-from contbreather.files import write_whole
+from contbreather.files import read_text, write_whole
 
 if TYPE_CHECKING:
     from contbreather.dynamics import State
@@ -20,10 +20,9 @@ def read_state(path: str) -> tuple[tuple[Any, Any], float]:
     import numpy as np
 
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is no text"
-        raise BadInput(f"cannot read a state from {path}: {reason}; {WANTED}") from error
+        text = read_text(path)
+    except BadInput as error:
+        raise BadInput(f"{error}; {WANTED}") from error
     try:
         if text.lstrip().startswith("{"):
             content = json.loads(text)

@@ -436,7 +436,9 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
 def _bytes(path: Path, *, last: int | None = None) -> bytes:
     """What is in a file, or the last bytes of it."""
     if not os.path.isfile(path):  # a pipe would be waited for
-        raise _damaged(path, "it is no ordinary file" if os.path.lexists(path) else "it is missing")
+        raise _damaged(
+            path, "it is not an ordinary file" if os.path.lexists(path) else "it is missing"
+        )
     try:
         with open(path, "rb") as file:
             if last is not None:

@@ -138,7 +138,7 @@ def check_state(state: Any) -> State:
     for name, row in (("u", u), ("v", v)):
         bad = np.flatnonzero(~np.isfinite(row))
         if bad.size:
-            raise BadInput(f"{name}[{bad[0]}] = {row[bad[0]]} of the state is no finite number.")
+            raise BadInput(f"{name}[{bad[0]}] = {row[bad[0]]} of the state is not a finite number.")
     fast = int(np.abs(v).argmax())
     if abs(v[fast]) > FASTEST:
         raise BadInput(

@@ -70,7 +70,7 @@ class Symbolic(Periodic):
         read = _read(str(expression))
         for name, value in params.items():
             if not is_finite(value):
-                raise BadInput(f"forcing parameter {name} = {value!r} is no finite number.")
+                raise BadInput(f"forcing parameter {name} = {value!r} is not a finite number.")
         object.__setattr__(self, "expression", read.text)
         values = tuple(sorted((name, float(value)) for name, value in params.items()))
         object.__setattr__(self, "values", values)

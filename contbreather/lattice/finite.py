@@ -274,7 +274,7 @@ def _matrix(given: Any) -> FloatArray:
     try:
         matrix = np.array(given.toarray() if hasattr(given, "toarray") else given, dtype=float)
     except (TypeError, ValueError) as error:
-        raise BadInput(f"the stiffness is no matrix of numbers: {error}.") from error
+        raise BadInput(f"the stiffness is not a matrix of numbers: {error}.") from error
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
         raise BadInput(f"the stiffness has shape {matrix.shape}; a square matrix is wanted.")
     if not np.isfinite(matrix).all():

@@ -349,7 +349,9 @@ def _coefficients(kind: str, given: Mapping[int, float]) -> tuple[tuple[int, flo
         if m > HIGHEST:
             raise BadInput(f"{kind} harmonic {m}: harmonics up to {HIGHEST} are resolved in time.")
         if not is_finite(value):
-            raise BadInput(f"{kind} harmonic {m}: its coefficient {value!r} is no finite number.")
+            raise BadInput(
+                f"{kind} harmonic {m}: its coefficient {value!r} is not a finite number."
+            )
     return tuple(sorted((int(m), float(v)) for m, v in given.items()))
 
 

@@ -67,7 +67,7 @@ _OPERATORS = (*_ARITHMETIC, ast.UAdd, ast.USub)
 
 
 class NotExact(Exception):
-    """This is no trigonometric polynomial, or too long a one."""
+    """This is not a trigonometric polynomial, or too long a one."""
 
 
 class Dual(NamedTuple):
@@ -101,7 +101,7 @@ def parsed(text: str) -> ast.expr:
     except (SyntaxError, ValueError) as error:
         reason = error.msg if isinstance(error, SyntaxError) else str(error)
         raise BadInput(
-            f"{shown(text)} is no formula: {reason}; write it as Python, for instance "
+            f"{shown(text)} is not a formula: {reason}; write it as Python, for instance "
             "'-cos(t) - 2.7*cos(3*t)'."
         ) from None
     except (RecursionError, MemoryError):

@@ -34,7 +34,7 @@ WORDS: dict[Literal["-", "--", ":"], str] = {
     BEYOND: "behind a wall (walls lifted)",
 }
 FINE = 6  # pieces of the line between two points
-SAME = 10.0  # typographic points, half a word: markers of one name that close need it once
+SAME = 12.0  # typographic points, half a word: markers of one name that close need it once
 ROUNDING = 1e-9  # relative; what varies by less is constant
 
 
@@ -137,7 +137,7 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
     return smooth[0], smooth[1]
 
 
-def _meant(point: Point) -> Point:
+def _named(point: Point) -> Point:
     """Where an arm sets out, with the name of the point it left; every other point itself."""
     parent = point.parent
     if parent is None:
@@ -204,7 +204,7 @@ def _lines(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> set[str]:
 
 
 def _markers(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> None:
-    for point in map(_meant, branch.special):
+    for point in map(_named, branch.special):
         plain = point.kind == "EP"
         ax.plot(
             _value(point, x), _value(point, y), marker(point.kind),
@@ -249,7 +249,7 @@ def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
         labels.avoid(_column(branch, x), _column(branch, y))
     # with several branches their ends are many, and say nothing: a dot is enough
     quiet = "EP" if len(branches) > 1 else ""
-    named = [p for b in branches for p in map(_meant, b.special) if p.kind != quiet]
+    named = [p for b in branches for p in map(_named, b.special) if p.kind != quiet]
     places = [ax.transData.transform((_value(p, x), _value(p, y))) for p in named]
     points = _distinct(zip(named, places, strict=True), SAME * labels.pixel)
     for point in points:

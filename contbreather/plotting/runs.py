@@ -170,7 +170,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Axes:
     x, column = sweep.value, np.asarray(getattr(sweep, y), dtype=float)
     turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(x))) != 0.0)
     looks = {1.0: ("sweep up", BLUE, "^"), -1.0: ("sweep down", VERMILLION, "v")}
-    told: set[float] = set()
+    named: set[float] = set()
     with axes_or_new(ax) as axes:
         for start, end in pairwise([0, *turns.tolist(), len(x) - 1]):
             way = float(np.sign(x[end] - x[start])) or 1.0
@@ -178,9 +178,9 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Axes:
             piece = slice(start, end + 1)
             axes.plot(
                 x[piece], column[piece], mark, color=colour, markersize=2.6, linestyle="none",
-                label=None if way in told else name,
+                label=None if way in named else name,
             )  # fmt: skip
-            told.add(way)
+            named.add(way)
         axes.set_xlabel(symbol(sweep.name))
         axes.set_ylabel(COLUMNS[y])
         axes.legend(frameon=False, loc="best", handletextpad=0.2, fontsize=_size(axes))

@@ -454,7 +454,7 @@ def test_hdf5_of_others_is_refused(path: Path) -> None:
 
 @pytest.mark.parametrize("place", ["/dev/zero", "/dev/null", "/"])
 def test_only_ordinary_files_are_read(place: str) -> None:
-    with pytest.raises(BadInput, match=f"cannot read {place}: it is (no ordinary file|a dir)"):
+    with pytest.raises(BadInput, match=f"cannot read {place}: it is (not an ordinary file|a dir)"):
         load(place)
 
 

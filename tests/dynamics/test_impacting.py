@@ -525,7 +525,7 @@ REST = (np.zeros(4), np.zeros(4))
         (([0.0, 1.2], [0.0, 0.0]), {}, r"u\[1\] = 1.2 lies outside the walls"),
         (([0.0, 0.2], [0.0]), {}, r"a pair \(u, v\) of rows of equal length"),
         (([], []), {}, "a pair"),
-        (([0.0], [math.nan]), {}, r"v\[0\] = nan of the state is no finite number"),
+        (([0.0], [math.nan]), {}, r"v\[0\] = nan of the state is not a finite number"),
         (([0.0], [1e9]), {}, "blow up the energy"),
         (3.0, {}, "a state is a pair"),
         (REST, {"damping": -0.1}, "damping = -0.1: a damping coefficient, at least 0"),

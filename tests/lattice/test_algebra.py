@@ -84,9 +84,9 @@ def test_what_is_not_a_parameter_of_a_formula_is_refused() -> None:
     for ask in (lambda: own.at(d=1.0), lambda: own.f_param("d", 0.1)):
         with pytest.raises(BadInput, match=r"unknown forcing parameter 'd'.* has c"):
             ask()
-    with pytest.raises(BadInput, match="forcing parameter c = nan is no finite number"):
+    with pytest.raises(BadInput, match="forcing parameter c = nan is not a finite number"):
         Symbolic("-cos(t) - c*cos(3*t)", c=math.nan)
-    with pytest.raises(BadInput, match="forcing parameter c = 'x' is no finite number"):
+    with pytest.raises(BadInput, match="forcing parameter c = 'x' is not a finite number"):
         Symbolic("-cos(t) - c*cos(3*t)", c="x")  # type: ignore[arg-type]
     with pytest.raises(BadInput, match="needs a value for c; the time is t"):
         Symbolic("-c*cos(t)")
