@@ -408,14 +408,11 @@ class Orbit:
             self.impulses,
             self.offsets or (self.c,) * len(self.section.hit),
         )
-        return guess.solved()
+        return _settled(guess.problem)
 
     def solved(self) -> Orbit:
         """The orbit that Newton's method finds from this one as a guess."""
-        problem, found = self.road.guess().solve(tolerance=1e-11)
-        orbit = orbit_at(problem)
-        checked(orbit, found.iterations)
-        return orbit
+        return _settled(self.road.guess())
 
     def _on_ring(self, sites: int | None) -> Orbit:
         if sites is None:
@@ -596,6 +593,13 @@ def orbit_of(
         f"{on.lattice.describe()} have walls at -1 and 1 and no damping, and springs only where "
         "one site hits its walls in turn; take a finite lattice, Ring(200) for instance."
     )
+
+
+def _settled(problem: Problem) -> Orbit:
+    solved, found = problem.solve(tolerance=1e-11)
+    orbit = orbit_at(solved)
+    checked(orbit, found.iterations)
+    return orbit
 
 
 def checked(orbit: Orbit, iterations: int | None = None) -> None:
