@@ -391,3 +391,26 @@ def test_an_interruption_says_what_it_brings() -> None:
     failed = NotConverged("no way")
     assert math.isnan(failed.residual)
     assert (failed.iterations, failed.last) == (None, None)
+
+
+@pytest.mark.parametrize("what", ["a table", "JSON"])
+def test_what_a_full_standard_output_cannot_take_is_noticed_before_the_end(
+    monkeypatch, capsys, what: str
+) -> None:
+    """All of it fits into the buffer: only the flush hears of the full disk."""
+    with open("/dev/full", "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        status = main(POINT if what == "JSON" else POINT[:-1])
+        monkeypatch.undo()
+        said = "contbreather: cannot write to standard output: No space left on device\n"
+        assert (status, capsys.readouterr().err) == (FAILED, said)
+
+
+def test_a_reader_that_has_seen_enough_is_no_failure_to_speak_of(monkeypatch, capsys) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with open(writing, "w") as pipe:
+        monkeypatch.setattr(sys, "stdout", pipe)
+        status = main(POINT)
+        monkeypatch.undo()
+        assert (status, capsys.readouterr().err) == (FAILED, "")

@@ -1,0 +1,86 @@
+"""Who is coupled to whom, on every lattice, and what each calls itself."""
+
+from __future__ import annotations
+
+import networkx as nx
+import numpy as np
+import pytest
+
+import contbreather as cb
+
+STAR = cb.Lattice.from_graph(nx.star_graph(3))
+
+
+@pytest.mark.parametrize(
+    ("lattice", "neighbours"),
+    [
+        (cb.Ring(1), {0: ()}),
+        (cb.Ring(2), {0: (1,), 1: (0,)}),
+        (cb.Ring(3), {0: (1, 2), 1: (0, 2), 2: (0, 1)}),
+        (cb.Ring(6), {0: (1, 5), 2: (1, 3), 5: (0, 4)}),
+        (cb.InfiniteChain(), {0: (-1, 1), 7: (6, 8), -3: (-4, -2)}),
+        (cb.OpenChain(4), {0: (1,), 1: (0, 2), 3: (2,)}),
+        (cb.OpenChain(4, ends="fixed"), {0: (1,), 1: (0, 2), 3: (2,)}),
+        (cb.Grid(2, 3), {0: (1, 3), 1: (0, 2, 4), 5: (2, 4)}),
+        (cb.Grid(3, 3, periodic=True), {0: (1, 2, 3, 6), 4: (1, 3, 5, 7)}),
+        (STAR, {0: (1, 2, 3), 2: (0,)}),
+    ],
+    ids=lambda one: one.describe() if hasattr(one, "describe") else "",
+)
+def test_the_sites_beside_a_site_are_those_it_is_coupled_to(lattice, neighbours) -> None:
+    for n, beside in neighbours.items():
+        assert tuple(lattice.beside(n)) == beside, n
+
+
+@pytest.mark.parametrize("sites", [1, 2, 3, 6, 7])
+def test_around_one_site_of_a_ring_one_of_each_mirror_pair_is_idle(sites: int) -> None:
+    ring = cb.Ring(sites)
+    for hit in range(sites):
+        idle = {int(n) for n in ring.idle((hit,))}
+        mirror = {(2 * hit - n) % sites for n in idle}
+        assert idle | mirror == set(range(sites)) - {hit}
+        assert len(idle) == sites // 2
+    if sites > 2:
+        assert sorted(ring.idle((0, 1)).tolist()) == list(range(2, sites))
+
+
+@pytest.mark.parametrize("lattice", [cb.OpenChain(5), cb.Grid(2, 3), STAR])
+def test_elsewhere_all_sites_that_do_not_hit_are_idle(lattice) -> None:
+    every = set(range(lattice.sites))
+    for hit in ((0,), (1,), (0, 2)):
+        assert set(lattice.idle(hit).tolist()) == every - set(hit)
+
+
+def test_every_lattice_says_what_it_is() -> None:
+    assert cb.Ring(6).describe() == "ring of 6"
+    assert cb.InfiniteChain().describe() == "infinite chain"
+    assert STAR.describe() == "graph, 4 sites"
+    assert cb.Lattice([[1.0]]).describe() == "lattice, 1 site"
+    assert repr(STAR) == "<graph, 4 sites>"
+    assert cb.Lattice.from_graph(nx.star_graph(3)) == STAR
+    assert hash(STAR) == hash(cb.Lattice.from_graph(nx.star_graph(3)))
+    assert cb.Lattice.from_graph(nx.path_graph(4)) != STAR
+    assert cb.OpenChain(4) != "something else"
+
+
+def test_ends_that_are_fixed_are_held_by_a_bond_more() -> None:
+    free, fixed = cb.OpenChain(4).stiffness, cb.OpenChain(4, ends="fixed").stiffness
+    assert (fixed - free).tolist() == np.diag([1.0, 0.0, 0.0, 1.0]).tolist()
+    assert free.sum(axis=1) == pytest.approx(np.zeros(4))
+    with pytest.raises(cb.BadInput, match="ends = 'open': 'free' or 'fixed' is wanted"):
+        cb.OpenChain(4, ends="open")
+    closed = cb.Grid(1, 5, periodic=True).stiffness
+    ring = 2 * np.eye(5) - np.roll(np.eye(5), 1, axis=0) - np.roll(np.eye(5), -1, axis=0)
+    assert closed == pytest.approx(ring)
+
+
+@pytest.mark.parametrize("weight", [0.5, 2.0])
+def test_bonds_of_a_graph_are_as_stiff_as_their_weights(weight: float) -> None:
+    graph = nx.Graph()
+    graph.add_edge("a", "b", weight=weight, other=3.0)
+    graph.add_edge("b", "c")
+    made = cb.Lattice.from_graph(graph)
+    assert made.stiffness == pytest.approx(
+        np.array([[weight, -weight, 0.0], [-weight, weight + 1.0, -1.0], [0.0, -1.0, 1.0]])
+    )
+    assert cb.Lattice.from_graph(graph, weight="other").stiffness[0, 0] == 3.0
