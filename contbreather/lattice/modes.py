@@ -12,7 +12,7 @@ and the moments of ``q``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
@@ -303,7 +303,7 @@ class InfiniteChain(_TranslationInvariant):
     2.0678739703938
     """
 
-    spring: float = field(default=0.0, repr=False)  # to the ground, at every site
+    spring: float = 0.0  # to the ground, at every site
 
     def __post_init__(self) -> None:
         spring = number("spring", self.spring, 0.0, 1.0, "0 <= spring < 1")
@@ -319,6 +319,9 @@ class InfiniteChain(_TranslationInvariant):
     def held(self, spring: float) -> InfiniteChain:
         """The same chain with springs to the ground."""
         return self if spring == self.spring else _held(spring)
+
+    def __repr__(self) -> str:
+        return f"InfiniteChain({self.spring or ''})"
 
     def describe(self) -> str:
         return "infinite chain"
@@ -643,6 +646,11 @@ def lattice_of(given: object) -> Lattice:
     if isinstance(given, type) or not hasattr(given, "first_harmonic"):
         raise BadInput(
             f"lattice = {given!r}: this needs InfiniteChain() or, for a ring of 20 sites, Ring(20)."
+        )
+    if getattr(given, "spring", 0.0):
+        raise BadInput(
+            f"lattice = {given!r}: springs to the ground belong to the motion, not to its lattice; "
+            "give them by spring=..., on InfiniteChain()."
         )
     return cast(Lattice, given)
 

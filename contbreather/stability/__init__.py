@@ -13,8 +13,6 @@ from contbreather.stability.half_map import (
     eigenvector,
     even_multipliers,
     half_multipliers,
-    largest,
-    multipliers,
 )
 from contbreather.stability.isolated import closest_approach, unstable_multipliers
 from contbreather.stability.saltation import saltation, saltation_entry
@@ -45,8 +43,6 @@ __all__ = [
     "eigenvector",
     "even_multipliers",
     "half_multipliers",
-    "largest",
-    "multipliers",
     "neimark_sacker",
     "on_arc",
     "over_reflection",

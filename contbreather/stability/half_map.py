@@ -284,18 +284,6 @@ def half_multipliers(ring: Ring, gamma: float, k: float, b: float) -> Array:
     return np.concatenate([even, odd, odd.conj()])
 
 
-def multipliers(ring: Ring, gamma: float, k: float, b: float) -> Array:
-    """All 2 N Floquet multipliers over the period 2 pi, eq. (20): squares of `half_multipliers`."""
-    return half_multipliers(ring, gamma, k, b) ** 2
-
-
-def largest(ring: Ring, gamma: float, k: float, b: float) -> complex:
-    """The multiplier of QS with the largest modulus (at least 1: on a ring the odd modes stay)."""
-    mu = even_multipliers(ring, gamma, k, b)
-    top = complex(mu[np.abs(mu).argmax()])
-    return top if abs(top) >= 1.0 or ring.sites < 3 else 1.0 + 0.0j
-
-
 # --- eigenvectors --------------------------------------------------------------------------
 
 
@@ -378,7 +366,7 @@ def eigenvector(ring: Ring, gamma: float, k: float, b: float, mu: complex) -> Ar
     Examples
     --------
     >>> ring = Ring(20)
-    >>> mu = largest(ring, 0.045, 0.8, 0.96)
+    >>> mu = max(half_multipliers(ring, 0.045, 0.8, 0.96), key=abs)
     >>> v = eigenvector(ring, 0.045, 0.8, 0.96, mu)
     >>> bool(np.allclose(dense_half_map(20, 0.045, 0.8, 0.96) @ v, mu * v))
     True

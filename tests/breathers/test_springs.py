@@ -204,6 +204,7 @@ def test_a_spring_of_zero_is_none_but_can_be_traced() -> None:
         ({"spring": 1.3}, "0 <= spring < 1"),
         ({"spring": -0.1}, "0 <= spring < 1"),
         ({"spring": 0.1, "damping": 0.1}, "without damping"),
+        ({"lattice": InfiniteChain(0.1)}, r"lattice = InfiniteChain\(0\.1\): .* by spring="),
     ],
 )
 def test_what_the_chain_cannot_be_held_by_is_refused(more, says) -> None:
