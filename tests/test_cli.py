@@ -803,6 +803,7 @@ def test_zones_print_for_programs_without_writing(run: Callable[..., Output]) ->
         assert pitchfork({"gamma": gamma, "a": a, "k": 0.8})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "value"), [("gamma", "0.05"), ("a", "0.5")])
 def test_zones_in_other_planes(run: Callable[..., Output], name: str, value: str) -> None:
     status, _, _ = run("zones", f"--{name}", value, "-o", "z.png", "--csv", "z.csv")
@@ -813,6 +814,7 @@ def test_zones_in_other_planes(run: Callable[..., Output], name: str, value: str
         assert fold({name: float(row[name]) for name in ("k", "gamma", "a")})
 
 
+@pytest.mark.slow
 def test_zones_of_another_forcing(run: Callable[..., Output]) -> None:
     line = ["zones", "--k", "0.7", "--gamma-window", "0.1", "0.14", "--forcing", TWO_HARMONICS]
     content = strict(run(*line, "--json")[1])

@@ -50,6 +50,7 @@ def empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 # --- Python -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", pages("^```python$"), ids=name_of)
 def test_python_on_a_page_gives_what_it_shows(page: Path, tmp_path: Path) -> None:
     copy = tmp_path / page.name
@@ -85,6 +86,7 @@ def commands(page: Path) -> list[tuple[str, str]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", pages("^```console$"), ids=name_of)
 def test_commands_on_a_page_print_what_it_shows(
     page: Path, capsys: pytest.CaptureFixture[str]

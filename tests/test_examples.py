@@ -23,6 +23,7 @@ def load(path: Path) -> ModuleType:
     return example
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_example_runs_and_complains_of_nothing(
     path: Path,

@@ -37,6 +37,13 @@ def test_first_command_draws_the_zones_and_second_runs_the_tests() -> None:
     assert command("test").endswith('-e ".[test]" && .venv/bin/python -m pytest')
 
 
+def test_the_readme_s_command_runs_slow_tests_too() -> None:
+    options = PROJECT["tool"]["pytest"]["ini_options"]
+    assert [marker.split(":")[0] for marker in options["markers"]] == ["slow"]
+    assert not any("slow" in one for one in [*options["addopts"], command("test")])
+    assert '-m "not slow"' in README
+
+
 def test_checks_read_the_test_command_from_the_readme(tmp_path: Path) -> None:
     """`.ci/run`'s own reading of the README gives the line that a person would copy."""
     reader = re.search(r"^readme_command\(\) \{\n.*?^\}$", CHECKS, flags=re.MULTILINE | re.DOTALL)

@@ -354,6 +354,7 @@ def test_grazing_line_meets_the_pitchfork_line_where_that_one_says():
         assert abs(orbit.admissibility().neighbours) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("largest", [0.1, 0.007])
 def test_grazing_lines_of_both_arms_end_at_their_pitchfork_by_one_name(largest):
     """Nothing but rounding is left there of the asymmetry and of the margin of the mirrored crest;

@@ -30,6 +30,7 @@ def repeats(orbit, sites, t0=0.3):
     return max(np.abs(run.final.u - u).max(), np.abs(run.final.v - v).max()), np.abs(half - u).max()
 
 
+@pytest.mark.slow
 def test_single_oscillator_doubles_and_doubles_again():
     point = first_doubling(0.0, 0.8, 0.9, lattice=Ring(1))
     places = [point["a"]]

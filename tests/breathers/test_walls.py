@@ -44,6 +44,7 @@ def distance(lines: tuple[cb.Branch, ...], point: cb.Point) -> float:
 # --- zones of any forcing ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("k", "forcing", "window"),
     [
@@ -80,6 +81,7 @@ def test_where_a_lower_crest_grazes_no_more_the_higher_one_takes_over() -> None:
     assert abs(math.remainder(times[0] - times[1], math.pi)) > 0.1  # two crests of one site
 
 
+@pytest.mark.slow
 def test_breathers_that_are_all_but_mirror_images_have_a_curve_each() -> None:
     """Near k = 1 time reversal makes pairs that are alike in a and p, but not in phi."""
     diagram = cb.zones(k=0.94, forcing=TIED, within={"gamma": (0.149, 0.151)})
@@ -118,6 +120,7 @@ def test_one_harmonic_is_one_harmonic_however_it_is_written() -> None:
             np.testing.assert_allclose(one["a"], two["a"], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_folds_are_passed_on_request_and_not_passed_on_request() -> None:
     within = {"gamma": (0.11, 0.14)}
     beyond = cb.zones(k=0.8, within=within, past_folds=True)["NS"]
@@ -138,6 +141,7 @@ def ring() -> cb.breathers.Zones:
     return cb.zones(k=0.8, lattice=cb.Ring(50), within={"gamma": (0.0, 0.2)})
 
 
+@pytest.mark.slow
 def test_the_line_of_the_papers_rule_on_a_ring_is_whole(ring: cb.breathers.Zones) -> None:
     """Against the envelope that Newton's method finds for all pairs at once."""
     from contbreather.paper.threshold import neimark_sacker_line

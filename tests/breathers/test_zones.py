@@ -24,6 +24,7 @@ def zones(k: float) -> cb.breathers.Zones:
 WELLS = cb.Fourier(cos={1: -1.0, 3: -2.7})  # up to four breathers at one point
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", KS)
 def test_every_curve_has_its_points_and_solves_its_equations(k: float) -> None:
     for _, branch in zones(k):
@@ -203,6 +204,7 @@ def roots_at(a: float, gamma: float, forcing: cb.Forcing) -> int:
         return 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gamma", [0.12, 0.205])
 def test_all_sheets_of_a_forcing_with_several_breathers(
     gamma: float, several: cb.breathers.Zones

@@ -8,6 +8,7 @@ import pytest
 import contbreather as cb
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [1e4, 1e6])
 def test_an_event_that_jumps_ten_thousand_times_within_a_step_does_not_hang(times):
     calls = [0]

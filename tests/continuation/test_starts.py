@@ -263,6 +263,7 @@ def waves(u, p):
     return np.array([145 - u[0] - rate, 0.2 * (p["a0"] - u[1]) - rate])
 
 
+@pytest.mark.slow
 def test_branches_through_large_numbers_reach_the_edge_of_their_window() -> None:
     events = [cb.fold(), cb.branch_point(), cb.hopf()]
     cells = cb.Problem(enzyme, {"u": 0.0, "v": 0.0}, {"s0": 0.0})

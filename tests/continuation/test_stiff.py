@@ -34,6 +34,7 @@ def places(branch: cb.Branch) -> np.ndarray:
     return np.sort([point["mu"] for point in branch.special if point.kind == "BP"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("condition", [1.0, 1e6])
 @pytest.mark.parametrize("seed", [0, 1, 4])
 def test_all_branch_points_of_a_mixture_are_found(seed: int, condition: float) -> None:
@@ -74,6 +75,7 @@ def test_swift_hohenberg_bifurcates_at_the_modes_of_its_mesh() -> None:
     np.testing.assert_allclose(places(branch), expected, rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_fine_mesh_finds_what_a_coarse_one_does_and_walks_back_through_the_pitchfork() -> None:
     found = []
     events = [cb.fold(), cb.branch_point()]

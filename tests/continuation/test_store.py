@@ -402,6 +402,7 @@ def altered(image: bytes, rng: np.random.Generator) -> bytes:
     return bytes(spoilt)
 
 
+@pytest.mark.slow
 def test_every_damaged_file_is_one_sentence_at_once(branch: Branch, path: Path) -> None:
     """A byte of HDF5's own that is wrong may hang it, one of a number may change it in silence."""
     save(path, branch)

@@ -227,6 +227,7 @@ def refused(point: object) -> NothingToSwitch:
     return caught.value
 
 
+@pytest.mark.slow
 def test_points_that_no_branch_leaves_are_refused_with_the_point() -> None:
     branch = trace_case(LORENZ)
     assert "is no special point" in str(refused(branch[3]))

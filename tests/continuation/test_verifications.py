@@ -321,6 +321,7 @@ def henon_curve(kind: str) -> Branch:
     return boundary(first, pair, within={"alpha": (-3.0, 4.0), "beta": (-2.0, 3.0)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("curve", "kind", "words"),
     [

@@ -118,6 +118,7 @@ def test_every_walk_from_a_fold_goes_the_other_way_when_told() -> None:
 # --- ends: the window -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.floats(-1.9, -1.0), st.floats(1.0, 1.9), st.floats(0.02, 2.0))
 def test_a_branch_ends_exactly_at_its_bounds(low: float, high: float, largest: float) -> None:
@@ -251,6 +252,7 @@ def test_a_pole_is_followed_until_the_steps_are_used_up() -> None:
     assert calls < 15 * len(branch)
 
 
+@pytest.mark.slow
 def test_a_walk_that_gets_nowhere_ends() -> None:
     branch, _ = ending(lambda x, p: x - abs(p["mu"]), steps=Steps(most=9999))
     assert branch.stop is Stop.NO_CONVERGENCE
@@ -349,6 +351,7 @@ def test_an_interruption_hands_over_the_points(after: int) -> None:
     assert (np.diff(branch["arclength"]) > 0).all()
 
 
+@pytest.mark.slow
 def test_whenever_it_comes_the_interrupted_branch_is_a_piece_of_the_whole_one() -> None:
     whole = Impatient(math.inf)
     branch = whole.traced()
@@ -397,6 +400,7 @@ def test_an_interrupted_walk_inside_of_another_is_not_taken_for_it() -> None:
 # --- closed curves ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, 2.0, math.pi, -math.pi / 2])
 def test_a_circle_closes_from_anywhere_with_each_event_once(angle: float, scale: float) -> None:
@@ -541,6 +545,7 @@ def test_a_walk_passes_degenerate_crossings_and_gives_them_no_label(equation) ->
 # --- work -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", SMALL, ids=lambda case: case.name)
 def test_work_per_point_is_bounded(case: Case) -> None:
     for scale in (0.3, 1.0, 10.0):

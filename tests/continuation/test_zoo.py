@@ -38,6 +38,7 @@ every = pytest.mark.parametrize("case", ZOO, ids=lambda case: case.name)
 small = pytest.mark.parametrize("case", SMALL, ids=lambda case: case.name)
 
 
+@pytest.mark.slow
 @every
 @pytest.mark.parametrize("scale", [0.3, 1.0, 3.0, 10.0])
 def test_all_events_are_found_and_no_false_one_whatever_the_steps(case: Case, scale: float) -> None:
@@ -45,6 +46,7 @@ def test_all_events_are_found_and_no_false_one_whatever_the_steps(case: Case, sc
     assert wrong(case, branch) == ""
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.sampled_from(SMALL), st.floats(0.25, 40.0), st.floats(1e-4, 1.0))
 @example(crowded(1e-6), 10.0, 0.1)
@@ -66,6 +68,7 @@ def test_every_point_solves_the_equations(case: Case) -> None:
         assert abs(value).max() <= point.residual + 1e-15  # that of an event has its locus in it
 
 
+@pytest.mark.slow
 @small
 def test_a_walk_that_starts_at_an_event_finds_it_and_all_others(case: Case) -> None:
     branch = trace_case(case)
@@ -76,6 +79,7 @@ def test_a_walk_that_starts_at_an_event_finds_it_and_all_others(case: Case) -> N
         assert wrong(case, again) == "", point
 
 
+@pytest.mark.slow
 @small
 def test_both_directions_together_are_what_both_gives(case: Case) -> None:
     whole = trace_case(case)
@@ -137,6 +141,7 @@ def test_fold_curve_of_the_cusp_surface_is_the_cusp_curve_and_has_its_cusp() -> 
     assert abs(point["h"]) < 1e-12
 
 
+@pytest.mark.slow
 def test_hopf_line_of_the_brusselator() -> None:
     problem = brusselator()
     start = trace(problem, "B", events=ALL, within={"B": (0.1, 5.0)}).first("HB")

@@ -9,6 +9,7 @@ import contbreather as cb
 from contbreather.dynamics import Fate, periodic
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_columns_of_a_smooth_orbit_are_about_its_whole_period(symmetric: bool) -> None:
     state = cb.symmetric(0.1, 0.08, 0.8).state(4)

@@ -427,6 +427,7 @@ def test_plastic_impact_rests_at_once_when_pushed_and_flies_off_when_not():
     assert pulled.final.u[0] < 1.0
 
 
+@pytest.mark.slow
 def test_endless_chatter_ends_with_a_reason():
     """Elastic rebounds under a steady push never come to rest; the run says so and stops."""
     run = simulate(([1.0], [-1e-6]), a=1.0, gamma=0.1, k=1.0, periods=3, t0=0.75 * PI)

@@ -89,6 +89,7 @@ def test_only_site_0_of_the_torus_impacts(torus):
 # --- verdicts -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("a", "gamma", "damping", "settle", "kind"),
     [

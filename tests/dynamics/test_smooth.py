@@ -99,6 +99,7 @@ def test_conservative_walls_keep_the_energy():
     assert np.ptp(energy.sum(axis=1)) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", [Switching(1e-11), Implicit(1e-9), Explicit(1e-8)])
 @pytest.mark.parametrize("m", [6, 50])
 def test_all_solvers_agree(solver, m):
@@ -169,6 +170,7 @@ def test_smooth_breather_of_figure_5_differs_from_the_exact_one_as_measured(figu
     assert gap == pytest.approx([0.0979, 0.0104, 0.0005], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_start_of_the_paper_leads_to_the_smooth_breather_of_figure_5(figure5):
     """u_0'(0) = 3, all else zero: the slowest multiplier has modulus 0.9937."""
     v = np.zeros(20)
@@ -227,6 +229,7 @@ def test_smooth_branch_in_m_leads_to_the_impacting_ring():
     assert branch[-1]["largest"] == pytest.approx(hard.largest, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_branch_of_figure_6c_has_a_fold_in_m():
     """At a = 0.7, gamma = 0.104 no symmetric breather continues that of the rigid walls below
     m = 16.46: for m = 6 the figure's start is no breather at all."""
@@ -238,6 +241,7 @@ def test_branch_of_figure_6c_has_a_fold_in_m():
     assert fold.solution.half is not None
 
 
+@pytest.mark.slow
 def test_smooth_breather_is_lost_where_a_pair_leaves_the_circle():
     """a = 0.1, m = 6: at gamma = 0.0927; Fig. 6 (a) at 0.104 is beyond, Fig. 5 at 0.08 is not."""
     start = periodic(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5, symmetric=True)

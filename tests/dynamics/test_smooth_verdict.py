@@ -32,6 +32,7 @@ def run_of(u, v, sites=6):
     return SmoothRun(times, whole, final, times[-1], None, conditions, RunStop.DONE)
 
 
+@pytest.mark.slow
 def test_motion_between_elastic_walls_is_a_torus_with_the_rotation_number_of_its_spectrum():
     """A single site without losses, weakly driven: its section is a closed curve."""
     shared = {"a": 0.1, "gamma": 0.0, "k": 1.0, "m": 2}
@@ -46,6 +47,7 @@ def test_motion_between_elastic_walls_is_a_torus_with_the_rotation_number_of_its
     assert found.evidence["rotation"] == pytest.approx(peak, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("a", "periods"), [(1.0, 2), (1.05, 4)])
 def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map(a, periods):
     shared = {"a": a, "gamma": 0.0, "k": 0.7, "m": 30}
@@ -71,6 +73,7 @@ def test_states_that_repeat_without_an_orbit_that_closes_are_not_locked():
     assert "finds no closed orbit" in found.reason
 
 
+@pytest.mark.slow
 def test_bands_of_chaos_between_smooth_walls_are_no_torus():
     shared = {"a": 1.0565, "gamma": 0.0, "k": 0.7, "m": 30}
     settled = simulate_smooth(([-0.31], [-0.16]), periods=400, **shared).final

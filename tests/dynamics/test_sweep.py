@@ -239,6 +239,7 @@ def test_starts_whose_impacts_are_all_over_the_ring_have_spread():
     assert np.all(found.fate == Fate.SPREAD)
 
 
+@pytest.mark.slow
 def test_picture_does_not_depend_on_who_computes_it(basin):
     start, x, y, conditions = basin
     with ThreadPoolExecutor(1) as one:

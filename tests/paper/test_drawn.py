@@ -33,6 +33,7 @@ def second() -> Figure2:
     return Figure2((*one.zones, below), lines)
 
 
+@pytest.mark.slow
 def test_panels_of_figure_2_are_below_each_other_each_as_high_as_a_diagram(second) -> None:
     figure = second.draw()
     assert (2.54 * figure.get_size_inches()).tolist() == pytest.approx([8.5, 13.2])
@@ -68,6 +69,7 @@ def test_the_rule_of_each_k_is_drawn_in_its_own_panel(second) -> None:
 # --- Figs. 3 and 4 --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made", [figure3, figure4])
 def test_moduli_are_drawn_over_the_angle_in_thousandths(made) -> None:
     figure = made()

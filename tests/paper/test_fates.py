@@ -34,6 +34,7 @@ def test_simulated_growth_is_the_largest_multiplier_to_three_digits(a):
     assert math.log(fates.growth(own)) == pytest.approx(rate, rel=5e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("a", [0.1, 0.2])
 def test_simulated_growth_of_the_smooth_ring_is_its_largest_multiplier_to_three_digits(a):
     own = fates.smooth_breather(breather(a), 6, 0.005, 20)
@@ -46,6 +47,7 @@ def test_growth_below_one_is_the_decay_of_an_attractor():
     assert fates.growth(own) == pytest.approx(own.largest, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("a", [0.1, 0.2, 0.7])
 def test_with_more_than_enough_damping_the_ring_settles_on_the_breather_and_with_less_it_leaves(a):
     enough = fates.enough_damping(breather(a), 20)
@@ -87,6 +89,7 @@ def test_impacts_that_slip_over_the_end_of_a_period_end_no_breather():
     assert not np.any(fates.unlike_a_breather(np.sort(table, order="time"), 20)[:19])
 
 
+@pytest.mark.slow
 def test_life_on_smooth_walls_is_that_on_rigid_ones_where_the_walls_are_hard():
     state, sample = breather(0.2).state(20), Sample((-2, -1, 0, 1, 2), 24)
     shared = {"a": 0.2, "damping": 0.005, "periods": 100, **SET}
@@ -100,6 +103,7 @@ def test_kept_breather_has_no_end():
     assert fates.life(simulate(b.state(20), a=0.1, gamma=0.08, k=0.8, periods=50)) is None
 
 
+@pytest.mark.slow
 def test_breather_of_panel_c_ends_in_a_fold_between_walls_that_keep_it_and_walls_that_do_not():
     fold = fates.softest(breather(0.7), 0.005, 20)
     assert fold == pytest.approx(16.4605, abs=1e-3)
@@ -117,6 +121,7 @@ def test_dashed_line_of_figure_7_is_the_exact_orbit_with_the_impacts_of_the_simu
     assert phases == pytest.approx([0.455388, 3.011050], abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [5])
 def test_command_draws_a_simulated_figure_and_prints_its_verdict(
     number, tmp_path, monkeypatch, capsys
@@ -129,6 +134,7 @@ def test_command_draws_a_simulated_figure_and_prints_its_verdict(
     assert Path(f"figure{number}.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_figure_for_programs_carries_the_numbers_of_its_verdict(capsys):
     assert main(["figure", "5", "--json"]) == DONE
     content = json.loads(capsys.readouterr().out)
@@ -150,6 +156,7 @@ def along_m():
     return cb.trace(motion, "m", towards="up", within={"m": (15, 15.5)}, events=())
 
 
+@pytest.mark.slow
 def test_breather_of_figure_7_repels_between_its_period_doublings(along_m):
     """Two real multipliers pass -1, at m = 15.17939 and 15.18487: 0, 1, 2 of them are beyond."""
     assert along_m[-1]["m"] == pytest.approx(15.5)

@@ -25,6 +25,7 @@ def test_figures_are_numbered_as_the_captions_of_the_paper() -> None:
     assert list(FIGURES) == [2, 3, 4, 5, 6, 7, 8]
 
 
+@pytest.mark.slow
 def test_figure_2_draws_the_rule_dotted_beside_the_exact_line(second: Figure2) -> None:
     ax = second.draw().axes[0]
     lines = {line.get_label(): line for line in ax.get_lines()}
@@ -108,6 +109,7 @@ def test_rows_are_all_multipliers_and_their_squares(figure) -> None:
         np.testing.assert_allclose(np.sort_complex(full), want, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("figure", [figure3(), figure4()])
 def test_isolated_multiplier_beyond_the_axis_is_pointed_at_with_its_value(figure) -> None:
     figure_axes = figure.draw().axes
@@ -118,6 +120,7 @@ def test_isolated_multiplier_beyond_the_axis_is_pointed_at_with_its_value(figure
     assert not any(text.get_text() for text in figure_axes[2].texts)  # nothing comes out in (a)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("figure", [figure3, figure4])
 def test_caption_describes_the_arrows_that_are_there(figure) -> None:
     made = figure()

@@ -73,6 +73,7 @@ def line(request: pytest.FixtureRequest):
     return neimark_sacker_line(request.param, points=24)
 
 
+@pytest.mark.slow
 def test_every_point_of_the_line_is_on_the_threshold(line) -> None:
     for a, gamma in zip(line.a, line.gamma, strict=True):
         ring = cb.symmetric(float(a), float(gamma), line.k).stability(sites=400)

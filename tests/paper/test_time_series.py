@@ -43,6 +43,7 @@ def test_figure_5_is_an_attractor_and_its_differences_are_as_measured(figures):
     assert "an attractor" in figures(5).caption
 
 
+@pytest.mark.slow
 def test_figure_6_shows_three_transients(figures):
     """Lives depend on how exact the start is: orders of magnitude; multipliers do not."""
     numbers = figures(6).numbers
@@ -55,6 +56,7 @@ def test_figure_6_shows_three_transients(figures):
     assert math.isnan(numbers["multiplier_0.7"])
 
 
+@pytest.mark.slow
 def test_figure_7_is_asymmetric_and_needs_hard_walls(figures):
     numbers = figures(7).numbers
     assert abs(numbers["mean_0"]) == pytest.approx(0.028, abs=5e-4)
