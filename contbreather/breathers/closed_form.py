@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.closure import EPS, Closure, sprung
 from contbreather.breathers.section import Impact, Section
-from contbreather.breathers.watched import ClosedForm
+from contbreather.breathers.watched import ClosedWatch
 from contbreather.checks import real
 from contbreather.errors import BadInput
 from contbreather.lattice import (
@@ -187,9 +187,9 @@ class SymmetricFlight:
         return s - 0.5 * math.pi, np.where(flights % 2.0 == 0.0, 1.0, -1.0)
 
     @property
-    def watch(self) -> ClosedForm:
+    def watch(self) -> ClosedWatch:
         """What its clearance from the walls is measured on."""
-        return ClosedForm(self)
+        return ClosedWatch(self)
 
     # ----------------------------------------------------------------------------- stability
 

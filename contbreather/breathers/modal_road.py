@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import watched
 from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.modal_events import events_of
 from contbreather.breathers.modal_flight import ModalFlight
 from contbreather.breathers.orbit import Orbit, road
 from contbreather.breathers.section import WEAK, Impact, Section, check_order, check_possible
+from contbreather.breathers.watched import ModalWatch
 from contbreather.continuation import Event, Point, Problem
 from contbreather.lattice import Ring
 from contbreather.lattice.conditions import Conditions
@@ -90,8 +90,8 @@ class Modes(ModalFlight):
         return events_of(self.section, threshold)
 
     @property
-    def watch(self) -> watched.Modes:
-        return watched.Modes(Orbit(self))
+    def watch(self) -> ModalWatch:
+        return ModalWatch(Orbit(self))
 
     def on(self, lattice: Any) -> Orbit | None:
         """From ring to ring the sites around the one that impacts keep their motion, new ones move

@@ -33,7 +33,7 @@ NO_WALLS = (-math.inf, math.inf)
 # --- the closed form ------------------------------------------------------------------------
 
 
-class ClosedForm:
+class ClosedWatch:
     """A symmetric breather of chain or ring, with the site 0 that impacts; of each pair of sites
     that are mirror images one is watched."""
 
@@ -131,7 +131,7 @@ def _answers(
 # --- the periodic Green's function ----------------------------------------------------------
 
 
-class Waves:
+class GreenWatch:
     """An orbit of chain or ring with any impacts."""
 
     sign = 1
@@ -243,7 +243,7 @@ def moved(orbit: Any, site: int | None, t: float) -> Terms:
 # --- modes of a finite lattice --------------------------------------------------------------
 
 
-class Modes:
+class ModalWatch:
     """A shot orbit of any finite lattice."""
 
     def __init__(self, orbit: Any) -> None:

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import watched
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
 from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.orbit import Orbit, Road, orbit_at, orbit_of, road
 from contbreather.breathers.section import Impact, Section, check_order
+from contbreather.breathers.watched import GreenWatch
 from contbreather.breathers.wave_events import (
     EQUAL,
     events_on,
@@ -75,8 +75,8 @@ class Waves(GreenFlight):
         return self.problem(threshold).events
 
     @property
-    def watch(self) -> watched.Waves:
-        return watched.Waves(Orbit(self))
+    def watch(self) -> GreenWatch:
+        return GreenWatch(Orbit(self))
 
     def lifted(self) -> Problem:
         return Orbit(self).doubled().problem
