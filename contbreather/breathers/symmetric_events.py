@@ -32,6 +32,7 @@ from contbreather.lattice import InfiniteChain, Lattice, Ring
 from contbreather.stability.arc import OnArc, on_arc
 from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
+from contbreather.stability.half_period import HalfMap
 from contbreather.stability.isolated import closest_approach
 from contbreather.stability.normal_form import PitchforkForm, pitchfork_form
 from contbreather.stability.pairs import outermost
@@ -92,7 +93,7 @@ def unstable(breather: SymmetricFlight, lattice: Lattice, threshold: float) -> i
     """Multipliers of QS outside the circle: isolated ones on the infinite chain, those over 2 pi
     beyond the threshold on a ring."""
     if not isinstance(lattice, Ring):
-        return breather.map.count().count
+        return _chain_map(breather).count().count
     radius = math.sqrt(threshold)
     return unstable_count(breather.gamma, breather.k, breather.b, lattice, radius=radius).count
 
@@ -273,6 +274,12 @@ def _b_slope(breather: SymmetricFlight, name: str) -> float:
     return slope
 
 
+def _chain_map(breather: SymmetricFlight) -> HalfMap:
+    """Of the infinite chain, be the breather that of a ring."""
+    map = breather.map
+    return map if map.lattice.sites is None else replace(map, lattice=InfiniteChain())
+
+
 def _pairs(point: Point) -> tuple[float, int]:
     """How far b is from the values between which a pair is outside, and how many of both ends of
     that window are below b: two that are passed in one step are seen.
@@ -280,7 +287,7 @@ def _pairs(point: Point) -> tuple[float, int]:
     Along a curve in k, elastic impacts are the limit of those before: what is neutral only there
     is no event.
     """
-    map = _flight(point).map
+    map = _chain_map(_flight(point))
     if map.k == 1.0 and "k" in point.curve.varied:
         map = replace(map, k=_ALL_BUT)
     return map.pairs()
