@@ -159,5 +159,5 @@ def _other_crest(
     def locus(point: Point) -> Locus:
         return follow(solution_at(point), point.detail["site"], point.detail["time"])
 
-    met = Event("GR", margin, ends="domain", locus=locus)
-    return Meeting("GR-GR", test, ends="domain", met=met, examine=examine)
+    base = Event("GR", margin, ends="domain", locus=locus)
+    return Meeting("GR-GR", test, ends="domain", base=base, examine=examine)

@@ -79,8 +79,8 @@ def _orbit_at(point: Point) -> Orbit:
     """The orbit of a point that others of a longer section leave."""
     if point.kind not in ("PF", "PD"):
         raise BadInput(
-            f"{point!r} is {'a ' + point.kind if point.kind else 'no special point'}: a located PF "
-            "or PD of a branch of orbits was wanted, see branch.special."
+            f"{point!r} is {'a ' + point.kind if point.kind else 'not a special point'}: a "
+            "located PF or PD of a branch of orbits was wanted, see branch.special."
         )
     if not point.located:
         raise BadInput(f"{point!r} was seen but not located: nothing can start there.")

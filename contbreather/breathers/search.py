@@ -179,7 +179,7 @@ def find_event(
         for point in branch.special:
             if point.kind == kind and point.located:
                 return point
-        labels = ", ".join(point.label for point in branch.special) or "no special point"
+        labels = ", ".join(point.label for point in branch.special) or "not a special point"
         reason = f"the branch in {free} at {first} = {value:.6g} has {labels}"
     raise NoSolution(f"no {kind} found for {first} between {span[0]:g} and {span[1]:g}; {reason}")
 

@@ -388,8 +388,8 @@ def _next_wave(ring: Ring, threshold: float) -> Event:
     def locus(point: Point) -> Locus:
         return _circle_locus(point, ring, threshold, point.detail["next"])
 
-    met = replace(neimark_sacker(on=ring, threshold=threshold), locus=locus)
-    return Meeting("NS-NS", test, ends="domain", met=met, examine=analysis)
+    base = replace(neimark_sacker(on=ring, threshold=threshold), locus=locus)
+    return Meeting("NS-NS", test, ends="domain", base=base, examine=analysis)
 
 
 # --- grazing --------------------------------------------------------------------------------------

@@ -380,7 +380,7 @@ def _followed(point: Point) -> str:
     event = point.event
     if event is None:
         return point.kind
-    return event.met.kind if isinstance(event, Meeting) else event.kind
+    return event.base.kind if isinstance(event, Meeting) else event.kind
 
 
 def _ending(event: Event) -> Event:

@@ -66,9 +66,9 @@ def _lines(tree: Diagram, depth: int) -> Iterator[object]:
 
 def _loose_ends(tree: Diagram, depth: int) -> Iterator[str]:
     """What the tree does not show: arms that lead to a known branch, points left alone."""
-    yield from map(str, tree.met)
+    yield from map(str, tree.meetings)
     begun = {birth.place.name for birth in tree.births if birth.place is not None}
-    begun |= {meeting.place.name for meeting in tree.met}
+    begun |= {meeting.place.name for meeting in tree.meetings}
     half = [place for place in tree.left if place.name in begun]
     deep = [place for place in tree.left if tree.births[place.branch].depth >= depth]
     rest = [place for place in tree.left if place not in half and place not in deep]

@@ -106,7 +106,7 @@ def boundary_problem(
     base, given = scope(ground.problem, all_of(events), inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
-            raise BadInput(f"{name!r} is no parameter here; it has {list(base.params)}")
+            raise BadInput(f"{name!r} is not a parameter here; it has {list(base.params)}")
     if event.locus is None:
         raise BadInput(f"{event.kind} has no locus to trace in two parameters")
     curve = Curve(base, (pair[1], pair[0]))
@@ -126,7 +126,7 @@ def boundary_problem(
     if events is not None and not given:  # only what the curve cannot be followed beyond
         own = tuple(one for one in own if one.ends)
     if walls_are_lifted(base) and event.walls:  # what ends it is another wall
-        own = tuple(one for one in own if not (isinstance(one, Meeting) and one.met.walls))
+        own = tuple(one for one in own if not (isinstance(one, Meeting) and one.base.walls))
     return replace(
         longer,
         events=(*own, *others),
@@ -159,11 +159,11 @@ def _beside(event: Event, column: Callable[[Point], Any]) -> Callable[[Point], A
 
 
 def _traceable(point: Point) -> Event:
-    """The event to trace from a point: what happened there, the one that was met where two meet,
-    and otherwise the one whose boundary the point lies on."""
+    """The event to trace from a point: what happened there, that of the base problem where two
+    meet, and otherwise the one whose boundary the point lies on."""
     event = point.event
     if isinstance(event, Meeting):
-        event = event.met
+        event = event.base
     if event is None or event.locus is None:
         event = event_of(point.curve.problem) or event
     if event is None and point.kind not in ("", "EP", "MX"):
@@ -171,7 +171,7 @@ def _traceable(point: Point) -> Event:
             f"{point!r} was loaded without its equations; load(path, problem=...) attaches them"
         )
     if event is None:
-        raise BadInput(f"{point!r} is no special point: nothing to trace as a boundary")
+        raise BadInput(f"{point!r} is not a special point: nothing to trace as a boundary")
     return event
 
 
@@ -188,7 +188,7 @@ def meeting(kind: str, event: Event) -> Meeting:
             branch_point_test,  # to look ahead costs as much as a step
             locus=Crossings(),
             examine=_examine_crossing,
-            met=event,
+            base=event,
         )
     suffix = f" of {event.kind}"
 
@@ -210,7 +210,7 @@ def meeting(kind: str, event: Event) -> Meeting:
         locus=locus if event.locus else None,
         examine=examine if event.examine else None,
         ends=event.ends,
-        met=event,
+        base=event,
     )
 
 

@@ -58,7 +58,7 @@ class Curve:
         for name in free:
             if not isinstance(name, str) or name not in problem.params:
                 raise BadInput(
-                    f"{name!r} is no parameter of this problem; it has {list(problem.params)}"
+                    f"{name!r} is not a parameter of this problem; it has {list(problem.params)}"
                 )
         self.problem = problem  # a Problem, which is built on curves
         self.free = free

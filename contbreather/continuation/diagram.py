@@ -86,7 +86,7 @@ class Diagram:
     places : tuple of tuple of Place
         For each branch its special points, in order; a point where branches cross is the same
         `Place` on all of them.
-    met : tuple of Meeting
+    meetings : tuple of Meeting
         Arms that lead to branches known already, and were not followed again.
     failed : tuple of Failure
         Arms that could not be followed.
@@ -100,7 +100,7 @@ class Diagram:
     branches: tuple[Branch, ...]
     births: tuple[Birth, ...]
     places: tuple[tuple[Place, ...], ...]
-    met: tuple[Meeting, ...] = ()
+    meetings: tuple[Meeting, ...] = ()
     failed: tuple[Failure, ...] = ()
     left: tuple[Place, ...] = ()
     interrupted: bool = False
@@ -147,7 +147,7 @@ class Diagram:
                 graph.add_edge(birth.place.name, i, relation="born")
             if birth.image_of is not None:
                 graph.add_edge(birth.image_of, i, relation="image")
-        for meeting in self.met:
+        for meeting in self.meetings:
             graph.add_edge(meeting.place.name, meeting.branch, relation="known")
         return graph
 
@@ -285,7 +285,7 @@ class _Growth:
     branches: list[Branch] = field(default_factory=list)
     births: list[Birth] = field(default_factory=list)
     places: list[tuple[Place, ...]] = field(default_factory=list)
-    met: list[Meeting] = field(default_factory=list)
+    meetings: list[Meeting] = field(default_factory=list)
     failed: list[Failure] = field(default_factory=list)
     left: list[Place] = field(default_factory=list)
     queue: deque[Place] = field(default_factory=deque)
@@ -309,7 +309,7 @@ class _Growth:
             tuple(self.branches[:count]),
             tuple(self.births[:count]),
             tuple(self.places),
-            tuple(self.met),
+            tuple(self.meetings),
             tuple(self.failed),
             (*self.left, *self.queue),
             interrupted,
@@ -370,12 +370,12 @@ class _Growth:
         larger = seed.problem.residual is not self.branches[place.branch].problem.residual
         if larger and known.branch == place.branch:  # else a curve that crosses itself
             raise NotConverged(
-                "an arm cannot be told from the branch it was to leave; shorter first steps, or "
-                "switch by hand"
+                "an arm cannot be distinguished from the branch it was to leave; shorter first "
+                "steps, or switch by hand"
             )
         meeting = Meeting(place, known.branch)
-        if meeting not in self.met:
-            self.met.append(meeting)
+        if meeting not in self.meetings:
+            self.meetings.append(meeting)
 
     def _add(self, branch: Branch, birth: Birth) -> None:
         index = len(self.branches)

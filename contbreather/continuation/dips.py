@@ -19,7 +19,7 @@ _LOW = 0.1  # a test this small within a step, relative to its ends, may vanish 
 _TOUCH = 1e-5  # and one this small does
 
 
-def told_apart(trail: Trail) -> Iterator[Place]:
+def separated(trail: Trail) -> Iterator[Place]:
     """Look between several zeros, where their count changes by more than one, so that each leaves
     its change of sign. Those that are at one place are doubtful."""
     event = trail.event
@@ -49,7 +49,7 @@ def told_apart(trail: Trail) -> Iterator[Place]:
             trail.sure.add(middle)
             pieces += [(left, middle), (middle, right)]
         elif abs(value) < size and not trail.sign_changes(left, right):
-            reason = f"two {event.kind} at once, or closer than can be told: not simple"
+            reason = f"two {event.kind} at once, or too close to be separated: not simple"
             yield _doubtful(trail, left, right, point, reason)
 
 
@@ -120,7 +120,7 @@ def bottom(trail: Trail) -> Iterator[Place]:
 
 
 def _downhill(trail: Trail, left: float, right: float) -> tuple[float, float]:
-    """Bracket of the least size of a test by golden section, unless a change of sign is met."""
+    """Bracket of the least size of a test by golden section, unless its sign changes."""
     golden = 0.5 * (math.sqrt(5) - 1)
 
     def size(u: float) -> float:

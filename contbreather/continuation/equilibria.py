@@ -53,7 +53,7 @@ def hopf() -> Event:
     """HB: a complex pair of eigenvalues of the derivative in the unknowns crosses the imaginary
     axis, for a flow ``x' = F(x, p)``.
 
-    A pair of real eigenvalues of opposite sign (a neutral saddle) is told apart. A located point
+    A pair of real eigenvalues of opposite sign (a neutral saddle) is distinguished. A located point
     knows ``detail["omega"]``, the first Lyapunov coefficient ``detail["l1"]`` (for the eigenvector
     of length 1; negative: a stable limit cycle is born) and what its sign means,
     ``detail["criticality"]``. As a curve in two parameters it meets GH, ZH, HH, and ends at BT,
@@ -363,9 +363,9 @@ _BT_ON_HOPF = Meeting(
     lambda point: point["omega2"],
     examine=_examine_double_zero,
     ends="domain",
-    met=_FOLD,
+    base=_FOLD,
 )
-_BT = Meeting("BT", _overlap, examine=_examine_takens, met=_HOPF)
+_BT = Meeting("BT", _overlap, examine=_examine_takens, base=_HOPF)
 # On the boundary of one kind, what the meeting with another is called.
 MEETINGS: dict[str, Mapping[str, tuple[Event, ...]]] = {
     "LP": {

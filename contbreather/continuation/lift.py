@@ -110,7 +110,7 @@ class Lift:
         Raises
         ------
         NotConverged
-            If there is no solution at this amplitude: try another one.
+            If there is not a solution at this amplitude: try another one.
         """
         curve = Curve(self.problem, (free or self.free,))
         row = np.append(self.direction, 0.0)

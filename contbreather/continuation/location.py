@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from .branch_points import GAP, Crossings, crossing
 from .curve import Curve
-from .dips import Place, bottom, probe, told_apart
+from .dips import Place, bottom, probe, separated
 from .extended import extended
 from .loci import Singular
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
@@ -152,14 +152,14 @@ def _at_one_place(doubtful: Sequence[Point]) -> tuple[Point, ...]:
 
 
 def _two(kind: str) -> str:
-    return f"two {kind} at once, or closer than can be told: not simple"
+    return f"two {kind} at once, or too close to be separated: not simple"
 
 
 def _events_on(trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
     for trail in trails:
         yield from _at_ends(trail, ends)
         trail.foresee()
-        for low, high, point in told_apart(trail):
+        for low, high, point in separated(trail):
             yield _special(trail, point, low, high)
         yield from _dipped(trail)
         yield from _closer(trail)
@@ -427,7 +427,7 @@ def _isolated(trail: Trail, u: float, left: float, right: float) -> Point:
     beside = [v for v in (u - aside, u + aside) if left < v < right]
     if all(measure(event, segment.at(v)) != 0 for v in beside):
         return point
-    reason = f"the test of {event.kind} is zero along a piece of the curve, which is no place"
+    reason = f"the test of {event.kind} is zero along a piece of the curve, which is not a place"
     return replace(point, detail={"reason": reason})
 
 

@@ -73,7 +73,7 @@ def FixedPoint(
         PD knows the coefficient ``detail["c"]`` of ``u -> -u + c u^3``, NS its ``detail["angle"]``
         and ``detail["d"]`` of ``w -> exp(i angle) w (1 + d |w|^2)``, for eigenvectors of length 1,
         and both their ``detail["criticality"]``: supercritical where what is born is stable on the
-        centre manifold. Two real multipliers with product 1, a neutral saddle, are told apart.
+        centre manifold. Two real multipliers with product 1, a neutral saddle, are distinguished.
         Boundaries meet, under the names of the field, CP, R1, R2, R3, R4, LPPD (fold-flip), LPNS,
         PDNS, GPD and CH.
 
@@ -233,7 +233,7 @@ def _overlap(sign: int) -> Callable[[Point], float]:
 
 def _examine_double(sign: int, *, either: bool = False) -> Callable[[Point], Examined]:
     """Two multipliers there, with one eigenvector; whether branches cross as well is asked of
-    those that have to be told apart."""
+    those that have to be distinguished."""
 
     def examine(point: Point) -> Examined:
         matrix = units(point.ground)
@@ -261,8 +261,8 @@ def _on_circle(wanted: str, *, fold: bool = False) -> Callable[[Point], Examined
         found = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
         found += ["pair"] * ((len(on) - len(found)) // 2)
         if sorted(found) != sorted(wanted.split()):
-            shown = np.array2string(on, precision=6)
-            return f"on the unit circle are {shown}, where {wanted.replace(' ', ' and ')} are meant"
+            shown, these = np.array2string(on, precision=6), wanted.replace(" ", " and ")
+            return f"on the unit circle are {shown}, where {these} are wanted"
         return ""
 
     return examine
@@ -285,7 +285,7 @@ def _examine_generalised_flip(point: Point) -> str:
 
 
 def _rotation_coefficient(point: Point) -> float:
-    """Re d without its pole where a fold is met; no value at R1, R2 and R3, where the normal form
+    """Re d without its pole where it meets a fold; no value at R1, R2 and R3, where the normal form
     is another."""
     ground, cosine = point.ground, point["cosine"]
     if not -1 < cosine < 1:
@@ -340,8 +340,8 @@ _PLAIN_FOLD = fold()
 _FOLD = replace(_PLAIN_FOLD, locus=_fold_locus, examine=_with_multiplier_one(_PLAIN_FOLD))
 _FLIP = Event("PD", loci.Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
 _ROTATION = Event("NS", _rotation_test, locus=_rotation_locus, examine=_examine_rotation)
-_R1_ON_FOLD = Meeting("R1", _overlap(1), examine=_examine_double(1), met=_ROTATION)
-_R2_ON_FLIP = Meeting("R2", _overlap(-1), examine=_examine_double(-1), met=_ROTATION)
+_R1_ON_FOLD = Meeting("R1", _overlap(1), examine=_examine_double(1), base=_ROTATION)
+_R2_ON_FLIP = Meeting("R2", _overlap(-1), examine=_examine_double(-1), base=_ROTATION)
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
 _ON_ROTATION = (
     # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles
@@ -350,14 +350,14 @@ _ON_ROTATION = (
         lambda point: 1 - point["cosine"],
         examine=_examine_double(1, either=True),
         ends="domain",
-        met=_FOLD,
+        base=_FOLD,
     ),
     Meeting(
         "R2",
         lambda point: 1 + point["cosine"],
         examine=_examine_double(-1),
         ends="domain",
-        met=_FLIP,
+        base=_FLIP,
     ),
     _resonance(3),
     _resonance(4),

@@ -100,7 +100,7 @@ class Point:
     def direction(self) -> Array:
         """The tangent, at a point of a walk."""
         if self.tangent is None:
-            raise BadInput(f"{self!r} has no tangent: it is no point of a walk")
+            raise BadInput(f"{self!r} has no tangent: it is not on a walk")
         return self.tangent
 
     @property
@@ -167,7 +167,7 @@ class Point:
 
     @property
     def title(self) -> str:
-        """The label, and of several levels the one that was met."""
+        """The label, and of several levels the one it is on."""
         return f"{self.label} ({self.detail['level']})" if "level" in self.detail else self.label
 
     def __repr__(self) -> str:
@@ -199,11 +199,11 @@ class Locus:
         conditions can be followed, as far as they are narrower than those of the problem.
     meets : dict, optional
         ``{kind: events}`` to look for on the boundary in place of the meeting with an event of that
-        kind, where that has names of its own: on a fold curve HB is met at BT and ZH.
+        kind, where that has names of its own: on a fold curve BT and ZH are those with HB.
     unfolding : callable, optional
         ``unfolding(extra) -> (value, slope)``, shapes (n,) and (n, m): what is added to the
         problem's own equations, and its derivative. Needed where these alone are singular along
-        the curve, as they are at branch points; where the event is met it vanishes.
+        the curve, as they are at branch points; it vanishes where the event happens.
     """
 
     extra: Mapping[str, Any]
@@ -314,14 +314,14 @@ class Judged(Event):
 
 @dataclass(frozen=True, repr=False)
 class Meeting(Event):
-    """An event on a boundary; `met` is the event of the original problem that happens there too,
+    """An event on a boundary; `base` is that of the base problem that happens there too,
     so that a meeting can be the start of either curve."""
 
-    met: Event = field(kw_only=True)
+    base: Event = field(kw_only=True)
 
     @property
     def bifurcates(self) -> bool:
-        return self.met.bifurcates
+        return self.base.bifurcates
 
 
 @dataclass(frozen=True)

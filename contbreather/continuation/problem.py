@@ -41,12 +41,12 @@ class Problem:
         ``sensitivity(x, params, name) -> (n,) array``, the derivative in one parameter. Used, and
         checked, together with `jacobian` only.
     events : tuple of Event, optional
-        What a walk looks for unless told otherwise.
+        What a walk looks for by default.
     record : dict, optional
         Name and function of a `Point` for each derived number to keep along a branch.
     domain : dict, optional
         ``{name: (low, high)}``, bounds of unknowns (of the norm of an array) or parameters beyond
-        which nothing is meant.
+        which there are no solutions.
     scales : dict, optional
         Typical size of an unknown or parameter where that is far from 1: arclength, tolerance
         and differences are measured in it.
@@ -211,14 +211,14 @@ class Problem:
             found = newton(curve.equations, curve.jacobian, z, tolerance=tolerance, most=30)
         except Undefined as error:
             raise NotConverged(
-                f"the start {self.shown()} is no solution (residual {before:.3g}) and Newton's "
+                f"the start {self.shown()} is not a solution (residual {before:.3g}) and Newton's "
                 f"iteration from it leaves the domain: {error}",
                 residual=before,
             ) from error
         small = 1e-6 * (1 + float(abs(found.z).max())) * curve.row_sizes(found.z)
         if not found.converged or (abs(curve.equations(found.z)) > small).any():
             raise NotConverged(
-                f"the start {self.shown()} is no solution: residual {before:.3g}, and "
+                f"the start {self.shown()} is not a solution: residual {before:.3g}, and "
                 f"{found.residual:.3g} after {found.iterations} Newton iterations; "
                 "start closer to a solution or at other parameters",
                 residual=before,

@@ -1,4 +1,4 @@
-"""Progress of long walks: shown at a terminal after a moment, silent everywhere else."""
+"""Progress of long walks: shown at a terminal after a moment, otherwise silent."""
 
 from __future__ import annotations
 

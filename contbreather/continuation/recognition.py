@@ -28,7 +28,7 @@ _OFF = 0.1  # how far off the chord of a step its curve may be, relative to the 
 def lies_on(point: Point, branch: Branch, reach: float = math.inf) -> bool:
     """Whether a solution lies on a branch between its ends, at any place.
 
-    False where it cannot be told: the branch has other unknowns, or other parameters than the
+    False where it cannot be decided: the branch has other unknowns, or other parameters than the
     free one differ. `reach` is the distance from a place where curves meet to the point on one of
     them: what is less close than a thousandth of it is on another one.
     """

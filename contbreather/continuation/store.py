@@ -129,7 +129,7 @@ def _verified(path: str | Path) -> bytes:
     """The netCDF part of a file that `save` wrote, if it is as it was."""
     with opened(path) as file:
         if file.read(len(_SIGNATURE)) != _SIGNATURE:
-            raise BadInput(f"cannot read {path}: it is no netCDF-4 file")
+            raise BadInput(f"cannot read {path}: it is not a netCDF-4 file")
         size = file.seek(0, os.SEEK_END)
         file.seek(max(0, size - _SEALED))
         seal = file.read()

@@ -43,8 +43,8 @@ class NothingToSwitch(BadInput):
 
 
 class ArmsCoincide(NotConverged):
-    """An arm is no new curve: `arm` is what was walked, `other` the branch or direction it follows,
-    `distance` how far apart they are after the first step, relative to it."""
+    """An arm is not a new curve: `arm` is what was walked, `other` the branch or direction it
+    follows, `distance` how far apart they are after the first step, relative to it."""
 
     def __init__(self, message: str, arm: Branch, other: Any, distance: float) -> None:
         super().__init__(message, residual=distance)
@@ -162,7 +162,7 @@ def _nothing(point: Point) -> str:
     if point.event is None and point.kind not in ("", "EP", "MX"):
         return " was loaded without its equations; load(path, problem=...) attaches them"
     if point.event is None:
-        what = "where a branch ends" if point.kind else "no special point"
+        what = "where a branch ends" if point.kind else "not a special point"
         return f" is {what}; switch at a BP, PF or PD of a branch"
     if not point.located and lift_of(point) is not None:
         reason = point.detail.get("reason", "no reason kept")

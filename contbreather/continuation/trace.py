@@ -78,9 +78,9 @@ def trace(
     Parameters
     ----------
     start : Problem, Orbit or Point
-        Where to begin. A start that is no solution is moved onto one at the same parameters; where
-        none is found, onto the nearest with another value of the free one; or it is refused with
-        its residual. How far it was moved says ``branch.moved``.
+        Where to begin. A start that is not a solution is moved onto one at the same parameters;
+        where none is found, onto the nearest with another value of the free one; or it is refused
+        with its residual. How far it was moved says ``branch.moved``.
     free : str
         Name of the free parameter. Folds in it are passed without notice.
     within : dict, optional
@@ -112,7 +112,7 @@ def trace(
     BadInput
         For unknown names, empty windows, a start outside its window.
     NotConverged
-        If the start is no solution and none is near.
+        If the start is not a solution and none is near.
     Interrupted
         On Ctrl-C; its ``partial`` is the branch up to there, or None.
 
@@ -519,7 +519,8 @@ class Walker:
             if event.walls and value < -1e-9:
                 raise BadInput(
                     f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
-                    "positive values are meant; start elsewhere, or lift it by inadmissible=True"
+                    "positive values are admissible; start elsewhere, or lift it by "
+                    "inadmissible=True"
                 )
         return values
 

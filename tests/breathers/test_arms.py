@@ -293,7 +293,7 @@ def test_only_a_located_pitchfork_of_breathers_has_arms():
     branch = trace(start, "a", towards="up", within={"a": (0, 0.9)})
     with pytest.raises(BadInput, match=r"a EP: a located PF or PD"):
         lift(branch[0])
-    with pytest.raises(BadInput, match="no special point"):
+    with pytest.raises(BadInput, match="not a special point"):
         lift(branch[1])
     off = replace(branch.first("PF"), z=branch.first("PF").z + 0.01)
     with pytest.raises(NotConverged, match="is not a PF"):

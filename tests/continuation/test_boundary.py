@@ -140,7 +140,7 @@ def test_events_of_the_problem_are_met_on_a_boundary_and_carry_both_names() -> N
     assert line.began is Stop.EVENT or line.stop is Stop.EVENT
     met = line.first("LP-UZ")
     assert met["mu"] == pytest.approx(0.3, abs=1e-14)
-    assert met.event.met is events[2]
+    assert met.event.base is events[2]
 
 
 def test_a_meeting_located_by_both_loci_is_sharp() -> None:
@@ -272,9 +272,9 @@ def test_a_user_value_traced_in_two_parameters_is_a_contour_line() -> None:
 
 def test_what_cannot_be_traced_is_refused_with_a_sentence(planar: Branch) -> None:
     point = planar.first("LP")
-    with pytest.raises(BadInput, match="is no special point: nothing to trace as a boundary"):
+    with pytest.raises(BadInput, match="is not a special point: nothing to trace as a boundary"):
         boundary(planar[3], ("b2", "b1"))
-    with pytest.raises(BadInput, match="is no special point"):
+    with pytest.raises(BadInput, match="is not a special point"):
         boundary(planar.first("EP"), ("b2", "b1"))
     mine = Event("XY", lambda point: point["x"])
     crossing = trace(takens(), "b1", events=[mine], within={"b1": (-1, 1)}).first("XY")
@@ -286,8 +286,8 @@ def test_what_cannot_be_traced_is_refused_with_a_sentence(planar: Branch) -> Non
     for pair, sentence in (
         (("b2", "b2"), r"needs two different parameters, got \('b2', 'b2'\)"),
         (("b2",), "needs two different parameters"),
-        (("b2", "x"), r"'x' is no parameter here; it has \['b1', 'b2'\]"),
-        (("nu", "b1"), "'nu' is no parameter here"),
+        (("b2", "x"), r"'x' is not a parameter here; it has \['b1', 'b2'\]"),
+        (("nu", "b1"), "'nu' is not a parameter here"),
     ):
         with pytest.raises(BadInput, match=sentence):
             boundary(point, pair)

@@ -132,7 +132,7 @@ def test_a_curve_that_crosses_itself_is_one_branch_and_one_crossing() -> None:
     assert len(tree) == 1
     assert [place.name for place in tree.places[0]].count("branch 0: BP1") == 2
     assert len([p for p in tree.special if p.kind == "BP"]) == 1
-    assert [str(meeting) for meeting in tree.met] == ["branch 0: BP1 leads to branch 0"]
+    assert [str(meeting) for meeting in tree.meetings] == ["branch 0: BP1 leads to branch 0"]
 
 
 def test_the_same_from_a_start_on_the_loop() -> None:
@@ -178,7 +178,7 @@ def test_an_imperfect_pitchfork_has_one_curve_and_no_false_switch(h: float) -> N
     for case in imperfect(h):
         tree = diagram(case.problem, case.free, within=case.within, events=STATIC, depth=3)
         assert len(tree) == 1
-        assert (tree.met, tree.failed, tree.left) == ((), (), ())
+        assert (tree.meetings, tree.failed, tree.left) == ((), (), ())
 
 
 def test_lorenz_from_one_side_finds_the_origin_and_knows_the_other_side() -> None:
@@ -209,7 +209,7 @@ def test_the_cascade_goes_on_where_cycles_are_all_but_their_parents() -> None:
     tree = diagram(logistic, "r", within={"r": (1.5, 3.5698)}, depth=6)
     labels = [branch.problem.label for branch in tree]
     assert labels == ["fixed point", *(f"cycle of period {2**i}" for i in range(1, 7))]
-    assert (tree.met, tree.failed, tree.left) == ((), (), ())
+    assert (tree.meetings, tree.failed, tree.left) == ((), (), ())
 
 
 def test_an_arm_that_is_its_own_parent_is_a_failure_and_no_meeting() -> None:
@@ -225,8 +225,8 @@ def test_an_arm_that_is_its_own_parent_is_a_failure_and_no_meeting() -> None:
 
     mine = scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}, lifts={"ODD": lift})
     tree = diagram(mine, "mu", within=MU, events=[Event("ODD", lambda p: p["mu"])])
-    assert (len(tree), tree.met, len(tree.failed)) == (1, (), 1)
-    assert "cannot be told from the branch it was to leave" in str(tree.failed[0])
+    assert (len(tree), tree.meetings, len(tree.failed)) == (1, (), 1)
+    assert "cannot be distinguished from the branch it was to leave" in str(tree.failed[0])
 
 
 def test_a_bubble_of_doubled_cycles_closes_on_both_doublings() -> None:
@@ -330,7 +330,7 @@ def test_an_interruption_before_the_first_point_has_nothing_to_hand_over() -> No
 
 
 def test_a_start_that_is_no_solution_is_refused_like_anywhere() -> None:
-    with pytest.raises(NotConverged, match="no solution"):
+    with pytest.raises(NotConverged, match="is not a solution"):
         grown(scalar(lambda x, p: 1 + x**2 + p["mu"] ** 2, 0.0, {"mu": 0.0}))
 
 

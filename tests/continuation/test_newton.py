@@ -30,7 +30,7 @@ def test_equations_without_slope_that_do_not_vanish_end_a_branch_where_they_begi
 @pytest.mark.parametrize("mu", [9e-7, 1e-9])
 def test_just_beyond_a_fold_there_is_no_solution(mu: float) -> None:
     problem = scalar(lambda x, p: x**2 + p["mu"], 0.0, {"mu": mu})
-    with pytest.raises(NotConverged, match=f"is no solution: residual {mu:g}"):
+    with pytest.raises(NotConverged, match=f"is not a solution: residual {mu:g}"):
         problem.solve()
 
 
@@ -45,7 +45,7 @@ def test_a_fold_is_found_from_a_start_just_beyond_it(beyond: float) -> None:
 
 @pytest.mark.parametrize("x", [0.0, 1e-9, 0.3, 1.0])
 def test_small_equations_are_not_solved_for_being_small(x: float) -> None:
-    with pytest.raises(NotConverged, match="is no solution"):
+    with pytest.raises(NotConverged, match="is not a solution"):
         scalar(lambda x, p: 1e-7 * (1 + x**2), x, {"mu": 0.0}).solve()
 
 

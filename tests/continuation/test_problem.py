@@ -59,7 +59,7 @@ def test_unknown_names_are_refused_with_the_known_ones() -> None:
     with pytest.raises(BadInput, match=r"no 'nu' in this problem; it has \['x', 'mu'\]"):
         LINE.problem.at(nu=1.0)
     for name in ("nu", "x"):
-        with pytest.raises(BadInput, match=rf"{name!r} is no parameter of this problem"):
+        with pytest.raises(BadInput, match=rf"{name!r} is not a parameter of this problem"):
             trace(LINE.problem, name)
     with pytest.raises(BadInput, match="towards must be 'both', 'up' or 'down', got 'left'"):
         trace(LINE.problem, "mu", towards="left")

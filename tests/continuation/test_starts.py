@@ -45,7 +45,7 @@ def test_a_window_that_is_no_pair_of_numbers_is_refused(window) -> None:
 
 @pytest.mark.parametrize("free", [["mu"], ("mu",), None, 3])
 def test_the_free_parameter_is_named(free) -> None:
-    with pytest.raises(BadInput, match=r"is no parameter of this problem; it has \['mu'\]"):
+    with pytest.raises(BadInput, match=r"is not a parameter of this problem; it has \['mu'\]"):
         trace(LINE.problem, free)
 
 
@@ -242,7 +242,7 @@ def test_a_start_is_not_moved_out_of_the_domain() -> None:
     )
     assert moved[0]["mu"] < 0
     bounded = cb.Problem(lambda x, p: x**2 + p["mu"], **options, domain={"mu": (0.005, 1)})
-    with pytest.raises(NotConverged, match="is no solution"):
+    with pytest.raises(NotConverged, match="is not a solution"):
         cb.trace(bounded, "mu")
 
 

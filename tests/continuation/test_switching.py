@@ -230,7 +230,7 @@ def refused(point: object) -> NothingToSwitch:
 @pytest.mark.slow
 def test_points_that_no_branch_leaves_are_refused_with_the_point() -> None:
     branch = trace_case(LORENZ)
-    assert "is no special point" in str(refused(branch[3]))
+    assert "is not a special point" in str(refused(branch[3]))
     assert "is where a branch ends" in str(refused(branch.special[0]))
     assert "no other branch is known to leave a HB" in str(refused(branch.first("HB")))
     assert "leave a LP" in str(refused(trace_case(CIRCLE).first("LP")))

@@ -61,7 +61,7 @@ def test_a_start_near_a_solution_is_moved_onto_it_at_the_same_parameters() -> No
 
 def test_a_start_that_is_no_solution_is_refused_with_its_residual() -> None:
     none = scalar(lambda x, p: x**2 + p["mu"], 1.0, {"mu": 1.0})
-    with pytest.raises(NotConverged, match=r"x=1, mu=1 is no solution: residual 2") as refused:
+    with pytest.raises(NotConverged, match=r"x=1, mu=1 is not a solution: residual 2") as refused:
         trace(none, "mu")
     assert refused.value.residual == 2.0
 
