@@ -103,7 +103,8 @@ def boundary_problem(
     of its unknowns."""
     if not isinstance(pair, tuple | list) or len(pair) != 2 or pair[0] == pair[1]:
         raise BadInput(f"a boundary needs two different parameters, got {pair!r}")
-    base, given = scope(ground.problem, all_of(events), inadmissible=inadmissible)
+    asked = all_of(events)
+    base, given = scope(ground.problem, asked, inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
             raise BadInput(f"{name!r} is not a parameter here; it has {list(base.params)}")
@@ -123,7 +124,7 @@ def boundary_problem(
         for one in locus.meets.get(other.kind, (meeting(event.kind, other),))
     ]
     own = locus.events
-    if events is not None and not given:  # only what the curve cannot be followed beyond
+    if asked == ():  # only what the curve cannot be followed beyond
         own = tuple(one for one in own if one.ends)
     if walls_are_lifted(base) and event.walls:  # what ends it is another wall
         own = tuple(one for one in own if not (isinstance(one, Meeting) and one.base.walls))

@@ -151,9 +151,9 @@ def cusp() -> Event:
 
 def _examine_cusp(point: Point) -> Examined:
     ground = point.ground
-    quadratic, cubic = normal_forms.cubic_at_cusp(ground.curve, ground.z)
+    quadratic, cubic = normal_forms.cubic_at_cusp(point)
     # its terms may all vanish at once (h + mu x + x^5): then it is small against the equations
-    unit = float(ground.curve.rows.max()) / normal_forms.Forms(ground.curve, ground.z).reach ** 2
+    unit = float(ground.curve.rows.max()) / normal_forms.Forms(point).reach ** 2
     # where two folds are mirror images both vanish, and location is good to 1e-6 only
     small = 1e-5 * (cubic.size + quadratic.size) + 1e-6 * unit
     if abs(cubic.value) <= small:
@@ -214,12 +214,10 @@ def _examine_hopf(point: Point) -> Examined:
         return (
             f"a neutral saddle: the eigenvalues {pair[0].real:.3g} and {pair[1].real:.3g} are real"
         )
-    ground, square = point.ground, point.detail.get("omega2")
+    square = point.detail.get("omega2")
     omega = math.sqrt(square) if square and square > 0 else _frequency(_eigenvalues(point)[0])
     return {"omega": omega} | normal_forms.criticality(
-        "l1",
-        lambda: normal_forms.lyapunov(ground.curve, ground.z, omega),
-        stable_if_negative=True,
+        "l1", lambda: normal_forms.lyapunov(point, omega), stable_if_negative=True
     )
 
 
@@ -255,7 +253,7 @@ def _examine_double_zero(point: Point) -> Examined:
     ends, and one of branch points meets it. Both coefficients, and why it is another if it is."""
     ground = point.ground
     try:
-        a, b = normal_forms.takens_bogdanov(ground.curve, ground.z)
+        a, b = normal_forms.takens_bogdanov(point)
     except OUT_OF_DOMAIN as error:
         return str(error)
     found: dict[str, Any] = {"a": a.value.real, "b": b.value.real}
@@ -293,8 +291,7 @@ def _frequency(values: Values) -> float:
 
 def _eigenvalues(point: Point) -> tuple[Values, float]:
     """Eigenvalues of the flow, and how small one must be to be zero."""
-    ground = point.ground
-    matrix = normal_forms.Forms(ground.curve, ground.z).A
+    matrix = normal_forms.Forms(point).A
     return np.linalg.eigvals(matrix).astype(complex), _CLOSE * float(np.linalg.norm(matrix, 2))
 
 
@@ -306,17 +303,13 @@ def _lyapunov_on_hopf(point: Point) -> float:
     square = point["omega2"]
     if not square > 0:
         return math.nan  # beyond BT
-    ground = point.ground
-    l1 = normal_forms.value_or_nan(
-        lambda: normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(square))
-    )
-    return l1 * loci.signed_smallest(normal_forms.Forms(ground.curve, ground.z).A)
+    l1 = normal_forms.value_or_nan(lambda: normal_forms.lyapunov(point, math.sqrt(square)))
+    return l1 * loci.signed_smallest(normal_forms.Forms(point).A)
 
 
 def _examine_generalised(point: Point) -> str:
-    ground = point.ground
-    l1 = normal_forms.lyapunov(ground.curve, ground.z, math.sqrt(point["omega2"]))
-    if not normal_forms.vanishes(l1, ground.curve, ground.z):
+    l1 = normal_forms.lyapunov(point, math.sqrt(point["omega2"]))
+    if not normal_forms.vanishes(l1, point):
         return f"the first Lyapunov coefficient {l1.value.real:.2g} is not zero"
     values, small = _eigenvalues(point)
     if (abs(values.real) < small).sum() != 2:

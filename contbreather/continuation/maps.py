@@ -148,10 +148,7 @@ def _examine_flip(point: Point) -> Examined:
         return f"no multiplier is -1: the nearest is {sizes[-1]:.2g} off"
     if sizes.size > 1 and sizes[-2] < _RANK * max(1.0, sizes[0]):
         return "two multipliers are -1, with two eigenvectors: not a simple period doubling"
-    ground = point.ground
-    return normal_forms.criticality(
-        "c", lambda: normal_forms.flip(ground.curve, ground.z), stable_if_negative=False
-    )
+    return normal_forms.criticality("c", lambda: normal_forms.flip(point), stable_if_negative=False)
 
 
 def _doubled(point: Point) -> Lift:
@@ -207,9 +204,7 @@ def _examine_rotation(point: Point) -> Examined:
     ground = point.ground
     angle = math.acos(max(-1.0, min(1.0, point.detail.get("cosine", _circle_pair(ground)[0]))))
     return {"angle": angle} | normal_forms.criticality(
-        "d",
-        lambda: normal_forms.rotation(ground.curve, ground.z, angle),
-        stable_if_negative=True,
+        "d", lambda: normal_forms.rotation(point, angle), stable_if_negative=True
     )
 
 
@@ -272,14 +267,13 @@ def _flip_coefficient(point: Point) -> float:
     """c without its poles, at R2 and fold-flips."""
     ground = point.ground
     poles = _overlap(-1)(point) if ground.curve.size > 1 else 1.0
-    c = normal_forms.value_or_nan(lambda: normal_forms.flip(ground.curve, ground.z))
+    c = normal_forms.value_or_nan(lambda: normal_forms.flip(point))
     return c * poles * loci.signed_smallest(units(ground) - np.eye(ground.curve.size))
 
 
 def _examine_generalised_flip(point: Point) -> str:
-    ground = point.ground
-    c = normal_forms.flip(ground.curve, ground.z)
-    if not normal_forms.vanishes(c, ground.curve, ground.z):
+    c = normal_forms.flip(point)
+    if not normal_forms.vanishes(c, point):
         return f"the coefficient c = {c.value.real:.2g} is not zero"
     return ""
 
@@ -290,16 +284,13 @@ def _rotation_coefficient(point: Point) -> float:
     ground, cosine = point.ground, point["cosine"]
     if not -1 < cosine < 1:
         return math.nan
-    d = normal_forms.value_or_nan(
-        lambda: normal_forms.rotation(ground.curve, ground.z, math.acos(cosine))
-    )
+    d = normal_forms.value_or_nan(lambda: normal_forms.rotation(point, math.acos(cosine)))
     return d * loci.signed_smallest(units(ground) - np.eye(ground.curve.size))
 
 
 def _examine_chenciner(point: Point) -> str:
-    ground = point.ground
-    d = normal_forms.rotation(ground.curve, ground.z, math.acos(point["cosine"]))
-    if not normal_forms.vanishes(d, ground.curve, ground.z):
+    d = normal_forms.rotation(point, math.acos(point["cosine"]))
+    if not normal_forms.vanishes(d, point):
         return f"Re d = {d.value.real:.2g} is not zero"
     return ""
 

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .curve import Curve
 from .newton import OUT_OF_DOMAIN, Undefined
+from .point import Point
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -67,14 +67,15 @@ class Coefficient:
 
 
 class Forms:
-    """The derivatives of a curve's equations in its unknowns at z, in units of its scales."""
+    """The derivatives of the equations at a point in their unknowns, in units of their scales."""
 
-    def __init__(self, curve: Curve, z: Array) -> None:
-        self.curve, self.z = curve, z
-        self.n = curve.size
-        self.scales = curve.scales[: self.n]
-        self.A = self._matrix(z)
-        self.reach = max(1.0, float(abs(z[: self.n] / self.scales).max()))
+    def __init__(self, point: Point) -> None:
+        ground = point.ground
+        self.curve, self.z = ground.curve, ground.z
+        self.n = self.curve.size
+        self.scales = self.curve.scales[: self.n]
+        self.A = self._matrix(self.z)
+        self.reach = max(1.0, float(abs(self.z[: self.n] / self.scales).max()))
 
     def _matrix(self, z: Array) -> Array:
         """The Jacobian between unknowns in their scales: similar to the one in plain units."""
@@ -180,28 +181,28 @@ def criticality(
     return {name: plain, "criticality": kind}
 
 
-def vanishes(found: Coefficient, curve: Curve, z: Array) -> bool:
+def vanishes(found: Coefficient, point: Point) -> bool:
     """Whether the real part of a cubic coefficient is zero. Its terms may all vanish at once: then
     it is small against a term of order one."""
-    return abs(found.value.real) <= 1e-6 * (found.size + Forms(curve, z).reach ** -2)
+    return abs(found.value.real) <= 1e-6 * (found.size + Forms(point).reach ** -2)
 
 
 # --- flows ------------------------------------------------------------------------------------
 
 
-def lyapunov(curve: Curve, z: Array, omega: float) -> Coefficient:
+def lyapunov(point: Point, omega: float) -> Coefficient:
     """First Lyapunov coefficient l1 of the flow ``x' = F`` where F_x has eigenvalues ``+-i omega``.
 
     Negative: a stable limit cycle appears on the centre manifold (supercritical).
     """
-    found = _of_pair(curve, z, 1j * omega, 2j * omega, 2 * omega)
+    found = _of_pair(point, 1j * omega, 2j * omega, 2 * omega)
     return replace(found, value=found.value.real)
 
 
-def _of_pair(curve: Curve, z: Array, value: complex, second: complex, unit: complex) -> Coefficient:
+def _of_pair(point: Point, value: complex, second: complex, unit: complex) -> Coefficient:
     """The cubic coefficient of a pair of eigenvalues; `second` is what the square of its amplitude
     turns by."""
-    forms = Forms(curve, z)
+    forms = Forms(point)
     q, p = eigenvectors(forms.A - value * np.eye(forms.n))
     real, imaginary = forms.jet(q.real), forms.jet(q.imag)
     # B(q, .), the conjugate of B(conj(q), .), and C(q, q, conj(q))
@@ -213,12 +214,12 @@ def _of_pair(curve: Curve, z: Array, value: complex, second: complex, unit: comp
     return Coefficient(sum(parts), sum(abs(part) for part in parts))
 
 
-def cubic_at_cusp(curve: Curve, z: Array) -> tuple[Coefficient, Coefficient]:
+def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     """Quadratic and cubic coefficient on the centre manifold of a zero eigenvalue.
 
     At a cusp the first vanishes and the second does not.
     """
-    forms = Forms(curve, z)
+    forms = Forms(point)
     q, p = eigenvectors(forms.A)
     jet = forms.jet(q)
     bent = jet.B @ q
@@ -232,12 +233,12 @@ def cubic_at_cusp(curve: Curve, z: Array) -> tuple[Coefficient, Coefficient]:
     return Coefficient(quadratic, size), replace(cubic, size=cubic.size + forms.reach**-2)
 
 
-def takens_bogdanov(curve: Curve, z: Array) -> tuple[Coefficient, Coefficient]:
+def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     """The coefficients a > 0 and b of ``x' = y, y' = a x^2 + b x y`` at a double zero.
 
     Raises `Undefined` where the zero eigenvalue is not double with one eigenvector.
     """
-    forms = Forms(curve, z)
+    forms = Forms(point)
     left, sizes, right = np.linalg.svd(forms.A)
     q0, p1 = right[-1], left[:, -1]
     small = _DEFECTIVE * max(float(sizes[0]), 1e-300)
@@ -260,17 +261,17 @@ def takens_bogdanov(curve: Curve, z: Array) -> tuple[Coefficient, Coefficient]:
 # --- maps: the equations are F(x) = G(x) - x, the multipliers those of F_x + 1 ------------------
 
 
-def flip(curve: Curve, z: Array) -> Coefficient:
+def flip(point: Point) -> Coefficient:
     """Coefficient c of ``u -> -u + c u^3`` at a multiplier -1; positive: a stable doubled cycle
     appears (supercritical)."""
-    forms = Forms(curve, z)
+    forms = Forms(point)
     q, p = eigenvectors(forms.A + 2 * np.eye(forms.n))
     jet = forms.jet(q)
     h = solve(-forms.A, jet.B @ q)
     return _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
 
 
-def rotation(curve: Curve, z: Array, angle: float) -> Coefficient:
+def rotation(point: Point, angle: float) -> Coefficient:
     """Coefficient d of ``w -> exp(i angle) w (1 + d |w|^2)`` at a pair on the unit circle.
 
     Its real part negative: a stable closed curve appears (supercritical).
@@ -280,4 +281,4 @@ def rotation(curve: Curve, z: Array, angle: float) -> Coefficient:
     mu = np.exp(1j * angle)
     if min(abs(mu**k - 1) for k in (1, 2, 3)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
-    return _of_pair(curve, z, mu - 1, mu**2 - 1, 2 * mu)
+    return _of_pair(point, mu - 1, mu**2 - 1, 2 * mu)

@@ -22,6 +22,7 @@ from contbreather.continuation import normal_forms as forms
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.newton import Undefined
+from contbreather.continuation.point import Point
 
 from .zoo import BRUSSELATOR, LORENZ, Array, takens, trace_case
 
@@ -335,7 +336,7 @@ def test_coefficients_of_takens_bogdanov_survive_a_change_of_coordinates() -> No
         return T @ np.array([y, p["h"] + 2 * x * x - 3 * x * y, -z + p["k"] * x * y])
 
     curve = Curve(Problem(residual, {"u": np.zeros(3)}, {"h": 0.0, "k": 0.7}), ("h",))
-    a, b = forms.takens_bogdanov(curve, np.zeros(4))
+    a, b = forms.takens_bogdanov(Point(curve, np.zeros(4)))
     # |q0| = 1 fixes the length unit along the null vector T e1
     length = float(np.linalg.norm(T[:, 0]))
     assert abs(a.value) == pytest.approx(2 / length, rel=1e-9)
@@ -349,7 +350,7 @@ def test_cubic_coefficient_at_a_cusp_includes_the_slaved_direction() -> None:
         {"x": 0.0, "y": 0.0},
         {"h": 0.0},
     )
-    quadratic, cubic_one = forms.cubic_at_cusp(Curve(mine, ("h",)), np.zeros(3))
+    quadratic, cubic_one = forms.cubic_at_cusp(Point(Curve(mine, ("h",)), np.zeros(3)))
     assert abs(quadratic.value) < 1e-12
     assert cubic_one.value == pytest.approx(1.0, rel=1e-10)
 
@@ -368,7 +369,7 @@ def test_conservative_systems_have_no_sign() -> None:
 def test_a_double_eigenvalue_has_no_simple_normal_form() -> None:
     curve = Curve(takens().at(x=0.0, b1=0.0, b2=0.0), ("b1",))
     with pytest.raises(Undefined, match="double eigenvalue"):
-        forms.cubic_at_cusp(curve, np.zeros(3))
+        forms.cubic_at_cusp(Point(curve, np.zeros(3)))
 
 
 @pytest.mark.parametrize("angle", [0.0, math.pi, 2 * math.pi / 3])
@@ -376,7 +377,7 @@ def test_strong_resonances_have_another_normal_form(angle: float) -> None:
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     mine = FixedPoint(lambda u, p: p["s"] * turn @ u, {"u": np.zeros(2)}, {"s": 1.0})
     with pytest.raises(Undefined, match="strong resonance"):
-        forms.rotation(Curve(mine, ("s",)), np.array([0.0, 0.0, 1.0]), angle)
+        forms.rotation(Point(Curve(mine, ("s",)), np.array([0.0, 0.0, 1.0])), angle)
 
 
 def test_scales_measure_the_eigenvector() -> None:
@@ -396,7 +397,7 @@ def test_derivatives_along_a_direction_suit_functions_that_bend_within_short_dis
     """B and C of ``sin(k x)`` for any k: the step adapts."""
     for k in (0.1, 1.0, 30.0, 1000.0):
         mine = Problem(lambda x, p, k=k: np.sin(k * x) + p["h"], {"x": 0.3}, {"h": 0.0})
-        jet = forms.Forms(Curve(mine, ("h",)), np.array([0.3, 0.0])).jet(np.array([1.0]))
+        jet = forms.Forms(Point(Curve(mine, ("h",)), np.array([0.3, 0.0]))).jet(np.array([1.0]))
         assert jet.B[0, 0] == pytest.approx(-(k**2) * math.sin(0.3 * k), rel=1e-8, abs=1e-8 * k)
         assert jet.C[0, 0] == pytest.approx(-(k**3) * math.cos(0.3 * k), rel=1e-6, abs=1e-8 * k)
 
@@ -407,8 +408,8 @@ def test_a_rim_beside_the_point_shortens_the_step() -> None:
             raise ValueError("beyond the rim")
         return x**3 + p["h"]
 
-    jet = forms.Forms(Curve(Problem(residual, {"x": 1.0}, {"h": 0.0}), ("h",)),
-                      np.array([1.0, 0.0])).jet(np.array([1.0]))  # fmt: skip
+    curve = Curve(Problem(residual, {"x": 1.0}, {"h": 0.0}), ("h",))
+    jet = forms.Forms(Point(curve, np.array([1.0, 0.0]))).jet(np.array([1.0]))
     assert jet.B[0, 0] == pytest.approx(6.0, rel=1e-9)
     assert jet.C[0, 0] == pytest.approx(6.0, rel=1e-5)
 
@@ -431,7 +432,7 @@ def test_the_cost_is_a_few_jacobians_whatever_the_size() -> None:
     curve = Curve(mine, ("m",))
     curve.jacobian(curve.start)
     calls = 0
-    l1 = forms.lyapunov(curve, curve.start, 1.0)
+    l1 = forms.lyapunov(Point(curve, curve.start), 1.0)
     assert l1.value == pytest.approx(-0.75, rel=1e-9)  # -3/8 a^3 of the cubic, |q|^2 = 1
     assert calls <= 65
 
