@@ -17,7 +17,9 @@ takes more than ten times as long as usual (at least 60 s) hangs: caught.
 No fault, and so never planted: arguments of max, min and their like exchanged; a tolerance (below
 1e-3) twice as large, or an integer above 16 one larger (both are meant to an order of magnitude;
 they are multiplied by 10^4); an index [0] made [-1]; `strict=`, decorators, annotations, sentences
-of errors. Of comparisons three in four are turned round, one is made to hold (or not) at equality.
+of errors; `continue` where the loop's body ends anyway; what guards a division from 0 (below
+1e-100); equality with a number that is no multiple of 1/4, which no float hits. Of other comparisons
+three in four are turned round, one is made to hold (or not) at equality.
 """
 
 from __future__ import annotations
@@ -131,6 +133,25 @@ def source(root: Path, name: str) -> Source:
     return Source(name, raw, ast.parse(raw), starts)
 
 
+def tails(body: list[ast.stmt]) -> list[ast.stmt]:
+    """The statements after which a body is at its end."""
+    last = body[-1]
+    inner = [getattr(last, name, []) for name in ("body", "orelse", "finalbody")]
+    inner += [handler.body for handler in getattr(last, "handlers", [])]
+    if isinstance(last, (ast.If, ast.With, ast.Try)):
+        return [one for part in inner if part for one in tails(part)]
+    return [last]
+
+
+def between(node: ast.AST) -> bool:
+    """Whether this is a number that no float is by more than chance, as 1e-9 or 1.0 + 1e-6."""
+    number = (ast.Constant, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop)
+    if any(not isinstance(one, number) for one in ast.walk(node)):
+        return False
+    value = eval(compile(ast.Expression(node), "number", "eval"))
+    return isinstance(value, float) and not (4 * value).is_integer()
+
+
 class Finder(ast.NodeVisitor):
     """All faults of one file."""
 
@@ -140,6 +161,8 @@ class Finder(ast.NodeVisitor):
         self.function: list[ast.FunctionDef] = []
         self.assigned: list[set[str]] = []
         self.in_default: ast.FunctionDef | None = None
+        loops = (n for n in ast.walk(src.tree) if isinstance(n, (ast.For, ast.While)))
+        self.idle = {id(last) for loop in loops for last in tails(loop.body)}
 
     # -- keeping places ---------------------------------------------------------------------
 
@@ -234,6 +257,7 @@ class Finder(ast.NodeVisitor):
         if not self.function:
             return
         gone = isinstance(node, (ast.AugAssign, ast.Raise, ast.Continue, ast.Break))
+        gone = gone and not (isinstance(node, ast.Continue) and id(node) in self.idle)
         if isinstance(node, ast.Expr):
             gone = not isinstance(node.value, (ast.Constant, ast.Yield, ast.YieldFrom))
         elif isinstance(node, ast.Assign):
@@ -332,6 +356,8 @@ class Finder(ast.NodeVisitor):
         left = node.left
         for op, right in zip(node.ops, node.comparators, strict=False):
             old, news = SWAP[type(op)]
+            if not ALL and len(news) == 2 and (between(left) or between(right)):
+                news = news[:1]
             self.gap("compare", left, right, old, news)
             left = right
         self.generic_visit(node)
@@ -397,7 +423,8 @@ class Finder(ast.NodeVisitor):
             for new in (f"(2 * {text})", f"({text} * 10000)", f"({text} + 1)", f"(-{text})"):
                 small = "2 *" in new and abs(value) < 1e-3
                 long = "+ 1" in new and isinstance(value, int) and value > 16
-                if (value != 0 or "+" in new) and (ALL or not (small or long)):
+                guard = 0 < abs(value) < 1e-100
+                if (value != 0 or "+" in new) and (ALL or not (small or long or guard)):
                     self.replace("constant", node, new)
         elif isinstance(value, str) and value:
             raw = self.src.text(node)
