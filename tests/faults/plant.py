@@ -18,8 +18,8 @@ No fault, and so never planted: arguments of max, min and their like exchanged; 
 1e-3) twice as large, or an integer above 16 one larger (both are meant to an order of magnitude;
 they are multiplied by 10^4); an index [0] made [-1]; `strict=`, decorators, annotations, sentences
 of errors; `continue` where the loop's body ends anyway; what guards a division from 0 (below
-1e-100); equality with a number that is no multiple of 1/4, which no float hits. Of other comparisons
-three in four are turned round, one is made to hold (or not) at equality.
+1e-100); equality with a number that is no multiple of 1/4, which no float hits. Of the rest of them
+three in four comparisons are turned round, one is made to hold (or not) at equality.
 """
 
 from __future__ import annotations

@@ -1,0 +1,145 @@
+"""What an orbit is asked to be: its impacts, its turns and its sign; and its other descriptions."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.breathers.images import images_of, shifted, simpler_than
+from contbreather.breathers.orbit import orbit_at
+from contbreather.breathers.section import Section
+from contbreather.errors import BadInput
+
+HERE: dict[str, Any] = {"a": 0.5, "gamma": 0.02, "k": 0.8}
+TWO = ((0, 1), (0, -1))
+
+
+# --- sections -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("impacts", "turns", "sign", "length", "period", "local", "two"),
+    [
+        (TWO, 1, 1, 2 * math.pi, 2 * math.pi, True, True),
+        (TWO, 2, 1, 4 * math.pi, 4 * math.pi, True, False),
+        (((0, -1), (0, 1)), 1, 1, 2 * math.pi, 2 * math.pi, True, False),
+        (((0, 1),), 1, -1, math.pi, 2 * math.pi, True, False),
+        (((0, 1),), 3, -1, 3 * math.pi, 6 * math.pi, True, False),
+        (((0, 1), (3, -1)), 1, 1, 2 * math.pi, 2 * math.pi, False, False),
+        (((0, 1), (3, 1), (0, -1)), 1, -1, math.pi, 2 * math.pi, False, False),
+    ],
+)
+def test_a_section_knows_how_long_it_is_and_who_hits(
+    impacts, turns, sign, length, period, local, two
+) -> None:
+    own = Section(impacts, turns, sign)
+    assert (own.length, own.period) == pytest.approx((length, period))
+    assert own.symmetric == (sign < 0)
+    assert own.count == len(impacts)
+    assert own.hit == tuple(sorted({n for n, _ in impacts}))
+    assert (own.local, own.two_impacts) == (local, two)
+
+
+def test_half_a_symmetric_section_is_unfolded_upside_down() -> None:
+    half = Section(((0, 1), (2, -1)), 3, -1)
+    assert half.unfolded() == Section(((0, 1), (2, -1), (0, -1), (2, 1)), 3)
+    whole = Section(TWO)
+    assert whole.unfolded() is whole
+    assert whole.doubled() == Section(TWO * 2, 2)
+    with pytest.raises(BadInput, match="a symmetric orbit does not double its period; break its"):
+        half.doubled()
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ((TWO, 0), r"turns = 0: periods are 2 pi n with a whole n >= 1"),
+        ((TWO, -1), r"turns = -1: periods are"),
+        ((TWO, 1.0), r"turns = 1\.0: periods are"),
+        ((TWO, True), r"turns = True: periods are"),
+        ((TWO, 1, 0), r"sign = 0: a section closes with the sign 1 or -1"),
+        ((TWO, 1, 2), r"sign = 2: a section closes"),
+        ((TWO, 2, -1), r"a symmetric orbit of period 4 pi: .* n = 2 was given"),
+        (((),), r"sequence of impacts is empty"),
+        ((((0, 0),),), r"walls? "),
+        ((((0.5, 1),),), r"0\.5"),
+        ((3,), r"pairs"),
+    ],
+)
+def test_sections_that_cannot_be_are_refused(given, words) -> None:
+    with pytest.raises(BadInput, match=words):
+        Section(*given)
+
+
+def test_sites_of_a_section_are_looked_up_on_its_lattice() -> None:
+    own = Section(((-1, 1), (2, -1)))
+    assert own.placed(cb.Ring(5)).impacts == ((4, 1), (2, -1))
+    assert own.placed(cb.InfiniteChain()) is own
+    for n in (5, -5, 7):
+        with pytest.raises(BadInput, match="no such site on the ring of 5; sites are"):
+            Section(((n, 1),)).placed(cb.Ring(5))
+    assert Section(((4, 1),)).placed(cb.Ring(5)).impacts == ((4, 1),)
+    assert Section(((-4, 1),)).placed(cb.Ring(5)).impacts == ((1, 1),)
+
+
+# --- other descriptions of an orbit ---------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def lopsided():
+    pitchfork = cb.trace(cb.symmetric(0.7, 0.03, 0.8), "a", within={"a": (0.5, 0.9)}).first("PF")
+    return cb.switch(pitchfork, within={"a": (0.5, 0.81)})[0][-1].solution
+
+
+def test_the_mirror_image_of_an_asymmetric_orbit_is_half_a_period_later(lopsided) -> None:
+    (image,) = images_of(lopsided)
+    t = np.linspace(0.0, 2.0 * math.pi, 17) + 0.01
+    for n in (0, 1, 3):
+        assert image.displacement(n, t) == pytest.approx(
+            -lopsided.displacement(n, t + math.pi), abs=1e-10
+        )
+    assert image.sequence == lopsided.sequence
+    assert image.impulses == pytest.approx(-lopsided.impulses[::-1], abs=1e-10)
+    (back,) = images_of(image)
+    assert back.displacement(0, t) == pytest.approx(lopsided.displacement(0, t), abs=1e-10)
+    same = shifted(lopsided, 2)
+    assert same.displacement(0, t) == pytest.approx(lopsided.displacement(0, t), abs=1e-10)
+    assert simpler_than(lopsided) is None
+
+
+def test_half_a_symmetric_orbit_is_its_own_image() -> None:
+    half = orbit_at(cb.shooting(cb.symmetric(**HERE), sites=6))
+    assert list(images_of(half)) == []
+    assert simpler_than(half) is None
+
+
+@pytest.mark.parametrize("parts", [2, 3])
+def test_an_orbit_written_several_times_is_known_as_once(parts: int) -> None:
+    b = cb.symmetric(**HERE)
+    times = {f"t{j + 1}": b.phi + j * math.pi for j in range(2 * parts)}
+    long = orbit_at(
+        cb.shooting(times, sites=4, sequence=TWO * parts, period=2 * math.pi * parts, **HERE)
+    )
+    simple = simpler_than(long)
+    assert simple is not None
+    assert simple.section.turns == 1
+    assert simple.times == pytest.approx(long.times[:2], abs=1e-7)
+    half = simpler_than(simple)
+    assert half is not None
+    assert half.symmetric
+    assert half.times == pytest.approx(long.times[:1], abs=1e-7)
+    assert len(list(images_of(long))) == 2 * parts - 1
+
+
+def test_orbits_under_walls_that_differ_have_no_mirror_image(lopsided) -> None:
+    shared = {"a": 0.5, "gamma": 0.0, "k": 0.8}
+    problem = cb.shooting(
+        {"t1": 0.3, "t2": 3.4}, sites=1, sequence=TWO, walls=(-1.02, 1.0), **shared
+    )
+    orbit = orbit_at(problem)
+    assert list(images_of(orbit)) == []
+    assert simpler_than(orbit) is None
