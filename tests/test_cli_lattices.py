@@ -130,6 +130,15 @@ def _small(typed: str) -> Any:
     return {"ring:12": cb.Ring(12), "grid:3x3": cb.Grid(3, 3)}[typed]
 
 
+def test_springs_are_a_parameter_on_the_infinite_chain_too(run) -> None:
+    line = f"branch --free spring --a 0.6 {AT} --window 0 0.9"
+    columns = content(run, line)["columns"]
+    for i in (0, -1):
+        own = cb.symmetric(0.6, 0.05, 0.8, spring=columns["spring"][i])
+        assert columns["p"][i] == pytest.approx(own.p, abs=1e-11)
+    assert content(run, f"point --a 0.6 {AT} --spring 0.2")["spring"] == 0.2
+
+
 def test_boundary_with_damping_ends_at_the_chain_without(run) -> None:
     line = "boundary PF --pair damping a --gamma 0.04 --k 0.8 --lattice ring:20 --window 0 0.04"
     found = content(run, f"{line} --damping 0.02")
@@ -251,6 +260,10 @@ REFUSED = {
     "spring in resonance": (
         f"{POINT} --lattice open:9 --spring 1",
         r"frequency 1 is in resonance with the orbit: change gamma or spring",
+    ),
+    "spring that closes the gap of the infinite chain": (
+        f"{POINT} --spring 0.9",
+        r"gamma = 0\.05, spring = 0\.9: the band .* must stay below 1",
     ),
     "threshold of the infinite chain": (f"{POINT} --threshold 1.01", r"--threshold needs --sites"),
     "damping of the infinite chain": (f"{POINT} --damping 0.1", r"take Ring\(N\) or another"),
