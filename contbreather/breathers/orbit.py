@@ -32,8 +32,11 @@ ComplexArray = NDArray[np.complex128]
 SAME = 1e-9  # momenta that differ by less, relative to the largest, are equal
 
 
-class Motion(Protocol):
-    """How the flights of one orbit are evaluated."""
+class Road(Protocol):
+    """How the flights of one orbit are evaluated, with the equations and events that belong to it.
+
+    Not all roads lead everywhere: `suits` says where one does, and what it cannot do is None.
+    """
 
     @property
     def conditions(self) -> Conditions: ...
@@ -72,10 +75,6 @@ class Motion(Protocol):
 
     def multipliers(self) -> ComplexArray:
         """All of a finite lattice, over a section."""
-
-
-class Road(Motion, Protocol):
-    """A way to evaluate orbits, with the equations, events and questions that belong to it."""
 
     @staticmethod
     def suits(on: Conditions, section: Section) -> bool:
