@@ -297,3 +297,27 @@ def test_elsewhere_an_orbit_takes_its_own_lattice(half: Any) -> None:
     back = cb.symmetric(**HERE).on(Ring(6))
     assert back.p == pytest.approx(half.p, abs=1e-10)
     assert isinstance(cb.symmetric(**HERE).lattice, InfiniteChain)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"k": 1.5}, r"^k = 1\.5: the restitution coefficient must be a number with 0 <= k <= 1"),
+        ({"k": math.nan}, r"^k = nan: the restitution coefficient"),
+        ({"k": "x"}, r"^k = 'x'"),
+        ({"gamma": 0.3}, r"^gamma = 0\.3: the coupling must be"),
+        ({"gamma": -0.1}, r"^gamma = -0\.1: the coupling must be"),
+        ({"a": -1.0}, r"^a = -1\.0: the amplitude of the forcing must be a finite number > 0"),
+        ({"a": 0.0}, r"^a = 0\.0: the amplitude"),
+        ({"a": math.inf}, r"^a = inf: the amplitude"),
+        ({"k": 0.0}, r"^k = 0: zones need 0 < k < 1"),
+        ({"k": 1.0}, r"^k = 1: zones need 0 < k < 1"),
+        ({}, r"zones need exactly one of k, gamma and a fixed, got none"),
+        ({"k": 0.8, "a": 0.5}, r"zones need exactly one of k, gamma and a fixed, got"),
+        ({"k": []}, r"zones need a value of k, or several; got none"),
+        ({"k": 0.8, "within": {"k": (0.1, 0.2)}}, r"no window for 'k': the plane is that of"),
+    ],
+)
+def test_zones_of_what_cannot_be_are_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(BadInput, match=words):
+        cb.zones(**given)

@@ -567,6 +567,14 @@ class Map:
                     found |= made
         return found
 
+    def importers(self, stem: str) -> set[str]:
+        """The names of a module, of those that import it, and of those that import these."""
+        found = {stem}
+        for _ in range(2):
+            line = re.compile(rf"from [\w.]*\b({'|'.join(found)}) import")
+            found |= {Path(file).stem for file, text in self.texts.items() if line.search(text)}
+        return found
+
     def topic(self, fault: Fault) -> set[str]:
         """The tests of the folder (or the topic) of the faulty file."""
         parts = fault.file.split("/")[1:]
@@ -607,7 +615,9 @@ class Map:
         if fault.file != f"{PACKAGE}/__init__.py":  # whose names are looked up there
             seen = seen - self.structure
         stem = Path(fault.file).stem.strip("_")
-        words = [word for word in stem.split("_") if len(word) > 3] or [stem]
+        # a compiled loop is not seen to be executed: its tests are those of who calls it
+        stems = self.importers(stem) if fault.how == "compiled" else {stem}
+        words = [word for one in stems for word in one.split("_") if len(word) > 3] or [stem]
         files = {e["file"]: Path(e["file"]).stem for e in self.tests.values()}
         topical = {
             f for f, own in files.items() if any(w.rstrip("s") in own for w in words) or stem in own
