@@ -315,6 +315,7 @@ class Impatient(cb.InfiniteChain):
     """The chain, and Ctrl-C at one of the questions it is asked."""
 
     def __init__(self, after: int) -> None:
+        super().__init__()
         self.left = after
 
     def chi(self, gamma: float) -> float:
