@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -395,15 +396,10 @@ class _Growth:
         """The place where the branch of a point crosses another one, or itself."""
         if lift_of(point) is None:
             return None
-        others = (place for row in (*self.places, places) for place in row)
-        return next(
-            (
-                place
-                for place in others
-                if lift_of(place.point) is not None and same_place(point, place.point)
-            ),
-            None,
-        )
+        for place in chain(*self.places, places):
+            if lift_of(place.point) is not None and same_place(point, place.point):
+                return place
+        return None
 
     def _later(self, place: Place, birth: Birth) -> None:
         if birth.image_of is not None:

@@ -133,21 +133,15 @@ def _rank(point: Point) -> tuple[bool, bool, bool]:
 def _at_one_place(doubtful: Sequence[Point]) -> tuple[Point, ...]:
     """Each place once for each event: what was seen there twice is two of them."""
     kept: list[Point] = []
+    latest: dict[int, int] = {}  # for each event the place of its last point in the list
     for point in doubtful:
         near = GAP * (1 + point.curve.length(point.z))
-        twin = next(
-            (
-                i
-                for i, p in enumerate(kept)
-                if p.event is point.event and point.arclength - p.arclength <= near
-            ),
-            None,
-        )
-        if twin is None:
-            kept.append(point)
+        i = latest.get(id(point.event))
+        if i is not None and point.arclength - kept[i].arclength <= near:
+            kept[i] = replace(kept[i], detail={**kept[i].detail, "reason": _two(point.kind)})
         else:
-            known = kept[twin].detail
-            kept[twin] = replace(kept[twin], detail={**known, "reason": _two(point.kind)})
+            latest[id(point.event)] = len(kept)
+            kept.append(point)
     return tuple(kept)
 
 

@@ -271,6 +271,7 @@ def _branch(group: DataTree, problem: Problem | None) -> Branch:
     data = group.to_dataset()
     curve, events = (_bare(data), ()) if problem is None else _attached(data, problem)
     doubtful = group.children.get(_DOUBTFUL)
+    failed = doubtful and doubtful.to_dataset(inherit=False)
     began = str(data.attrs["began"])
     return Branch(
         labelled(tuple(_points(data, curve, events))),
@@ -278,13 +279,9 @@ def _branch(group: DataTree, problem: Problem | None) -> Branch:
         Stop[began] if began else None,
         str(data.attrs["reason"]),
         str(data.attrs["began_reason"]),
-        tuple(_points(_regular(doubtful), curve, events)) if doubtful else (),
+        tuple(_points(failed.rename_dims({_DOUBTFUL: "point"}), curve, events)) if failed else (),
         data.attrs["image_of"] if data.attrs["image_of"] >= 0 else None,
     )
-
-
-def _regular(doubtful: DataTree) -> Dataset:
-    return doubtful.to_dataset(inherit=False).rename_dims({_DOUBTFUL: "point"})
 
 
 def _bare(data: Dataset) -> Curve:
