@@ -226,7 +226,7 @@ def test_interrupted_run_writes_what_it_has(run, monkeypatch):
 
 
 def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monkeypatch):
-    from contbreather.dynamics import impacting, quasiperiodic
+    from contbreather.dynamics import impacting, verdicts
 
     walk = impacting.walk
 
@@ -240,7 +240,7 @@ def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monke
         raise KeyboardInterrupt
 
     monkeypatch.setattr(impacting, "walk", stopped)
-    monkeypatch.setattr(quasiperiodic, "judge", again)
+    monkeypatch.setattr(verdicts, "judge", again)
     line = f"{STABLE} --sites 4 --periods 100000 --csv s.csv --final f.json"
     status, out, err = run(line)
     assert status == INTERRUPTED
@@ -252,13 +252,13 @@ def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monke
 
 
 def test_interruption_while_judging_a_finished_run_keeps_its_files(run, monkeypatch):
-    from contbreather.dynamics import quasiperiodic
+    from contbreather.dynamics import verdicts
 
     def stopped(_):
         assert Path("s.csv").exists()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(quasiperiodic, "judge", stopped)
+    monkeypatch.setattr(verdicts, "judge", stopped)
     status, out, _ = run(f"{STABLE} --sites 4 --periods 120 --csv s.csv --json")
     content = json.loads(out)
     assert (status, content["interrupted"], content["periods"]) == (INTERRUPTED, True, 120)

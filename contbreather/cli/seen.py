@@ -144,9 +144,8 @@ def periods_in_words(count: float) -> str:
 
 def _judged(run: Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
     """Kind, sentence and evidence from the later half of a run."""
-    from contbreather.dynamics import Run, RunStop
-    from contbreather.dynamics.quasiperiodic import Kind, judge
-    from contbreather.dynamics.smooth_verdict import judge_smooth
+    from contbreather.dynamics import RunStop
+    from contbreather.dynamics.verdicts import Kind, judge
     from contbreather.errors import ContbreatherError
 
     half = min(JUDGED, run.periods // 2)
@@ -160,7 +159,7 @@ def _judged(run: Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
     later = _later(run, run.periods - half)
     found: Any
     try:
-        found = judge(later) if isinstance(later, Run) else judge_smooth(later)
+        found = judge(later)
     except ContbreatherError as error:
         return Kind.UNDECIDED.name, f"no verdict: {error}", {}
     return found.kind.name, f"{found.kind.value}; {found.reason}", dict(found.evidence)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from contbreather.dynamics.basin import Axis, Basin, Fate, attraction
 from contbreather.dynamics.energy import Localisation, localisation
 from contbreather.dynamics.impacting import Record, Run, RunStop, Sample, simulate
-from contbreather.dynamics.quasiperiodic import Kind, Rotation, Verdict, rotation, verdict
 from contbreather.dynamics.recording import Recording, open_recording, record
 from contbreather.dynamics.returning import PeriodicMotion, periodic
 from contbreather.dynamics.slow_sweep import Sweep, sweep, there_and_back
@@ -19,6 +18,7 @@ from contbreather.dynamics.smooth import (
 )
 from contbreather.dynamics.states import State
 from contbreather.dynamics.tangent import Lyapunov, lyapunov, variation
+from contbreather.dynamics.verdicts import Kind, Rotation, Verdict, judge, rotation, verdict
 
 __all__ = [
     "Axis",
@@ -43,6 +43,7 @@ __all__ = [
     "Switching",
     "Verdict",
     "attraction",
+    "judge",
     "localisation",
     "lyapunov",
     "open_recording",

@@ -319,6 +319,7 @@ class SmoothRun:
     record: Record | None
     conditions: SmoothConditions
     stop: RunStop
+    reason: str = ""
 
     @property
     def sites(self) -> int:
@@ -437,7 +438,7 @@ def flown(
     columns: Array | None = None,
 ) -> tuple[Array, Array | None, Array | None]:
     """Where a state gets to in some periods, as one row; with `slopes` also its derivatives in the
-    state, times some columns if they are given, and in the numbers `OWN`.
+    state, times some columns if they are given, else also in the numbers `OWN`.
 
     Raises
     ------
@@ -452,12 +453,13 @@ def flown(
         if not slopes:
             return solver.states(motion, None, arguments, t0, x, times)[0], None, None
         first = np.eye(x.size) if columns is None else columns.T
-        start = np.concatenate([x, first.ravel(), np.zeros(len(OWN) * x.size)])
-        arguments = (*arguments, state.u.size, len(OWN))
+        params = len(OWN) if columns is None else 0
+        start = np.concatenate([x, first.ravel(), np.zeros(params * x.size)])
+        arguments = (*arguments, state.u.size, params)
         end = solver.states(varied, None, arguments, t0, start, times)[0].reshape(-1, x.size)
     except NotConverged as error:
         raise ArithmeticError(str(error)) from error
-    return end[0], end[1 : -len(OWN)].T, end[-len(OWN) :].T
+    return end[0], end[1 : 1 + len(first)].T, end[1 + len(first) :].T
 
 
 def wall_damping(k: float | None, lam: float | None) -> float:

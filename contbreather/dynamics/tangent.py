@@ -20,13 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import check_kind, numbers, whole
 from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import Run, walk
-from contbreather.dynamics.smooth import SmoothRun, flown
+from contbreather.dynamics.smooth import SmoothConditions, SmoothRun, flown, rigid_or_smooth
 from contbreather.dynamics.states import (
     PERIOD,
     On,
     State,
     check_state,
-    conditions_of,
     reduced,
     within,
 )
@@ -173,9 +172,10 @@ def lyapunov(
     settle: int = 0,
     t0: float = 0.0,
     seed: int = 0,
+    m: float | None = None,
     **on: Unpack[On],
 ) -> Lyapunov:
-    """The largest Lyapunov exponents of an impacting lattice, saltations included.
+    """The largest Lyapunov exponents of a lattice, saltations included.
 
     Perturbations are carried along the exact motion and orthonormalised once in a period
     (Benettin); the rates are averaged by `weighted_mean`, far sharper on a torus. The forcing's
@@ -194,6 +194,8 @@ def lyapunov(
         Periods to let pass before.
     seed : int
         Of the first perturbations.
+    m : float, optional
+        On smooth walls (21) of this hardness instead of rigid ones.
 
     Examples
     --------
@@ -204,7 +206,7 @@ def lyapunov(
     True
     """
     start = check_state(state)
-    conditions = conditions_of(start.u.size, **on)
+    conditions = rigid_or_smooth(start.u.size, m, **on)
     sites, wanted = start.u.size, whole("count", count, 1)
     if wanted > 2 * sites:
         raise BadInput(f"count = {count}: {sites} sites have {2 * sites} exponents.")
@@ -214,7 +216,7 @@ def lyapunov(
 
 def exponents(
     state: State,
-    conditions: Conditions,
+    conditions: Conditions | SmoothConditions,
     periods: int,
     count: int,
     *,
@@ -223,24 +225,9 @@ def exponents(
     seed: int = 0,
 ) -> Lyapunov:
     """`lyapunov`, of a state and under conditions that have been checked."""
-    from contbreather.dynamics.law import law_of
-    from contbreather.dynamics.tangent_flow import carry
-
-    start = within(state, conditions.walls)
-    rng = np.random.default_rng(whole("seed", seed, 0))
-    du, dv = rng.normal(size=(2, count, start.u.size))
-    at_rest, law, first = resting(start, conditions, t0), law_of(conditions), reduced(t0)
-    grown = []
-    for one in walk(start, conditions, periods=settle + periods, t0=first, progress=False):
-        if one.stop is not None:
-            raise NotConverged(one.reason)
-        growth = np.empty((one.periods, count))
-        spans = np.full(one.periods, PERIOD)
-        events = kicks(one.impacts, one.rests, conditions, first)
-        with held():
-            carry(du, dv, at_rest, spans, one.first, law, *events, growth)
-        grown.append(growth)
-    rates = np.concatenate(grown)[settle:] / PERIOD
+    first = np.random.default_rng(whole("seed", seed, 0)).normal(size=(2, count, state.u.size))
+    along = _grown_smooth if isinstance(conditions, SmoothConditions) else _grown
+    rates = along(state, conditions, settle + periods, reduced(t0), *first)[settle:] / PERIOD
     mean = weighted_mean(rates)
     half = len(rates) // 2
     early, late = weighted_mean(rates[:half]), weighted_mean(rates[half:])
@@ -249,6 +236,35 @@ def exponents(
     error[differs] = np.abs(early[differs] - late[differs])
     order = np.argsort(-mean)
     return Lyapunov(mean[order], error[order], periods)
+
+
+def _grown(state: State, on: Any, periods: int, t0: float, du: Array, dv: Array) -> Array:
+    """Logarithms by which perturbations grow in each period, orthonormalised after it."""
+    from contbreather.dynamics.law import law_of
+    from contbreather.dynamics.tangent_flow import carry
+
+    start = within(state, on.walls)
+    at_rest, law, grown = resting(start, on, t0), law_of(on), []
+    for one in walk(start, on, periods=periods, t0=t0, progress=False):
+        if one.stop is not None:
+            raise NotConverged(one.reason)
+        growth, spans = np.empty((one.periods, len(du))), np.full(one.periods, PERIOD)
+        events = kicks(one.impacts, one.rests, on, t0)
+        with held():
+            carry(du, dv, at_rest, spans, one.first, law, *events, growth)
+        grown.append(growth)
+    return np.concatenate(grown)
+
+
+def _grown_smooth(state: State, on: Any, periods: int, t0: float, du: Array, dv: Array) -> Array:
+    """The same between smooth walls."""
+    columns, grown = np.linalg.qr(np.concatenate([du, dv], axis=1).T)[0], []
+    for _ in range(periods):
+        x, turned, _ = flown(on, state, t0, 1.0, slopes=True, columns=columns)
+        columns, sizes = np.linalg.qr(np.asarray(turned))
+        grown.append(np.log(np.abs(np.diag(sizes))))
+        state = State(*np.split(x, 2))
+    return np.array(grown)
 
 
 def weighted_mean(values: Array) -> Array:

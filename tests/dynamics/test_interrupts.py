@@ -31,7 +31,7 @@ from contbreather.dynamics import (
     verdict,
 )
 from contbreather.dynamics.held import held
-from contbreather.dynamics.quasiperiodic import judge
+from contbreather.dynamics.verdicts import judge
 from contbreather.paper import figure6, figure7, figure8
 from contbreather.paper.fates import growth
 

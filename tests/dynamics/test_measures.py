@@ -30,8 +30,8 @@ from contbreather.dynamics import (
 )
 from contbreather.dynamics.impacting import IMPACT, Record
 from contbreather.dynamics.progress import Bar
-from contbreather.dynamics.quasiperiodic import judge
 from contbreather.dynamics.states import PERIOD
+from contbreather.dynamics.verdicts import judge
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier
 

@@ -34,9 +34,8 @@ from contbreather.dynamics import (
     simulate_smooth,
 )
 from contbreather.dynamics.impacting import walk
-from contbreather.dynamics.quasiperiodic import Kind
-from contbreather.dynamics.smooth_verdict import judge_smooth
 from contbreather.dynamics.states import PERIOD
+from contbreather.dynamics.verdicts import Kind, judge
 from contbreather.errors import BadInput, NotConverged
 
 HERE: dict[str, Any] = {"a": 0.2, "gamma": 0.04, "k": 0.8}
@@ -120,24 +119,24 @@ def smooth_run(u: np.ndarray, v: np.ndarray, **more: Any) -> SmoothRun:
 
 def test_smooth_sites_in_unison_are_synchronised() -> None:
     u = np.repeat(np.random.default_rng(0).normal(size=(60, 1)), 5, axis=1)
-    found = judge_smooth(smooth_run(u, 0.5 * u))
+    found = judge(smooth_run(u, 0.5 * u))
     assert found.kind is Kind.SYNCHRONISED
     assert found.reason == "all 5 sites are within 0 of each other"
     apart = u + 1e-5 * np.arange(5)
-    assert judge_smooth(smooth_run(apart, 0.5 * u)).kind is not Kind.SYNCHRONISED
-    assert judge_smooth(smooth_run(u, 0.5 * u + 1e-5 * np.arange(5))).kind is not Kind.SYNCHRONISED
-    assert judge_smooth(smooth_run(u[:, :1], u[:, :1])).kind is not Kind.SYNCHRONISED
+    assert judge(smooth_run(apart, 0.5 * u)).kind is not Kind.SYNCHRONISED
+    assert judge(smooth_run(u, 0.5 * u + 1e-5 * np.arange(5))).kind is not Kind.SYNCHRONISED
+    assert judge(smooth_run(u[:, :1], u[:, :1])).kind is not Kind.SYNCHRONISED
 
 
 def test_smooth_energy_all_over_the_ring_is_delocalised() -> None:
     rng = np.random.default_rng(0)
     u, v = 1e-3 * rng.normal(size=(2, 60, 5))
     v[:, :4] += 1.0
-    found = judge_smooth(smooth_run(u, v))
+    found = judge(smooth_run(u, v))
     assert found.kind is Kind.DELOCALISED
     assert found.reason == "participation ratio 4.0 of 5"
     v[:, 1:4] -= 1.0
-    assert judge_smooth(smooth_run(u, v)).kind is not Kind.DELOCALISED
+    assert judge(smooth_run(u, v)).kind is not Kind.DELOCALISED
 
 
 @pytest.mark.parametrize(("period", "kind"), [(1, Kind.PERIODIC), (2, Kind.UNDECIDED)])
@@ -145,12 +144,12 @@ def test_of_a_long_smooth_ring_no_multipliers_are_computed(period: int, kind: Ki
     sites = 61
     u, v = np.zeros((2, 60, sites))
     v[:, 0] = 1.0 + 0.1 * (np.arange(60) % period)
-    found = judge_smooth(smooth_run(u, v))
+    found = judge(smooth_run(u, v))
     assert found.kind is kind
     after = "a period" if period == 1 else "2 periods"
     assert found.reason == f"returns to 0 after {after}, its multipliers were not computed"
     noisy = v + 1e-7 * np.random.default_rng(0).normal(size=v.shape)
-    assert judge_smooth(smooth_run(u, noisy)).kind is not Kind.PERIODIC
+    assert judge(smooth_run(u, noisy)).kind is not Kind.PERIODIC
 
 
 @pytest.mark.parametrize(
@@ -167,13 +166,15 @@ def test_of_a_long_smooth_ring_no_multipliers_are_computed(period: int, kind: Ki
 def test_what_turns_steadily_is_a_torus_or_chaos_by_its_exponent(
     monkeypatch, exponent: float, error: float, kind: Kind
 ) -> None:
-    from contbreather.dynamics import smooth_verdict
+    from contbreather.dynamics import verdicts
 
-    monkeypatch.setattr(smooth_verdict, "_exponent", lambda run: (exponent, error))
+    monkeypatch.setattr(
+        verdicts, "_exponents", lambda run: (np.array([exponent]), np.array([error]))
+    )
     t = 2.0 * math.pi * 0.3819660113 * np.arange(600)
     u, v = np.zeros((2, 600, 3))
     u[:, 0], v[:, 0] = 0.3 * np.cos(t), 0.4 * np.sin(t) - 1.0
-    found = judge_smooth(smooth_run(u, v))
+    found = judge(smooth_run(u, v))
     assert found.kind is kind, found.reason
     assert found.evidence["exponent"] == exponent
     assert found.evidence["exponent_error"] == error

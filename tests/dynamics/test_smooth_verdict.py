@@ -14,9 +14,8 @@ from contbreather.dynamics import (
     State,
     simulate_smooth,
 )
-from contbreather.dynamics.quasiperiodic import Kind
-from contbreather.dynamics.smooth_verdict import judge_smooth
 from contbreather.dynamics.states import PERIOD
+from contbreather.dynamics.verdicts import Kind, judge
 from contbreather.paper.fates import smooth_breather
 
 GOLDEN = 0.3819660113
@@ -37,7 +36,7 @@ def test_motion_between_elastic_walls_is_a_torus_with_the_rotation_number_of_its
     """A single site without losses, weakly driven: its section is a closed curve."""
     shared = {"a": 0.1, "gamma": 0.0, "k": 1.0, "m": 2}
     run = simulate_smooth(([0.05], [2.0]), periods=1000, **shared)
-    found = judge_smooth(run)
+    found = judge(run)
     assert found.kind is Kind.QUASI_PERIODIC, found.reason
     assert found.evidence["exponent"] < 2e-3
     x = run.strobe.u[:, 0] - run.strobe.u[:, 0].mean()
@@ -53,7 +52,7 @@ def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map(a, p
     shared = {"a": a, "gamma": 0.0, "k": 0.7, "m": 30}
     settled = simulate_smooth(([-0.31], [-0.16]), periods=400, **shared).final
     run = simulate_smooth(settled, periods=100, **shared)
-    found = judge_smooth(run)
+    found = judge(run)
     assert found.kind is Kind.LOCKED, found.reason
     assert found.evidence["periods"] == periods
     first = np.array(run.final).ravel()
@@ -68,7 +67,7 @@ def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map(a, p
 
 def test_states_that_repeat_without_an_orbit_that_closes_are_not_locked():
     t = 2.0 * np.pi * np.arange(200) / 3
-    found = judge_smooth(run_of(0.3 * np.cos(t), 0.4 * np.sin(t) - 1.0))
+    found = judge(run_of(0.3 * np.cos(t), 0.4 * np.sin(t) - 1.0))
     assert found.kind is Kind.UNDECIDED
     assert "finds no closed orbit" in found.reason
 
@@ -77,27 +76,27 @@ def test_states_that_repeat_without_an_orbit_that_closes_are_not_locked():
 def test_bands_of_chaos_between_smooth_walls_are_no_torus():
     shared = {"a": 1.0565, "gamma": 0.0, "k": 0.7, "m": 30}
     settled = simulate_smooth(([-0.31], [-0.16]), periods=400, **shared).final
-    found = judge_smooth(simulate_smooth(settled, periods=300, **shared))
+    found = judge(simulate_smooth(settled, periods=300, **shared))
     assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), found.reason
 
 
 def test_spiral_is_undecided():
     j = np.arange(600)
     t, size = 2.0 * np.pi * GOLDEN * j, np.exp(-2e-3 * j)
-    found = judge_smooth(run_of(0.3 * size * np.cos(t), 0.4 * size * np.sin(t) - 1.0))
+    found = judge(run_of(0.3 * size * np.cos(t), 0.4 * size * np.sin(t) - 1.0))
     assert found.kind is Kind.UNDECIDED
     assert "size changes" in found.reason
 
 
 def test_noise_is_undecided_for_nothing_here_tells_it_from_chaos():
     u, v = np.random.default_rng(0).normal(size=(2, 300))
-    assert judge_smooth(run_of(0.2 * u, 0.2 * v - 1.0)).kind is Kind.UNDECIDED
+    assert judge(run_of(0.2 * u, 0.2 * v - 1.0)).kind is Kind.UNDECIDED
 
 
 def test_smooth_ring_that_is_delocalised_is_no_breather():
     shared = {"a": 0.7, "gamma": 0.104, "k": 0.8, "damping": 0.005, "m": 6}
     settled = simulate_smooth(cb.symmetric(0.7, 0.104, 0.8).state(20), periods=60, **shared)
-    found = judge_smooth(simulate_smooth(settled.final, periods=60, **shared))
+    found = judge(simulate_smooth(settled.final, periods=60, **shared))
     assert found.kind in (Kind.SYNCHRONISED, Kind.DELOCALISED)
 
 
@@ -105,6 +104,6 @@ def test_smooth_motion_next_to_one_that_repels_is_not_called_periodic():
     b = cb.symmetric(0.2, 0.104, 0.8)
     shared = {"a": 0.2, "gamma": 0.104, "k": 0.8, "damping": 0.005, "m": 6}
     orbit = smooth_breather(b, 6, 0.005, 20)
-    found = judge_smooth(simulate_smooth(orbit.state, periods=50, **shared))
+    found = judge(simulate_smooth(orbit.state, periods=50, **shared))
     assert found.kind is Kind.UNDECIDED
     assert "it repels" in found.reason

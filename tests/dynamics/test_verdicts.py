@@ -10,8 +10,8 @@ import pytest
 
 from contbreather.breathers import symmetric
 from contbreather.dynamics import Kind, State, periodic, rotation, simulate, sweep, verdict
-from contbreather.dynamics.quasiperiodic import judge
 from contbreather.dynamics.tangent import weighted_mean
+from contbreather.dynamics.verdicts import judge
 from contbreather.errors import BadInput
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
@@ -125,7 +125,7 @@ def test_verdict_on_the_torus_carries_its_evidence(torus):
 def test_too_short_a_look_at_a_torus_is_undecided_and_says_what_it_saw(torus):
     found = verdict(torus.final, **TORUS, settle=0, periods=100)
     assert found.kind is Kind.UNDECIDED, str(found)
-    assert found.reason.startswith(f"rotation number {found.evidence['rotation']:.6f} (")
+    assert found.reason.startswith(f"rotation number {found.evidence['rotation']:.10f} (")
     assert "largest exponent" in found.reason
 
 

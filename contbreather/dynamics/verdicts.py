@@ -1,4 +1,4 @@
-"""What becomes of a breather after a Neimark-Sacker bifurcation: rotation numbers and verdicts.
+"""What a motion is in the end, on rigid and smooth walls: rotation numbers and verdicts.
 
 The stroboscopic section (the state once in a period of the forcing) of a quasi-periodic motion is a
 closed curve. Its rotation number is the mean turn about the middle of the curve; averaged with the
@@ -18,13 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import numbers, whole
 from contbreather.dynamics.energy import forced, localised
-from contbreather.dynamics.impacting import Run, RunStop, advance, completed
+from contbreather.dynamics.impacting import Run, RunStop, completed
 from contbreather.dynamics.returning import PeriodicMotion, closing
-from contbreather.dynamics.states import On, State, check_state, conditions_of
+from contbreather.dynamics.smooth import SmoothRun, let_go, rigid_or_smooth
+from contbreather.dynamics.states import On, State, check_state
 from contbreather.dynamics.tangent import exponents, weighted_mean
 from contbreather.errors import BadInput, NotConverged
 
 Array = NDArray[Any]
+Found = tuple["Kind", str]
 TURN = 2.0 * math.pi
 
 LEAST = 100  # periods that must be seen before anything can be said
@@ -33,10 +35,11 @@ CLOSED = 1e-9  # how well it must close
 NEARBY = 1e-3  # so close to returning that Newton's method is asked
 RESOLVED = 1e-6  # how well two halves of a run agree on the rotation number of a torus
 STEADY = 1e-4  # how well they agree on its size
-NEUTRAL_MULTIPLIER = 1e-7  # how far beyond 1 rounding may take a multiplier
-NEUTRAL = 1e-6  # an exponent that is zero, as far as can be told
 RATIONAL = 1e-7  # how far a rotation number may be from p/q and yet be it
 POSITIVE = 1e-3  # an exponent that is chaos, if it is known so well
+BROAD = 3.0  # participation ratio beyond which a state on smooth walls is no breather
+LONG = 60  # sites; multipliers of a longer lattice with smooth walls take minutes
+SEEN = 200  # periods over which an exponent is averaged there
 
 
 @dataclass(frozen=True)
@@ -151,18 +154,18 @@ class Verdict:
         One sentence of evidence.
     evidence : dict
         ``participation`` (mean over the observed part), ``spread`` (largest deviation from unison),
-        ``impacting`` (how many sites hit a wall), and, as far as they were needed, ``return``
-        (distance after the best number of periods), ``periods``, ``multiplier`` (largest modulus),
-        ``exponent``, ``exponent_error``, ``frequencies`` (exponents that are zero), ``rotation``,
-        ``rotation_error``, ``p``, ``q``.
-    run : Run
+        ``aside`` (from the forced motion), ``impacting`` (how many sites hit a rigid wall) and, as
+        far as they were needed, ``return`` (distance after the best number of periods),
+        ``periods``, ``multiplier`` (largest modulus), ``exponent``, ``exponent_error``,
+        ``frequencies`` (exponents that are zero), ``rotation``, ``rotation_error``, ``p``, ``q``.
+    run : Run or SmoothRun
         The observed part, after settling.
     """
 
     kind: Kind
     reason: str
     evidence: Mapping[str, float]
-    run: Run = field(repr=False)
+    run: Run | SmoothRun = field(repr=False)
 
     def __str__(self) -> str:
         return f"{self.kind.value}; {self.reason}"
@@ -173,6 +176,7 @@ def verdict(
     *,
     settle: int = 4000,
     periods: int = 4096,
+    m: float | None = None,
     t0: float = 0.0,
     **on: Unpack[On],
 ) -> Verdict:
@@ -185,6 +189,8 @@ def verdict(
     settle, periods : int
         Periods to let pass, and to watch, at least 100: the weaker the attraction, the more are
         needed.
+    m : float, optional
+        On smooth walls (21) of this hardness instead of rigid ones.
 
     Examples
     --------
@@ -195,113 +201,139 @@ def verdict(
     ('PERIODIC', 0.876)
     """
     start = check_state(state)
-    conditions, length = conditions_of(start.u.size, **on), whole("periods", periods, LEAST)
-    run = completed(advance(start, conditions, periods=whole("settle", settle, 0), t0=t0))
+    conditions = rigid_or_smooth(start.u.size, m, **on)
+    length = whole("periods", periods, LEAST)
+    run = completed(let_go(start, conditions, periods=whole("settle", settle, 0), t0=t0))
     if run.stop is RunStop.DONE:
-        run = completed(advance(run.final, conditions, periods=length, t0=t0))
+        run = completed(let_go(run.final, conditions, periods=length, t0=t0))
     if run.stop is not RunStop.DONE:
         return Verdict(Kind.UNDECIDED, run.reason, {}, run)
     return judge(run)
 
 
-def judge(run: Run) -> Verdict:
-    """The verdict on a run that has settled; see `verdict`."""
+def judge(run: Run | SmoothRun) -> Verdict:
+    """The verdict on a run that has settled; see `verdict`.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import symmetric
+    >>> from contbreather.dynamics import simulate_smooth
+    >>> b = symmetric(a=0.1, gamma=0.05, k=0.8)
+    >>> shared = {"a": 0.1, "gamma": 0.05, "k": 0.8, "damping": 0.02, "m": 6}
+    >>> settled = simulate_smooth(b.state(6), periods=200, **shared).final
+    >>> judge(simulate_smooth(settled, periods=50, **shared)).kind.name
+    'PERIODIC'
+    """
     evidence = _where(run)
-    lost = _lost(run, evidence)
-    if lost is not None:
-        return lost
-    closed, repelling = _closed(run, evidence)
-    return closed or _open(run, evidence, repelling)
+    found = _lost(run, evidence)
+    if found is None:
+        found, repelling = _closed(run, evidence)
+        found = found or _open(run, evidence, repelling)
+    return Verdict(*found, evidence, run)
 
 
-def _where(run: Run) -> dict[str, float]:
+def _where(run: Run | SmoothRun) -> dict[str, float]:
     u, v = run.strobe
-    seen = localised(u, v, run.times, run.conditions)
-    spread = max(np.ptp(u, axis=1).max(), np.ptp(v, axis=1).max())
-    last = run.impacts[run.impacts["period"] >= run.periods // 2]
-    return {
-        "participation": float(seen.participation.mean()),
-        "spread": float(spread),
-        "impacting": float(len(np.unique(last["site"]))),
-        "aside": _aside(run),
-    }
-
-
-def _aside(run: Run) -> float:
-    """Largest distance of any site from the forced motion, over the second half of the run."""
     half = run.periods // 2
-    u, v, t = run.strobe.u[half:], run.strobe.v[half:], run.times[half:]
-    off = np.abs(u - forced(run.conditions, t, 0))
-    quick = np.abs(v - forced(run.conditions, t, 1))
-    return float(max(off.max(), quick.max()))
+    on, late = run.conditions, run.times[half:]
+    seen = localised(u, v, run.times, on)
+    off, quick = np.abs(u[half:] - forced(on, late, 0)), np.abs(v[half:] - forced(on, late, 1))
+    evidence = {
+        "participation": float(seen.participation.mean()),
+        "spread": float(max(np.ptp(u, axis=1).max(), np.ptp(v, axis=1).max())),
+        "aside": float(max(off.max(), quick.max())),
+    }
+    if isinstance(run, Run):
+        last = run.impacts[run.impacts["period"] >= half]
+        evidence["impacting"] = float(len(np.unique(last["site"])))
+    return evidence
 
 
-def _lost(run: Run, evidence: dict[str, float]) -> Verdict | None:
-    """No breather any more: nobody hits, all move alike, or impacts are all over the ring."""
-    sites, impacting = run.sites, int(evidence["impacting"])
-    if impacting == 0:
+def _lost(run: Run | SmoothRun, evidence: dict[str, float]) -> Found | None:
+    """No breather any more: nobody hits, all move alike, or impacts (on smooth walls, which do not
+    count them, the energy) are all over the lattice."""
+    sites, impacting = run.sites, evidence.get("impacting")
+    if impacting == 0.0:
         reason = f"no impacts; every site within {evidence['aside']:.2g} of the forced motion"
-        return Verdict(Kind.SYNCHRONISED, reason, evidence, run)
+        return Kind.SYNCHRONISED, reason
     if sites > 1 and evidence["spread"] < 1e-6:
         reason = f"all {sites} sites are within {evidence['spread']:.1g} of each other"
-        return Verdict(Kind.SYNCHRONISED, reason, evidence, run)
-    if sites > 2 and impacting > max(2, sites // 4):
-        where = f"{impacting} of {sites} sites hit their walls"
-        reason = f"{where}, participation ratio {evidence['participation']:.1f}"
-        return Verdict(Kind.DELOCALISED, reason, evidence, run)
+        return Kind.SYNCHRONISED, reason
+    ratio = f"participation ratio {evidence['participation']:.1f}"
+    if impacting is None and sites > 2 and evidence["participation"] > BROAD:
+        return Kind.DELOCALISED, f"{ratio} of {sites}"
+    if impacting is not None and sites > 2 and impacting > max(2, sites // 4):
+        return Kind.DELOCALISED, f"{impacting:.0f} of {sites} sites hit their walls, {ratio}"
     return None
 
 
-def _closed(run: Run, evidence: dict[str, float]) -> tuple[Verdict | None, PeriodicMotion | None]:
+def _closed(
+    run: Run | SmoothRun, evidence: dict[str, float]
+) -> tuple[Found | None, PeriodicMotion | None]:
     """Periodic or locked: Newton's method finds a motion that closes next to the run's end.
 
     Where that motion repels and the run is still beside it, it is given back too: a run returns to
     it for as long as rounding takes to grow, and is none the less about to leave.
     """
+    n, gaps = _returns(run)
+    gap = float(gaps[n - 1])
+    evidence |= {"return": gap, "periods": float(n)}
+    after = "a period" if n == 1 else f"{n} periods"
+    if isinstance(run, SmoothRun) and run.sites > LONG:
+        reason = f"returns to {gap:.1g} after {after}, its multipliers were not computed"
+        kind = Kind.PERIODIC if n == 1 else Kind.UNDECIDED
+        return ((kind, reason) if gap < CLOSED else None), None
+    repelling = None
+    # a spiral into a fixed point nearly closes after many numbers of periods: ask for 1 first
+    for candidate in dict.fromkeys((1, n)):
+        found = _next_to(run, candidate) if gaps[candidate - 1] < NEARBY else None
+        if found is not None and found.largest < 1.0 + _slack(run):
+            return _periodic(run, evidence, found), None
+        if repelling is None and found is not None and _leaving(run, found):
+            repelling = found
+    if gap > CLOSED:
+        return None, repelling
+    if repelling is not None:
+        return (Kind.UNDECIDED, _repels(run, evidence, repelling)), repelling
+    reason = f"returns after {n} to {gap:.1g}, but Newton's method finds no closed orbit"
+    return (Kind.UNDECIDED, reason), None
+
+
+def _returns(run: Run | SmoothRun) -> tuple[int, Array]:
+    """After how many periods a run comes back best, and how close after each number of them."""
     x = np.concatenate(run.strobe, axis=1)
     longest = min(LONGEST, len(x) // 3)
     gaps = np.array(
         [np.abs(x[-1 - n :: -1][:8] - x[:n:-1][:8]).max() for n in range(1, longest + 1)]
     )
-    n = 1 + int(np.argmax(gaps < max(CLOSED, 2.0 * gaps.min())))
-    evidence |= {"return": float(gaps[n - 1]), "periods": float(n)}
-    repelling = None
-    # a spiral into a fixed point nearly closes after many numbers of periods: ask for 1 first
-    for candidate in dict.fromkeys((1, n)):
-        if gaps[candidate - 1] < NEARBY:
-            found = _next_to(run, candidate)
-            if found is not None and found.largest < 1.0 + NEUTRAL_MULTIPLIER:
-                return _periodic(run, evidence, found), None
-            if repelling is None and found is not None and _leaving(run, found):
-                repelling = found
-    if gaps[n - 1] > CLOSED:
-        return None, repelling
-    if repelling is not None:
-        return Verdict(Kind.UNDECIDED, _repels(run, evidence, repelling), evidence, run), repelling
-    reason = f"returns after {n} to {gaps[n - 1]:.1g}, but Newton's method finds no closed orbit"
-    return Verdict(Kind.UNDECIDED, reason, evidence, run), None
+    return 1 + int(np.argmax(gaps < max(CLOSED, 2.0 * gaps.min()))), gaps
 
 
-def _next_to(run: Run, periods: int) -> PeriodicMotion | None:
+def _slack(run: Run | SmoothRun) -> float:
+    """How far beyond 1 rounding, or the integration, may take a multiplier."""
+    return 1e-6 if isinstance(run, SmoothRun) else 1e-7
+
+
+def _next_to(run: Run | SmoothRun, periods: int) -> PeriodicMotion | None:
     """The motion of that many periods next to the end of the run, attracting or not."""
     try:
-        found = closing(_last(run), run.conditions, periods=periods, t0=run.times[0])
+        found = closing(_last(run), run.conditions, periods=periods, t0=float(run.times[0]))
     except NotConverged:
         return None
     return found if _distance(run, found) < 10.0 * NEARBY else None
 
 
-def _last(run: Run) -> State:
+def _last(run: Run | SmoothRun) -> State:
     """The last state once in a period, at the phase of the first one."""
     return State(run.strobe.u[-1], run.strobe.v[-1])
 
 
-def _distance(run: Run, found: PeriodicMotion) -> float:
+def _distance(run: Run | SmoothRun, found: PeriodicMotion) -> float:
     """How far the end of a run is from a motion."""
     return float(np.abs(np.subtract(_last(run), found.state)).max())
 
 
-def _leaving(run: Run, found: PeriodicMotion) -> bool:
+def _leaving(run: Run | SmoothRun, found: PeriodicMotion) -> bool:
     """Whether a run has been beside a motion that repels all the time, and no longer than it can.
 
     A chaotic band passes by such motions again and again, or is narrow and stays beside one for
@@ -314,7 +346,7 @@ def _leaving(run: Run, found: PeriodicMotion) -> bool:
     return beside and len(away) * math.log(found.largest) < -math.log(np.finfo(float).eps)
 
 
-def _repels(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> str:
+def _repels(run: Run | SmoothRun, evidence: dict[str, float], found: PeriodicMotion) -> str:
     """The sentence on a run next to a motion that repels."""
     evidence["multiplier"] = found.largest
     after = "a period" if found.periods == 1 else f"{found.periods} periods"
@@ -324,20 +356,22 @@ def _repels(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> str:
     )
 
 
-def _periodic(run: Run, evidence: dict[str, float], found: PeriodicMotion) -> Verdict:
+def _periodic(run: Run | SmoothRun, evidence: dict[str, float], found: PeriodicMotion) -> Found:
     u, v = completed(found.run()).strobe
     gaps = np.maximum(np.abs(u[1:] - u[0]).max(axis=1), np.abs(v[1:] - v[0]).max(axis=1))
     n = 1 + int(np.argmax(gaps < 1e-7))
     evidence |= {"periods": float(n), "multiplier": found.largest ** (n / found.periods)}
     reason = f"{_distance(run, found):.1g} from it, largest multiplier {evidence['multiplier']:.6g}"
     if n == 1:
-        return Verdict(Kind.PERIODIC, reason, evidence, run)
+        return Kind.PERIODIC, reason
     p = round(rotation(*run.strobe).number * n)
     evidence |= {"p": float(p), "q": float(n)}
-    return Verdict(Kind.LOCKED, f"{p}:{n}, {reason}", evidence, run)
+    return Kind.LOCKED, f"{p}:{n}, {reason}"
 
 
-def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None) -> Verdict:
+def _open(
+    run: Run | SmoothRun, evidence: dict[str, float], repelling: PeriodicMotion | None
+) -> Found:
     """Not closed: chaos if an exponent is positive, a torus if it is zero and the turns are steady.
 
     Bands of chaos that are visited in turn have a rotation number as sharp as that of a locked
@@ -345,40 +379,44 @@ def _open(run: Run, evidence: dict[str, float], repelling: PeriodicMotion | None
     positive exponent is no chaos, but that motion's own.
     """
     turn = rotation(*run.strobe)
-    count = min(3, 2 * run.sites)
-    # directions that shrink slowly take as long to find as the motion to settle
-    settle = max(300, run.periods)
-    found = exponents(
-        _last(run), run.conditions, run.periods, count, settle=settle, t0=run.times[0]
-    )
-    exponent, error = float(found.exponents[0]), float(found.error[0])
-    small = np.abs(found.exponents) < np.maximum(5.0 * found.error, NEUTRAL)
-    neutral = int(np.sum(small & (found.error < NEUTRAL)))
-    evidence |= {
-        "rotation": turn.number,
-        "rotation_error": turn.error,
-        "exponent": exponent,
-        "exponent_error": error,
-        "frequencies": float(neutral),
-    }
+    evidence |= {"rotation": turn.number, "rotation_error": turn.error}
+    turns = f"rotation number {turn.number:.10f} ({turn.error:.0e})"
+    steady = turn.error <= RESOLVED and turn.hole >= 1e-3 and turn.drift <= STEADY
+    if not steady:
+        turns = f"{turns}, the section's size changes by {turn.drift:.0e}"
+    values, errors = _exponents(run)
+    exponent, error = float(values[0]), float(errors[0])
+    # an exponent that is zero, as far as can be told
+    neutral = 1e-5 if isinstance(run, SmoothRun) else 1e-6
+    small = np.abs(values) < np.maximum(5.0 * errors, neutral)
+    frequencies = int(np.sum(small & (errors < neutral)))
+    evidence |= {"exponent": exponent, "exponent_error": error, "frequencies": float(frequencies)}
     words = f"largest exponent {exponent:.2g} ({error:.0e})"
     if repelling is None and exponent > max(5.0 * error, POSITIVE):
-        return Verdict(Kind.CHAOTIC, words, evidence, run)
+        return Kind.CHAOTIC, words
     # bands visited in turn, of chaos or a long period, have a rational number: no sign of a torus
-    resolved = NEUTRAL if rational(turn.number) else POSITIVE
-    zero = bool(small[0]) and error < resolved
-    if not zero or turn.error > RESOLVED or turn.hole < 1e-3 or turn.drift > STEADY:
-        if repelling is not None:
-            return Verdict(Kind.UNDECIDED, _repels(run, evidence, repelling), evidence, run)
-        words = (
-            f"rotation number {turn.number:.6f} ({turn.error:.0e}), the section's size changes by "
-            f"{turn.drift:.0e}, {words}"
-        )
-        return Verdict(Kind.UNDECIDED, words, evidence, run)
-    words = f"rotation number {turn.number:.10f} ({turn.error:.0e}), {words}"
-    if neutral > 1:
-        words += f"; {neutral} exponents are zero: a torus of {neutral} frequencies beside 1"
-    return Verdict(Kind.QUASI_PERIODIC, words, evidence, run)
+    zero = bool(small[0]) and error <= (neutral if rational(turn.number) else POSITIVE)
+    if zero and steady:
+        if frequencies > 1:
+            many = (
+                f"{frequencies} exponents are zero: a torus of {frequencies} frequencies beside 1"
+            )
+            words = f"{words}; {many} beside 1"
+        return Kind.QUASI_PERIODIC, f"{turns}, {words}"
+    if repelling is not None:
+        return Kind.UNDECIDED, _repels(run, evidence, repelling)
+    return Kind.UNDECIDED, f"{turns}, {words}"
+
+
+def _exponents(run: Run | SmoothRun) -> tuple[Array, Array]:
+    """The largest exponents from the end of a run on, and how well halves agree on them."""
+    # directions that shrink slowly take as long to find as the motion to settle
+    count, length, settle = min(3, 2 * run.sites), run.periods, max(300, run.periods)
+    if isinstance(run, SmoothRun):
+        count, length, settle = 1, SEEN, SEEN // 4
+    start, t0 = _last(run), float(run.times[0])
+    found = exponents(start, run.conditions, length, count, settle=settle, t0=t0)
+    return found.exponents, found.error
 
 
 def rational(number: float) -> bool:
