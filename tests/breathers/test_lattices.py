@@ -350,7 +350,7 @@ def test_modes_are_orthonormal_with_their_masses() -> None:
         (lambda: cb.Lattice([[-1, 1], [1, -1]]), "positive semidefinite"),
         (lambda: cb.Lattice([[1, 2, 3]]), r"shape \(1, 3\)"),
         (lambda: cb.Lattice([[math.nan]]), "not finite"),
-        (lambda: cb.Lattice("abc"), "no matrix of numbers"),
+        (lambda: cb.Lattice("abc"), "not a matrix of numbers"),
         (lambda: cb.Lattice(np.eye(2), masses=[1, -1]), "every mass must be positive"),
         (lambda: cb.Lattice(np.eye(2), drive=[1]), r"drive has shape \(1,\)"),
         (lambda: cb.OpenChain(0), "at least 1"),
