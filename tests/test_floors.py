@@ -157,7 +157,9 @@ def in_circles(found: list[Import]) -> set[str]:
 
 
 def outside_the_engine(found: list[Import]) -> list[str]:
-    own = {f"contbreather.{name}" for name in ("continuation", "checks", "errors", "files")}
+    own = {
+        f"contbreather.{name}" for name in ("continuation", "checks", "errors", "files", "progress")
+    }
     broken = []
     for one in found:
         if not one.source.startswith("contbreather.continuation"):

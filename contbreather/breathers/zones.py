@@ -18,11 +18,11 @@ from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.point import Meeting
-from contbreather.continuation.progress import Progress
 from contbreather.continuation.starts import windows
 from contbreather.errors import BadInput, NoSolution, keeping, taking
 from contbreather.lattice import Forcing, Lattice, check_gamma, forcing_of, lattice_of
 from contbreather.lattice.conditions import check_amplitude, restitution_ratio
+from contbreather.progress import Counter
 from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
@@ -224,7 +224,7 @@ def zones(
         past_folds = sum(bool(c or s) for _, c, s in drive.harmonics) > 1
     chain = lattice_of(lattice)
     search = _Search(name, value, drive, chain, within or {}, threshold, past_folds)
-    with Progress(progress, search.pair[0]) as shown, keeping(search.so_far):
+    with Counter(progress, search.pair[0]) as shown, keeping(search.so_far):
         search.run(shown)
     return search.zones()
 
@@ -275,7 +275,7 @@ class _Search:
     def so_far(self) -> Zones | None:
         return self.zones(interrupted=True) if any(self.curves.values()) else None
 
-    def run(self, shown: Progress) -> None:
+    def run(self, shown: Counter) -> None:
         found = [self._scan(x, shown) for x in _comb(self.pair[0], self.within)]
         if not any(found):
             raise BadInput(
@@ -296,7 +296,7 @@ class _Search:
             for name, (low, high) in self.within.items()
         )
 
-    def _scan(self, x: float, shown: Progress) -> bool:
+    def _scan(self, x: float, shown: Counter) -> bool:
         """Trace branches at one value of the first parameter, and every new event on them."""
         found = False
         for branch in self._branches(x):

@@ -12,11 +12,11 @@ import numpy as np
 
 from ..checks import whole
 from ..errors import ContbreatherError, NotConverged, keeping, taking
+from ..progress import Counter
 from .branch import Branch, Stop
 from .lift import Seed
 from .point import Event, Point
 from .problem import Problem
-from .progress import Progress
 from .recognition import Likeness, recognised, same_place, simplest
 from .starts import Within, all_of, windows
 from .steps import Steps
@@ -263,7 +263,7 @@ def diagram(
     [1, 2]
     """
     depth, most = whole("depth", depth, 0), whole("most", most, 1)
-    with Progress(progress, free) as shown:
+    with Counter(progress, free) as shown:
         growth = _Growth(
             free, windows(within), depth, all_of(events), steps or Steps(), most, shown
         )
@@ -282,7 +282,7 @@ class _Growth:
     events: tuple[Event, ...] | None
     steps: Steps
     most: int
-    shown: Progress
+    shown: Counter
     branches: list[Branch] = field(default_factory=list)
     births: list[Birth] = field(default_factory=list)
     places: list[tuple[Place, ...]] = field(default_factory=list)

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput, NotConverged, keeping, taking
+from ..progress import Counter
 from .branch import Branch, Stop, labelled
 from .curve import Curve
 from .lift import Lift, Seed, across
 from .newton import OUT_OF_DOMAIN
 from .point import Event, Point
 from .problem import Problem
-from .progress import Progress
 from .recognition import images, lies_on
 from .scope import walls_are_lifted
 from .starts import Within, all_of
@@ -59,7 +59,7 @@ def switch(
     within: Within | None = None,
     events: Event | Iterable[Event] | None = None,
     steps: Steps | None = None,
-    progress: bool | Progress | None = None,
+    progress: bool | Counter | None = None,
 ) -> tuple[Branch, ...]:
     """Follow all other curves that leave a point where curves meet.
 
@@ -177,7 +177,7 @@ def follow(
     within: Within | None = None,
     events: Sequence[Event] | None = None,
     steps: Steps | None = None,
-    progress: bool | Progress | None = None,
+    progress: bool | Counter | None = None,
 ) -> Branch:
     """One arm from a point, which is its first."""
     free = point.curve.free[0]

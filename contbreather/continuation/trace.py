@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput, keeping
+from ..progress import Counter
 from .branch import Branch, Stop, labelled
 from .branch_points import crossing
 from .curve import Curve
@@ -19,7 +20,6 @@ from .location import Ends, Found, find
 from .newton import Solution, Undefined, newton, solve
 from .point import Event, Point
 from .problem import Problem, problem_in
-from .progress import Progress
 from .scope import scope
 from .segment import Segment, tangent_at
 from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, settled
@@ -69,7 +69,7 @@ def trace(
     towards: str = "both",
     events: Event | Iterable[Event] | None = None,
     steps: Steps | None = None,
-    progress: bool | Progress | None = None,
+    progress: bool | Counter | None = None,
     along: ArrayLike | None = None,
     inadmissible: bool = False,
 ) -> Branch:
@@ -130,7 +130,7 @@ def trace(
     start = problem_in(start)  # once: what both find at the start is one event
     sides = ("down", "up") if towards == "both" and along is None else (towards,)
     legs: list[Leg] = []
-    line = nullcontext(progress) if isinstance(progress, Progress) else Progress(progress, free)
+    line = nullcontext(progress) if isinstance(progress, Counter) else Counter(progress, free)
     with line as shown, keeping(lambda: _so_far(legs)):
         for side in sides:
             walker = walk(
@@ -157,7 +157,7 @@ class Leg:
     points: list[Point] = field(default_factory=list)
     end: End = End(Stop.INTERRUPTED)
 
-    def go(self, walker: Generator[Point, None, End], shown: Progress) -> None:
+    def go(self, walker: Generator[Point, None, End], shown: Counter) -> None:
         """Run a walk to its end."""
         while True:
             try:

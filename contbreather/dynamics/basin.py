@@ -29,10 +29,10 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import MOST, check_kind, number, row, whole
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import RunStop, advance, completed
-from contbreather.dynamics.progress import Bar
 from contbreather.dynamics.states import On, State, check_state, conditions_of, wall_rows, within
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
+from contbreather.progress import Bar
 
 Array = NDArray[Any]
 

@@ -396,7 +396,7 @@ def walk(
 
     Times of events are counted from t0. Where the stretches are cut has no influence on anything.
     """
-    from contbreather.dynamics.progress import Bar
+    from contbreather.progress import Bar
 
     machine = Machine(state, conditions, t0, sample)
     count, done = 4, 0

@@ -32,7 +32,6 @@ from numpy.typing import NDArray
 
 from contbreather.checks import whole
 from contbreather.dynamics.impacting import IMPACT, RunStop, Sample, Stretch, check_sample, walk
-from contbreather.dynamics.progress import Bar
 from contbreather.dynamics.states import (
     PERIOD,
     On,
@@ -48,6 +47,7 @@ from contbreather.files import write_whole
 from contbreather.lattice import Forcing, Fourier, Harmonic, Ring
 from contbreather.lattice.conditions import OWN, Conditions, Walls
 from contbreather.lattice.finite import Finite, Lattice
+from contbreather.progress import Bar
 
 EVERY = 5.0  # seconds between two files: what a crash may cost
 LARGEST = 4_000_000  # numbers in one file

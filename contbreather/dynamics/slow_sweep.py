@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import number, row, whole
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import RunStop, completed
-from contbreather.dynamics.progress import Bar
 from contbreather.dynamics.smooth import (
     SmoothConditions,
     Solver,
@@ -28,6 +27,7 @@ from contbreather.dynamics.smooth import (
 from contbreather.dynamics.states import On, State, check_state, ranged
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
+from contbreather.progress import Bar
 
 Array = NDArray[Any]
 

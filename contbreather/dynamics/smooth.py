@@ -33,7 +33,6 @@ from contbreather.dynamics.impacting import (
     advance,
     check_sample,
 )
-from contbreather.dynamics.progress import Bar
 from contbreather.dynamics.states import (
     PERIOD,
     State,
@@ -47,6 +46,7 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
+from contbreather.progress import Bar
 
 Array = NDArray[Any]
 

@@ -362,10 +362,10 @@ def test_zones_next_to_no_restitution_are_drawn() -> None:
 def test_zones_show_their_progress_only_where_it_is_asked_for(
     shown: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from contbreather.continuation import progress
+    from contbreather import progress
 
-    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
-    monkeypatch.setattr(progress, "_INTERVAL", 0.0)
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "INTERVAL", 0.0)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("FORCE_COLOR", "1")
     found = cb.zones(k=0.8, within={"gamma": (0.1, 0.102), "a": (0.05, 0.06)}, progress=shown)

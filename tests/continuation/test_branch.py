@@ -304,10 +304,10 @@ def test_progress_is_silent_unless_asked_for(capsys: pytest.CaptureFixture[str])
 def test_progress_is_shown_on_standard_error_when_asked_for(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from contbreather.continuation import progress
+    from contbreather import progress
 
-    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
-    monkeypatch.setattr(progress, "_INTERVAL", 0.0)
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "INTERVAL", 0.0)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("FORCE_COLOR", "1")
     trace_case(CUSP, progress=True)
@@ -317,12 +317,12 @@ def test_progress_is_shown_on_standard_error_when_asked_for(
 
 
 def test_progress_tells_how_many_points_there_are_by_now(monkeypatch) -> None:
-    from contbreather.continuation import progress
+    from contbreather import progress
 
-    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
-    monkeypatch.setattr(progress, "_INTERVAL", 0.0)
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "INTERVAL", 0.0)
     branch = trace_case(CUSP)
-    with progress.Progress(True, "h") as shown:
+    with progress.Counter(True, "h") as shown:
         for count, point in enumerate(branch[:3], start=1):
             shown.advance(point)
             assert str(shown.status.status).startswith(f"{count} points, h = {point['h']:.6g}")

@@ -29,11 +29,11 @@ from contbreather.dynamics import (
     verdict,
 )
 from contbreather.dynamics.impacting import IMPACT, Record
-from contbreather.dynamics.progress import Bar
 from contbreather.dynamics.states import PERIOD
 from contbreather.dynamics.verdicts import judge
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier
+from contbreather.progress import Bar
 
 STILL = {"a": 0.0, "gamma": 0.0}
 
@@ -507,7 +507,7 @@ def shown(bar: Bar, steps: range, capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def test_a_bar_counts_what_it_was_given_in_its_own_unit(monkeypatch, capsys) -> None:
-    monkeypatch.setattr("contbreather.dynamics.progress.PATIENCE", 0.0)
+    monkeypatch.setattr("contbreather.progress.PATIENCE", 0.0)
     assert "3/7 rows" in shown(Bar(True, 7, "rows"), range(1, 4), capsys)
     assert "2/2 periods" in shown(Bar(True, 2), range(1, 3), capsys)
     assert shown(Bar(False, 7), range(1, 4), capsys) == ""
@@ -515,7 +515,7 @@ def test_a_bar_counts_what_it_was_given_in_its_own_unit(monkeypatch, capsys) -> 
 
 def test_a_bar_is_shown_after_a_second_only(monkeypatch, capsys) -> None:
     clock = [100.0]
-    monkeypatch.setattr("contbreather.dynamics.progress.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("contbreather.progress.time.monotonic", lambda: clock[0])
     bar = Bar(True, 9)
     clock[0] = 100.9
     bar.advance(1)

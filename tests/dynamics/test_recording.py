@@ -176,7 +176,7 @@ def test_places_that_hold_no_run_are_refused(tmp_path, state):
 
 
 def test_progress_is_shown_on_standard_error_and_only_if_wanted(state, monkeypatch, capsys):
-    monkeypatch.setattr("contbreather.dynamics.progress.PATIENCE", 0.0)
+    monkeypatch.setattr("contbreather.progress.PATIENCE", 0.0)
     simulate(state, **CONDITIONS, periods=20)
     assert capsys.readouterr() == ("", "")  # no terminal here
     simulate(state, **CONDITIONS, periods=20, progress=True)
