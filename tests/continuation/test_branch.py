@@ -325,7 +325,7 @@ def test_progress_tells_how_many_points_there_are_by_now(monkeypatch) -> None:
     with progress.Counter(True, "h") as shown:
         for count, point in enumerate(branch[:3], start=1):
             shown.advance(point)
-            assert str(shown.status.status).startswith(f"{count} points, h = {point['h']:.6g}")
+            assert str(shown.bar.status).startswith(f"{count} points, h = {point['h']:.6g}")
 
 
 def test_a_point_answers_what_its_solution_answers() -> None:
