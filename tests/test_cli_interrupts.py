@@ -174,10 +174,10 @@ class Finder:
 sys.meta_path.insert(0, Finder())
 if "in numba" in wanted:
     import contbreather.dynamics.impacting as impacting
-    law_of = impacting.law_of
+    walk = impacting.walk
     own = dict(globals(), __name__="numba.core.dispatcher")
-    exec("def interrupted(*given): interrupt(); return law_of(*given)", own)
-    impacting.law_of = own["interrupted"]
+    exec("def interrupted(*given, **more): interrupt(); return walk(*given, **more)", own)
+    impacting.walk = own["interrupted"]
 from contbreather.__main__ import main
 sys.exit(main())
 """
