@@ -118,14 +118,10 @@ def _end_of(kept: Recording, count: int) -> Run:
         impacts, rests = [*impacts, one.impacts], [*rests, one.rests]
     whole = kept.periods - first + 1
     states = State(np.concatenate(u)[-whole:], np.concatenate(v)[-whole:])
-    tables: list[Any] = []
-    for table in (np.concatenate(impacts), np.concatenate(rests)):
-        late = table[table["period"] >= first].copy()
-        late["period"] -= first
-        late["time"] += kept.t0
-        tables.append(late)
+    hits, held = (_since(np.concatenate(rows), first) for rows in (impacts, rests))
+    for table in (hits, held):
+        table["time"] += kept.t0
     times = kept.t0 + PERIOD * (first + np.arange(len(states.u)))
-    hits, held = tables
     end = (kept.final, kept.end, None, kept.conditions, stop, reason)
     return Run(hits, held, times, states, *end)
 
@@ -167,7 +163,7 @@ def _judged(run: Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
 
 def _later(run: Any, skip: int) -> Any:
     """A run without its first periods."""
-    from contbreather.dynamics import Run, State
+    from contbreather.dynamics import State
 
     rest: dict[str, Any] = {
         "times": run.times[skip:],
@@ -176,10 +172,12 @@ def _later(run: Any, skip: int) -> Any:
         "final": State(run.strobe.u[-1].copy(), run.strobe.v[-1].copy()),
         "end": float(run.times[-1]),
     }
-    if isinstance(run, Run):
-        for name in ("impacts", "rests"):
-            table = getattr(run, name)
-            late = table[table["period"] >= skip].copy()
-            late["period"] -= skip
-            rest[name] = late
-    return replace(run, **rest)
+    tables = [name for name in ("impacts", "rests") if hasattr(run, name)]
+    return replace(run, **rest, **{name: _since(getattr(run, name), skip) for name in tables})
+
+
+def _since(table: Any, period: int) -> Any:
+    """The rows from a period on, counted from there."""
+    late = table[table["period"] >= period].copy()
+    late["period"] -= period
+    return late

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any
@@ -113,21 +114,16 @@ def plot_zones(
         check_kind(one, Zones, "a zone diagram")
     if not several or not all(any(one.curves.values()) for one in several):
         raise BadInput("plot_zones needs at least one zone diagram, and a curve in each")
-    if ax is None:
-        with style():
-            figure, panels = _sheet(len(several))
-            draw_panels(several, panels, within)
-            if legend:
-                explain(panels, figure)
-            _name(several, panels)
-    else:
-        panels = list(ax) if isinstance(ax, Sequence | np.ndarray) else [ax]
-        if len(panels) != len(several):
-            raise BadInput(f"{len(several)} zone diagrams need as many axes, got {len(panels)}")
+    given: list[Any] = list(ax) if isinstance(ax, Sequence | np.ndarray) else [ax]
+    if ax is not None and len(given) != len(several):
+        raise BadInput(f"{len(several)} zone diagrams need as many axes, got {len(given)}")
+    with style() if ax is None else nullcontext():
+        figure, panels = _sheet(len(several)) if ax is None else (None, given)
         draw_panels(several, panels, within)
         if legend:
-            explain(panels)
-        _name(several, panels)
+            explain(panels, figure)
+        for one, panel in zip(several, panels, strict=True):
+            place_words(panel, names_of_meetings(one), fontsize="small")
     return panels[0] if isinstance(zones, Zones) else panels
 
 
@@ -354,8 +350,3 @@ def names_of_meetings(zones: Zones) -> list[tuple[float, float, str]]:
         )
         for point in zones.special
     ]
-
-
-def _name(several: Sequence[Zones], panels: Sequence[Axes]) -> None:
-    for zones, panel in zip(several, panels, strict=True):
-        place_words(panel, names_of_meetings(zones), fontsize="small")
