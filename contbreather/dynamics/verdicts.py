@@ -401,7 +401,7 @@ def _open(
             many = (
                 f"{frequencies} exponents are zero: a torus of {frequencies} frequencies beside 1"
             )
-            words = f"{words}; {many} beside 1"
+            words = f"{words}; {many}"
         return Kind.QUASI_PERIODIC, f"{turns}, {words}"
     if repelling is not None:
         return Kind.UNDECIDED, _repels(run, evidence, repelling)
