@@ -318,12 +318,10 @@ def advance(
 
 
 def _after(start: State, stretches: list[Stretch]) -> State:
-    if not stretches or not stretches[-1].periods:
-        filled = [one for one in stretches if one.periods]
-        if not filled:
-            return start
-        stretches = filled
-    return State(stretches[-1].u[-1].copy(), stretches[-1].v[-1].copy())
+    filled = [one for one in stretches if one.periods]
+    if not filled:
+        return start
+    return State(filled[-1].u[-1].copy(), filled[-1].v[-1].copy())
 
 
 def _gathered(

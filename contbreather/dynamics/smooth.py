@@ -43,7 +43,7 @@ from contbreather.dynamics.states import (
     reduced,
 )
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, Harmonic, Ring, forcing_of
+from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.progress import Bar
@@ -96,7 +96,7 @@ class SmoothConditions:
     damping: float = 0.0
     spring: float = 0.0
     forcing: Forcing = field(default_factory=Harmonic)
-    lattice: Finite = field(default_factory=lambda: Ring(1))
+    lattice: Finite = field(kw_only=True)
 
     @property
     def k(self) -> float:
@@ -115,7 +115,7 @@ class SmoothConditions:
             values["lam"] = damping_of(params["k"])
         a, gamma, lam, m, damping, spring = (values.pop(name) for name in OWN)
         forcing = self.forcing.at(**values) if values else self.forcing
-        return SmoothConditions(a, gamma, lam, m, damping, spring, forcing, self.lattice)
+        return SmoothConditions(a, gamma, lam, m, damping, spring, forcing, lattice=self.lattice)
 
     def ranged(self) -> SmoothConditions:
         """The same conditions, with numbers that a simulation can have."""
@@ -147,7 +147,8 @@ def smooth_conditions_of(
     """The conditions of a state of so many sites, on a ring unless a lattice is given."""
     wall, where = wall_damping(k, lam), lattice_for(sites, lattice)
     drive = forcing_of(forcing)
-    return SmoothConditions(a, gamma, wall, m, damping, spring, drive, where).ranged()
+    made = SmoothConditions(a, gamma, wall, m, damping, spring, drive, lattice=where)
+    return made.ranged()
 
 
 def rigid_or_smooth(sites: int, m: float | None = None, **on: Any) -> Conditions | SmoothConditions:

@@ -197,12 +197,13 @@ def _smooth() -> list[Row]:
     from contbreather.dynamics import Explicit, Implicit, SmoothConditions, Switching
     from contbreather.dynamics.smooth import damping_of
     from contbreather.dynamics.smooth_flow import motion
+    from contbreather.lattice import Ring
 
     y = np.concatenate(symmetric(0.1, 0.08, 0.8).state(20))
-    times = np.array([4.0 * math.pi])
+    times, ring = np.array([4.0 * math.pi]), Ring(20)
     table = []
     for m in (6, 20, 50):
-        conditions = SmoothConditions(0.1, 0.08, damping_of(0.8), m, 0.005)
+        conditions = SmoothConditions(0.1, 0.08, damping_of(0.8), m, 0.005, lattice=ring)
         exact = _states(Explicit(1e-13), conditions, y, times)
         slow, error = _radau(motion, conditions, y, times, exact)
         for kind in (Explicit, Switching, Implicit):
