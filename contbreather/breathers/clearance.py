@@ -109,8 +109,8 @@ class Admissibility:
     ok : bool
         All margins are positive.
     max_neighbour : float
-        Largest displacement of a site coupled to one that impacts, eq. (15): 1 less its distance
-        from the nearer wall; 0 if there is none.
+        Largest displacement of a site coupled to one that impacts, eq. (15), where it comes
+        closest to a wall; 0 if there is none.
     margin : float
         The least of the margins below.
     reason : str
@@ -172,7 +172,7 @@ def clearance(orbit: Watch) -> Admissibility:
     places = {"neighbours": min(idle, default=nobody), "centre": centre, "far": far}
     worst = min(places.values(), key=lambda gap: gap.margin)
     beside = orbit.beside
-    heights = [1.0 - gap.margin for gap in idle if gap.site in beside]
+    heights = [_height(orbit, gap) for gap in idle if gap.site in beside]
     return Admissibility(
         ok=worst.margin > 0.0,
         max_neighbour=max(heights, default=0.0),
@@ -307,6 +307,13 @@ class Room(NamedTuple):
             return u - low, v, w
         tilt = high + low - 2.0 * u
         return (high - u) * (u - low), tilt * v, tilt * w - 2.0 * v * v
+
+
+def _height(orbit: Watch, gap: Gap) -> float:
+    assert gap.site is not None
+    if orbit.walls(gap.site) == USUAL:
+        return 1.0 - gap.margin
+    return abs(float(orbit.at(gap.site, gap.time)[0]))
 
 
 def gaps_of_flights(orbit: Watch) -> Iterator[Gap]:

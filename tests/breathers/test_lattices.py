@@ -394,7 +394,7 @@ def test_everything_scales_with_the_distance_of_the_walls() -> None:
     assert (far.p, far.phi) == pytest.approx((2.5 * near.p, near.phi), abs=1e-12)
     assert far.multipliers() == pytest.approx(near.multipliers(), abs=1e-9)
     assert far.admissibility().max_neighbour == pytest.approx(
-        1 - 2.5 * (1 - near.admissibility().max_neighbour)
+        2.5 * near.admissibility().max_neighbour
     )
     found = special(far, 1.2, 2.4)
     assert found == pytest.approx(
