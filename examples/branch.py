@@ -2,8 +2,8 @@
 One branch of breathers, and the curve of one of its bifurcations
 =================================================================
 
-A breather at one point, all breathers along the forcing amplitude, and the pitchfork met on the
-way as a curve in two parameters. On the branch: a fold (LP), a pitchfork (PF), and the grazing of
+A breather at one point, all breathers along the forcing amplitude, and the pitchfork on the way
+as a curve in two parameters. On the branch: a fold (LP), a pitchfork (PF), and the grazing of
 a neighbour (GR), beyond which there is no breather.
 """
 

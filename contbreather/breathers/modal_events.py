@@ -252,7 +252,7 @@ def _crest(orbit: Orbit, site: int) -> Crest:
 def _shallow_locus(orbit: Orbit) -> Locus:
     """An impact whose incoming velocity vanishes."""
     if orbit.k == 0.0:
-        raise Undefined("with k = 0 a site comes to rest on its wall: no orbit of impacts goes on")
+        raise Undefined("with k = 0 a site rests on its wall: no orbit of impacts continues")
     velocities = [abs(one.velocity) for one in orbit.flight.arrivals]
     j = int(np.argmin(velocities))
 

@@ -122,7 +122,7 @@ class Section:
         """The same impacts twice, over twice the period."""
         if self.symmetric:
             raise BadInput(
-                "a symmetric orbit does not double its period; break its symmetry first: unfolded"
+                "a symmetric orbit does not double its period; break its symmetry first, unfolded()"
             )
         return Section(self.impacts * 2, 2 * self.turns)
 

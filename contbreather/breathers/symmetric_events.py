@@ -336,7 +336,7 @@ def _upper(breather: SymmetricFlight, ring: Ring) -> NDArray[np.complex128]:
     """Multipliers of QS in the open upper half plane; those of odd modes never leave the circle."""
     if breather.lattice.spring:
         raise BadInput(
-            f"on = Ring({ring.sites}): of a chain with springs the multipliers on a ring are those "
+            f"on = Ring({ring.sites}): with springs the multipliers on a ring are those "
             f"of the ring's own orbit; trace breather.on(Ring({ring.sites})) instead."
         )
     mu = even_multipliers(ring, breather.gamma, breather.k, breather.b)

@@ -217,7 +217,7 @@ def zones(
         raise BadInput(
             f"k = {value:g}: zones need 0 < k < 1. At k = 1 the folds are at a = 0 and every "
             "multiplier on the arc is neutral; at k = 0 site 0 leaves its wall without velocity. "
-            "Take k close to it, and symmetric() for single breathers at the rim"
+            "Take k close to it, and symmetric() for single breathers at the edge"
         )
     drive = forcing_of(forcing)
     if past_folds is None:

@@ -142,7 +142,7 @@ def _verified(path: str | Path) -> bytes:
         image = file.read(size - _SEALED)
     if seal != _SEAL % _checksum(image):
         raise BadInput(
-            f"{path} is damaged: its checksum is not the one that `save` wrote; fetch a copy of it"
+            f"{path} is damaged: its checksum is not the one that `save` wrote; restore a copy"
         )
     return image
 
@@ -168,7 +168,7 @@ def _check_names(what: str, names: Iterable[str]) -> None:
         if not good:
             raise BadInput(
                 f"{name!r} cannot be the name of a {what} in a file: at most {_LONGEST} printable "
-                "bytes without / were wanted, and not . or ..; call it otherwise"
+                "bytes without / were wanted, and not . or ..; choose another name"
             )
 
 
@@ -185,12 +185,12 @@ def _dataset(branch: Branch, points: Sequence[Point], *, recorded: bool) -> Data
         variables[name] = _column(name, part[name], role="recorded")
     for name, column in _of_points(points).items():
         if name in variables:
-            raise BadInput(f"{name!r} is a name that the file needs itself; call yours otherwise")
+            raise BadInput(f"{name!r} is a name that the file needs itself; choose another")
         variables[name] = column
     _check_names("column", variables)
     own = {"point", _DOUBTFUL, *(d for one in variables.values() for d in one[0])}
     if taken := sorted(own & set(variables)):
-        raise BadInput(f"{taken[0]!r} is a name that the file needs itself; call yours otherwise")
+        raise BadInput(f"{taken[0]!r} is a name that the file needs itself; choose another")
     event = event_of(problem)
     attributes = {
         "label": _text(problem.label),

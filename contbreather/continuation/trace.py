@@ -519,7 +519,7 @@ class Walker:
             if event.walls and value < -1e-9:
                 raise BadInput(
                     f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
-                    "positive values are admissible; start elsewhere, or lift it by "
+                    "positive values are admissible; start elsewhere, or lift this rule by "
                     "inadmissible=True"
                 )
         return values

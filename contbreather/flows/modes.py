@@ -234,7 +234,7 @@ class Driven:
                 f"the drive is in resonance: at gamma = {self.gamma:.9g}, spring = "
                 f"{self.spring:.9g} a mode of the {self.lattice.describe()} has the frequency "
                 f"{m[np.argwhere(low)[0, 1]]:g} of one of its harmonics, and without damping "
-                "grows for ever; change gamma, spring or damping."
+                "grows without bound; change gamma, spring or damping."
             )
         return gap
 

@@ -40,7 +40,7 @@ def check_amplitude(a: float) -> float:
         return number
     raise BadInput(
         f"a = {a!r}: the amplitude of the forcing must be a finite number > 0; "
-        "its sign belongs into the forcing."
+        "its sign belongs in the forcing."
     )
 
 

@@ -41,7 +41,7 @@ class Figure2:
             "Existence (fold LP, grazing GR) and stability (pitchfork PF, Neimark-Sacker NS) of "
             "the symmetric breather, exact for the infinite chain. Dotted: the paper's rule, "
             f"largest multiplier over 2 pi beyond {one.threshold:g} on a ring of {one.sites} sites "
-            "(its pitchfork line cannot be told from the exact one). "
+            "(its pitchfork line cannot be distinguished from the exact one). "
             "S and US: no multiplier, some multipliers of QS outside the unit circle (infinite "
             "chain). Arrows: from panel (a) to panel (b) of Figs. 3 and 4."
         )

@@ -384,7 +384,7 @@ def eigenvector(ring: Ring, gamma: float, k: float, b: float, mu: complex) -> Ar
             return v
         residual = min(residual, float(defect))
     raise NotConverged(
-        f"mu = {mu} has no eigenvector to be found: |QS v - mu v| = {residual:.1e}; take one of "
+        f"mu = {mu} gives no eigenvector: |QS v - mu v| = {residual:.1e}; take one of "
         "half_multipliers(...) that is not (nearly) equal to another.",
         residual=residual,
     )

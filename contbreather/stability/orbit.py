@@ -245,7 +245,7 @@ class OrbitMap:
         and branch points alike.
         """
         if len({kick.site for kick in self.kicks}) > 1:
-            raise BadInput("several sites: a multiplier +1 is told by the orbit's own equations.")
+            raise BadInput("several sites: a multiplier +1 shows in the orbit's own equations.")
         m = len(self.kicks)
         kappa = np.zeros(1, dtype=complex)
         matrix = np.zeros((2 * m + 1, 2 * m + 1), dtype=complex)
