@@ -22,7 +22,7 @@ from contbreather.breathers.section import Section
 from contbreather.continuation import Event, Locus, Point, branch_point, fold
 from contbreather.continuation.branch_points import bordered
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.derivatives import differences
+from contbreather.continuation.derivatives import differences, directional
 from contbreather.continuation.loci import Singular
 from contbreather.continuation.newton import Undefined
 from contbreather.errors import BadInput
@@ -33,6 +33,7 @@ from contbreather.stability.verdict import THRESHOLD
 FloatArray = NDArray[np.float64]
 Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
 
+STEP = 1e-3  # of velocities and accelerations at impacts, relative, for differences
 REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
 ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
 VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding
@@ -176,8 +177,32 @@ def _null_locus(mu: float) -> Callable[[Point], Locus]:
 
 
 def _in_z(conditions: Conditions, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-    """Derivative in z by differences: one perturbation flown once is cheap, and smooth."""
-    return differences(lambda near: conditions(curve, near, extra), z, scales=curve.scales)
+    """Derivative in z by differences: one perturbation flown once is cheap, and smooth.
+
+    Of the state the map knows velocities and accelerations at the impacts, and these are linear in
+    it: one direction for each of them tells what all modes do.
+    """
+    flight = _at(curve, z)
+    m, size = flight.t.size, 2 * flight.q.size
+
+    def near(z: FloatArray) -> FloatArray:
+        return conditions(curve, z, extra)
+
+    others = [*range(m), *range(m + size, z.size)]
+    columns = differences(near, z, others, scales=curve.scales)
+    rows = np.zeros((len(columns), z.size))
+    rows[:, others] = columns
+    values = [(abs(one.velocity), abs(one.acceleration)) for one in flight.arrivals]
+    sizes = [max(pair[: 1 + i]) for pair in values for i in range(2)]
+    for shown, moved, large in zip(
+        flight.shown, np.linalg.pinv(flight.shown).T, sizes, strict=True
+    ):
+        step = np.zeros(z.size)
+        step[m : m + size] = STEP * large * moved
+        rows[:, m : m + size] += np.multiply.outer(
+            directional(near, z, step), shown / (STEP * large)
+        )
+    return rows
 
 
 # --- complex multipliers --------------------------------------------------------------------

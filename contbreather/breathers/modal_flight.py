@@ -432,6 +432,22 @@ class ModalFlight:
         )
 
     @cached_property
+    def shown(self) -> FloatArray:
+        """Derivatives in (q, r) of velocity and acceleration at each impact in turn, (2m, 2K).
+
+        The flight is linear in its state at fixed times, and `map` knows no more of the state.
+        """
+        Y, R = np.eye(2 * self.q.size).reshape(2, self.q.size, -1)
+        rows = []
+        for fly, one in zip(self._course.turns, self.arrivals, strict=False):
+            Y, R = fly(Y, R)
+            e = self.shapes[one.which]
+            speed = e @ R
+            rows += [speed, -(e * self.z) @ Y - self.conditions.damping * speed]
+            R = R - np.multiply.outer(self.kicks[one.which], (1.0 + self.conditions.k) * speed)
+        return np.array(rows)
+
+    @cached_property
     def map(self) -> ModalMap:
         """What small perturbations become over a section."""
         on = self.conditions
