@@ -145,8 +145,8 @@ def neimark_sacker(
         if on is not None and on != orbit.lattice:
             if not isinstance(orbit.road, SymmetricFlight):
                 raise BadInput(
-                    f"on = {on!r}: only the events of symmetric breathers of chain and ring can be "
-                    f"about another lattice; take the orbit there, orbit.on({on!r})."
+                    f"on = {on!r}: another lattice can be named for events of symmetric breathers of "
+                    f"chain and ring only; take the orbit there, orbit.on({on!r})."
                 )
             return elsewhere
         found = next(event for event in orbit.road.events(modulus) if event.kind == "NS")

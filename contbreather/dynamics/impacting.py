@@ -95,7 +95,7 @@ class Sample:
             )
         for n in self.sites:
             if not isinstance(n, int | np.integer) or isinstance(n, bool):
-                raise BadInput(f"sites = {self.sites!r}: whole numbers were wanted, not {n!r}.")
+                raise BadInput(f"sites = {self.sites!r}: whole numbers were wanted, {n!r} is none.")
         object.__setattr__(self, "sites", tuple(int(n) for n in self.sites))
 
 
