@@ -145,7 +145,7 @@ def neimark_sacker(
         if on is not None and on != orbit.lattice:
             if not isinstance(orbit.road, SymmetricFlight):
                 raise BadInput(
-                    f"on = {on!r}: another lattice can be named for events of symmetric breathers of "
+                    f"on = {on!r}: another lattice goes with events of symmetric breathers of "
                     f"chain and ring only; take the orbit there, orbit.on({on!r})."
                 )
             return elsewhere
