@@ -78,7 +78,7 @@ def multibreather(
     BadInput
         For sites that are not there, or orbits of other parameters.
     NoSolution
-        Where a fold or a grazing comes first; the sentence names the coupling it was met at.
+        Where a fold or a grazing comes first; the sentence names the coupling reached.
 
     Examples
     --------

@@ -22,7 +22,7 @@ def boundary(
 
     Its first point is found on a branch in the second parameter, at the value of the first one if
     that is given. Past a fold (as NS-LP) it goes on among the breathers with the smaller p; the
-    curves of `contbreather zones`, which finds all of all kinds, end there. On a ring the curve of
+    curves of `contbreather zones`, which finds all curves, end there. On a ring the curve of
     NS ends where another of its waves passes the threshold first; `zones` has the whole envelope.
 
     Parameters

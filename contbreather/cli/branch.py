@@ -31,7 +31,7 @@ def branch(
     towards
         Direction in which the parameter changes at first.
     root
-        Which solution of (11), by falling p, where there are several.
+        Which solution of (11), in order of decreasing p, where there are several.
     """
     from contbreather import continuation
 

@@ -19,7 +19,7 @@ def figure(number: str | None = None, *, into: Into = Into()) -> None:
     Parameters
     ----------
     number
-        2 to 8, as the captions count.
+        2 to 8, as numbered in the captions.
     """
     from contbreather.paper import FIGURES
 

@@ -80,7 +80,7 @@ class Where:
     forcing
         F(t)/a as a formula in t, antisymmetric over half the period 2 pi.
     set
-        NAME=VALUE of another letter in the formula.
+        NAME=VALUE of a parameter in the formula.
     """
 
     a: float | None = None
@@ -219,7 +219,7 @@ class Along:
     Parameters
     ----------
     free
-        Parameter to vary: a, gamma, k, damping, spring, or a letter of the forcing.
+        Parameter to vary: a, gamma, k, damping, spring, or one of the forcing's.
     window
         Lowest and highest value; 0 to 0.2499 for gamma, 0.01 to 0.999 for k unless given.
     """
@@ -232,7 +232,7 @@ class Along:
         from contbreather.breathers import find_symmetric
 
         if self.free is None:
-            raise BadInput("--free is missing: which parameter is to vary, a, gamma or k?")
+            raise BadInput("--free is missing: which parameter is to vary, a for instance?")
         free, on = self.free, where.on(self.free)
         given = where.need(*(name for name in PARAMETERS if name != free))
         span = interval(free, self.window, on.reach)

@@ -18,7 +18,7 @@ def point(where: Where = Where(), *, root: Whole = 1, json: bool = False) -> Non
     Parameters
     ----------
     root
-        Which solution of (11), by falling p, where there are several.
+        Which solution of (11), in order of decreasing p, where there are several.
     json
         Print one JSON object, in full precision.
     """

@@ -1,4 +1,4 @@
-"""`contbreather simulate`: a ring in motion, from a breather or any state, and what it comes to."""
+"""`contbreather simulate`: a lattice in motion, from a breather or any state."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def simulate(
     final: str | None = None,
     into: Into = Into(),
 ) -> int | None:
-    """A lattice in motion, impact by impact, and a verdict on what it comes to.
+    """A lattice in motion, impact by impact, and a verdict on it.
 
     It is a ring of 20 unless a lattice or a state is given. It starts on the exact breather at
     t = 0, or from a file: JSON with u, v and t, as --final

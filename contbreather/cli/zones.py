@@ -54,9 +54,9 @@ def zones(
     forcing
         F(t)/a as a formula in t.
     set
-        NAME=VALUE of another letter in the formula.
+        NAME=VALUE of a parameter in the formula.
     sites
-        A ring of so many sites in place of the infinite chain, stable by the paper's rule.
+        A ring of so many sites in place of the infinite chain, judged by the paper's rule.
     threshold
         With --sites: modulus over a period beyond which it is unstable, 1.005 unless given.
     """

@@ -137,7 +137,7 @@ class Kind(enum.Enum):
     PERIODIC = "periodic: repeats with the forcing"
     LOCKED = "locked: periodic after several periods of the forcing"
     QUASI_PERIODIC = "quasi-periodic: a torus with a rotation number of its own"
-    CHAOTIC = "chaotic: nearby motions part exponentially"
+    CHAOTIC = "chaotic: nearby motions separate exponentially"
     DELOCALISED = "delocalised: the breather is lost, impacts are everywhere"
     SYNCHRONISED = "synchronised: the breather is lost, all sites move together"
     UNDECIDED = "undecided: has not settled; let it run longer"
