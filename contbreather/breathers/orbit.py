@@ -588,9 +588,10 @@ def orbit_of(
         times = np.concatenate([times, times + section.length])
         impulses, section = np.concatenate([impulses, -impulses]), section.unfolded()
     raise BadInput(
-        f"damping = {on.damping}, spring = {on.spring}, walls = {on.walls}: orbits of the "
-        f"{on.lattice.describe()} have walls at -1 and 1 and no damping, and springs only where "
-        "one site hits its walls in turn; take a finite lattice, Ring(200) for instance."
+        f"damping = {on.damping}, spring = {on.spring}, walls = "
+        f"{dict(on.walls.own) or on.walls.of_all}: orbits of the {on.lattice.describe()} have "
+        "walls at -1 and 1 and no damping, and springs only where they are symmetric and one site "
+        "impacts; take a finite lattice, Ring(200) for instance."
     )
 
 
