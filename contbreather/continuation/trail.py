@@ -80,17 +80,16 @@ class Trail:
     def changes(self) -> list[tuple[float, float]]:
         """Neighbouring places between which the test changes sign, or jumps."""
         known = sorted(u for u, value in self.values.items() if not math.isnan(value))
+        differ = self._unequal if self.jumps else self.sign_changes
         pairs = itertools.pairwise(known)
-        return [pair for pair in pairs if self._differ(*pair) and not self._dealt_with(*pair)]
+        return [pair for pair in pairs if differ(*pair) and not self._dealt_with(*pair)]
 
     def _dealt_with(self, left: float, right: float) -> bool:
         # a place where the test was looked at before may lie inside a bracket
         return any(low <= left and right <= high for low, high in self.done)
 
-    def _differ(self, left: float, right: float) -> bool:
-        if self.jumps:
-            return self.values[left] != self.values[right]
-        return self.sign_changes(left, right)
+    def _unequal(self, left: float, right: float) -> bool:
+        return self.values[left] != self.values[right]
 
     def sign_changes(self, left: float, right: float) -> bool:
         a, b = self.values[left], self.values[right]
