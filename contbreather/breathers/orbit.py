@@ -397,6 +397,8 @@ class Orbit:
         """
         if lattice == self.lattice:
             return self
+        if not hasattr(lattice, "sites"):
+            raise BadInput(f"lattice = {lattice!r}: InfiniteChain() or Ring(20), say, is wanted.")
         found = self.road.on(lattice)
         if found is not None:
             return found

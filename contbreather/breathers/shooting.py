@@ -14,7 +14,7 @@ from contbreather.breathers.orbit import Orbit, checked, orbit_at
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.section import Section, check_possible
 from contbreather.breathers.seeds import from_orbit, from_state, from_times
-from contbreather.checks import number, real
+from contbreather.checks import kind_of, number, real
 from contbreather.continuation import Point, Problem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Ring, forcing_of
@@ -180,7 +180,7 @@ def _guess(
     if isinstance(seed, str) or not isinstance(seed, Sequence | np.ndarray) or len(seed) != 2:
         raise BadInput(
             f"a seed is an orbit, a point of a branch, a state (u, v) or a dict of impact times; "
-            f"got {type(seed).__name__}."
+            f"got {kind_of(seed)}."
         )
     size = np.size(seed[0])
     if lattice is not None and lattice.sites != size:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import kind_of
 from ..errors import BadInput, NotConverged
 from .curve import Curve, Params
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, newton
@@ -264,7 +265,7 @@ def problem_in(given: object) -> Problem:
     problem = given if isinstance(given, Problem) else getattr(given, "problem", None)
     if not isinstance(problem, Problem):
         raise BadInput(
-            "a Problem was wanted, or what has one: a breather, an orbit, a point; got a "
-            f"{type(given).__name__}"
+            "a Problem was wanted, or what has one: a breather, an orbit, a point; got "
+            f"{kind_of(given)}"
         )
     return problem

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import kind_of
 from ..errors import BadInput
 from ..files import opened, write_whole
 from .boundary import boundary_problem
@@ -73,7 +74,7 @@ def save(path: str | Path, *branches: Branch, **named: Branch) -> None:
     for one in every.values():
         if not isinstance(one, Branch):
             raise BadInput(
-                f"save writes branches, got a {type(one).__name__}; pass them one by one, "
+                f"save writes branches, got {kind_of(one)}; pass them one by one, "
                 "save(path, *branches) for those of a list"
             )
     if not every or len(every) < len(branches) + len(named):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import kind_of
 from ..errors import BadInput, NotConverged, keeping, taking
 from ..progress import Counter
 from .branch import Branch, Stop, labelled
@@ -107,8 +108,8 @@ def switch(
     """
     if not isinstance(point, Point):
         raise BadInput(
-            f"switch takes a special point of a branch, branch.first('PF') for instance; got a "
-            f"{type(point).__name__}"
+            f"switch takes a special point of a branch, branch.first('PF') for instance; got "
+            f"{kind_of(point)}"
         )
     given = all_of(events)
     arms: list[Branch] = []

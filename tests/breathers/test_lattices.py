@@ -510,6 +510,8 @@ def test_orbit_goes_to_any_lattice_and_back() -> None:
     damped = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(24), damping=0.1)
     with pytest.raises(cb.BadInput, match="no damping, and springs only"):
         damped.on(cb.InfiniteChain())
+    with pytest.raises(cb.BadInput, match=r"lattice = 40: .* Ring\(20\), say, is wanted"):
+        damped.on(40)
     own = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(40), damping=0.1)
     assert damped.stability(sites=40).largest == pytest.approx(own.stability().largest)
     assert damped.multipliers(sites=40).size == 80
