@@ -592,8 +592,8 @@ def orbit_of(
     raise BadInput(
         f"damping = {on.damping}, spring = {on.spring}, walls = "
         f"{dict(on.walls.own) or on.walls.of_all}: orbits of the {on.lattice.describe()} have "
-        "walls at -1 and 1 and no damping, and springs only where they are symmetric and one site "
-        "impacts; take a finite lattice, Ring(200) for instance."
+        "walls at -1 and 1 and no damping, and springs only where, in equal flights, "
+        "one site hits its walls in turn; take a finite lattice, Ring(200) for instance."
     )
 
 
