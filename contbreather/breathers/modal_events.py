@@ -149,7 +149,7 @@ def determinant(flight: ModalFlight, mu: float) -> float:
     Each impact brings a pole where its velocity vanishes, which is divided out.
     """
     velocities = [one.velocity * one.wall for one in flight.arrivals]
-    if min(velocities) < VANISHED:
+    if min(map(abs, velocities)) < VANISHED:
         return math.nan  # the end of the branch, where rounding decides
     return flight.map.crosses(mu) * math.prod(velocities)
 

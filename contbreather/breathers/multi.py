@@ -115,9 +115,12 @@ def _refusal(choice: Any, branch: Branch | None, on: Conditions) -> str:
 
 
 def _singles(choice: Sequence[int] | Mapping[int, Any], on: Conditions) -> list[Single]:
-    if not isinstance(choice, Mapping | Sequence):
-        raise BadInput(f"{choice!r}: a list of sites is wanted, or a dict of sites and orbits.")
-    chosen = dict(choice) if isinstance(choice, Mapping) else dict.fromkeys(choice, "upper")
+    try:
+        chosen = dict(choice) if isinstance(choice, Mapping) else dict.fromkeys(choice, "upper")
+    except TypeError:
+        raise BadInput(
+            f"{choice!r}: a list of sites is wanted, or a dict of sites and orbits."
+        ) from None
     if not chosen or len(chosen) < len(choice):
         raise BadInput(f"{choice!r}: name at least one site, and each once.")
     return [_single(site, what, replace(on, gamma=0.0)) for site, what in chosen.items()]

@@ -18,12 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.breathers.clearance import Admissibility, Watch, clearance
 from contbreather.breathers.section import Impact, Section, check_order
-from contbreather.checks import numbers
+from contbreather.checks import check_kind, number, numbers, row
 from contbreather.continuation import Event, Point, Problem
 from contbreather.continuation.curve import Curve
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, Ring
+from contbreather.lattice import Forcing, InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.finite import finite
+from contbreather.lattice.modes import lattice_of
 from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
 
 FloatArray = NDArray[np.float64]
@@ -381,7 +383,7 @@ class Orbit:
         own = self._on_ring(sites)
         if own.lattice.sites is None:
             raise BadInput("the infinite chain has no end: ask for state(sites=N), of a ring of N.")
-        return own.road.state(float(numbers("t", t)))
+        return own.road.state(number("t", t, -math.inf, math.inf, "a time"))
 
     # ------------------------------------------------------------------ what it is asked about
 
@@ -395,6 +397,7 @@ class Orbit:
         BadInput
             If an impacting site is not on that lattice, or springs and damping cannot be.
         """
+        lattice = lattice_of(lattice) if isinstance(lattice, InfiniteChain) else finite(lattice)
         if lattice == self.lattice:
             return self
         if not hasattr(lattice, "sites"):
@@ -404,7 +407,7 @@ class Orbit:
             return found
         guess = orbit_of(
             replace(self.conditions, lattice=lattice),
-            self.section if lattice.sites is None else self.section.around(lattice.sites),
+            self.section.moved(lattice),
             self.times,
             self.impulses,
             self.offsets or (self.c,) * len(self.section.hit),
@@ -546,7 +549,10 @@ class Orbit:
 
 def whole_sites(n: ArrayLike) -> NDArray[np.int64]:
     """Numbers of sites, or a sentence."""
-    sites = np.asarray(n)
+    try:
+        sites = np.asarray(n)
+    except ValueError:  # rows of different lengths
+        sites = np.array(math.nan)
     if sites.dtype.kind not in "iu":
         raise BadInput(f"n = {n!r}: sites are whole numbers.")
     return sites.astype(np.int64)
@@ -579,12 +585,18 @@ def orbit_of(
     >>> round(guess.solved().p, 10)
     0.680056002
     """
-    section, times = section.placed(on.lattice), np.asarray(times, dtype=float)
-    impulses = np.asarray(impulses, dtype=float)
+    check_kind(on, Conditions, "Conditions")
+    check_kind(section, Section, "a Section of impacts")
+    section = section.placed(on.lattice)
+    times, impulses = (
+        row(name, value, "one for each impact")
+        for name, value in (("times", times), ("impulses", impulses))
+    )
+    offsets = tuple(np.ravel(numbers("offsets", offsets)).tolist())
     while True:
         for _, kind in sorted(_ROADS.items()):
             if kind.suits(on, section):
-                return Orbit(kind.through(on, section, times, impulses, tuple(offsets)))
+                return Orbit(kind.through(on, section, times, impulses, offsets))
         if not section.symmetric:
             break
         times = np.concatenate([times, times + section.length])

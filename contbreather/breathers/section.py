@@ -16,7 +16,7 @@ import numpy as np
 
 from contbreather.breathers.refusals import ImpossibleSequence
 from contbreather.errors import BadInput
-from contbreather.lattice import check_gamma
+from contbreather.lattice import Ring, check_gamma
 from contbreather.lattice.conditions import Conditions
 
 Sequenced = tuple[tuple[int, int], ...]
@@ -149,6 +149,10 @@ class Section:
                 "sites: take a larger one."
             )
         return self if found == self.impacts else replace(self, impacts=found)
+
+    def moved(self, lattice: Any) -> Section:
+        """On another lattice: sites go around a ring, elsewhere they stay what they are."""
+        return self.around(lattice.sites) if isinstance(lattice, Ring) else self.placed(lattice)
 
     def describe(self) -> str:
         impacts = " ".join(f"{n}{'+' if wall > 0 else '-'}" for n, wall in self.impacts)

@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 from contbreather.breathers.modal_road import Modes
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.refusals import ImpossibleSequence
-from contbreather.breathers.section import Section
+from contbreather.breathers.section import Section, checked_impacts
 from contbreather.errors import BadInput
 from contbreather.flows.modes import Turn, driven, turn
 from contbreather.lattice import Ring
@@ -57,8 +57,6 @@ class Motion:
             raise BadInput(
                 f"u[{n}] = {u[n]:.9g} of the seed is outside the walls at {low:g} and {high:g}."
             )
-        if not math.isfinite(time):
-            raise BadInput(f"t = {time!r}: the time of a state must be a finite number.")
         self.on, self.time = on, float(time)
         self.basis: Basis = lattice.basis(tuple(range(u.size)))
         self.forced = driven(lattice, on.forcing, on.gamma, on.spring, on.damping)
@@ -194,7 +192,7 @@ def _start(
     starts = range(2 * m if sign < 0 else m)
     if sequence is None:  # the first on the wall at +1, by choice
         return next((i for i in starts if course[i].wall > 0), 0)
-    wanted = Section(tuple(sequence)).placed(lattice).impacts
+    wanted = Section(checked_impacts(sequence)).placed(lattice).impacts
     for i in starts:
         if tuple((one.site, one.wall) for one in course[i : i + m]) == wanted:
             return i
@@ -246,7 +244,7 @@ def from_orbit(
     if sequence is not None and not isinstance(orbit.road, Modes):
         return _otherwise(orbit, on, sequence)
     if sequence is not None:
-        wanted = Section(tuple(sequence)).placed(orbit.lattice).impacts
+        wanted = Section(checked_impacts(sequence)).placed(orbit.lattice).impacts
         if wanted != orbit.sequence:
             raise BadInput(
                 f"this orbit has the impacts {orbit.sequence}, not {wanted}; give a state or "
@@ -257,13 +255,12 @@ def from_orbit(
             return replace(orbit.road, conditions=on)
         if isinstance(on.lattice, Ring) and isinstance(orbit.lattice, Ring) and orbit.section.local:
             return replace(orbit.road.resized(on.lattice), conditions=on)
-    section = orbit.section if on.lattice.sites is None else orbit.section.around(on.lattice.sites)
-    return Modes.from_times(on, section, orbit.times)
+    return Modes.from_times(on, orbit.section.moved(on.lattice), orbit.times)
 
 
 def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> Modes:
     """With another impact first; or with the same times at other sites."""
-    section = replace(orbit.section, impacts=tuple(sequence)).placed(on.lattice)
+    section = replace(orbit.section, impacts=checked_impacts(sequence)).placed(on.lattice)
     m, T, sign = orbit.section.count, orbit.section.length, orbit.section.sign
     if section.count != m:
         raise BadInput(

@@ -12,7 +12,7 @@ from contbreather.breathers.clearance import LIMIT
 from contbreather.breathers.modal_road import Modes, modal_problem
 from contbreather.breathers.orbit import Orbit, checked, orbit_at
 from contbreather.breathers.refusals import Inadmissible
-from contbreather.breathers.section import Section, check_possible
+from contbreather.breathers.section import Section, check_possible, checked_impacts
 from contbreather.breathers.seeds import from_orbit, from_state, from_times
 from contbreather.checks import kind_of, number, real
 from contbreather.continuation import Point, Problem
@@ -21,6 +21,8 @@ from contbreather.lattice import Forcing, Ring, forcing_of
 from contbreather.lattice.conditions import OWN, Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
 from contbreather.stability.verdict import THRESHOLD
+
+LONGEST = 10_000  # periods of the forcing that a seed is followed over
 
 
 def shooting(
@@ -106,9 +108,10 @@ def shooting(
         "a": a, "gamma": gamma, "k": k, "damping": damping, "spring": spring, "forcing": forcing,
         "walls": walls,
     }  # fmt: skip
+    t = number("t", t, -math.inf, math.inf, "the time of a state")
     threshold = number("threshold", threshold, 1.0, 1e300, "a modulus above 1")
     sign = None if symmetric is None else -1 if symmetric else 1
-    flight = _guess(seed, given, _lattice(lattice, sites), sequence, _turns(period), sign, real(t))
+    flight = _guess(seed, given, _lattice(lattice, sites), sequence, _turns(period), sign, t)
     check_possible(flight.section, flight.conditions)
     problem = modal_problem(Orbit(flight), threshold)
     try:
@@ -134,11 +137,12 @@ def shooting(
 
 
 def _turns(period: float) -> int:
-    turns = round(period / (2.0 * math.pi)) if math.isfinite(period) else 0
-    if turns < 1 or abs(period - 2.0 * math.pi * turns) > 1e-9 * turns:
+    given = real(period)
+    turns = round(given / (2.0 * math.pi)) if abs(given) < math.inf else 0
+    if not 1 <= turns <= LONGEST or abs(given - 2.0 * math.pi * turns) > 1e-9 * turns:
         raise BadInput(
             f"period = {period!r}: the forcing has period 2 pi, so an orbit has a multiple of it, "
-            "2 pi n with n = 1, 2, ..."
+            f"2 pi n with n = 1, 2, ... up to {LONGEST}."
         )
     return turns
 
@@ -175,7 +179,7 @@ def _guess(
     if isinstance(seed, Mapping):
         if lattice is None or sequence is None:
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
-        section = Section(tuple(sequence), turns, sign or 1).placed(lattice)
+        section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
         return from_times(_conditions(given, lattice), section, seed)
     if isinstance(seed, str) or not isinstance(seed, Sequence | np.ndarray) or len(seed) != 2:
         raise BadInput(

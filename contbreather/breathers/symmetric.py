@@ -20,6 +20,7 @@ from contbreather.breathers.symmetric_events import (
     saddle_node,
 )
 from contbreather.breathers.wave_road import asymmetric_problem
+from contbreather.checks import real
 from contbreather.continuation import Event, Point, Problem
 from contbreather.continuation.point import Judged
 from contbreather.errors import BadInput
@@ -187,7 +188,8 @@ def symmetric(
         The one that impacts.
     damping, spring : float, optional
         ``u'' + damping u' + spring u + ...``. On the infinite chain springs alone, with
-        ``spring + 4 gamma < 1``; there the spring is a parameter to trace where it is given, 0 too.
+        ``spring + 4 gamma < 1``. On chain and ring a parameter to trace where it is given, on a
+        ring together with the damping; a spring of 0 will do.
     walls : (low, high) or dict of site and (low, high), optional
         -1 and 1 unless given, ``low = -high``; on finite lattices.
 
@@ -236,13 +238,15 @@ def symmetric_roots(
     4
     """
     drive = forcing_of(forcing)
-    more = bool(site or damping or spring or walls is not None)
-    if isinstance(lattice, finite.Lattice) or (more and isinstance(lattice, Ring)):
+    more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
+    held_ring = isinstance(lattice, Ring) and (more or spring is not None)
+    if isinstance(lattice, finite.Lattice) or held_ring:
         at = Walls.given(walls)
-        on = Conditions(a, gamma, k, damping, spring or 0.0, drive, at, lattice).checked()
+        spring = 0.0 if spring is None else spring
+        on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
         return symmetric_orbits(site, on)
     chain = lattice_of(lattice)
-    if site or damping or walls is not None:
+    if more:
         raise BadInput(
             f"site = {site!r}, damping = {damping!r}, walls = {walls!r}: on the infinite chain "
             "site 0 impacts, between walls at -1 and 1, without damping; take Ring(N) or another "

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
 from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
-from contbreather.breathers.orbit import Orbit, Road, orbit_at, orbit_of, road
+from contbreather.breathers.orbit import Orbit, Road, checked, orbit_at, orbit_of, road
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.breathers.watched import GreenWatch
 from contbreather.breathers.wave_events import (
@@ -102,8 +102,10 @@ class Waves(GreenFlight):
         if not self.suits(conditions, self.section):
             return None
         moved = self if lattice.sites is None else self._around(lattice.sites)
-        solved, _ = Orbit(replace(moved, conditions=conditions)).problem.solve(tolerance=1e-11)
-        return orbit_at(solved)
+        solved, found = Orbit(replace(moved, conditions=conditions)).problem.solve(tolerance=1e-11)
+        orbit = orbit_at(solved)
+        checked(orbit, found.iterations)
+        return orbit
 
     def _around(self, ring: int) -> Waves:
         """With its sites counted around a ring."""

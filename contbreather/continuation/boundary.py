@@ -101,7 +101,8 @@ def boundary_problem(
 ) -> Problem:
     """The problem whose curve in ``pair[0]`` is the boundary through a point, `pair[1]` being one
     of its unknowns."""
-    if not isinstance(pair, tuple | list) or len(pair) != 2 or pair[0] == pair[1]:
+    named = isinstance(pair, tuple | list) and all(isinstance(name, str) for name in pair)
+    if not named or len(pair) != 2 or pair[0] == pair[1]:
         raise BadInput(f"a boundary needs two different parameters, got {pair!r}")
     asked = all_of(events)
     base, given = scope(ground.problem, asked, inadmissible=inadmissible)

@@ -154,7 +154,7 @@ def sweep(
     periods : int
         At each value.
     t0, on
-        As in `simulate`; the swept one is ignored.
+        As in `simulate`; the swept one is ignored, and may be left out.
     m, solver : optional
         Take the smooth ring (21) of this hardness instead of the impacting one.
 
@@ -174,7 +174,8 @@ def sweep(
     """
     steps = row("values", values, "the values of a sweep")
     start = check_state(state)
-    conditions = rigid_or_smooth(start.u.size, m, **on)
+    needed: Any = {name: float(steps[0])} if name in ("a", "gamma", "k") else {}
+    conditions = rigid_or_smooth(start.u.size, m, **{**on, **needed})
     known = tuple(conditions.params) + (() if m is None else ("k",))
     if name not in known:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(known)}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
-from contbreather.checks import number, real
+from contbreather.checks import number, real, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.modes import InfiniteChain
@@ -67,7 +67,10 @@ class Walls:
         if walls is None or isinstance(walls, Walls):
             return walls or cls()
         if isinstance(walls, Mapping):
-            own = ((int(site), _pair(pair, f"walls[{site!r}]")) for site, pair in walls.items())
+            own = (
+                (whole("walls of site", site, 0), _pair(pair, f"walls[{site!r}]"))
+                for site, pair in walls.items()
+            )
             return cls(own=tuple(sorted(own)))
         return cls(_pair(walls, "walls"))
 

@@ -266,8 +266,8 @@ class Fourier(Periodic):
     def __init__(
         self, cos: Mapping[int, float] | None = None, sin: Mapping[int, float] | None = None
     ) -> None:
-        object.__setattr__(self, "cos", _coefficients("cos", cos or {}))
-        object.__setattr__(self, "sin", _coefficients("sin", sin or {}))
+        object.__setattr__(self, "cos", _coefficients("cos", cos))
+        object.__setattr__(self, "sin", _coefficients("sin", sin))
         if not any(c for _, c in self.cos + self.sin):
             raise BadInput(
                 "the forcing is zero: give at least one coefficient of an odd harmonic, "
@@ -286,8 +286,8 @@ class Fourier(Periodic):
     ) -> Fourier:
         """The same from the coefficients of f instead of F: F's are ``-m^2`` times those."""
         return cls(
-            {m: -(m**2) * c for m, c in (cos or {}).items()},
-            {m: -(m**2) * c for m, c in (sin or {}).items()},
+            {m: -(m**2) * c for m, c in _coefficients("cos", cos)},
+            {m: -(m**2) * c for m, c in _coefficients("sin", sin)},
         )
 
     @property
@@ -337,7 +337,9 @@ def _times(m: int) -> str:
     return "t" if m == 1 else f"{m}t"
 
 
-def _coefficients(kind: str, given: Mapping[int, float]) -> tuple[tuple[int, float], ...]:
+def _coefficients(kind: str, given: Mapping[int, float] | None) -> tuple[tuple[int, float], ...]:
+    if given is None:
+        return ()
     if not isinstance(given, Mapping):
         raise BadInput(f"{kind} = {given!r}: coefficients by harmonic were wanted, {{1: -1.0}}.")
     for m, value in given.items():

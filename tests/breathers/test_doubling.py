@@ -9,6 +9,7 @@ import pytest
 
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.lifts import lift
+from contbreather.breathers.shooting import shooting
 from contbreather.continuation import trace
 from contbreather.continuation.switching import switch
 from contbreather.dynamics import simulate
@@ -93,3 +94,13 @@ def test_only_a_located_doubling_doubles():
     elsewhere = replace(branch[1], kind="PD")
     with pytest.raises(NotConverged, match="the longer orbit do not hold"):
         lift(elsewhere)
+
+
+def test_a_doubling_just_before_an_impact_vanishes_is_not_lost_in_its_pole():
+    alone = {"lattice": Ring(1), "sequence": [(0, 1)], "walls": {0: (None, 0.58)}}
+    given = {"a": 0.717, "gamma": 0.0, "k": 0.5, "damping": 0.02, "spring": 2.0}
+    branch = trace(shooting({"t1": 1.0}, **alone, **given), "spring", within={"spring": (2, 4)})
+    assert [point.kind for point in branch.special] == ["EP", "PD", "VI"]
+    point = branch.first("PD")
+    assert branch.first("VI")["spring"] - point["spring"] < 1e-3
+    assert np.abs(point.solution.multipliers() + 1.0).min() < 1e-9

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers.orbit import orbit_at
+from contbreather.breathers.orbit import orbit_at, orbit_of
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 
@@ -164,6 +164,49 @@ SEEDS: list[tuple[Callable[..., Any], str]] = [
             f"most = {most!r}: a whole number of sites, 1 to 4",
         )
         for most in (0, 5, 1.5, True, "2")
+    ),
+    *(
+        (lambda b, o, w, given=given: o.on(given), "a finite one is wanted")
+        for given in (None, 7, "ring", Ring, np.ones(2))
+    ),
+    (lambda b, o, w: b.on(InfiniteChain(0.2)), "springs to the ground belong to the motion"),
+    (
+        lambda b, o, w: cb.symmetric(**HERE, lattice=cb.OpenChain(9), site=6).on(cb.OpenChain(4)),
+        r"impact \(6, 1\): no such site on the open chain with free ends, 4 sites",
+    ),
+    (lambda b, o, w: b.state(6, t=[0.0, 1.0]), r"t = \[0\.0, 1\.0\]: a time, a finite number"),
+    (lambda b, o, w: b.displacement([[0, 1], [2]], 0.0), "sites are whole numbers"),
+    (
+        lambda b, o, w: cb.symmetric(**HERE, lattice=Ring(6), damping=np.ones(2)),
+        r"damping = array\(\[1\., 1\.\]\): at least 0",
+    ),
+    (lambda b, o, w: cb.symmetric(**HERE, site=[]), r"site = \[\].*site 0 impacts"),
+    (lambda b, o, w: cb.symmetric(**HERE, spring=np.ones(2)), "0 <= spring < 1"),
+    (
+        lambda b, o, w: cb.shooting(b.state(6), t="0", **HERE),
+        "t = '0': the time of a state, a finite number, was wanted",
+    ),
+    (lambda b, o, w: cb.shooting(b, sites=6, period=None), "period = None: .* a multiple of it"),
+    (lambda b, o, w: cb.shooting(b.state(6), period=1e300, **HERE), r"2 pi n .* up to 10000"),
+    (
+        lambda b, o, w: cb.shooting({"t1": 0.0}, sites=6, sequence=0.0, **HERE),
+        r"sequence = 0\.0: impacts are pairs \(site, wall\)",
+    ),
+    (
+        lambda b, o, w: cb.multibreather([[0, 1], [2]], lattice=Ring(6), **HERE),
+        "a list of sites is wanted, or a dict",
+    ),
+    *(
+        (
+            lambda b, o, w, site=site: cb.shooting(b, sites=6, walls={site: (None, 0.5)}),
+            f"walls of site = {site!r}: a whole number",
+        )
+        for site in (1.7, "a", True, -1)
+    ),
+    (lambda b, o, w: orbit_of(None, o.section, [0.0], [-1.0]), "Conditions was wanted, got None"),
+    (
+        lambda b, o, w: orbit_of(o.conditions, o.section, "0", [-1.0]),
+        "times = '0': finite real numbers were wanted",
     ),
 ]
 

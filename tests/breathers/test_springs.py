@@ -195,6 +195,9 @@ def test_a_spring_of_zero_is_none_but_can_be_traced() -> None:
     assert branch[-1]["spring"] == pytest.approx(0.1)
     there = cb.symmetric(0.5, 0.08, 0.8, spring=0.1)
     assert branch[-1]["p"] == pytest.approx(there.p, abs=1e-12)
+    ring = cb.symmetric(0.5, 0.08, 0.8, lattice=cb.Ring(40), spring=0.0)
+    around = cb.trace(ring, "spring", within={"spring": (0, 0.1)})
+    assert around[-1].solution.p == pytest.approx(there.p, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -156,6 +156,12 @@ def test_interrupted_sweep_keeps_its_rows(orbit, monkeypatch):
     assert seen.value.tolist() == [0.2, 0.19]
 
 
+def test_the_swept_parameter_may_be_left_out(orbit):
+    given = sweep(orbit.state, "a", [0.2, 0.19], periods=5, a=0.7, **DAMPED)
+    left_out = sweep(orbit.state, "a", [0.2, 0.19], periods=5, **DAMPED)
+    assert np.array_equal(given.p, left_out.p)
+
+
 def test_bad_sweeps_are_refused(orbit):
     with pytest.raises(BadInput, match="no parameter 'm' to sweep; there are a, gamma, k, damping"):
         sweep(orbit.state, "m", [6.0], periods=5, a=0.2, **DAMPED)
