@@ -397,11 +397,11 @@ class Orbit:
         BadInput
             If an impacting site is not on that lattice, or springs and damping cannot be.
         """
+        if isinstance(lattice, type) or not hasattr(lattice, "sites"):
+            raise BadInput(f"lattice = {lattice!r}: InfiniteChain() or Ring(20), say, is wanted.")
         lattice = lattice_of(lattice) if isinstance(lattice, InfiniteChain) else finite(lattice)
         if lattice == self.lattice:
             return self
-        if not hasattr(lattice, "sites"):
-            raise BadInput(f"lattice = {lattice!r}: InfiniteChain() or Ring(20), say, is wanted.")
         found = self.road.on(lattice)
         if found is not None:
             return found

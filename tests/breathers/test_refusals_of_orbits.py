@@ -166,7 +166,10 @@ SEEDS: list[tuple[Callable[..., Any], str]] = [
         for most in (0, 5, 1.5, True, "2")
     ),
     *(
-        (lambda b, o, w, given=given: o.on(given), "a finite one is wanted")
+        (
+            lambda b, o, w, given=given: o.on(given),
+            r"InfiniteChain\(\) or Ring\(20\), say, is wanted",
+        )
         for given in (None, 7, "ring", Ring, np.ones(2))
     ),
     (lambda b, o, w: b.on(InfiniteChain(0.2)), "springs to the ground belong to the motion"),
