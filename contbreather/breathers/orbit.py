@@ -31,6 +31,7 @@ from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
 SAME = 1e-9  # momenta that differ by less, relative to the largest, are equal
 
 
@@ -402,9 +403,18 @@ class Orbit:
         lattice = lattice_of(lattice) if isinstance(lattice, InfiniteChain) else finite(lattice)
         if lattice == self.lattice:
             return self
-        found = self.road.on(lattice)
-        if found is not None:
-            return found
+        found = self.road.on(lattice) or self._guessed_on(lattice)
+        if found.repeats and not self.repeats:
+            raise NotConverged(
+                f"no orbit of {self.describe()} is close by on the {lattice.describe()}: Newton's "
+                "iteration ends at one whose second half repeats the first; follow its bifurcation "
+                "there instead, switch(branch.first(...)).",
+                residual=found.residual,
+                last=found,
+            )
+        return found
+
+    def _guessed_on(self, lattice: Any) -> Orbit:
         guess = orbit_of(
             replace(self.conditions, lattice=lattice),
             self.section.moved(lattice),
@@ -413,6 +423,18 @@ class Orbit:
             self.offsets or (self.c,) * len(self.section.hit),
         )
         return _settled(guess.problem)
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the second half of a section is the first again, or its mirror image."""
+        half, odd = divmod(self.section.count, 2)
+        if odd:
+            return False
+        first, second = self.impacts[:half], self.impacts[half:]
+        ahead = self.times[half:] - self.times[:half] - 0.5 * self.section.length
+        grown = np.abs(self.impulses[half:]) - np.abs(self.impulses[:half])
+        same = [one.site for one in first] == [one.site for one in second]
+        return same and max(np.abs(ahead).max(), np.abs(grown).max()) < ALIKE
 
     def solved(self) -> Orbit:
         """The orbit that Newton's method finds from this one as a guess."""

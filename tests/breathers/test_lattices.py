@@ -13,6 +13,7 @@ from scipy import sparse
 from scipy.integrate import solve_ivp
 
 import contbreather as cb
+from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.images import images_of
 from contbreather.breathers.orbit import orbit_at
 from contbreather.flows.modes import (
@@ -515,6 +516,17 @@ def test_orbit_goes_to_any_lattice_and_back() -> None:
     own = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(40), damping=0.1)
     assert damped.stability(sites=40).largest == pytest.approx(own.stability().largest)
     assert damped.multipliers(sites=40).size == 80
+
+
+def test_an_arm_is_not_taken_where_there_is_none_yet() -> None:
+    """On the torus the pitchfork comes later: Newton would end at the symmetric orbit."""
+    arm, torus = asymmetric(0.863, 0.04, 0.8), cb.Grid(5, 5, periodic=True)
+    with pytest.raises(cb.NotConverged, match="second half repeats the first") as refused:
+        arm.on(torus)
+    assert refused.value.last.asymmetry == pytest.approx(0.0, abs=1e-9)
+    assert abs(arm.on(cb.Ring(12)).asymmetry) > 0.1
+    whole = cb.symmetric(0.863, 0.04, 0.8).unfolded()
+    assert whole.on(torus).p == pytest.approx(cb.symmetric(0.863, 0.04, 0.8, lattice=torus).p)
 
 
 def test_no_pitchfork_is_seen_where_sites_come_apart() -> None:

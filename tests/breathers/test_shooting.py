@@ -1089,7 +1089,7 @@ def test_impossible_sequences_are_refused(sequence, says: str) -> None:
         ({"t1": -3.2, "t2": 0.4}, {"gamma": 0.3}, r"gamma = 0\.3"),
         ({"t1": -3.2, "t2": 0.4}, {"k": 1.2}, r"k = 1\.2"),
         (17, {}, "a seed is an orbit"),
-        ("PF", {"a": None}, "a seed is an orbit, .* got str"),
+        ("PF", {"a": None}, "a seed is an orbit, .* got a str"),
         (([0.0] * 3, [0.0] * 3), {}, "3 sites, but sites = 20"),
         (([0.0] * 20, [0.0] * 19), {"sequence": None}, "rows of equal length"),
         (([2.0] * 20, [0.0] * 20), {"sequence": None}, r"u\[0\] = 2 .*outside the walls"),
