@@ -61,9 +61,9 @@ def test_steps_are_given_as_steps() -> None:
         trace(LINE.problem, "mu", steps=0.1)
 
 
-@pytest.mark.parametrize("start", [None, 3, "a"])
-def test_a_start_that_has_no_problem_is_refused(start) -> None:
-    with pytest.raises(BadInput, match=f"got a {type(start).__name__}"):
+@pytest.mark.parametrize(("start", "kind"), [(None, "None"), (3, "an int"), ("a", "a str")])
+def test_a_start_that_has_no_problem_is_refused(start, kind: str) -> None:
+    with pytest.raises(BadInput, match=f"got {kind}"):
         trace(start, "mu")
 
 

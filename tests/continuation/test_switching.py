@@ -432,10 +432,9 @@ def test_folds_are_no_branch_points_for_the_algebraic_bifurcation_equation() -> 
     assert {point.kind for point in branch.special} <= {"LP", "EP"}
 
 
-@pytest.mark.parametrize("thing", ["PF", None, 3.0])
-def test_what_is_no_point_or_start_is_refused_by_its_type(thing: object) -> None:
-    name = type(thing).__name__
-    with pytest.raises(BadInput, match=f"switch takes a special point .* got a {name}"):
+@pytest.mark.parametrize(("thing", "kind"), [("PF", "a str"), (None, "None"), (3.0, "a float")])
+def test_what_is_no_point_or_start_is_refused_by_its_type(thing: object, kind: str) -> None:
+    with pytest.raises(BadInput, match=f"switch takes a special point .* got {kind}"):
         switch(thing)
-    with pytest.raises(BadInput, match=f"a Problem was wanted, or what has one: .* got a {name}"):
+    with pytest.raises(BadInput, match=f"a Problem was wanted, or what has one: .* got {kind}"):
         trace(thing, "mu")
