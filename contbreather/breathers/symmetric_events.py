@@ -43,6 +43,9 @@ Array = NDArray[np.float64]
 Scalar = Callable[[SymmetricFlight], float]
 Slope = Callable[[SymmetricFlight, str], float]
 
+# 1/tau grows like the root of the spring from 0 on: as a curve in the spring that of pitchforks
+# has no tangent there.
+_SOFT = 1e-9
 # As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, and at
 # k = 1 there are none: within rounding of the edge the curve cannot be followed.
 _ELASTIC = 1.0 - 1e-5
@@ -64,7 +67,7 @@ def pitchfork() -> Event:
     return Event(
         "PF",
         _on_breather(_pitchfork),
-        locus=_scalar_locus(_pitchfork, _pitchfork_slope),
+        locus=_scalar_locus(_pitchfork, _pitchfork_slope, {"spring": (_SOFT, math.inf)}),
         examine=_examine_pitchfork,
     )
 
@@ -217,7 +220,9 @@ def _pitchfork_slope(breather: SymmetricFlight, name: str) -> float:
     return driven
 
 
-def _scalar_locus(value: Scalar, slope: Slope) -> Callable[[Point], Locus]:
+def _scalar_locus(
+    value: Scalar, slope: Slope, domain: Mapping[str, tuple[float, float]] | None = None
+) -> Callable[[Point], Locus]:
     def conditions(curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([value(_breather(curve, z))])
 
@@ -225,7 +230,7 @@ def _scalar_locus(value: Scalar, slope: Slope) -> Callable[[Point], Locus]:
         breather = _breather(curve, z)
         return np.array([[slope(breather, name) for name in _names(curve)]])
 
-    locus = Locus({}, conditions, derivative)
+    locus = Locus({}, conditions, derivative, domain=domain or {})
     return lambda point: locus
 
 

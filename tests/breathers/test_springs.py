@@ -224,3 +224,18 @@ def test_what_is_not_known_of_springs_says_where_it_is() -> None:
         cb.switch(cb.trace(start, "a", towards="up").first("PF"))
     found = cb.diagram(start, "a", within={"a": (0.45, 0.8)})  # what cannot be followed is said
     assert "1 arm not followed" in repr(found)
+
+
+def test_pitchforks_begin_like_the_root_of_the_spring() -> None:
+    """So their curve is followed down to the softest spring, and does not start without one."""
+    free = cb.trace(cb.symmetric(0.7, 0.05, 0.8, spring=0.0), "a", within={"a": (0.5, 0.9)})
+    held = cb.trace(cb.symmetric(0.7, 0.05, 0.8, spring=0.03), "a", within={"a": (0.5, 0.9)})
+    line = cb.boundary(
+        held.first("PF"), ("spring", "a"), within={"spring": (0, 0.05)}, towards="down"
+    )
+    assert line[-1].kind == "EP"
+    assert line[-1]["spring"] == pytest.approx(1e-9, rel=1e-6)
+    above = line[-1]["a"] - free.first("PF")["a"]
+    assert above / math.sqrt(1e-9) == pytest.approx(0.0162, abs=1e-4)
+    with pytest.raises(cb.BadInput, match="spring=0, outside"):
+        cb.boundary(free.first("PF"), ("spring", "a"), within={"spring": (0, 0.05)})
