@@ -208,7 +208,7 @@ class Finder(ast.NodeVisitor):
                     if isinstance(n, ast.Name)
                 )
             if any(
-                "compiled" in self.src.text(d) or "njit" in self.src.text(d)
+                any(word in self.src.text(d) for word in ("compiled", "inlined", "njit"))
                 for f in self.function
                 for d in f.decorator_list
             ):
