@@ -168,8 +168,7 @@ def clearance(orbit: Watch) -> Admissibility:
     when, margin = orbit.far()
     far, centre = Gap(margin, None, when), min(gaps_of_flights(orbit))
     idle = gaps_of_idle(orbit)
-    nobody = Gap(1.0, orbit.flights[0].site + 1, orbit.start)
-    places = {"neighbours": min(idle, default=nobody), "centre": centre, "far": far}
+    places = {"neighbours": min(idle, default=_nobody(orbit)), "centre": centre, "far": far}
     worst = min(places.values(), key=lambda gap: gap.margin)
     beside = orbit.beside
     heights = [_height(orbit, gap) for gap in idle if gap.site in beside]
@@ -211,7 +210,7 @@ def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
         raise BadInput(f"n = {n}: that is the impacting site; ask about one that must not impact.")
     u = watch.profiles(sites, _points(watch, watch.length))
     (gap,) = _gaps(watch, sites, u, sites.tolist())
-    return gap.time, 1.0 - gap.margin
+    return gap.time, _height(watch, gap)
 
 
 def highest_neighbour(orbit: Any) -> tuple[int, float, float]:
@@ -226,9 +225,11 @@ def highest_neighbour(orbit: Any) -> tuple[int, float, float]:
     >>> [highest_neighbour(b)[0] for b in symmetric_roots(0.9, 0.12, 0.8)]
     [1, 2]
     """
-    found = clearance(orbit.watch)
-    (n, t) = found.places["neighbours"]
-    return n, t, 1.0 - found.neighbours  # type: ignore[return-value]
+    watch = orbit.watch
+    idle = gaps_of_idle(watch)
+    found = min(idle, default=_nobody(watch))
+    assert found.site is not None
+    return found.site, found.time, _height(watch, found) if idle else 0.0
 
 
 def centre_margin(orbit: Any) -> float:
@@ -309,7 +310,13 @@ class Room(NamedTuple):
         return (high - u) * (u - low), tilt * v, tilt * w - 2.0 * v * v
 
 
+def _nobody(orbit: Watch) -> Gap:
+    """The margin of idle sites where there are none."""
+    return Gap(1.0, orbit.flights[0].site + 1, orbit.start)
+
+
 def _height(orbit: Watch, gap: Gap) -> float:
+    """How far a site is displaced where it comes closest to a wall."""
     assert gap.site is not None
     if orbit.walls(gap.site) == USUAL:
         return 1.0 - gap.margin

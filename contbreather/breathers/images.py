@@ -58,7 +58,7 @@ def shifted(orbit: Orbit, shift: int) -> Orbit | None:
         return None
     _, start, impacts = min(found)
     offsets = tuple(sign * c for c in orbit.offsets)
-    road = orbit.road.retold(orbit.section, impacts, offsets, start, sign)
+    road = orbit.road.rewritten(orbit.section, impacts, offsets, start, sign)
     return None if road is None else Orbit(road)
 
 
@@ -69,7 +69,7 @@ def simpler_than(orbit: Orbit) -> Orbit | None:
         if section.symmetric and max(map(abs, orbit.offsets), default=0.0) > SAME:
             continue
         impacts = _first_of(orbit, section)
-        road = orbit.road.retold(section, impacts, orbit.offsets) if impacts else None
+        road = orbit.road.rewritten(section, impacts, orbit.offsets) if impacts else None
         if road is not None and road.error < SAME:
             return Orbit(road)
     return None

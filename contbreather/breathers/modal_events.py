@@ -195,7 +195,7 @@ def _in_z(conditions: Conditions, curve: Curve, z: FloatArray, extra: FloatArray
     values = [(abs(one.velocity), abs(one.acceleration)) for one in flight.arrivals]
     sizes = [max(pair[: 1 + i]) for pair in values for i in range(2)]
     for shown, moved, large in zip(
-        flight.shown, np.linalg.pinv(flight.shown).T, sizes, strict=True
+        flight.impact_slopes, np.linalg.pinv(flight.impact_slopes).T, sizes, strict=True
     ):
         step = np.zeros(z.size)
         step[m : m + size] = STEP * large * moved

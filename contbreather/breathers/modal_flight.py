@@ -432,7 +432,7 @@ class ModalFlight:
         )
 
     @cached_property
-    def shown(self) -> FloatArray:
+    def impact_slopes(self) -> FloatArray:
         """Derivatives in (q, r) of velocity and acceleration at each impact in turn, (2m, 2K).
 
         The flight is linear in its state at fixed times, and `map` knows no more of the state.

@@ -59,7 +59,7 @@ class Modes(ModalFlight):
         state: FloatArray = np.linalg.lstsq(matrix, -rest.residual())[0].astype(float)
         return replace(rest, q=state[: still.size], r=state[still.size :])
 
-    def retold(
+    def rewritten(
         self,
         section: Section,
         impacts: Sequence[Impact],

@@ -101,7 +101,7 @@ class Road(Protocol):
     def lifted(self) -> Problem:
         """The problem of orbits that leave this one where its symmetry or its period breaks."""
 
-    def retold(
+    def rewritten(
         self,
         section: Section,
         impacts: Sequence[Impact],
@@ -551,7 +551,7 @@ class Orbit:
         """One section and the next as one."""
         T, sign = self.section.length, self.section.sign
         later = (Impact(n, sign * wall, t + T, sign * J) for n, wall, t, J in self.impacts)
-        found = self.road.retold(longer, (*self.impacts, *later), self.offsets)
+        found = self.road.rewritten(longer, (*self.impacts, *later), self.offsets)
         assert found is not None  # every road can be repeated
         return Orbit(found)
 

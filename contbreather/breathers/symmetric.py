@@ -71,7 +71,7 @@ class ClosedForm(SymmetricFlight):
         """That of asymmetric breathers, in which a pitchfork is a regular point."""
         return asymmetric_problem(Orbit(self).unfolded())
 
-    def retold(
+    def rewritten(
         self,
         section: Section,
         impacts: Sequence[Impact],

@@ -81,7 +81,7 @@ class Waves(GreenFlight):
     def lifted(self) -> Problem:
         return Orbit(self).doubled().problem
 
-    def retold(
+    def rewritten(
         self,
         section: Section,
         impacts: Sequence[Impact],

@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.clearance import highest_neighbour
 from contbreather.breathers.images import images_of
 from contbreather.breathers.orbit import orbit_at
 from contbreather.flows.modes import (
@@ -397,6 +398,7 @@ def test_everything_scales_with_the_distance_of_the_walls() -> None:
     assert far.admissibility().max_neighbour == pytest.approx(
         2.5 * near.admissibility().max_neighbour
     )
+    assert highest_neighbour(far)[2] == pytest.approx(2.5 * highest_neighbour(near)[2])
     found = special(far, 1.2, 2.4)
     assert found == pytest.approx(
         {label: 2.5 * a for label, a in special(near, 0.48, 0.96).items()}, abs=1e-9
