@@ -1,7 +1,7 @@
 """Exact discrete breathers of an impacting chain: continued, with their true stability.
 
 The front desk: what is listed in `__init__.pyi` is fetched on first use (SPEC 1), so that
-`import contbreather` costs nothing and `contbreather.symmetric` costs numpy and scipy only. All
+`import contbreather` costs nothing and `contbreather.symmetric` costs numpy alone. All
 else is in the subpackages, which are fetched on first use as well.
 
 >>> import contbreather as cb

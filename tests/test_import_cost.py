@@ -32,5 +32,14 @@ def test_first_use_loads_no_heavy_package(name: str) -> None:
     assert loaded_by(f"import contbreather; contbreather.{name}").isdisjoint(HEAVY)
 
 
+def test_the_first_breather_and_its_verdicts_load_numpy_and_no_other_package() -> None:
+    # importing scipy.special, scipy.optimize and scipy.linalg takes twice as long as all of this
+    loaded = loaded_by(
+        "import contbreather as cb; b = cb.symmetric(a=0.5, gamma=0.08, k=0.8); "
+        "b.stability().over_reflecting; b.admissibility(); b.displacement(1, 0.3)"
+    )
+    assert loaded.isdisjoint({"scipy", *HEAVY})
+
+
 def test_heavy_packages_would_be_noticed() -> None:
     assert "networkx" in loaded_by("import networkx")

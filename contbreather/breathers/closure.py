@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, forcing_of, lattice_of
@@ -231,6 +230,8 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
 def _crossing(
     value: Callable[[float], float], slope: Callable[[float], float], left: float, right: float
 ) -> float:
+    from scipy.optimize import brentq  # dear to import
+
     x = float(brentq(value, left, right, xtol=1e-14, rtol=4.0 * EPS))
     steepness = slope(x)
     step = value(x) / steepness if steepness else 0.0

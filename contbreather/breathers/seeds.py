@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from contbreather.breathers.modal_road import Modes
 from contbreather.breathers.orbit import Orbit
@@ -102,6 +101,8 @@ class Motion:
     def _touch(self, site: int, wall: int, before: float, after: float) -> float:
         if self.gap(site, wall, before) <= 0.0:
             return before
+        from scipy.optimize import brentq  # dear to import
+
         return float(brentq(lambda s: self.gap(site, wall, s), before, after, xtol=1e-15))
 
     def reset(self, site: int) -> None:

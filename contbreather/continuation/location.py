@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from .branch_points import GAP, Crossings, crossing
 from .curve import Curve
@@ -392,6 +391,8 @@ def _zero(trail: Trail, left: float, right: float) -> Iterator[Place]:
     ):  # what was seen on the cubic is not there
         trail.done.append((left, right))
         return
+    from scipy.optimize import brentq  # dear to import, and hardly ever needed
+
     try:
         u = brentq(trail.look, left, right, xtol=1e-15, rtol=1e-14, disp=False)
     except Undefined:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgesv
 
 from ..errors import ContbreatherError
 
@@ -41,15 +42,22 @@ class Solution:
     correction: float  # length of the last step, an estimate of the error before it
 
 
+@cache
+def _gesv() -> Any:
+    from scipy.linalg.lapack import dgesv  # dear to import: looking at a breather needs none
+
+    return dgesv
+
+
 def solve(matrix: Array, right: Array) -> Array | None:
     """Solution of a small dense system, or None where the matrix is singular."""
-    _, _, solution, info = dgesv(matrix, right)
+    _, _, solution, info = _gesv()(matrix, right)
     return solution if info == 0 else None
 
 
 def solve_oriented(matrix: Array, right: Array) -> tuple[Array | None, int]:
     """As `solve`, with the sign of the determinant, 0 where the matrix is singular."""
-    factors, pivots, solution, info = dgesv(matrix, right)
+    factors, pivots, solution, info = _gesv()(matrix, right)
     if info != 0:
         return None, 0
     sign = 1

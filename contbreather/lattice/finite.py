@@ -13,13 +13,15 @@ import math
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg, sparse
 
 from contbreather.errors import BadInput
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 FloatArray = NDArray[np.float64]
 
@@ -203,6 +205,8 @@ class Lattice:
     @cached_property
     def spectrum(self) -> tuple[FloatArray, FloatArray]:
         """Eigenvalues ``lam``, ascending, and the modes as columns, mass-orthonormal."""
+        from scipy import linalg  # dear to import, and needed by finite lattices alone
+
         root = np.sqrt(self.masses)
         lam, vectors = linalg.eigh(self.stiffness / np.multiply.outer(root, root))
         # a body that moves as a whole has the frequency 0, not one of rounding
@@ -385,6 +389,8 @@ def waves(sites: int, hit: tuple[int, ...]) -> Waves:
 @lru_cache(maxsize=16)
 def stiffness_of(lattice: Finite) -> sparse.csr_array:
     """The stiffness matrix of any finite lattice, rings too, by its entries that are not zero."""
+    from scipy import sparse
+
     if isinstance(lattice, Lattice):
         return sparse.csr_array(np.asarray(lattice.stiffness, dtype=float))
     n = np.arange(lattice.sites)

@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import special
 
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import HIGHEST
@@ -330,6 +329,8 @@ def _bessel(order: Dual, argument: Dual) -> Dual:
         raise NotExact
     if np.ndim(n) or order.slopes:
         raise BadInput(f"the order of {BESSEL} must be a number, not a parameter or a formula.")
+    from scipy import special  # dear to import
+
     partial = (lambda: 0.5 * (special.jv(n - 1, x) - special.jv(n + 1, x)), argument.slopes)
     return _chain(special.jv(n, x), partial)
 

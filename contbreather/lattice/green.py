@@ -22,7 +22,8 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import zeta
+
+from contbreather.lattice.zeta import zeta
 
 FloatArray = NDArray[np.float64]
 

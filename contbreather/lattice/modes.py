@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import comb, zeta
 
 from contbreather.checks import MOST, number, real
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Waves, waves
 from contbreather.lattice.green import TERMS, flight
+from contbreather.lattice.zeta import binomial, zeta
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -111,7 +111,7 @@ def _shift(spring: float) -> FloatArray:
     """``(spring + x)^j`` in powers of x: row j, shape (TERMS + 1, TERMS + 1)."""
     j = np.arange(TERMS + 1)
     apart = np.maximum(j[:, None] - j, 0)
-    rows = comb(j[:, None], j) * spring**apart
+    rows = binomial(j[:, None], j) * spring**apart
     return np.asarray(np.tril(rows))
 
 

@@ -27,11 +27,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import zeta
 
 from contbreather.errors import BadInput
 from contbreather.lattice.green import TERMS
 from contbreather.lattice.modes import Lattice, Ring, check_gamma
+from contbreather.lattice.zeta import zeta
 
 FloatArray = NDArray[np.float64]
 Table = tuple[float, ...]

@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import comb, zeta
 
 from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.lattice.zeta import binomial, zeta
 
 Array = NDArray[Any]  # real on the real axis, complex off it
 
@@ -50,7 +50,7 @@ def _tables() -> NDArray[np.float64]:
     def tail(power: Array, order: Array) -> Array:
         # sum over |m| > EXACT of s_m^-power: the coefficient of nu^order
         n = power + order
-        return 2.0 / math.pi * comb(n - 1, order) * 2.0**-n * zeta(np.maximum(n, 2), first)
+        return 2.0 / math.pi * binomial(n - 1, order) * 2.0**-n * zeta(np.maximum(n, 2), first)
 
     b = tail(2 * j + 2, 2 * k)
     r = tail(2 * j + 1, 2 * k + 1)

@@ -22,9 +22,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import comb, zeta
 
 from contbreather.lattice.modes import Lattice, Ring
+from contbreather.lattice.zeta import binomial, zeta
 
 Array = NDArray[Any]
 
@@ -164,7 +164,7 @@ def _expansions() -> tuple[Array, Array]:
     for q, factor in ((2 * order + 1, -1.0), (2 * order + 2, -1.0), (2 * order, 1.0)):
         # a term without sum, q = 0, is put at the far end where none other is
         which.append(np.where(q > 0, q + a - 1, -1))
-        number.append(np.where(q > 0, factor * (-1.0) ** a * comb(q - 1 + a, a), 0.0))
+        number.append(np.where(q > 0, factor * (-1.0) ** a * binomial(q - 1 + a, a), 0.0))
     return np.stack(which), np.stack(number)
 
 

@@ -1,0 +1,64 @@
+"""Sums over the odd, the even, all the later numbers to a power: Hurwitz's zeta function.
+
+Every expansion here ends in such sums. `scipy.special` has them, too, but takes longer to be
+imported than a breather takes to be found, stability included.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FIRST = 12  # terms that are added up as they are
+# B_2k/(2k)! of the formula of Euler and Maclaurin for all others: 12^-20 is far below rounding
+REST = (
+    1 / 12,
+    -1 / 720,
+    1 / 30240,
+    -1 / 1209600,
+    1 / 47900160,
+    -691 / 1307674368000,
+    1 / 74724249600,
+    -3617 / 10670622842880000,
+)
+
+
+def zeta(s: ArrayLike, first: float = 1.0) -> Any:
+    """``sum over n >= 0 of (first + n)^-s`` for s > 1 and ``first >= 1/2``, to rounding.
+
+    Parameters
+    ----------
+    s : array_like
+    first : float
+
+    Returns
+    -------
+    float or ndarray, the shape of s
+
+    Examples
+    --------
+    >>> bool(abs(zeta(2.0) - math.pi**2 / 6) < 1e-15)
+    True
+    """
+    s = np.asarray(s, dtype=float)
+    end = first + FIRST
+    total = end**-s * (0.5 + end / (s - 1.0))
+    factor = s * end ** (-s - 1.0)
+    for k, weight in enumerate(REST):
+        total += weight * factor
+        factor = factor * (s + 2 * k + 1) * (s + 2 * k + 2) / end**2
+    for n in range(FIRST - 1, -1, -1):  # the smallest first
+        total += (first + n) ** -s
+    return total[()]
+
+
+def binomial(n: ArrayLike, m: ArrayLike) -> NDArray[np.float64]:
+    """``n!/(m! (n - m)!)`` of whole numbers; 0 where n is negative."""
+    return np.asarray(np.vectorize(_binomial, otypes=[float])(n, m))
+
+
+def _binomial(n: int, m: int) -> float:
+    return float(math.comb(int(n), int(m))) if n >= 0 else 0.0
