@@ -15,6 +15,8 @@ from importlib import import_module
 
 from lazy_loader import attach_stub
 
+from .display import Shown
+
 __version__ = "0.1.0"
 _fetch, _, _names = attach_stub(__name__, __file__)
 __all__ = ["__version__", *_names]
@@ -33,6 +35,14 @@ def __getattr__(name: str) -> object:
         f"module {__name__!r} has no attribute {name!r}; it has {', '.join(_names)}, and more in "
         "its subpackages breathers, continuation, dynamics, lattice and plotting"
     )
+
+
+def _card(value: object) -> str:
+    """A value as a notebook shows it; what draws it is loaded then."""
+    return str(import_module(f"{__name__}.plotting.cards").card(value))
+
+
+Shown.painter = _card
 
 
 def __dir__() -> list[str]:

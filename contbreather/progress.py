@@ -1,56 +1,106 @@
-"""Progress of long calls: shown at a terminal after a moment, otherwise silent."""
+"""Progress of long calls: shown at a terminal or in a notebook after a moment, otherwise silent."""
 
 from __future__ import annotations
 
 import sys
 import time
+from html import escape
+from importlib import import_module
 from typing import Any, Self
+
+from .display import in_notebook
 
 PATIENCE = 1.0  # seconds before anything is shown
 INTERVAL = 0.1
 
 
-class _Shown:
-    """What both kinds share: `shown` True or False forces it on or off, None asks the terminal."""
+class _Terminal:
+    """A line at the terminal, with a bar where the total is known."""
 
-    def __init__(self, shown: bool | None) -> None:
-        self.wanted = sys.stderr.isatty() if shown is None else shown
+    def __init__(self, total: int | None, unit: str) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+        console = Console(stderr=True)
+        if total is None:
+            self.line: Any = console.status("")
+        else:
+            columns = (BarColumn(), MofNCompleteColumn(), unit, TimeRemainingColumn())
+            self.line = Progress(*columns, console=console)
+            self.line.add_task("", total=total)
+        self.line.start()
+
+    def show(self, text: str, done: int | None) -> None:
+        if done is None:
+            self.line.update(text)
+        else:
+            self.line.update(self.line.task_ids[0], completed=done)
+
+    def stop(self) -> None:
+        self.line.stop()
+
+
+class _Page:
+    """The same below a cell of a notebook, in plain HTML: no widgets are needed."""
+
+    def __init__(self, total: int | None) -> None:
+        self.display = import_module("IPython.display")  # a notebook has it
+        self.total = total
+        self.handle = self.display.display(self.display.HTML(""), display_id=True)
+
+    def show(self, text: str, done: int | None) -> None:
+        bar = "" if done is None else f'<progress value="{done}" max="{self.total}"></progress> '
+        self.handle.update(self.display.HTML(bar + escape(text)))
+
+    def stop(self) -> None:
+        self.handle.update(self.display.HTML(""))
+
+
+class _Shown:
+    """What both kinds share: `shown` True or False forces it on or off, None asks where it is."""
+
+    def __init__(self, shown: bool | None, total: int | None = None, unit: str = "") -> None:
+        self.page = in_notebook()
+        self.wanted = (self.page or sys.stderr.isatty()) if shown is None else shown
         self.after = time.monotonic() + PATIENCE
-        self.bar: Any = None
+        self.total, self.unit = total, unit
+        self.line: _Page | _Terminal | None = None
+        self.latest: tuple[str, int | None] = "", None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self.bar is not None:
-            self.bar.stop()
+        if self.line is not None:
+            self.line.show(*self.latest)
+            self.line.stop()
 
     @property
     def due(self) -> bool:
         """Whether it is wanted, and enough time has passed."""
         return self.wanted and time.monotonic() >= self.after
 
+    def show(self, text: str, done: int | None = None) -> None:
+        """Write it over what was there, unless that was a moment ago."""
+        self.latest = text, done
+        if not self.due:
+            return
+        self.after = time.monotonic() + INTERVAL
+        if self.line is None:
+            self.line = _Page(self.total) if self.page else _Terminal(self.total, self.unit)
+        self.line.show(text, done)
+
 
 class Bar(_Shown):
     """Counts periods (or whatever the unit is) up to a known total."""
 
     def __init__(self, shown: bool | None, total: int, unit: str = "periods") -> None:
-        super().__init__(shown)
-        self.total, self.unit = total, unit
+        super().__init__(shown, total, unit)
 
     def advance(self, done: int) -> None:
         """Say how many are done."""
-        if not self.due:
-            return
-        if self.bar is None:
-            from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
-            columns = (BarColumn(), MofNCompleteColumn(), self.unit, TimeRemainingColumn())
-            self.bar = Progress(*columns, console=Console(stderr=True))
-            self.bar.start()
-            self.bar.add_task("", total=self.total)
-        self.bar.update(self.bar.task_ids[0], completed=done)
+        if self.wanted:
+            self.show(f"{done}/{self.total} {self.unit}", done)
 
 
 class Counter(_Shown):
@@ -63,13 +113,5 @@ class Counter(_Shown):
     def advance(self, point: Any) -> None:
         """Count a point, and show it if enough time has passed."""
         self.count += 1
-        if not self.due:
-            return
-        self.after = time.monotonic() + INTERVAL
-        text = f"{self.title}{self.count} points, {self.free} = {point[self.free]:.6g}"
-        if self.bar is None:
-            from rich.console import Console
-
-            self.bar = Console(stderr=True).status(text)
-            self.bar.start()
-        self.bar.update(text)
+        if self.due:
+            self.show(f"{self.title}{self.count} points, {self.free} = {point[self.free]:.6g}")

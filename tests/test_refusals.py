@@ -207,7 +207,7 @@ def test_kinds_are_called_with_their_article() -> None:
 def test_a_branch_is_asked_by_name_or_by_number() -> None:
     branch = cb.trace(problem(), "mu", within={"mu": (-1, 1)}, events=())
     assert branch[0] is branch.points[0]
-    assert branch[1:3] == branch.points[1:3]
+    assert branch[1:3].points == branch.points[1:3]
     for wrong in (1.5, None, (0, 1)):
         with pytest.raises(BadInput, match=r"^branch\[.*\]: the name of a column or the number of"):
             branch[wrong]

@@ -21,6 +21,7 @@ from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.checks import check_kind, number, numbers, row
 from contbreather.continuation import Event, Point, Problem
 from contbreather.continuation.curve import Curve
+from contbreather.display import Shown
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls
@@ -143,7 +144,7 @@ class Hit(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Orbit:
+class Orbit(Shown):
     """A periodic orbit with impacts: what a point of its branch is physically.
 
     Built by `symmetric`, `asymmetric`, `shooting`, `multibreather`, or from values, `orbit_of`.

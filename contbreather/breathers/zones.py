@@ -19,6 +19,7 @@ from contbreather.breathers.symmetric import events_on, symmetric_problem, symme
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.point import Meeting
 from contbreather.continuation.starts import windows
+from contbreather.display import Shown
 from contbreather.errors import BadInput, NoSolution, keeping, taking
 from contbreather.lattice import Forcing, Lattice, check_gamma, forcing_of, lattice_of
 from contbreather.lattice.conditions import check_amplitude, restitution_ratio
@@ -51,7 +52,7 @@ BESIDE = 3e-3  # how far from a meeting a curve is looked for that the comb miss
 
 
 @dataclass(frozen=True, eq=False)
-class Zones:
+class Zones(Shown):
     """The curves that bound existence and stability of the symmetric breather in one plane.
 
     Attributes

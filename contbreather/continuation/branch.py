@@ -6,11 +6,12 @@ import enum
 from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..display import Shown
 from ..errors import BadInput
 from .curve import Curve
 from .point import Point
@@ -38,6 +39,7 @@ class Stop(enum.Enum):
     RIM = "reached the rim of the domain of the equations"
     INTERRUPTED = "interrupted; the points up to here are kept"
     START = "where the walk set out"
+    CUT = "a piece of a longer branch was taken"
 
     @property
     def failed(self) -> bool:
@@ -46,15 +48,15 @@ class Stop(enum.Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class Branch(Shown):
     """Points along a curve, in order, with the special ones among them.
 
     ``branch["a"]`` is a column (an unknown, a parameter, a recorded number, or ``"arclength"``),
-    ``branch[17]`` a `Point`, ``branch.special`` the labelled points, ``branch.first("PF")`` one of
-    them. ``stop`` says why it ended where it does, ``began`` why where it starts (None where the
-    walk set out); ``reason`` and ``began_reason`` add what the equations said. ``doubtful``
-    keeps candidates that failed their verification. ``image_of`` tells of an arm of which earlier
-    one it is the image under a symmetry.
+    ``branch[17]`` a `Point`, ``branch[2:5]`` the branch of these points, ``branch.special`` the
+    labelled points, ``branch.first("PF")`` one of them. ``stop`` says why it ended where it does,
+    ``began`` why where it starts (None where the walk set out); ``reason`` and ``began_reason`` add
+    what the equations said. ``doubtful`` keeps candidates that failed their verification.
+    ``image_of`` tells of an arm of which earlier one it is the image under a symmetry.
     """
 
     points: tuple[Point, ...]
@@ -99,15 +101,41 @@ class Branch:
         """The labelled points, in order along the branch."""
         return tuple(point for point in self.points if point.kind)
 
-    def __getitem__(self, key: str | int) -> Any:
+    @overload
+    def __getitem__(self, key: slice) -> Branch: ...
+    @overload
+    def __getitem__(self, key: str | int) -> Any: ...
+    def __getitem__(self, key: str | int | slice) -> Any:
         if isinstance(key, str):
             return self._column(key)
+        if isinstance(key, slice):
+            return self._piece(key)
         try:
             return self.points[key]
         except TypeError:
             raise BadInput(
                 f"branch[{key!r}]: the name of a column or the number of a point was wanted"
             ) from None
+
+    def _piece(self, key: slice) -> Branch:
+        """The points of a slice, in the order of the walk."""
+        chosen = range(len(self))[key]
+        if not chosen or chosen.step < 0:
+            raise BadInput(
+                f"branch[{key.start}:{key.stop}:{key.step}] of {len(self)} points: a piece has at "
+                "least one point, and goes forwards; branch.reversed() goes backwards"
+            )
+        first, last = chosen[0], chosen[-1]
+        low, high = self.points[first].arclength, self.points[last].arclength
+        return replace(
+            self,
+            points=tuple(self.points[i] for i in chosen),
+            began=Stop.CUT if first else self.began,
+            began_reason="" if first else self.began_reason,
+            stop=self.stop if last == len(self) - 1 else Stop.CUT,
+            reason=self.reason if last == len(self) - 1 else "",
+            doubtful=tuple(p for p in self.doubtful if low <= p.arclength <= high),
+        )
 
     def _column(self, name: str) -> Array:
         if name in ("arclength", "residual"):

@@ -54,6 +54,9 @@ class Curve:
         against it counts as zero.
     """
 
+    def __repr__(self) -> str:
+        return f"<Curve in {', '.join(self.varied)} of {self.problem!r}>"
+
     def __init__(self, problem: Any, free: tuple[str, ...]) -> None:
         for name in free:
             if not isinstance(name, str) or name not in problem.params:

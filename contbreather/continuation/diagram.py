@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import whole
+from ..display import Shown
 from ..errors import ContbreatherError, NotConverged, keeping, taking
 from ..progress import Counter
 from .branch import Branch, Stop
@@ -75,7 +76,7 @@ class Failure:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagram:
+class Diagram(Shown):
     """Branches, and what was born where.
 
     Attributes

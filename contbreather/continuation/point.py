@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import number
+from ..display import Shown
 from ..errors import BadInput
 from .curve import Curve
 from .problem import Problem
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Point:
+class Point(Shown):
     """A solution on a curve: values by name, and what is special about it.
 
     Parameters

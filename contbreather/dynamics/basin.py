@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import MOST, check_kind, number, row, whole
+from contbreather.display import Shown
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import RunStop, advance, completed
 from contbreather.dynamics.states import On, State, check_state, conditions_of, wall_rows, within
@@ -85,7 +86,7 @@ class Axis:
 
 
 @dataclass(frozen=True, eq=False)
-class Basin:
+class Basin(Shown):
     """The fates of all starts over a plane.
 
     Attributes

@@ -30,7 +30,7 @@ Array = NDArray[Any]
 NOISE = 1e-26  # energies below this, relative to the largest, are rounding
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Localisation:
     """Where the energy of a state is.
 
@@ -48,6 +48,11 @@ class Localisation:
     participation: Array
     centre: Array
     lattice: Finite
+
+    def __repr__(self) -> str:
+        low, high = np.min(self.participation), np.max(self.participation)
+        states = np.size(self.centre)
+        return f"<Localisation of {states} states, participation ratio {low:.4g} to {high:.4g}>"
 
     def decay(self) -> float:
         """By how much the amplitude falls from one site to the next: exp of half the slope of the

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number, whole
+from contbreather.display import Shown
 from contbreather.dynamics.held import held
 from contbreather.dynamics.states import (
     PERIOD,
@@ -118,8 +119,11 @@ class Record(NamedTuple):
     u: Array
     v: Array
 
+    def __repr__(self) -> str:
+        return f"<Record of sites {list(self.sites)} at {len(self.times)} times>"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Stretch:
     """Some successive periods of a run: what happened in them, and the states after each."""
 
@@ -137,9 +141,12 @@ class Stretch:
     def periods(self) -> int:
         return len(self.u)
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self.periods} periods from {self.first}>"
+
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class Run(Shown):
     """What `simulate` leaves behind.
 
     Attributes
@@ -411,7 +418,7 @@ def walk(
             count = min(int(count * min(max(longer, 1.0), 8.0)), machine.roomy)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Part(Stretch):
     """A fraction of a period: its one state is not a stroboscopic one."""
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, row, whole
+from contbreather.display import Shown
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import RunStop, completed
 from contbreather.dynamics.smooth import (
@@ -47,7 +48,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class Sweep(Shown):
     """What a sweep saw, one row for each value of the parameter, in the order of time.
 
     Attributes

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number
+from contbreather.display import Shown
 from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import (
     LONGEST,
@@ -310,7 +311,7 @@ def _stuck(method: str, t: float) -> NotConverged:
 
 
 @dataclass(frozen=True, eq=False)
-class SmoothRun:
+class SmoothRun(Shown):
     """What `simulate_smooth` leaves behind; attributes as in `Run`, without a table of impacts."""
 
     times: Array

@@ -48,6 +48,10 @@ class State(NamedTuple):
     u: Array
     v: Array
 
+    def __repr__(self) -> str:
+        size = " x ".join(map(str, np.shape(self.u)))
+        return f"<State of {size} displacements and velocities, |u| <= {np.abs(self.u).max():.6g}>"
+
 
 class On(TypedDict, total=False):
     """The keywords of `simulate` that say what a lattice moves under; every function takes them."""

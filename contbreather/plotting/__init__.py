@@ -6,9 +6,10 @@ Reads public types only: a figure can be drawn of anything that was computed, by
 from __future__ import annotations
 
 from contbreather.plotting.branches import plot
-from contbreather.plotting.canvas import new_figure, save_figure
+from contbreather.plotting.canvas import new_figure, save_figure, style
 from contbreather.plotting.diagrams import plot_diagram
 from contbreather.plotting.multipliers import plot_multipliers
+from contbreather.plotting.orbits import plot_orbit
 from contbreather.plotting.runs import (
     plot_basin,
     plot_localisation,
@@ -26,8 +27,10 @@ __all__ = [
     "plot_localisation",
     "plot_motion",
     "plot_multipliers",
+    "plot_orbit",
     "plot_section",
     "plot_sweep",
     "plot_zones",
     "save_figure",
+    "style",
 ]

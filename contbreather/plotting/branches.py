@@ -198,8 +198,7 @@ def _lines(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> set[str]:
     cuts = [0, *(1 + np.flatnonzero(styles[1:] != styles[:-1])), len(branch) - 1]
     for start, end in pairwise(cuts):
         style = str(styles[start]) if styles.size else STABLE
-        piece = replace(branch, points=branch.points[start : end + 1])
-        ax.plot(*_curve(piece, x, y), style, color=colour)
+        ax.plot(*_curve(branch[start : end + 1], x, y), style, color=colour)
     return set(styles.tolist())
 
 

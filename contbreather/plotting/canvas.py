@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from functools import cache
+from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
+from contbreather.display import in_notebook
 from contbreather.errors import BadInput
 from contbreather.files import writable, write_whole
 
@@ -19,6 +22,7 @@ FIGURES = (".png", ".pdf", ".svg")
 COLUMN = 8.5  # cm, one column of a journal
 PAGE = 17.5  # both columns
 CM = 1.0 / 2.54
+LAYOUT: Literal["constrained"] = "constrained"
 
 # Okabe and Ito's colours: told apart by colour-blind readers, and in grey by their brightness
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -34,28 +38,7 @@ MEETING = "p"
 SIZE = 4.5
 SIZES = {"*": 9.0, "X": 5.0, "x": 5.0, "P": 5.0}  # of markers with little inside
 
-_TEXT = 8.0
-_STYLE: dict[str, Any] = {
-    "font.size": _TEXT,
-    "axes.labelsize": _TEXT,
-    "axes.titlesize": _TEXT,
-    "xtick.labelsize": _TEXT - 1,
-    "ytick.labelsize": _TEXT - 1,
-    "legend.fontsize": _TEXT - 1,
-    "axes.linewidth": 0.6,
-    "lines.linewidth": 1.2,
-    "xtick.direction": "in",
-    "ytick.direction": "in",
-    "xtick.top": True,
-    "ytick.right": True,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "pdf.fonttype": 42,  # text stays text
-    "svg.fonttype": "none",
-    "svg.hashsalt": "contbreather",  # the same figure, the same file
-}
+_STYLE = Path(__file__).with_name("journal.mplstyle")
 
 _SYMBOLS = {
     "gamma": r"$\gamma$", "phi": r"$\varphi$", "nu": r"$\nu$", "a": "$a$", "k": "$k$", "p": "$p$",
@@ -64,10 +47,32 @@ _SYMBOLS = {
 
 
 def style() -> AbstractContextManager[None]:
-    """Type and line widths for a journal column, while figures are made or saved."""
+    """Type, lines and colours of the figures here, for a journal column, within a ``with`` block.
+
+    ``matplotlib.style.use("contbreather.plotting.journal")`` sets the same for good.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> with style():
+    ...     matplotlib.rcParams["font.size"]
+    8.0
+    """
     import matplotlib
 
-    return matplotlib.rc_context(_STYLE)  # type: ignore[arg-type]  # keys by name, as a dict
+    if in_notebook() and "matplotlib.pyplot" not in sys.modules:
+        import matplotlib.pyplot
+
+        # first loaded within the block it would forget, with the settings, to show figures
+        matplotlib.pyplot.switch_backend(matplotlib.get_backend())
+    return matplotlib.rc_context(_settings())
+
+
+@cache
+def _settings() -> Any:
+    from matplotlib import rc_params_from_file
+
+    return rc_params_from_file(_STYLE, use_default_template=False)
 
 
 def new_figure(
@@ -84,7 +89,7 @@ def new_figure(
     Returns
     -------
     figure, list of axes
-        Owned by pyplot, and so shown by notebooks, only if the caller has imported pyplot.
+        Owned by pyplot, and so shown, in notebooks and where the caller has imported pyplot.
 
     Examples
     --------
@@ -96,16 +101,30 @@ def new_figure(
     size = (width * CM, height * CM)
     pyplot = sys.modules.get("matplotlib.pyplot")
     with style():
-        if pyplot is not None:
-            figure = pyplot.figure(figsize=size, layout="constrained")
-        else:
-            from matplotlib.backends.backend_agg import FigureCanvasAgg
-            from matplotlib.figure import Figure
-
-            figure = Figure(figsize=size, layout="constrained")
-            FigureCanvasAgg(figure)
+        figure = _apart(size) if pyplot is None else pyplot.figure(figsize=size, layout=LAYOUT)
         axes = figure.subplots(rows, columns, squeeze=False)
     return figure, list(axes.ravel())
+
+
+def _apart(size: tuple[float, float]) -> Figure:
+    """A figure that pyplot does not know."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout=LAYOUT)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def inline(draw: Callable[[Axes], object], *, width: float = 8.5, height: float = 6.0) -> str:
+    """What `draw` puts into its axes as one ``<svg>`` element, cm wide and high."""
+    with style():
+        figure = _apart((width * CM, height * CM))
+        draw(figure.subplots())
+        file = StringIO()
+        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+    text = file.getvalue()
+    return text[text.index("<svg") :]  # not the prologue of a file of its own
 
 
 @contextmanager

@@ -63,7 +63,7 @@ def test_columns_are_unknowns_parameters_records_and_arclength(branch: Branch) -
 def test_points_are_taken_by_number_and_in_order(branch: Branch) -> None:
     assert branch[17] is branch.points[17]
     assert branch[-1] is branch.points[-1]
-    assert branch[2:4] == branch.points[2:4]
+    assert branch[2:4].points == branch.points[2:4]
     assert [point["x"] for point in branch] == branch["x"].tolist()
 
 
@@ -325,7 +325,7 @@ def test_progress_tells_how_many_points_there_are_by_now(monkeypatch) -> None:
     with progress.Counter(True, "h") as shown:
         for count, point in enumerate(branch[:3], start=1):
             shown.advance(point)
-            assert str(shown.bar.status).startswith(f"{count} points, h = {point['h']:.6g}")
+            assert str(shown.line.line.status).startswith(f"{count} points, h = {point['h']:.6g}")
 
 
 def test_a_point_answers_what_its_solution_answers() -> None:

@@ -519,10 +519,10 @@ def test_a_bar_is_shown_after_a_second_only(monkeypatch, capsys) -> None:
     bar = Bar(True, 9)
     clock[0] = 100.9
     bar.advance(1)
-    assert bar.bar is None
+    assert bar.line is None
     clock[0] = 101.1
     bar.advance(2)
-    assert bar.bar is not None
+    assert bar.line is not None
     assert "2/9 periods" in shown(bar, range(0), capsys)
 
 

@@ -1,0 +1,27 @@
+"""What a notebook asks of a value, and whether there is a notebook.
+
+Pictures are drawn on a higher floor, and values must not know it: they ask a painter, which the
+front desk hands in.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+
+class Shown:
+    """A value that notebooks show as a small picture and a table."""
+
+    __slots__ = ()
+    painter: ClassVar[Callable[[Any], str] | None] = None
+
+    def _repr_html_(self) -> str | None:
+        return None if Shown.painter is None else Shown.painter(self)
+
+
+def in_notebook() -> bool:
+    """Whether this runs in a kernel, whose output is a page rather than a terminal."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")

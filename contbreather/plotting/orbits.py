@@ -1,0 +1,93 @@
+"""One orbit in time: the motion of chosen sites between their walls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from contbreather.breathers import Orbit
+from contbreather.continuation import Point
+from contbreather.errors import BadInput
+from contbreather.plotting.canvas import CYCLE, GREY, axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PIECES = 400  # of a period
+
+
+def plot_orbit(
+    orbit: Orbit | Point, *, sites: Sequence[int] | None = None, ax: Axes | None = None
+) -> Axes:
+    """Displacements of an orbit over one period, its walls and its impacts.
+
+    Parameters
+    ----------
+    orbit : Orbit, or a Point of a branch of orbits
+    sites : sequence of int, optional
+        The sites that hit, and the neighbours of the first of them, unless given.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Raises
+    ------
+    BadInput
+        For what is not an orbit.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> ax = plot_orbit(cb.symmetric(a=0.5, gamma=0.08, k=0.8), sites=(0, 1, 2))
+    >>> [line.get_label() for line in ax.get_lines()[:3]]
+    ['$u_{0}$', '$u_{1}$', '$u_{2}$']
+    """
+    whole: Any = orbit.solution if isinstance(orbit, Point) else orbit
+    if not isinstance(whole, Orbit):
+        raise BadInput(f"{orbit!r} is not an orbit: symmetric() finds one")
+    hit = list(dict.fromkeys(site for site, _ in whole.sequence))
+    chosen = _near(hit, whole.lattice.sites) if sites is None else list(sites)
+    t = np.linspace(0.0, whole.period, PIECES * whole.section.turns + 1)
+    with axes_or_new(ax) as axes:
+        for n in chosen:
+            axes.plot(t / (2 * math.pi), whole.displacement(n, t), label=f"$u_{{{n}}}$")
+        _impacts(axes, whole, chosen)
+        _walls(axes, whole, hit)
+        axes.set_xlabel(r"$t/2\pi$")
+        axes.set_ylabel("$u_n$")
+        axes.margins(x=0.0)
+        axes.legend(frameon=False, ncols=len(chosen), loc="lower right",
+                    bbox_to_anchor=(1.0, 0.97), handlelength=1.3)  # fmt: skip
+    return axes
+
+
+def _near(hit: list[int], sites: int | None) -> list[int]:
+    """The sites that hit, and two beside the first of them, as far as there are any."""
+    beside = [hit[0] + 1, hit[0] + 2]
+    if sites is not None:
+        beside = [n % sites for n in beside]
+    return list(dict.fromkeys([*hit, *beside]))[: len(CYCLE)]
+
+
+def _impacts(axes: Axes, orbit: Orbit, chosen: Sequence[int]) -> None:
+    """A dot at each impact of the sites that are drawn."""
+    sites = orbit.lattice.sites
+    shown = set(chosen) if sites is None else {n % sites for n in chosen}
+    for hit in orbit.hits:
+        if hit.site in shown:
+            axes.plot(
+                hit.time % orbit.period / (2 * math.pi), orbit.walls.position(hit.site, hit.wall),
+                "o", color=GREY, markersize=4, clip_on=False, zorder=3,
+            )  # fmt: skip
+
+
+def _walls(axes: Axes, orbit: Orbit, hit: list[int]) -> None:
+    """The walls of the sites that hit; others may stand farther off."""
+    for wall in {wall for n in hit for wall in orbit.walls.at(n) if math.isfinite(wall)}:
+        axes.axhline(wall, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)

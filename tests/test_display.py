@@ -1,0 +1,197 @@
+"""Notebooks and terminals: what they show of values and of progress, without anything fetched."""
+
+from __future__ import annotations
+
+import re
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+from xml.etree import ElementTree
+
+import matplotlib as mpl
+import nbformat
+import numpy as np
+import pytest
+from nbclient import NotebookClient
+
+import contbreather as cb
+from contbreather.breathers.zones import KINDS, Zones
+from contbreather.dynamics import Axis, Sample, attraction, localisation, simulate_smooth, sweep
+from contbreather.errors import BadInput
+from contbreather.plotting import plot_orbit, style
+from contbreather.plotting.canvas import CYCLE, GREY
+
+ON: dict[str, Any] = {"a": 0.5, "gamma": 0.08, "k": 0.8}
+LINE: dict[str, Any] = {"residual": lambda x, p: x - p["mu"] * np.arange(1, x.size + 1)}
+
+
+@pytest.fixture(scope="module")
+def values() -> dict[str, Any]:
+    """One of each type, the notable ones twice."""
+    b = cb.symmetric(**ON)
+    branch = cb.trace(b, "a", within={"a": (0.4, 0.9)})
+    mine = cb.Problem(**LINE, start={"x": 0.0}, params={"mu": 0.0})
+    many = cb.Problem(**LINE, start={"u": np.zeros(9)}, params={"mu": 0.0})
+    u, v = Axis("u", 0, [-0.9, 0.9]), Axis("v", 0, [-1.0, 1.0])
+    with ThreadPoolExecutor(1) as one:
+        basin = attraction(b.state(5), u, v, **ON, periods=2, executor=one)
+    walk = {"within": {"mu": (0, 1)}, "events": ()}
+    return {
+        "Orbit": b,
+        "Orbit of a ring": b.on(cb.Ring(12)),
+        "Branch": branch,
+        "Point": branch[2],
+        "special Point": branch.first("GR"),
+        "Point of a plain problem": cb.trace(mine, "mu", **walk)[1],
+        "Point of an array": cb.trace(many, "mu", **walk)[1],
+        "Diagram": cb.diagram(mine, "mu", **walk),
+        "Zones": cb.zones(k=0.8, within={"gamma": (0, 0.03)}),
+        "Zones without curves": Zones(("k", 0.8), ("gamma", "a"), dict.fromkeys(KINDS, ())),
+        "Run": cb.simulate(b.state(10), **ON, periods=2),
+        "Run with a record": cb.simulate(b.state(10), **ON, periods=2, sample=Sample((0, 1))),
+        "SmoothRun": simulate_smooth(b.state(4), m=5, **ON, periods=1),
+        "Sweep": sweep(b.state(10), "a", [0.5, 0.4], periods=2, **ON),
+        "Basin": basin,
+    }  # fmt: skip
+
+
+def test_each_value_shows_a_picture_and_a_table_and_fetches_nothing(values) -> None:
+    for name, value in values.items():
+        shown = value._repr_html_()
+        page = ElementTree.fromstring(re.sub(r"<svg.*?</svg>", "", shown, flags=re.DOTALL))
+        assert page.find(".//table") is not None, name
+        pictures = re.findall(r"<svg.*?</svg>", shown, flags=re.DOTALL)
+        assert len(pictures) == (name != "Zones without curves"), name
+        for picture in pictures:
+            assert len(list(ElementTree.fromstring(picture).iter())) > 50, name
+        fetched = re.findall(r"""(?:src|href)=["'](?!#|data:)([^"']*)""", shown)
+        assert fetched == [], name
+        assert "<script" not in shown
+        assert len(shown) < 60_000, name
+
+
+def test_the_table_of_a_branch_has_its_special_points(values) -> None:
+    shown = values["Branch"]._repr_html_()
+    for point in values["Branch"].special:
+        assert f">{point.label}</th>" in shown
+        assert f"{point['a']:.6g}"[:6] in shown
+
+
+def test_what_a_user_calls_things_is_text_in_a_page_not_markup() -> None:
+    label = "<script>alert(1)</script>"
+    mine = cb.Problem(**LINE, start={"x": 0.0}, params={"mu": 0.0}, label=label)
+    assert "<script>" not in cb.trace(mine, "mu", within={"mu": (0, 1)}, events=())._repr_html_()
+
+
+def test_representations_are_one_short_line(values) -> None:
+    more = {
+        "Record": values["Run with a record"].record,
+        "State": values["Run"].final,
+        "strobe": values["Run"].strobe,
+        "Localisation": localisation(*values["Run"].strobe, values["Run"].times, a=0.5, gamma=0.08),
+        "Curve": values["Branch"].curve,
+        "Lattice": cb.Lattice(np.diag(np.full(40, 2.0))),
+    }
+    for name, value in (values | more).items():
+        assert re.fullmatch(r".{5,260}", repr(value)), name
+        assert " object at 0x" not in repr(value), name
+
+
+# --- pieces of a branch ---------------------------------------------------------------------------
+
+
+def test_a_slice_of_a_branch_is_a_branch_that_says_where_it_was_cut(values) -> None:
+    branch = values["Branch"]
+    piece = branch[2:-1]
+    assert isinstance(piece, cb.Branch)
+    assert piece.points == branch.points[2:-1]
+    assert piece["a"].tolist() == branch["a"][2:-1].tolist()
+    assert (piece.began, piece.stop) == (cb.Stop.CUT, cb.Stop.CUT)
+    assert (branch[:3].began, branch[3:].stop) == (branch.began, branch.stop)
+    assert branch[-2:].first("GR") is branch.first("GR")
+    assert branch[:].points == branch.points
+    assert branch[::2].points == branch.points[::2]
+    whole = branch[:3].join(branch[2:])
+    assert (len(whole), whole.stop, whole.began) == (len(branch), branch.stop, branch.began)
+
+
+@pytest.mark.parametrize("empty", [slice(5, 5), slice(900, None), slice(None, None, -1)])
+def test_a_piece_without_points_is_refused(values, empty: slice) -> None:
+    with pytest.raises(BadInput, match=r"of \d+ points: a piece has at least one point"):
+        values["Branch"][empty]
+
+
+# --- one orbit in time ----------------------------------------------------------------------------
+
+
+def test_an_orbit_is_drawn_between_its_walls_with_its_impacts_on_them(values) -> None:
+    orbit = values["Orbit"]
+    ax = plot_orbit(orbit, sites=(0, 1))
+    for n, line in enumerate(ax.get_lines()[:2]):
+        t = 2 * np.pi * line.get_xdata()
+        assert np.ptp(t) == pytest.approx(2 * np.pi)
+        np.testing.assert_allclose(line.get_ydata(), orbit.displacement(n, t), atol=1e-12)
+    dots = [line for line in ax.get_lines() if line.get_marker() == "o"]
+    assert [dot.get_ydata()[0] for dot in dots] == [hit.wall for hit in orbit.hits]
+    for dot in dots:
+        at = orbit.displacement(0, 2 * np.pi * dot.get_xdata()[0])
+        assert at == pytest.approx(dot.get_ydata()[0])
+    walls = [line for line in ax.get_lines() if line.get_color() == GREY and line not in dots]
+    assert {line.get_ydata()[0] for line in walls} == {-1.0, 1.0}
+    assert plot_orbit(values["Point"], ax=ax) is ax
+
+
+def test_what_is_no_orbit_is_not_drawn_as_one(values) -> None:
+    with pytest.raises(BadInput, match=r"is not an orbit: symmetric\(\) finds one"):
+        plot_orbit(values["Branch"])
+
+
+# --- the style ------------------------------------------------------------------------------------
+
+
+def test_the_style_is_a_file_that_matplotlib_finds() -> None:
+    with style():
+        here = {name: mpl.rcParams[name] for name in ("font.size", "pdf.fonttype")}
+        cycle = mpl.rcParams["axes.prop_cycle"].by_key()["color"]
+    assert tuple(cycle) == CYCLE
+    import matplotlib.style
+
+    with matplotlib.style.context("contbreather.plotting.journal"):
+        assert {name: mpl.rcParams[name] for name in here} == here == {
+            "font.size": 8.0, "pdf.fonttype": 42,
+        }  # fmt: skip
+
+
+# --- a notebook -----------------------------------------------------------------------------------
+
+CELLS = [
+    "import contbreather as cb, contbreather.progress as progress, sys\n"
+    "progress.PATIENCE = progress.INTERVAL = 0.0",
+    "branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), 'a', within={'a': (0.5, 0.6)})",
+    "assert 'matplotlib.pyplot' not in sys.modules\ncb.plot(branch);",
+    "branch",
+    "with progress.Bar(True, 7, 'rows') as bar:\n    bar.advance(3)",
+    "cb.plotting.plot_orbit(branch[0]);",
+]
+
+
+def test_a_fresh_notebook_shows_progress_the_first_plot_and_values(monkeypatch) -> None:
+    """No widgets, no magic command, no import of pyplot."""
+    monkeypatch.delenv("MPLBACKEND", raising=False)  # a notebook's own
+    book = nbformat.v4.new_notebook(cells=list(map(nbformat.v4.new_code_cell, CELLS)))
+    seen: list[str] = []
+
+    class Watching(NotebookClient):
+        def process_message(self, msg: Any, cell: Any, cell_index: int) -> Any:
+            seen.append(str(msg["content"].get("data", {}).get("text/html", "")))
+            return super().process_message(msg, cell, cell_index)
+
+    Watching(book, timeout=60, kernel_name="python3").execute()
+    shown = [[out.get("data", {}) for out in cell.outputs] for cell in book.cells]
+    assert any("points, a = " in html for html in seen)
+    assert [data["text/html"] for data in shown[1]] == [""]  # and is gone when it is done
+    assert ["image/png" in data for data in shown[2]] == [True]
+    assert "<svg" in shown[3][0]["text/html"]
+    assert shown[3][0]["text/plain"].startswith("<Branch ")
+    assert any('<progress value="3" max="7"></progress> 3/7 rows' in html for html in seen)
+    assert ["image/png" in data for data in shown[5]] == [True]
+    assert not any("ipywidgets" in str(cell.outputs) for cell in book.cells)
