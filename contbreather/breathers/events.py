@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from contbreather.breathers import symmetric_events
@@ -36,8 +37,14 @@ class OfProblem(Event):
     choose: Callable[[Problem], Event] = field(kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "test", lambda point: self._at(point).value(point))
+        object.__setattr__(self, "test", self._test)
         object.__setattr__(self, "locus", self._locus)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(OfProblem, self.kind, choose=self.choose), ()
+
+    def _test(self, point: Point) -> float | int:
+        return self._at(point).value(point)
 
     def _at(self, point: Point) -> Event:
         return self.of(point.ground.curve.problem)
@@ -52,14 +59,15 @@ class OfProblem(Event):
 
 
 def _own(kind: str) -> Event:
-    def choose(problem: Problem) -> Event:
-        found = next((event for event in problem.events if event.kind == kind), None)
-        if found is None:
-            have = ", ".join(event.kind for event in problem.events) or "no events"
-            raise BadInput(f"no {kind} of this problem ({problem.label}, {have}): {WHY[kind]}.")
-        return found
+    return OfProblem(kind, choose=partial(_of_kind, kind))
 
-    return OfProblem(kind, choose=choose)
+
+def _of_kind(kind: str, problem: Problem) -> Event:
+    found = next((event for event in problem.events if event.kind == kind), None)
+    if found is None:
+        have = ", ".join(event.kind for event in problem.events) or "no events"
+        raise BadInput(f"no {kind} of this problem ({problem.label}, {have}): {WHY[kind]}.")
+    return found
 
 
 def pitchfork() -> Event:
@@ -134,25 +142,27 @@ def neimark_sacker(
         return _own("NS")
     modulus = THRESHOLD if threshold is None else threshold
     elsewhere = symmetric_events.neimark_sacker(on=on, threshold=modulus)  # or a sentence
+    return OfProblem("NS", choose=partial(_pair_leaves, on, modulus, elsewhere))
 
-    def choose(problem: Problem) -> Event:
-        orbit = _orbit_of(problem)
-        if on is None and orbit.lattice.sites is None:
+
+def _pair_leaves(
+    on: InfiniteChain | Ring | None, threshold: float, elsewhere: Event, problem: Problem
+) -> Event:
+    orbit = _orbit_of(problem)
+    if on is None and orbit.lattice.sites is None:
+        raise BadInput(
+            f"threshold = {threshold}: the infinite chain has none, its verdict is exact; name "
+            "the ring it is about, on=Ring(N)."
+        )
+    if on is not None and on != orbit.lattice:
+        if not isinstance(orbit.road, SymmetricFlight):
             raise BadInput(
-                f"threshold = {threshold}: the infinite chain has none, its verdict is exact; name "
-                "the ring it is about, on=Ring(N)."
+                f"on = {on!r}: another lattice goes with events of symmetric breathers of "
+                f"chain and ring only; take the orbit there, orbit.on({on!r})."
             )
-        if on is not None and on != orbit.lattice:
-            if not isinstance(orbit.road, SymmetricFlight):
-                raise BadInput(
-                    f"on = {on!r}: another lattice goes with events of symmetric breathers of "
-                    f"chain and ring only; take the orbit there, orbit.on({on!r})."
-                )
-            return elsewhere
-        found = next(event for event in orbit.road.events(modulus) if event.kind == "NS")
-        return found if isinstance(found, Judged) else _judged(found, modulus)
-
-    return OfProblem("NS", choose=choose)
+        return elsewhere
+    found = next(event for event in orbit.road.events(threshold) if event.kind == "NS")
+    return found if isinstance(found, Judged) else _judged(found, threshold)
 
 
 def _orbit_of(problem: Problem) -> Orbit:
@@ -164,18 +174,18 @@ def _orbit_of(problem: Problem) -> Orbit:
 
 def _judged(event: Event, threshold: float) -> Event:
     """With the column of what is unstable by the same threshold."""
-
-    def unstable(point: Point) -> float:
-        orbit: Orbit = point.solution
-        chain = orbit.lattice.sites is None
-        return orbit.stability(threshold=None if chain else threshold).unstable
-
     return Judged(
         event.kind,
         event.test,
         count=event.count,
         locus=event.locus,
         examine=event.examine,
-        record={"unstable": unstable},
+        record={"unstable": partial(_unstable, threshold)},
         about=f"threshold {threshold:g}",
     )
+
+
+def _unstable(threshold: float, point: Point) -> float:
+    orbit: Orbit = point.solution
+    chain = orbit.lattice.sites is None
+    return orbit.stability(threshold=None if chain else threshold).unstable

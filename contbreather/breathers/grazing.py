@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -41,8 +42,12 @@ class Ends(NamedTuple):
     """What else ends the grazing of a crest besides another one."""
 
     events: tuple[Event, ...] = ()
-    scale: Callable[[Point], float] = lambda point: 1.0
+    scale: Callable[[Point], float] | None = None
     meets: Mapping[str, tuple[Event, ...]] = {}
+
+
+def _nothing_else(orbit: Orbit) -> Ends:
+    return Ends()
 
 
 def _refused(orbit: Orbit) -> Locus:
@@ -52,7 +57,7 @@ def _refused(orbit: Orbit) -> Locus:
 def grazing(
     crest: Callable[[Orbit, int], Crest],
     *,
-    ends: Callable[[Orbit], Ends] = lambda orbit: Ends(),
+    ends: Callable[[Orbit], Ends] = _nothing_else,
     shallow: Callable[[Orbit], Locus] = _refused,
     weakly: Callable[[Orbit], Watch] | None = None,
 ) -> Event:
@@ -70,37 +75,56 @@ def grazing(
         The same orbit with a little coupling: without it all idle sites climb alike, and the one
         is meant that does highest with it.
     """
+    contacts = _Contacts(crest, ends, shallow, weakly)
+    return Event("GR", _margin, ends="domain", locus=contacts, examine=_vanishing)
 
-    def locus(point: Point) -> Locus:
+
+def _margin(point: Point) -> float:
+    return solution_at(point).admissibility().margin
+
+
+@dataclass(frozen=True)
+class _Contacts:
+    """The locus of GR as a road has it."""
+
+    crest: Callable[[Orbit, int], Crest]
+    ends: Callable[[Orbit], Ends]
+    shallow: Callable[[Orbit], Locus]
+    weakly: Callable[[Orbit], Watch] | None
+
+    def __call__(self, point: Point) -> Locus:
         orbit = solution_at(point)
         worst = closest(orbit.watch)
-        if worst.flight < 0 and weakly is not None and orbit.gamma < ALIKE:
-            worst = min(gaps_of_idle(weakly(orbit)))
-        return follow(orbit, worst.site, worst.time)
+        if worst.flight < 0 and self.weakly is not None and orbit.gamma < ALIKE:
+            worst = min(gaps_of_idle(self.weakly(orbit)))
+        return self.follow(orbit, worst.site, worst.time)
 
-    def follow(orbit: Orbit, site: int, t: float) -> Locus:
+    def follow(self, orbit: Orbit, site: int, t: float) -> Locus:
         if _is_impact(orbit, site, t):
-            return shallow(orbit)
-        there, own = orbit.watch.at(site, t)[0], crest(orbit, site)
+            return self.shallow(orbit)
+        there = orbit.watch.at(site, t)[0]
         place = min(orbit.walls.at(site), key=lambda wall: abs(there - wall))
+        touch, more = _Touch(self.crest(orbit, site), place), self.ends(orbit)
+        other = _Rival(site, _is_mirrored(orbit, site, t), more.scale, self)
+        events = (*more.events, other.event())
+        return Locus({"t": t}, touch.conditions, touch.derivative, events=events, meets=more.meets)
 
-        def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-            u, v, _ = own.motion(solution_at(Point(curve, z)), float(extra[0]))
-            return np.array([u - place, v])
 
-        def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-            orbit, t = solution_at(Point(curve, z)), float(extra[0])
-            return np.column_stack([own.slopes(curve, orbit, t), own.motion(orbit, t)[1:]])
+@dataclass(frozen=True)
+class _Touch:
+    """``u = place, u' = 0`` at an unknown time."""
 
-        more = ends(orbit)
-        rival = _rival_of(site, mirrored=_is_mirrored(orbit, site, t))
-        events = (*more.events, _other_crest(rival, more.scale, follow))
-        return Locus({"t": t}, conditions, derivative, events=events, meets=more.meets)
+    crest: Crest
+    place: float
 
-    def test(point: Point) -> float:
-        return solution_at(point).admissibility().margin
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        u, v, _ = self.crest.motion(solution_at(Point(curve, z)), float(extra[0]))
+        return np.array([u - self.place, v])
 
-    return Event("GR", test, ends="domain", locus=locus, examine=_vanishing)
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        orbit, t = solution_at(Point(curve, z)), float(extra[0])
+        crest = self.crest
+        return np.column_stack([crest.slopes(curve, orbit, t), crest.motion(orbit, t)[1:]])
 
 
 @lru_cache(maxsize=4)
@@ -131,33 +155,34 @@ def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
     return abs(sum(both)) < SAME
 
 
-def _rival_of(site: int, *, mirrored: bool) -> Callable[[Point], Gap]:
-    def rival(point: Point) -> Gap:
-        return min(rivals(solution_at(point).watch, site, point["t"], mirrored=mirrored))
-
-    return rival
-
-
-def _other_crest(
-    rival: Callable[[Point], Gap],
-    scale: Callable[[Point], float],
-    follow: Callable[[Orbit, int, float], Locus],
-) -> Event:
+@dataclass(frozen=True)
+class _Rival:
     """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
     of the same one. Where it does not, the limit of existence goes on with that."""
 
-    def margin(point: Point) -> float:
-        return rival(point).margin
+    site: int
+    mirrored: bool
+    scale: Callable[[Point], float] | None
+    contacts: _Contacts
 
-    def test(point: Point) -> float:
-        return margin(point) / scale(point)
+    def event(self) -> Event:
+        base = Event("GR", self.margin, ends="domain", locus=self.locus)
+        return Meeting("GR-GR", self.test, ends="domain", base=base, examine=self.examine)
 
-    def examine(point: Point) -> dict[str, Any]:
-        other = rival(point)
+    def closest(self, point: Point) -> Gap:
+        watch = solution_at(point).watch
+        return min(rivals(watch, self.site, point["t"], mirrored=self.mirrored))
+
+    def margin(self, point: Point) -> float:
+        return self.closest(point).margin
+
+    def test(self, point: Point) -> float:
+        return self.margin(point) / (1.0 if self.scale is None else self.scale(point))
+
+    def examine(self, point: Point) -> dict[str, Any]:
+        other = self.closest(point)
         return {"site": other.site, "time": other.time}
 
-    def locus(point: Point) -> Locus:
-        return follow(solution_at(point), point.detail["site"], point.detail["time"])
-
-    base = Event("GR", margin, ends="domain", locus=locus)
-    return Meeting("GR-GR", test, ends="domain", base=base, examine=examine)
+    def locus(self, point: Point) -> Locus:
+        where = point.detail
+        return self.contacts.follow(solution_at(point), where["site"], where["time"])

@@ -10,11 +10,13 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.breathers.clearance import Terms
 from contbreather.breathers.grazing import Crest, grazing
 from contbreather.breathers.modal_flight import EPS, ModalFlight
 from contbreather.breathers.orbit import Orbit
@@ -53,22 +55,23 @@ def events_of(section: Section, threshold: float = THRESHOLD) -> tuple[Event, ..
 
 def symmetry_breaking() -> Event:
     """PF, on half a symmetric orbit: its half map has the multiplier +1."""
+    count = partial(_beyond, 1.0)
+    return Event("PF", _symmetry_test, count=count, locus=_symmetry_locus)
 
-    def test(point: Point) -> float:
-        # without coupling idle sites have it all along, wherever they are
-        lost = _loose(point) and point["gamma"] < ADRIFT
-        return math.nan if lost else determinant(_flight(point), 1.0)
 
-    def locus(point: Point) -> Locus:
-        own = _null_locus(1.0)(point)
-        return replace(own, domain={"gamma": (ADRIFT, math.inf)}) if _loose(point) else own
+def _symmetry_test(point: Point) -> float:
+    # without coupling idle sites have it all along, wherever they are
+    lost = _loose(point) and point["gamma"] < ADRIFT
+    return math.nan if lost else determinant(_flight(point), 1.0)
 
-    return Event(
-        "PF",
-        test,
-        count=lambda point: beyond(_map(point).coupled, 1.0),
-        locus=locus,
-    )
+
+def _symmetry_locus(point: Point) -> Locus:
+    own = _null_locus(1.0, point)
+    return replace(own, domain={"gamma": (ADRIFT, math.inf)}) if _loose(point) else own
+
+
+def _beyond(mu: float, point: Point) -> int:
+    return beyond(_map(point).coupled, mu)
 
 
 def _loose(point: Point) -> bool:
@@ -79,29 +82,31 @@ def _loose(point: Point) -> bool:
 
 def period_doubling() -> Event:
     """PD: a multiplier -1 over the period."""
-    return Event(
-        "PD",
-        lambda point: determinant(_flight(point), -1.0),
-        count=lambda point: beyond(_map(point).coupled, -1.0),
-        locus=_null_locus(-1.0),
-    )
+    count, locus = partial(_beyond, -1.0), partial(_null_locus, -1.0)
+    return Event("PD", _doubling_test, count=count, locus=locus)
+
+
+def _doubling_test(point: Point) -> float:
+    return determinant(_flight(point), -1.0)
 
 
 def branching() -> Event:
     """BP: another curve of solutions of the same equations crosses; as the engine's own, but with
     a determinant for its test, which large rings can afford."""
+    test = Singular(bordered, _branching_test)
+    return replace(branch_point(), test=test, count=_beyond_closing)
 
-    def test(point: Point) -> float:
-        if point.tangent is None:
-            return math.nan
-        flight = _flight(point)
-        whole = np.vstack([point.curve.jacobian(point.z), point.curve.dual(point.tangent)])
-        return flight.map.in_units_of_flight(whole, flight.section.sign)
 
-    def count(point: Point) -> int:
-        return beyond(_map(point).coupled, point.solution.section.sign)
+def _branching_test(point: Point) -> float:
+    if point.tangent is None:
+        return math.nan
+    flight = _flight(point)
+    whole = np.vstack([point.curve.jacobian(point.z), point.curve.dual(point.tangent)])
+    return flight.map.in_units_of_flight(whole, flight.section.sign)
 
-    return replace(branch_point(), test=Singular(bordered, test), count=count)
+
+def _beyond_closing(point: Point) -> int:
+    return _beyond(point.solution.section.sign, point)
 
 
 def ring_neimark_sacker(threshold: float = THRESHOLD) -> Event:
@@ -110,16 +115,17 @@ def ring_neimark_sacker(threshold: float = THRESHOLD) -> Event:
     """
     if not 1.0 <= threshold < math.inf:
         raise BadInput(f"threshold = {threshold}: a finite modulus of at least 1 is wanted.")
+    locus = partial(_circle_locus, threshold)
+    return Event("NS", partial(_outermost, threshold), locus=locus)
 
-    def test(point: Point) -> float:
-        flight = _flight(point)
-        # where an impact loses its velocity one multiplier grows beyond all bounds, and with it
-        # the rounding of all others: no pair can be told from that
-        if EPS * np.linalg.norm(flight.map.matrix) > REAL:
-            return math.nan
-        return outermost(_upper(flight), _radius(flight, threshold))
 
-    return Event("NS", test, locus=lambda point: _circle_locus(point, threshold))
+def _outermost(threshold: float, point: Point) -> float:
+    flight = _flight(point)
+    # where an impact loses its velocity one multiplier grows beyond all bounds, and with it
+    # the rounding of all others: no pair can be told from that
+    if EPS * np.linalg.norm(flight.map.matrix) > REAL:
+        return math.nan
+    return outermost(_upper(flight), _radius(flight, threshold))
 
 
 def contact() -> Event:
@@ -154,26 +160,27 @@ def determinant(flight: ModalFlight, mu: float) -> float:
     return flight.map.crosses(mu) * math.prod(velocities)
 
 
-def _null_locus(mu: float) -> Callable[[Point], Locus]:
+def _null_locus(mu: float, point: Point) -> Locus:
     """``(M - mu) y = 0, |y| = 1``, with y as an unknown: no determinant."""
+    matrix, vector = _map(point).matrix, _NullVector(mu)
+    null = np.linalg.svd(matrix - mu * np.eye(len(matrix)))[2][-1]
+    return Locus({"null": null}, vector.conditions, vector.derivative)
 
-    def conditions(curve: Curve, z: FloatArray, y: FloatArray) -> FloatArray:
+
+@dataclass(frozen=True)
+class _NullVector:
+    mu: float
+
+    def conditions(self, curve: Curve, z: FloatArray, y: FloatArray) -> FloatArray:
         moved = _at(curve, z).map.applied(y)
-        return np.append(moved - mu * y, y.dot(y) - 1.0)
+        return np.append(moved - self.mu * y, y.dot(y) - 1.0)
 
-    def derivative(curve: Curve, z: FloatArray, y: FloatArray) -> FloatArray:
+    def derivative(self, curve: Curve, z: FloatArray, y: FloatArray) -> FloatArray:
         rows = np.empty((y.size + 1, z.size + y.size))
-        rows[:, : z.size] = _in_z(conditions, curve, z, y)
-        rows[:-1, z.size :] = _at(curve, z).map.matrix - mu * np.eye(y.size)
+        rows[:, : z.size] = _in_z(self.conditions, curve, z, y)
+        rows[:-1, z.size :] = _at(curve, z).map.matrix - self.mu * np.eye(y.size)
         rows[-1, z.size :] = 2.0 * y
         return rows
-
-    def locus(point: Point) -> Locus:
-        matrix = _map(point).matrix
-        null = np.linalg.svd(matrix - mu * np.eye(len(matrix)))[2][-1]
-        return Locus({"null": null}, conditions, derivative)
-
-    return locus
 
 
 def _in_z(conditions: Conditions, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
@@ -219,7 +226,7 @@ def _upper(flight: ModalFlight) -> NDArray[np.complex128]:
     return mu[mu.imag > REAL]
 
 
-def _circle_locus(point: Point, threshold: float) -> Locus:
+def _circle_locus(threshold: float, point: Point) -> Locus:
     """``(M - mu) y = 0`` for a complex y of length 1 and a multiplier mu on the circle of the
     threshold, at an unknown angle ``nu pi``."""
     values, vectors = np.linalg.eig(_map(point).matrix)
@@ -228,50 +235,63 @@ def _circle_locus(point: Point, threshold: float) -> Locus:
         raise Undefined("no complex multipliers on this ring")
     outermost = upper[abs(values[upper]).argmax()]
     y = vectors[:, outermost] / np.linalg.norm(vectors[:, outermost])
-    size, largest = y.size, int(abs(y).argmax())
+    largest = int(abs(y).argmax())
     y = y * np.exp(-1j * np.angle(y[largest]))  # a phase of its own: y[largest] is real
+    wave = _CircleWave(threshold, largest)
+    start = np.concatenate([y.real, y.imag])
+    nu = float(np.angle(values[outermost])) / math.pi
+    return Locus({"wave": start, "nu": nu}, wave.conditions, wave.derivative)
 
-    def multiplier(flight: ModalFlight, extra: FloatArray) -> complex:
-        return _radius(flight, threshold) * cmath.exp(1j * math.pi * float(extra[-1]))
 
-    def conditions(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+@dataclass(frozen=True)
+class _CircleWave:
+    threshold: float
+    largest: int
+
+    def _multiplier(self, flight: ModalFlight, extra: FloatArray) -> complex:
+        return _radius(flight, self.threshold) * cmath.exp(1j * math.pi * float(extra[-1]))
+
+    def conditions(self, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
         flight = _at(curve, z)
-        both = extra[:-1].reshape(2, size)
-        mu = multiplier(flight, extra)
+        both = extra[:-1].reshape(2, -1)
+        mu = self._multiplier(flight, extra)
         off = flight.map.applied(both.T).T
         off -= np.array([[mu.real, -mu.imag], [mu.imag, mu.real]]) @ both
         return np.concatenate(
-            [off[0], off[1], [both.ravel().dot(both.ravel()) - 1.0, both[1, largest]]]
+            [off[0], off[1], [both.ravel().dot(both.ravel()) - 1.0, both[1, self.largest]]]
         )
 
-    def derivative(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    def derivative(self, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
         flight = _at(curve, z)
-        mu, (re, im) = multiplier(flight, extra), extra[:-1].reshape(2, size)
+        mu, (re, im) = self._multiplier(flight, extra), extra[:-1].reshape(2, -1)
+        size = re.size
         rows = np.zeros((2 * size + 2, z.size + extra.size))
-        rows[:, : z.size] = _in_z(conditions, curve, z, extra)
+        rows[:, : z.size] = _in_z(self.conditions, curve, z, extra)
         own = rows[:, z.size :]
         one, M = np.eye(size), flight.map.matrix
         own[:size, :size] = own[size:-2, size:-1] = M - mu.real * one
         own[:size, size:-1], own[size:-2, :size] = mu.imag * one, -mu.imag * one
         own[:size, -1] = math.pi * (mu.imag * re + mu.real * im)
         own[size:-2, -1] = math.pi * (mu.imag * im - mu.real * re)
-        own[-2, :-1], own[-1, size + largest] = 2.0 * extra[:-1], 1.0
+        own[-2, :-1], own[-1, size + self.largest] = 2.0 * extra[:-1], 1.0
         return rows
-
-    start = np.concatenate([y.real, y.imag])
-    nu = float(np.angle(values[outermost])) / math.pi
-    return Locus({"wave": start, "nu": nu}, conditions, derivative)
 
 
 # --- contacts -------------------------------------------------------------------------------
 
 
 def _crest(orbit: Orbit, site: int) -> Crest:
-    def slopes(curve: Curve, orbit: Orbit, t: float) -> FloatArray:
-        found: FloatArray = orbit.flight.watched(site, t, curve.free)[:2, 1:]
-        return found
+    return Crest(partial(_motion, site), partial(_slopes, site))
 
-    return Crest(lambda orbit, t: orbit.flight.at(site, t), slopes)
+
+def _motion(site: int, orbit: Orbit, t: float) -> Terms:
+    terms: Terms = orbit.flight.at(site, t)
+    return terms
+
+
+def _slopes(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:
+    found: FloatArray = orbit.flight.watched(site, t, curve.free)[:2, 1:]
+    return found
 
 
 def _shallow_locus(orbit: Orbit) -> Locus:
@@ -279,9 +299,9 @@ def _shallow_locus(orbit: Orbit) -> Locus:
     if orbit.k == 0.0:
         raise Undefined("with k = 0 a site rests on its wall: no orbit of impacts continues")
     velocities = [abs(one.velocity) for one in orbit.flight.arrivals]
-    j = int(np.argmin(velocities))
+    # a single number: differences of it cost little
+    return Locus({}, partial(_velocity, int(np.argmin(velocities))))
 
-    def conditions(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-        return np.array([_at(curve, z).arrivals[j].velocity])
 
-    return Locus({}, conditions)  # a single number: differences of it cost little
+def _velocity(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    return np.array([_at(curve, z).arrivals[j].velocity])

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -138,6 +139,9 @@ class ShootingEquations:
     def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
         return self.flight(x, params).sensitivity(name)
 
+    def orbit(self, point: Point) -> Orbit:
+        return Orbit(self.flight(point.x, point.params))
+
     def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
         """Other solutions that are the same orbit, or its mirror image."""
         found = images_of(Orbit(self.flight(x, params)))
@@ -180,7 +184,7 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
             "damping": (0.0, math.inf),
             "spring": (0.0, math.inf),
         },
-        interpret=lambda point: Orbit(shooting.flight(point.x, point.params)),
+        interpret=shooting.orbit,
         images=shooting.images,
         simpler=_simpler,
         lifts={"PF": lift, "PD": lift},
@@ -202,17 +206,26 @@ def _simpler(point: Point) -> Problem | None:
 
 def _columns(section: Section, threshold: float) -> dict[str, Any]:
     """What is recorded besides the unknowns."""
-
-    def momentum(j: int) -> Any:
-        return lambda point: 0.5 * abs(float(point.solution.impulses[j]))
-
     count = section.count
     same = count == 1 or (count == 2 and section.local and not section.symmetric)
     names = {"p": 0} if same else {f"p{j + 1}": j for j in range(count)}
-    columns: dict[str, Any] = {name: momentum(j) for name, j in names.items()}
+    columns: dict[str, Any] = {name: partial(_momentum, j) for name, j in names.items()}
     if not section.symmetric:
-        columns["c"] = lambda point: point.solution.c
+        columns["c"] = attrgetter("solution.c")
     if same and count == 2:
-        columns["asymmetry"] = lambda point: point["t2"] - point["t1"] - 0.5 * section.period
-    columns["unstable"] = lambda point: point.solution.stability(threshold=threshold).unstable
-    return {**columns, "condition": lambda point: point.solution.flight.condition}
+        columns["asymmetry"] = partial(_asymmetry, section.period)
+    columns["unstable"] = partial(_unstable, threshold)
+    return {**columns, "condition": attrgetter("solution.flight.condition")}
+
+
+def _momentum(j: int, point: Point) -> float:
+    return 0.5 * abs(float(point.solution.impulses[j]))
+
+
+def _asymmetry(period: float, point: Point) -> float:
+    return float(point["t2"] - point["t1"] - 0.5 * period)
+
+
+def _unstable(threshold: float, point: Point) -> float:
+    orbit: Orbit = point.solution
+    return orbit.stability(threshold=threshold).unstable

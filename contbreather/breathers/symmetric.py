@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from contbreather.breathers.closed_form import HALF, SymmetricFlight
@@ -114,14 +115,6 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     """
     forcing, lattice = breather.flight.forcing, breather.lattice
     closure = Closure(forcing, lattice)
-    own = tuple(forcing.params)
-
-    def interpret(point: Point) -> Orbit:
-        values = point.params
-        driven = forcing.at(**{name: values[name] for name in own}) if own else forcing
-        p, phi = float(point.z[0]), float(point.z[1])
-        return Orbit(ClosedForm(values["a"], values["gamma"], values["k"], p, phi, driven, lattice))
-
     events = events_on(lattice, threshold)
     ring = isinstance(lattice, Ring)
     where = f" (ring of {lattice.sites}, threshold {threshold:g})" if ring else ""
@@ -135,10 +128,17 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         events=events,
         record=next(event for event in events if isinstance(event, Judged)).record,
         domain=_domain(breather),
-        interpret=interpret,
+        interpret=partial(_interpreted, forcing, lattice),
         lifts={"PF": lift},
         label=f"symmetric breather{where}",
     )
+
+
+def _interpreted(forcing: Forcing, lattice: Lattice, point: Point) -> Orbit:
+    values, own = point.params, forcing.params
+    driven = forcing.at(**{name: values[name] for name in own}) if own else forcing
+    p, phi = float(point.z[0]), float(point.z[1])
+    return Orbit(ClosedForm(values["a"], values["gamma"], values["k"], p, phi, driven, lattice))
 
 
 def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:

@@ -10,13 +10,14 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import Watch
+from contbreather.breathers.clearance import Terms, Watch
 from contbreather.breathers.closed_form import SymmetricFlight, flight_slope_of
 from contbreather.breathers.grazing import ALIKE, Crest
 from contbreather.breathers.grazing import grazing as followed
@@ -26,7 +27,7 @@ from contbreather.checks import check_kind, real
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import Judged, Meeting
+from contbreather.continuation.point import Always, Judged, Meeting
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Lattice, Ring
 from contbreather.stability.arc import OnArc, on_arc
@@ -58,7 +59,7 @@ def saddle_node() -> Event:
 
     ``chi a f''(phi) + q a f'(phi) = 0``; there the half map QS has the multiplier -1.
     """
-    return Event("LP", _on_breather(_fold), locus=_scalar_locus(_fold, _fold_slope))
+    return Event("LP", partial(_on_breather, _fold), locus=_scalar_locus(_fold, _fold_slope))
 
 
 def pitchfork() -> Event:
@@ -66,7 +67,7 @@ def pitchfork() -> Event:
     is the end of the band, so no eigenvalue is followed."""
     return Event(
         "PF",
-        _on_breather(_pitchfork),
+        partial(_on_breather, _pitchfork),
         locus=_scalar_locus(_pitchfork, _pitchfork_slope, {"spring": (_SOFT, math.inf)}),
         examine=_examine_pitchfork,
     )
@@ -87,9 +88,13 @@ def neimark_sacker(
         count=event.count,
         locus=event.locus,
         examine=event.examine,
-        record={"unstable": lambda point: unstable(_flight(point), lattice, threshold)},
+        record={"unstable": partial(_unstable_at, lattice, threshold)},
         about=about,
     )
+
+
+def _unstable_at(lattice: Lattice, threshold: float, point: Point) -> int:
+    return unstable(_flight(point), lattice, threshold)
 
 
 def unstable(breather: SymmetricFlight, lattice: Lattice, threshold: float) -> int:
@@ -105,8 +110,8 @@ def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
     if isinstance(on, InfiniteChain):
         return Event(
             "NS",
-            lambda point: _pairs(point)[0],
-            count=lambda point: _pairs(point)[1],
+            _off_window,
+            count=_ends_below,
             locus=_arc_locus,
             examine=_examine_angle,
         )
@@ -118,8 +123,8 @@ def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
         )
     return Event(
         "NS",
-        _on_breather(lambda breather: outermost(_upper(breather, on), math.sqrt(threshold))),
-        locus=lambda point: _circle_locus(point, on, threshold),
+        partial(_outermost, on, threshold),
+        locus=partial(_circle_locus, on, threshold),
         examine=_examine_angle,
     )
 
@@ -130,8 +135,8 @@ def grazing() -> Event:
     return followed(_crest, weakly=_weakly)
 
 
-def _on_breather(test: Callable[[SymmetricFlight], float]) -> Callable[[Point], float]:
-    return lambda point: test(_flight(point))
+def _on_breather(test: Scalar, point: Point) -> float:
+    return test(_flight(point))
 
 
 def _flight(point: Point) -> SymmetricFlight:
@@ -222,16 +227,18 @@ def _pitchfork_slope(breather: SymmetricFlight, name: str) -> float:
 
 def _scalar_locus(
     value: Scalar, slope: Slope, domain: Mapping[str, tuple[float, float]] | None = None
-) -> Callable[[Point], Locus]:
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        return np.array([value(_breather(curve, z))])
+) -> Always:
+    row = partial(_scalar_slope, slope)
+    return Always(Locus({}, partial(_scalar, value), row, domain=domain or {}))
 
-    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        breather = _breather(curve, z)
-        return np.array([[slope(breather, name) for name in _names(curve)]])
 
-    locus = Locus({}, conditions, derivative, domain=domain or {})
-    return lambda point: locus
+def _scalar(value: Scalar, curve: Curve, z: Array, extra: Array) -> Array:
+    return np.array([value(_breather(curve, z))])
+
+
+def _scalar_slope(slope: Slope, curve: Curve, z: Array, extra: Array) -> Array:
+    breather = _breather(curve, z)
+    return np.array([[slope(breather, name) for name in _names(curve)]])
 
 
 def _pitchfork_form(point: Point) -> Mapping[str, Any]:
@@ -298,6 +305,14 @@ def _pairs(point: Point) -> tuple[float, int]:
     return map.pairs()
 
 
+def _off_window(point: Point) -> float:
+    return _pairs(point)[0]
+
+
+def _ends_below(point: Point) -> int:
+    return _pairs(point)[1]
+
+
 def _arc_locus(point: Point) -> Locus:
     breather = _flight(point)
     if breather.k == 1.0:
@@ -348,64 +363,82 @@ def _upper(breather: SymmetricFlight, ring: Ring) -> NDArray[np.complex128]:
     return np.asarray(mu[mu.imag > _ZERO])
 
 
-def _circle_locus(point: Point, ring: Ring, threshold: float, angle: float | None = None) -> Locus:
-    """A multiplier of the ring on the circle of the threshold, at an unknown angle: that of the
-    pair farthest out, unless another is named by its angle."""
-    radius = math.sqrt(threshold)
-    depth = -1j * math.log(radius) / math.pi  # mu = exp(i pi (nu + depth)) has this modulus
+def _outermost(ring: Ring, threshold: float, point: Point) -> float:
+    return outermost(_upper(_flight(point), ring), math.sqrt(threshold))
 
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        breather = _breather(curve, z)
-        value = complex(D(breather.gamma, extra[0] + depth, breather.k, breather.b, ring))
+
+def _circle_locus(ring: Ring, threshold: float, point: Point) -> Locus:
+    """A multiplier of the ring on the circle of the threshold, at an unknown angle: that of the
+    pair farthest out."""
+    mu = _upper(_flight(point), ring)
+    if not mu.size:
+        raise Undefined("no complex multipliers on this ring")
+    return _RingWave(ring, threshold).locus(float(np.angle(mu[abs(mu).argmax()])) / math.pi)
+
+
+@dataclass(frozen=True)
+class _RingWave:
+    """One pair of a ring's multipliers on the circle of the threshold, and where another reaches it
+    as well: beyond, the one that was followed is not the first to be there any more, and the
+    rule's line goes on with the other."""
+
+    ring: Ring
+    threshold: float
+
+    @property
+    def radius(self) -> float:
+        return math.sqrt(self.threshold)
+
+    def locus(self, angle: float) -> Locus:
+        own = neimark_sacker(on=self.ring, threshold=self.threshold)
+        base = replace(own, locus=self._next_locus)
+        meets = Meeting("NS-NS", self._test, ends="domain", base=base, examine=self._next)
+        return Locus({"nu": angle}, self._conditions, self._derivative, events=(meets,))
+
+    def _inward(self, nu: float) -> complex:
+        return nu - 1j * math.log(self.radius) / math.pi  # exp(i pi ...) has this modulus
+
+    def _conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        breather, nu = _breather(curve, z), self._inward(extra[0])
+        value = complex(D(breather.gamma, nu, breather.k, breather.b, self.ring))
         return np.array([value.real, value.imag])
 
-    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        breather = _breather(curve, z)
-        nu = extra[0] + depth
-        row = _along(curve, breather, D_gradient(breather.gamma, nu, breather.k, breather.b, ring))
+    def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        breather, nu = _breather(curve, z), self._inward(extra[0])
+        gradient = D_gradient(breather.gamma, nu, breather.k, breather.b, self.ring)
+        row = _along(curve, breather, gradient)
         return np.array([row.real, row.imag])
 
-    if angle is None:
-        mu = _upper(_flight(point), ring)
-        if not mu.size:
-            raise Undefined("no complex multipliers on this ring")
-        angle = float(np.angle(mu[abs(mu).argmax()])) / math.pi
-    return Locus({"nu": angle}, conditions, derivative, events=(_next_wave(ring, threshold),))
-
-
-def _next_wave(ring: Ring, threshold: float) -> Event:
-    """Where another multiplier of the ring reaches the threshold as well: beyond, the one that was
-    followed is not the first to be there any more, and the rule's line goes on with the other."""
-    radius = math.sqrt(threshold)
-
-    def others(point: Point) -> NDArray[np.complex128]:
-        mu = _upper(_flight(point), ring)
-        own = int(abs(mu - radius * cmath.exp(1j * math.pi * point["nu"])).argmin())
+    def _others(self, point: Point) -> NDArray[np.complex128]:
+        mu = _upper(_flight(point), self.ring)
+        own = int(abs(mu - self.radius * cmath.exp(1j * math.pi * point["nu"])).argmin())
         return np.asarray(np.delete(mu, own))
 
-    def test(point: Point) -> float:
-        return radius - float(abs(others(point)).max(initial=0.0))
+    def _test(self, point: Point) -> float:
+        return self.radius - float(abs(self._others(point)).max(initial=0.0))
 
-    def analysis(point: Point) -> Mapping[str, Any]:
-        mu = others(point)
+    def _next(self, point: Point) -> Mapping[str, Any]:
+        mu = self._others(point)
         return {"next": float(np.angle(mu[abs(mu).argmax()])) / math.pi}
 
-    def locus(point: Point) -> Locus:
-        return _circle_locus(point, ring, threshold, point.detail["next"])
-
-    base = replace(neimark_sacker(on=ring, threshold=threshold), locus=locus)
-    return Meeting("NS-NS", test, ends="domain", base=base, examine=analysis)
+    def _next_locus(self, point: Point) -> Locus:
+        return self.locus(point.detail["next"])
 
 
 # --- grazing --------------------------------------------------------------------------------------
 
 
 def _crest(orbit: Orbit, site: int) -> Crest:
-    def slopes(curve: Curve, orbit: Orbit, t: float) -> Array:
-        rows = [_motion_slope(orbit.flight, site, t, name) for name in _names(curve)]
-        return np.array(rows).T
+    return Crest(partial(_motion, site), partial(_slopes, site))
 
-    return Crest(lambda orbit, t: orbit.watch.at(site, t), slopes)
+
+def _motion(site: int, orbit: Orbit, t: float) -> Terms:
+    return orbit.watch.at(site, t)
+
+
+def _slopes(site: int, curve: Curve, orbit: Orbit, t: float) -> Array:
+    rows = [_motion_slope(orbit.flight, site, t, name) for name in _names(curve)]
+    return np.array(rows).T
 
 
 def _weakly(orbit: Orbit) -> Watch:

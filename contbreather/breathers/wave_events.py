@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from contbreather.continuation import Event, Lift, Locus, Point, fold
 from contbreather.continuation.boundary import meeting
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
+from contbreather.continuation.point import Always
 from contbreather.errors import BadInput
 from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
@@ -50,22 +51,24 @@ def orbit_fold() -> Event:
     Where its flights become equal the branch turns back as well, but that is its pitchfork. There
     the test of a fold and the asymmetry vanish together, and their ratio does not.
     """
+    return replace(_off_pitchfork(fold()), locus=_fold_locus)
+
+
+def _off_pitchfork(event: Event) -> Event:
+    return replace(event, test=partial(_per_asymmetry, event))
+
+
+def _per_asymmetry(event: Event, point: Point) -> float:
+    asymmetry = solution_at(point.ground).asymmetry
+    return math.nan if asymmetry == 0.0 else event.value(point) / asymmetry
+
+
+def _fold_locus(point: Point) -> Locus:
+    # on its curve, so does the test of a cusp where both folds of mirror images meet
     plain = fold()
-
-    def off_pitchfork(event: Event) -> Event:
-        def test(point: Point) -> float:
-            asymmetry = solution_at(point.ground).asymmetry
-            return math.nan if asymmetry == 0.0 else event.value(point) / asymmetry
-
-        return replace(event, test=test)
-
-    def locus(point: Point) -> Locus:
-        # on its curve, so does the test of a cusp where both folds of mirror images meet
-        assert plain.locus is not None
-        own = plain.locus(point)
-        return replace(own, events=tuple(map(off_pitchfork, own.events)))
-
-    return replace(off_pitchfork(plain), locus=locus)
+    assert plain.locus is not None
+    own = plain.locus(point)
+    return replace(own, events=tuple(map(_off_pitchfork, own.events)))
 
 
 def pitchfork_of_arms() -> Event:
@@ -83,21 +86,20 @@ def pitchfork_of_arms() -> Event:
     >>> round(branch.first("PF")["a"], 12)
     0.777632425944
     """
-    locus = Locus({}, _equal_flights, _equal_flights_slope)
-    return Event(
-        "PF",
-        lambda point: solution_at(point).asymmetry,
-        locus=lambda point: locus,
-    )
+    return Event("PF", _asymmetry, locus=Always(Locus({}, _equal_flights, _equal_flights_slope)))
+
+
+def _asymmetry(point: Point) -> float:
+    return solution_at(point).asymmetry
 
 
 def period_doubling() -> Event:
     """PD: a multiplier passes -1 (`OrbitMap.crosses`)."""
     return Event(
         "PD",
-        lambda point: solution_at(point).map.crosses(-1.0),
+        _doubling_test,
         count=_outside,
-        locus=lambda point: Locus({}, _minus_one, _slopes(_minus_one)),
+        locus=Always(Locus({}, _minus_one, partial(_slopes, _minus_one))),
         examine=_examine_doubling,
     )
 
@@ -111,8 +113,8 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = THRESH
     if not isinstance(on, Ring):
         return Event(
             "NS",
-            lambda point: _pairs(solution_at(point).map)[0],
-            count=lambda point: _pairs(solution_at(point).map)[1],
+            _off_circle,
+            count=_pairs_outside,
             locus=_arc_locus,
             examine=_examine_angle,
         )
@@ -123,13 +125,14 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = THRESH
         )
     return Event(
         "NS",
-        lambda point: _outermost(solution_at(point), threshold),
-        locus=lambda point: _circle_locus(point, threshold),
+        partial(_outermost, threshold),
+        locus=partial(_circle_locus, threshold),
         examine=_examine_angle,
     )
 
 
-def _outermost(orbit: Orbit, threshold: float) -> float:
+def _outermost(threshold: float, point: Point) -> float:
+    orbit = solution_at(point)
     # where an impulse vanishes one multiplier grows beyond all bounds, and with it the rounding
     if _EPS * float(np.abs(orbit.entries).max()) > _BLURRED:
         return math.nan
@@ -169,12 +172,12 @@ def _multipliers(map: OrbitMap) -> NDArray[np.complex128]:
 
 def tally() -> Event:
     """What no label explains: the number of multipliers outside changes, on the infinite chain."""
+    return Event("MX", None, count=_certainly_outside)
 
-    def outside(point: Point) -> float | int:
-        found = _counted(solution_at(point).map, 1.0)
-        return found.count if found.certain else math.nan
 
-    return Event("MX", None, count=outside)
+def _certainly_outside(point: Point) -> float | int:
+    found = _counted(solution_at(point).map, 1.0)
+    return found.count if found.certain else math.nan
 
 
 def _at(curve: Curve, z: Array) -> Orbit:
@@ -205,6 +208,10 @@ def symmetric_again(point: Point) -> Lift:
 # --- period doubling ------------------------------------------------------------------------------
 
 
+def _doubling_test(point: Point) -> float:
+    return solution_at(point).map.crosses(-1.0)
+
+
 def _minus_one(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([_at(curve, z).map.crosses(-1.0)])
 
@@ -224,15 +231,22 @@ def _pairs(map: OrbitMap) -> tuple[float, int]:
     return map.pairs()
 
 
+def _off_circle(point: Point) -> float:
+    return _pairs(solution_at(point).map)[0]
+
+
+def _pairs_outside(point: Point) -> int:
+    return _pairs(solution_at(point).map)[1]
+
+
 def _arc_locus(point: Point) -> Locus:
     """F = 0 on the circle, at the angle where it is nearest to that."""
     map = solution_at(point).map
     if map.gamma == 0.0 and map.lattice.sites is None:
         raise Undefined("at gamma = 0 there is no band for a pair to come out of")
     ends = {"k": (0.0, _ELASTIC)}
-    return Locus(
-        {"kappa": map.nearest()}, _arc_conditions, _slopes(_arc_conditions, _room), domain=ends
-    )
+    slopes = partial(_slopes, _arc_conditions, room=_room)
+    return Locus({"kappa": map.nearest()}, _arc_conditions, slopes, domain=ends)
 
 
 def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
@@ -257,18 +271,19 @@ def _examine_angle(point: Point) -> str:
     return ""
 
 
-def _circle_locus(point: Point, threshold: float) -> Locus:
+def _circle_locus(threshold: float, point: Point) -> Locus:
     """A multiplier of the ring on the circle of the threshold."""
     mu = solution_at(point).map.over_period
     mu = mu[mu.imag > 0.0]
     first = mu[int(np.abs(mu).argmax())]
-
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        value = _at(curve, z).map.on_circle(2.0 * extra[0], threshold)
-        return np.array([value.real, value.imag])
-
     kappa = float(np.angle(first)) / (2.0 * math.pi)
-    return Locus({"kappa": kappa}, conditions, _slopes(conditions))
+    conditions = partial(_on_circle, threshold)
+    return Locus({"kappa": kappa}, conditions, partial(_slopes, conditions))
+
+
+def _on_circle(threshold: float, curve: Curve, z: Array, extra: Array) -> Array:
+    value = _at(curve, z).map.on_circle(2.0 * extra[0], threshold)
+    return np.array([value.real, value.imag])
 
 
 # --- derivatives of conditions that have none in closed form ------------------------------------
@@ -281,33 +296,32 @@ _FORWARD: _Stencil = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4
 
 def _slopes(
     conditions: Callable[[Curve, Array, Array], Array],
+    curve: Curve,
+    z: Array,
+    extra: Array,
     room: Callable[[Curve, Array, Array], float] | None = None,
-) -> Callable[[Curve, Array, Array], Array]:
+) -> Array:
     """Differences of fourth order, one-sided where a parameter is next to the end of its domain:
     boundaries start at gamma = 0 as well. Their step is at most `room`."""
-
-    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        both = np.concatenate([z, extra])
-        ends = {curve.slots[name]: ends for name, ends in curve.problem.domain.items()
-                if name in curve.slots}  # fmt: skip
-        columns = []
-        step = _STEP if room is None else min(_STEP, room(curve, z, extra))
-        for i in range(both.size):
-            low, high = ends.get(i, (-math.inf, math.inf))
-            side, stencil = 1.0, _CENTRAL
-            if both[i] - 2.0 * step < low:
-                stencil = _FORWARD
-            elif both[i] + 2.0 * step >= high:
-                side, stencil = -1.0, _FORWARD
-            column = np.zeros(1)
-            for place, weight in stencil:
-                near = both.copy()
-                near[i] += side * place * step
-                column = column + weight * conditions(curve, near[: z.size], near[z.size :])
-            columns.append(side * column / step)
-        return np.stack(columns, axis=-1)
-
-    return derivative
+    both = np.concatenate([z, extra])
+    ends = {curve.slots[name]: ends for name, ends in curve.problem.domain.items()
+            if name in curve.slots}  # fmt: skip
+    columns = []
+    step = _STEP if room is None else min(_STEP, room(curve, z, extra))
+    for i in range(both.size):
+        low, high = ends.get(i, (-math.inf, math.inf))
+        side, stencil = 1.0, _CENTRAL
+        if both[i] - 2.0 * step < low:
+            stencil = _FORWARD
+        elif both[i] + 2.0 * step >= high:
+            side, stencil = -1.0, _FORWARD
+        column = np.zeros(1)
+        for place, weight in stencil:
+            near = both.copy()
+            near[i] += side * place * step
+            column = column + weight * conditions(curve, near[: z.size], near[z.size :])
+        columns.append(side * column / step)
+    return np.stack(columns, axis=-1)
 
 
 # --- grazing --------------------------------------------------------------------------------------
@@ -316,16 +330,17 @@ def _slopes(
 def _crest(orbit: Orbit, site: int) -> Crest:
     """A site with its share of the offsets as it is where the curve sets out."""
     share = _offset_share(orbit, site)
+    return Crest(partial(_motion, site, share), partial(_motion_slopes, site, share))
 
-    def motion(orbit: Orbit, t: float) -> Terms:
-        u, v, w = moved(orbit, site, t)
-        return u + float(share @ orbit.offsets), v, w
 
-    def slopes(curve: Curve, orbit: Orbit, t: float) -> Array:
-        rows = [_motion_slope(orbit, site, share, t, name) for name in _names(curve)]
-        return np.array(rows).T
+def _motion(site: int, share: Array, orbit: Orbit, t: float) -> Terms:
+    u, v, w = moved(orbit, site, t)
+    return u + float(share @ orbit.offsets), v, w
 
-    return Crest(motion, slopes)
+
+def _motion_slopes(site: int, share: Array, curve: Curve, orbit: Orbit, t: float) -> Array:
+    rows = [_motion_slope(orbit, site, share, t, name) for name in _names(curve)]
+    return np.array(rows).T
 
 
 def _offset_share(orbit: Orbit, site: int) -> Array:
@@ -397,13 +412,15 @@ def _ends_of_grazing(orbit: Orbit) -> Ends:
     if abs(asymmetry) <= EQUAL:
         return Ends(meets={"PF": ()})
     side = math.copysign(1.0, asymmetry)
-
-    def off(point: Point) -> float:
-        return side * solution_at(point.ground).asymmetry
-
-    def scale(point: Point) -> float:
-        asymmetry = side * solution_at(point).asymmetry
-        return asymmetry if asymmetry > EQUAL else math.nan
-
+    off = partial(_towards, side)
     pitchfork = replace(meeting("GR", pitchfork_of_arms()), test=off, ends="domain")
-    return Ends((pitchfork,), scale, {"PF": ()})
+    return Ends((pitchfork,), partial(_while_asymmetric, side), {"PF": ()})
+
+
+def _towards(side: float, point: Point) -> float:
+    return side * solution_at(point.ground).asymmetry
+
+
+def _while_asymmetric(side: float, point: Point) -> float:
+    asymmetry = _towards(side, point)
+    return asymmetry if asymmetry > EQUAL else math.nan

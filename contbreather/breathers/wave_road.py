@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -131,18 +133,12 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """
     motion = orbit.flight
     equations: OrbitEquations = motion.equations
-    record = {"unstable": lambda point: unstable(point.solution, threshold)}
+    record: dict[str, Any] = {"unstable": partial(_unstable, threshold)}
     if orbit.section.two_impacts:
-        record["p"] = lambda point: point.solution.p
-        record["asymmetry"] = lambda point: point.solution.asymmetry
-
-    def solution(x: FloatArray, values: Params) -> Orbit:
-        times, impulses, offsets = equations.split(x)
-        named = zip(equations.sequence, times.tolist(), impulses.tolist(), strict=True)
-        impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
-        on = orbit.conditions.at(values)
-        return Orbit(Waves(on, equations.section, impacts, tuple(offsets.tolist())))
-
+        record["p"], record["asymmetry"] = (
+            attrgetter("solution.p"),
+            attrgetter("solution.asymmetry"),
+        )
     return Problem(
         equations.residual,
         dict(zip(equations.names, motion.x.tolist(), strict=True)),
@@ -152,12 +148,33 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         events=(fold(), branch_point(), *events_on(orbit.lattice, threshold)),
         record=record,
         domain=domain_of(equations),
-        interpret=lambda point: solution(point.x, point.params),
-        images=lambda x, params: tuple(i.flight.x for i in images_of(solution(x, params))),
+        interpret=partial(_interpreted, equations, orbit.conditions),
+        images=partial(_images, equations, orbit.conditions),
         simpler=_simpler,
         lifts={"PD": lift},
         label="orbit with impacts",
     )
+
+
+def _orbit(equations: OrbitEquations, on: Conditions, x: FloatArray, values: Params) -> Orbit:
+    times, impulses, offsets = equations.split(x)
+    named = zip(equations.sequence, times.tolist(), impulses.tolist(), strict=True)
+    impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
+    return Orbit(Waves(on.at(values), equations.section, impacts, tuple(offsets.tolist())))
+
+
+def _interpreted(equations: OrbitEquations, on: Conditions, point: Point) -> Orbit:
+    return _orbit(equations, on, point.x, point.params)
+
+
+def _images(
+    equations: OrbitEquations, on: Conditions, x: FloatArray, values: Params
+) -> tuple[FloatArray, ...]:
+    return tuple(image.flight.x for image in images_of(_orbit(equations, on, x, values)))
+
+
+def _unstable(threshold: float, point: Point) -> int:
+    return unstable(point.solution, threshold)
 
 
 def _params(orbit: Orbit) -> dict[str, float]:
@@ -198,13 +215,6 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     times = first, first + math.pi + orbit.asymmetry  # times count modulo the period
     start = dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True))
     equations = AsymmetricEquations(orbit.forcing, orbit.lattice)
-    section = orbit.section
-
-    def interpret(point: Point) -> Orbit:
-        p, t1, t2, c = point.x.tolist()
-        impacts = (Impact(site, 1, t1, -2.0 * p), Impact(site, -1, t2, 2.0 * p))
-        return Orbit(Waves(orbit.conditions.at(point.params), section, impacts, (c,)))
-
     return Problem(
         equations.residual,
         start,
@@ -213,8 +223,8 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         sensitivity=equations.sensitivity,
         events=(pitchfork_of_arms(), orbit_fold(), *events_on(orbit.lattice, threshold)),
         record={
-            "asymmetry": lambda point: point["t2"] - point["t1"] - math.pi,
-            "unstable": lambda point: unstable(point.solution, threshold),
+            "asymmetry": _asymmetry,
+            "unstable": partial(_unstable, threshold),
         },
         domain={
             "gamma": (0.0, 0.25),
@@ -222,12 +232,22 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
             "a": (0.0, math.inf),
             "p": (LEAST, math.inf),
         },
-        interpret=interpret,
+        interpret=partial(_arm, orbit.conditions, orbit.section, site),
         images=_mirror_image,
         simpler=_symmetric_again,
         lifts={"PF": symmetric_again, "PD": lift},
         label="asymmetric breather",
     )
+
+
+def _arm(on: Conditions, section: Section, site: int, point: Point) -> Orbit:
+    p, t1, t2, c = point.x.tolist()
+    impacts = (Impact(site, 1, t1, -2.0 * p), Impact(site, -1, t2, 2.0 * p))
+    return Orbit(Waves(on.at(point.params), section, impacts, (c,)))
+
+
+def _asymmetry(point: Point) -> float:
+    return float(point["t2"] - point["t1"] - math.pi)
 
 
 def _mirror_image(x: FloatArray, params: Mapping[str, float]) -> tuple[FloatArray, ...]:

@@ -6,6 +6,7 @@ import contextlib
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -152,12 +153,12 @@ def _beside(event: Event, column: Callable[[Point], Any]) -> Callable[[Point], A
     the boundary is the place at which one of them passes, and rounding would decide it."""
     if not event.bifurcates:
         return column
+    return partial(_blurred, column)
 
-    def blurred(point: Point) -> Any:
-        value = column(point)
-        return math.nan if isinstance(value, int | np.integer) else value
 
-    return blurred
+def _blurred(column: Callable[[Point], Any], point: Point) -> Any:
+    value = column(point)
+    return math.nan if isinstance(value, int | np.integer) else value
 
 
 def _traceable(point: Point) -> Event:
@@ -192,28 +193,33 @@ def meeting(kind: str, event: Event) -> Meeting:
             examine=_examine_crossing,
             base=event,
         )
-    suffix = f" of {event.kind}"
-
-    def locus(point: Point) -> Locus:
-        together = point.curve.problem.residual
-        assert event.locus is not None
-        assert isinstance(together, Extended)
-        return lifted(event.locus(point.ground), together, suffix)
-
-    def examine(point: Point) -> str:
-        assert event.examine is not None
-        detail = {name.removesuffix(suffix): value for name, value in point.detail.items()}
-        found = event.examine(replace(point.ground, detail=detail))
-        return found if isinstance(found, str) else ""  # its normal form is that of a branch
-
     return Meeting(
         f"{kind}-{event.kind}",
-        lambda point: event.value(point.ground),
-        locus=locus if event.locus else None,
-        examine=examine if event.examine else None,
+        partial(_value_beneath, event),
+        locus=partial(_locus_beneath, event) if event.locus else None,
+        examine=partial(_examine_beneath, event) if event.examine else None,
         ends=event.ends,
         base=event,
     )
+
+
+def _value_beneath(event: Event, point: Point) -> float | int:
+    return event.value(point.ground)
+
+
+def _locus_beneath(event: Event, point: Point) -> Locus:
+    together = point.curve.problem.residual
+    assert event.locus is not None
+    assert isinstance(together, Extended)
+    return lifted(event.locus(point.ground), together, f" of {event.kind}")
+
+
+def _examine_beneath(event: Event, point: Point) -> str:
+    assert event.examine is not None
+    suffix = f" of {event.kind}"
+    detail = {name.removesuffix(suffix): value for name, value in point.detail.items()}
+    found = event.examine(replace(point.ground, detail=detail))
+    return found if isinstance(found, str) else ""  # its normal form is that of a branch
 
 
 def _examine_crossing(point: Point) -> str:

@@ -183,31 +183,40 @@ def _branch_point_locus(point: Point) -> Locus:
     general. With two there are some where a symmetry or an invariant subspace holds the branches
     together, and then `split` stays 0.
     """
-    b, null, direction = _held_together(point)
-
-    def bordered(curve: Curve, z: Array) -> Array:
-        A = _columns(curve.jacobian(z), direction)
-        return np.block([[A, b[:, None]], [null, np.zeros((2, 1))]])
-
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        return _solved(bordered(curve, z), np.eye(curve.size + 2)[:, -2:])[-1]
-
-    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        matrix, n = bordered(curve, z), curve.size
-        unit = np.eye(n + 2)
-        vectors, w = _solved(matrix, unit[:, -2:])[:-1].T, _solved(matrix.T, unit[-1])[:n]
-        # - w^T A'(u) v for all u at once: second derivatives are symmetric
-        rows = [w @ curve.along(z, np.append(v[:n], v[n] * direction)) for v in vectors]
-        return -np.hstack([rows, np.zeros((2, 1))])
-
+    rank = _LostRank(*_held_together(point))
     stays = Event("BP", _refuse_to_part, ends="branch")
     return Locus(
         {"split": 0.0},
-        conditions,
-        derivative,
+        rank.conditions,
+        rank.derivative,
         events=(stays,),
-        unfolding=lambda extra: (extra[0] * b, b[:, None]),
+        unfolding=rank.unfolding,
     )
+
+
+@dataclass(frozen=True)
+class _LostRank:
+    b: Array
+    null: Array
+    direction: Array
+
+    def _bordered(self, curve: Curve, z: Array) -> Array:
+        A = _columns(curve.jacobian(z), self.direction)
+        return np.block([[A, self.b[:, None]], [self.null, np.zeros((2, 1))]])
+
+    def unfolding(self, extra: Array) -> tuple[Array, Array]:
+        return extra[0] * self.b, self.b[:, None]
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return _solved(self._bordered(curve, z), np.eye(curve.size + 2)[:, -2:])[-1]
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        matrix, n = self._bordered(curve, z), curve.size
+        unit = np.eye(n + 2)
+        vectors, w = _solved(matrix, unit[:, -2:])[:-1].T, _solved(matrix.T, unit[-1])[:n]
+        # - w^T A'(u) v for all u at once: second derivatives are symmetric
+        rows = [w @ curve.along(z, np.append(v[:n], v[n] * self.direction)) for v in vectors]
+        return -np.hstack([rows, np.zeros((2, 1))])
 
 
 def _columns(rows: Array, direction: Array) -> Array:

@@ -78,6 +78,10 @@ class Curve:
         self._scheme: derivatives.Scheme | None = None
         self._known: dict[str, list[tuple[Array, Any]]] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what was made of the latest points: quickly made again, and large."""
+        return {**self.__dict__, "_known": {}}
+
     def dual(self, tangent: Array) -> Array:
         """The row whose product with z is the inner product of the arclength."""
         return tangent if self.metric is None else tangent * self.metric

@@ -192,11 +192,17 @@ def _hopf_locus(point: Point) -> Locus:
     small = _ZERO * float(np.linalg.norm(matrix, 2))
     value, *plane = loci.critical_plane(matrix, (0.0,), small, lambda values: abs(values.real))
     one, other = (vector * scales for vector in plane)
-    locus = loci.pair_locus(
-        "omega2", value.imag**2, (one, other), 0.0, lambda square: (0.0, square)
-    )
+    locus = loci.pair_locus("omega2", value.imag**2, (one, other), 0.0, _of_axis)
     ends = (_BT_ON_HOPF, _GENERALISED, _DOUBLE_HOPF)
     return replace(locus, events=ends, meets=MEETINGS["HB"])
+
+
+def _square(point: Point) -> float:
+    return float(point["omega2"])
+
+
+def _of_axis(square: float) -> tuple[float, float]:
+    return 0.0, square
 
 
 def _examine_hopf(point: Point) -> Examined:
@@ -353,7 +359,7 @@ _DOUBLE_HOPF = Event("HH", _second_pair, examine=_examine_second_pair)
 # Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.
 _BT_ON_HOPF = Meeting(
     "BT",
-    lambda point: point["omega2"],
+    _square,
     examine=_examine_double_zero,
     ends="domain",
     base=_FOLD,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,23 +124,31 @@ def event_of(problem: Problem) -> Event | None:
 
 def lifted(locus: Locus, together: Extended, suffix: str) -> Locus:
     """The locus of an event of the shorter problem as one on the longer, its unknowns renamed."""
-    n, m = together.n, together.extra
-
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        base, own = together.beneath(z[: curve.size], curve.params(z), curve.free)
-        return np.asarray(locus.conditions(base, own, extra))
-
-    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        assert locus.derivative is not None
-        base, own = together.beneath(z[: curve.size], curve.params(z), curve.free)
-        rows = np.asarray(locus.derivative(base, own, extra))
-        return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])
-
+    above = _Above(locus, together)
     names = {f"{name}{suffix}": value for name, value in locus.extra.items()}
     return replace(
         locus,
         extra=names,
-        conditions=conditions,
-        derivative=derivative if locus.derivative else None,
+        conditions=above.conditions,
+        derivative=above.derivative if locus.derivative else None,
         events=(),
     )
+
+
+@dataclass(frozen=True)
+class _Above:
+    """Conditions of the shorter problem, asked of a curve of the longer."""
+
+    locus: Locus
+    together: Extended
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        base, own = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
+        return np.asarray(self.locus.conditions(base, own, extra))
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        assert self.locus.derivative is not None
+        base, own = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
+        rows = np.asarray(self.locus.derivative(base, own, extra))
+        n, m = self.together.n, self.together.extra
+        return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])

@@ -96,20 +96,25 @@ def null_vector(matrix: Array, scales: Array) -> Array:
 
 def null_locus(null: Array, shift: float = 0.0) -> Locus:
     """``(F_x + shift) v = 0, |v| = 1``."""
+    vector = _NullVector(shift)
+    return Locus({"null": null}, vector.conditions, vector.derivative)
 
-    def conditions(curve: Curve, z: Array, v: Array) -> Array:
-        return np.append(curve.jacobian(z)[:, : curve.size] @ v + shift * v, v.dot(v) - 1)
 
-    def derivative(curve: Curve, z: Array, v: Array) -> Array:
+@dataclass(frozen=True)
+class _NullVector:
+    shift: float
+
+    def conditions(self, curve: Curve, z: Array, v: Array) -> Array:
+        return np.append(curve.jacobian(z)[:, : curve.size] @ v + self.shift * v, v.dot(v) - 1)
+
+    def derivative(self, curve: Curve, z: Array, v: Array) -> Array:
         n = curve.size
         rows = np.zeros((n + 1, z.size + n))
         # second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v
         rows[:n, : z.size] = curve.along(z, v)
-        rows[:n, z.size :] = curve.jacobian(z)[:, :n] + shift * np.eye(n)
+        rows[:n, z.size :] = curve.jacobian(z)[:, :n] + self.shift * np.eye(n)
         rows[n, z.size :] = 2 * v
         return rows
-
-    return Locus({"null": null}, conditions, derivative)
 
 
 # --- pairs of eigenvalues ---------------------------------------------------------------------
@@ -170,29 +175,36 @@ def pair_locus(
     """``(M^2 + b M + c) v = 0`` in the plane of a pair, with ``M = F_x + shift``; b and c are
     linear in one more unknown."""
     start, reference = _frame(*plane)
-    zero, one = quadratic(0.0), quadratic(1.0)
-    slope_b, slope_c = one[0] - zero[0], one[1] - zero[1]
+    vector = _PairVector(reference, shift, quadratic)
+    return Locus({"null": start, name: value}, vector.conditions, vector.derivative)
 
-    def shifted(curve: Curve, z: Array) -> Array:
-        return np.asarray(curve.jacobian(z)[:, : curve.size] + shift * np.eye(curve.size))
 
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        v, (b, c), matrix = extra[:-1], quadratic(extra[-1]), shifted(curve, z)
+@dataclass(frozen=True)
+class _PairVector:
+    reference: Array
+    shift: float
+    quadratic: Callable[[float], tuple[float, float]]
+
+    def _shifted(self, curve: Curve, z: Array) -> Array:
+        return np.asarray(curve.jacobian(z)[:, : curve.size] + self.shift * np.eye(curve.size))
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        v, (b, c), matrix = extra[:-1], self.quadratic(extra[-1]), self._shifted(curve, z)
         turned = matrix @ v
         own = matrix @ turned + b * turned + c * v
-        return np.concatenate([own, [v.dot(v) - 1, reference.dot(v)]])
+        return np.concatenate([own, [v.dot(v) - 1, self.reference.dot(v)]])
 
-    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
-        v, (b, c), matrix, n = extra[:-1], quadratic(extra[-1]), shifted(curve, z), curve.size
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        v, (b, c), n = extra[:-1], self.quadratic(extra[-1]), curve.size
+        (b0, c0), (b1, c1) = self.quadratic(0.0), self.quadratic(1.0)
+        matrix = self._shifted(curve, z)
         turned, change = matrix @ v, curve.along(z, v)
         rows = np.zeros((n + 2, z.size + n + 1))
         rows[:n, : z.size] = curve.along(z, turned) + matrix @ change + b * change
         rows[:n, z.size : -1] = matrix @ matrix + b * matrix + c * np.eye(n)
-        rows[:n, -1] = slope_b * turned + slope_c * v
-        rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * v, reference
+        rows[:n, -1] = (b1 - b0) * turned + (c1 - c0) * v
+        rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * v, self.reference
         return rows
-
-    return Locus({"null": start, name: value}, conditions, derivative)
 
 
 def _frame(one: Array, other: Array) -> tuple[Array, Array]:

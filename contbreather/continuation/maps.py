@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -104,7 +105,7 @@ def FixedPoint(
         params,
         jacobian=None if jacobian is None else iterate.jacobian,
         events=EVENTS if events is None else all_of(events) or (),
-        record={**(record or {}), "unstable": lambda point: point.solution.unstable},
+        record={**(record or {}), "unstable": _unstable},
         domain=domain or {},
         scales=scales or {},
         interpret=cycle,
@@ -115,21 +116,22 @@ def FixedPoint(
     )
 
 
+def _unstable(point: Point) -> int:
+    count: int = point.solution.unstable
+    return count
+
+
 # --- the events on a branch -------------------------------------------------------------------
 
 
-def _with_multiplier_one(plain: Event) -> Callable[[Point], Examined]:
+def _examine_one(plain: Event, point: Point) -> Examined:
     """An event at which a multiplier is 1 is verified for that too: along cycles with multipliers
     far apart in size the derivative may look singular where it is not."""
-
-    def examined(point: Point) -> Examined:
-        sizes = np.linalg.svd(units(point) - np.eye(point.curve.size), compute_uv=False)
-        if sizes[-1] > _RANK * max(1.0, sizes[0]):
-            return f"no multiplier is 1: the nearest is {sizes[-1]:.2g} off"
-        assert plain.examine is not None
-        return plain.examine(point)
-
-    return examined
+    sizes = np.linalg.svd(units(point) - np.eye(point.curve.size), compute_uv=False)
+    if sizes[-1] > _RANK * max(1.0, sizes[0]):
+        return f"no multiplier is 1: the nearest is {sizes[-1]:.2g} off"
+    assert plain.examine is not None
+    return plain.examine(point)
 
 
 def _flip_matrix(point: Point) -> Array:
@@ -186,8 +188,12 @@ def _rotation_locus(point: Point) -> Locus:
     """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
     cosine, *plane = _circle_pair(point)
     one, other = plane
-    locus = loci.pair_locus("cosine", cosine, (one, other), 1.0, lambda cosine: (-2 * cosine, 1.0))
+    locus = loci.pair_locus("cosine", cosine, (one, other), 1.0, _of_circle)
     return replace(locus, events=_ON_ROTATION, meets=MEETINGS["NS"])
+
+
+def _of_circle(cosine: float) -> tuple[float, float]:
+    return -2 * cosine, 1.0
 
 
 def _examine_rotation(point: Point) -> Examined:
@@ -216,57 +222,47 @@ def _fold_locus(point: Point) -> Locus:
     return replace(_PLAIN_FOLD.locus(point), events=(cusp(), _R1_ON_FOLD), meets=MEETINGS["LP"])
 
 
-def _overlap(sign: int) -> Callable[[Point], float]:
+def _overlap(sign: int, point: Point) -> float:
     """Zero where the multiplier of a curve of folds (1) or doublings (-1) is double."""
-
-    def test(point: Point) -> float:
-        matrix = multiplier_matrix(point.ground)
-        return loci.oriented_overlap(matrix - sign * np.eye(len(matrix)))
-
-    return test
+    matrix = multiplier_matrix(point.ground)
+    return loci.oriented_overlap(matrix - sign * np.eye(len(matrix)))
 
 
-def _examine_double(sign: int, *, either: bool = False) -> Callable[[Point], Examined]:
-    """Two multipliers there, with one eigenvector; whether branches cross as well is asked of
-    those that have to be distinguished."""
-
-    def examine(point: Point) -> Examined:
-        matrix = units(point.ground)
-        size = max(1.0, float(np.linalg.norm(matrix, 2)))
-        near = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
-        if near.sum() != 2:
-            return f"{near.sum()} multipliers are {sign}; two were wanted"
-        sizes = np.linalg.svd(matrix - sign * np.eye(len(matrix)), compute_uv=False)
-        if sizes[-2] < _RANK * size:
-            return f"two multipliers are {sign}, with two eigenvectors"
-        return crossed(point.ground) if either else {}
-
-    return examine
+def _examine_double(sign: int, point: Point) -> Examined:
+    """Two multipliers there, with one eigenvector."""
+    matrix = units(point.ground)
+    size = max(1.0, float(np.linalg.norm(matrix, 2)))
+    near = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
+    if near.sum() != 2:
+        return f"{near.sum()} multipliers are {sign}; two were wanted"
+    sizes = np.linalg.svd(matrix - sign * np.eye(len(matrix)), compute_uv=False)
+    return f"two multipliers are {sign}, with two eigenvectors" if sizes[-2] < _RANK * size else {}
 
 
-def _on_circle(wanted: str, *, fold: bool = False) -> Callable[[Point], Examined]:
+def _examine_double_one(point: Point) -> Examined:
+    """Where it has to be distinguished from that: whether branches cross as well."""
+    return _examine_double(1, point) or crossed(point.ground)
+
+
+def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
     """Whether the multipliers on the unit circle are those of `wanted`: of ``+1``, ``-1`` and
     ``pair`` each at most once. With `fold` the multiplier 1 must be that of a fold."""
-
-    def examine(point: Point) -> Examined:
-        if fold and branches_cross(point.ground):
-            return "a branch point, not a fold"
-        values = np.linalg.eigvals(units(point.ground)).astype(complex)
-        on = values[abs(abs(values) - 1) < 1e-4]
-        found = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
-        found += ["pair"] * ((len(on) - len(found)) // 2)
-        if sorted(found) != sorted(wanted.split()):
-            shown, these = np.array2string(on, precision=6), wanted.replace(" ", " and ")
-            return f"on the unit circle are {shown}, where {these} are wanted"
-        return ""
-
-    return examine
+    if fold and branches_cross(point.ground):
+        return "a branch point, not a fold"
+    values = np.linalg.eigvals(units(point.ground)).astype(complex)
+    on = values[abs(abs(values) - 1) < 1e-4]
+    found = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
+    found += ["pair"] * ((len(on) - len(found)) // 2)
+    if sorted(found) != sorted(wanted.split()):
+        shown, these = np.array2string(on, precision=6), wanted.replace(" ", " and ")
+        return f"on the unit circle are {shown}, where {these} are wanted"
+    return ""
 
 
 def _flip_coefficient(point: Point) -> float:
     """c without its poles, at R2 and fold-flips."""
     ground = point.ground
-    poles = _overlap(-1)(point) if ground.curve.size > 1 else 1.0
+    poles = _overlap(-1, point) if ground.curve.size > 1 else 1.0
     c = normal_forms.value_or_nan(lambda: normal_forms.flip(point))
     return c * poles * loci.signed_smallest(units(ground) - np.eye(ground.curve.size))
 
@@ -298,55 +294,60 @@ def _examine_chenciner(point: Point) -> str:
 def _resonance(k: int) -> Event:
     """Rk on a curve of NS: multipliers ``exp(+-2 pi i / k)``."""
     cosine = math.cos(2 * math.pi / k)
-    return Event(f"R{k}", lambda point: point["cosine"] - cosine, examine=_on_circle("pair"))
+    return Event(f"R{k}", partial(_from_angle, cosine), examine=partial(_on_circle, "pair", False))
 
 
-def _pair_beside(multiplier: int) -> Callable[[Point], float]:
+def _from_angle(cosine: float, point: Point) -> float:
+    return float(point["cosine"] - cosine)
+
+
+def _pair_beside(multiplier: int, point: Point) -> float:
     """The test of NS on a curve of folds (1) or doublings (-1), for all other multipliers."""
-
-    def test(point: Point) -> float:
-        matrix = units(point.ground)
-        values = np.linalg.eigvals(matrix).astype(complex)
-        return _least_gap(matrix, loci.without(values, multiplier))
-
-    return test
+    matrix = units(point.ground)
+    values = np.linalg.eigvals(matrix).astype(complex)
+    return _least_gap(matrix, loci.without(values, multiplier))
 
 
-def _beside_pair(multiplier: int) -> Callable[[Point], float]:
+def _beside_pair(multiplier: int, point: Point) -> float:
     """Zero where one of the multipliers beside the pair on a curve of NS is 1 or -1."""
+    cosine = point["cosine"]
+    if not -1 < cosine < 1:
+        return math.nan
+    pair = cosine + 1j * math.sqrt(1 - cosine**2)
+    values = np.linalg.eigvals(units(point.ground)).astype(complex)
+    others = loci.without(values, pair, pair.conjugate())
+    return loci.least_with_sign(others - multiplier, 0.0) if others.size else math.nan
 
-    def test(point: Point) -> float:
-        cosine = point["cosine"]
-        if not -1 < cosine < 1:
-            return math.nan
-        pair = cosine + 1j * math.sqrt(1 - cosine**2)
-        values = np.linalg.eigvals(units(point.ground)).astype(complex)
-        others = loci.without(values, pair, pair.conjugate())
-        return loci.least_with_sign(others - multiplier, 0.0) if others.size else math.nan
 
-    return test
+def _from_one(sign: int, point: Point) -> float:
+    """How far the pair of a curve of NS is from the double multiplier 1, or -1."""
+    return 1.0 - sign * float(point["cosine"])
+
+
+_DOUBLE_MINUS_ONE = partial(_examine_double, -1)
 
 
 _PLAIN_FOLD = fold()
-_FOLD = replace(_PLAIN_FOLD, locus=_fold_locus, examine=_with_multiplier_one(_PLAIN_FOLD))
+_FOLD = replace(_PLAIN_FOLD, locus=_fold_locus, examine=partial(_examine_one, _PLAIN_FOLD))
 _FLIP = Event("PD", loci.Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
 _ROTATION = Event("NS", _rotation_test, locus=_rotation_locus, examine=_examine_rotation)
-_R1_ON_FOLD = Meeting("R1", _overlap(1), examine=_examine_double(1), base=_ROTATION)
-_R2_ON_FLIP = Meeting("R2", _overlap(-1), examine=_examine_double(-1), base=_ROTATION)
+_DOUBLE_ONE = partial(_examine_double, 1)
+_R1_ON_FOLD = Meeting("R1", partial(_overlap, 1), examine=_DOUBLE_ONE, base=_ROTATION)
+_R2_ON_FLIP = Meeting("R2", partial(_overlap, -1), examine=_DOUBLE_MINUS_ONE, base=_ROTATION)
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
 _ON_ROTATION = (
     # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles
     Meeting(
         "R1",
-        lambda point: 1 - point["cosine"],
-        examine=_examine_double(1, either=True),
+        partial(_from_one, 1),
+        examine=_examine_double_one,
         ends="domain",
         base=_FOLD,
     ),
     Meeting(
         "R2",
-        lambda point: 1 + point["cosine"],
-        examine=_examine_double(-1),
+        partial(_from_one, -1),
+        examine=_DOUBLE_MINUS_ONE,
         ends="domain",
         base=_FLIP,
     ),
@@ -363,7 +364,7 @@ def _named(
     wanted: str,
     test: Callable[[Point], float] | None = None,
 ) -> Meeting:
-    examine = _on_circle(wanted, fold="+1" in wanted and on != "BP")
+    examine = partial(_on_circle, wanted, "+1" in wanted and on != "BP")
     plain = meeting(on, event)
     return replace(plain, kind=kind, examine=examine, test=test or plain.test)
 
@@ -373,24 +374,24 @@ def _named(
 MEETINGS: dict[str, Mapping[str, tuple[Event, ...]]] = {
     "LP": {
         "PD": (_named("LP", _FLIP, "LPPD", "+1 -1"),),
-        "NS": (_named("LP", _ROTATION, "LPNS", "+1 pair", _pair_beside(1)),),
+        "NS": (_named("LP", _ROTATION, "LPNS", "+1 pair", partial(_pair_beside, 1)),),
     },
     "PD": {
         "LP": (_named("PD", _FOLD, "LPPD", "+1 -1"),),
-        "NS": (_named("PD", _ROTATION, "PDNS", "-1 pair", _pair_beside(-1)),),
+        "NS": (_named("PD", _ROTATION, "PDNS", "-1 pair", partial(_pair_beside, -1)),),
     },
     "NS": {
-        "LP": (_named("NS", _FOLD, "LPNS", "+1 pair", _beside_pair(1)),),
-        "PD": (_named("NS", _FLIP, "PDNS", "-1 pair", _beside_pair(-1)),),
+        "LP": (_named("NS", _FOLD, "LPNS", "+1 pair", partial(_beside_pair, 1)),),
+        "PD": (_named("NS", _FLIP, "PDNS", "-1 pair", partial(_beside_pair, -1)),),
     },
     "BP": {
         "PD": (_named("BP", _FLIP, "BP-PD", "+1 -1"),),
         "NS": (
-            replace(_R1_ON_FOLD, examine=_examine_double(1, either=True)),
-            _named("BP", _ROTATION, "BP-NS", "+1 pair", _pair_beside(1)),
+            replace(_R1_ON_FOLD, examine=_examine_double_one),
+            _named("BP", _ROTATION, "BP-NS", "+1 pair", partial(_pair_beside, 1)),
         ),
     },
 }
 _PLAIN_BRANCH_POINT = crossing_event(MEETINGS["BP"])
-_BRANCH_POINT = replace(_PLAIN_BRANCH_POINT, examine=_with_multiplier_one(_PLAIN_BRANCH_POINT))
+_BRANCH_POINT = replace(_PLAIN_BRANCH_POINT, examine=partial(_examine_one, _PLAIN_BRANCH_POINT))
 EVENTS = (_FOLD, _BRANCH_POINT, _FLIP, _ROTATION)

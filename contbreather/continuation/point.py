@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -69,6 +69,10 @@ class Point(Shown):
         self.z.flags.writeable = False
         if self.tangent is not None:
             self.tangent.flags.writeable = False
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # anew, for arrays come out of a pickle as ones that can be written to
+        return Point, tuple(getattr(self, one.name) for one in fields(self))
 
     def __getitem__(self, name: str) -> Any:
         """An unknown, a parameter, what was found here, a recorded number, in this order.
@@ -216,6 +220,16 @@ class Locus:
     unfolding: Callable[[Array], tuple[Array, Array]] | None = None
 
 
+@dataclass(frozen=True)
+class Always:
+    """The locus of an event that is the same wherever its curve sets out."""
+
+    locus: Locus
+
+    def __call__(self, point: Point) -> Locus:
+        return self.locus
+
+
 Examined = str | Mapping[str, Any]
 
 
@@ -335,6 +349,9 @@ class Level:
     def __call__(self, point: Point) -> float:
         return float(point[self.name] - self.value)
 
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return np.array([self(Point(curve, z.copy()))])
+
     def __str__(self) -> str:
         return f"{self.name} = {self.value:.12g}"
 
@@ -354,13 +371,6 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
     if not isinstance(name, str):
         raise BadInput(f"user({name!r}, ...): the name of an unknown or a parameter was wanted")
     value = number("value", value, -1e300, 1e300, "the level to stop at")
-
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        return np.array([Point(curve, z.copy())[name] - value])
-
-    return Event(
-        "UZ",
-        Level(name, value),
-        locus=lambda point: Locus({}, conditions),
-        ends="branch" if terminal else "",
-    )
+    level = Level(name, value)
+    there = Always(Locus({}, level.conditions))
+    return Event("UZ", level, locus=there, ends="branch" if terminal else "")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 
 from .point import Event, Judged, Point
 from .problem import Problem
@@ -51,16 +52,16 @@ def _lifted(problem: Problem) -> Problem:
     walls = [event for event in problem.events if event.walls]
     if not walls:
         return problem
-
-    def margin(point: Point) -> float:
-        return min(float(wall.value(point)) for wall in walls)
-
     return replace(
         problem,
         events=tuple(event for event in problem.events if not event.walls),
-        record={**problem.record, MARGIN: margin},
+        record={**problem.record, MARGIN: partial(_margin, tuple(walls))},
         label=problem.label + _LIFTED,
     )
+
+
+def _margin(walls: tuple[Event, ...], point: Point) -> float:
+    return min(float(wall.value(point)) for wall in walls)
 
 
 def _judged(problem: Problem, event: Judged) -> Problem:

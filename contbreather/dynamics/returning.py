@@ -13,6 +13,7 @@ import math
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any, NamedTuple, Unpack
 
 import numpy as np
@@ -371,41 +372,53 @@ def _dressed(problem: Problem, motion: PeriodicMotion, back: Return) -> Problem:
     symmetric = back.half and iterate.period % 2 == 1
     periods = iterate.period // (2 if back.half and not symmetric else 1)
     flip = "PF" if symmetric else "PD"
-
-    def interpret(point: Point) -> PeriodicMotion:
-        state, on = State(*np.split(point.x.copy(), 2)), motion.conditions.at(point.params)
-        matrix, left = multiplier_matrix(point), float(np.abs(iterate(point.x, point.params)).max())
-        return PeriodicMotion(state, motion.t0, periods, symmetric, on, matrix, left)
-
-    def lifted(point: Point) -> Lift:
-        twice = with_period(point.problem, 2 * iterate.period)
-        return Lift(_dressed(twice, motion, back), point.curve.free[0], both=False)
-
-    def simpler(point: Point) -> Problem | None:
-        found = shorter(point)
-        return None if found is None else _dressed(found, motion, back)
-
-    def sensitivity(x: Array, params: Params, name: str) -> Array:
-        total = np.zeros(x.size)
-        for _ in range(iterate.period):
-            total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
-            x = back.image(x, params)
-        return total
-
+    own = _Returning(iterate, motion, back, periods, symmetric)
     exact = isinstance(motion.conditions, SmoothConditions) and not motion.conditions.forcing.params
     return replace(
         problem,
-        sensitivity=sensitivity if exact else None,
+        sensitivity=own.sensitivity if exact else None,
         events=_events(motion.conditions, flip),
         record={
-            "largest": lambda point: point.solution.largest,
-            "unstable": lambda point: point.solution.unstable,
+            "largest": attrgetter("solution.largest"),
+            "unstable": attrgetter("solution.unstable"),
         },
-        interpret=interpret,
-        simpler=simpler,
-        lifts={flip: lifted},
+        interpret=own.interpret,
+        simpler=own.simpler,
+        lifts={flip: own.lifted},
         label=f"{'symmetric ' if symmetric else ''}motion of period {2 * periods} pi",
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Returning:
+    """What a motion answers about the cycles of its map."""
+
+    iterate: Iterate
+    motion: PeriodicMotion
+    back: Return
+    periods: int
+    symmetric: bool
+
+    def interpret(self, point: Point) -> PeriodicMotion:
+        motion, params = self.motion, point.params
+        state, on = State(*np.split(point.x.copy(), 2)), motion.conditions.at(params)
+        matrix, left = multiplier_matrix(point), float(np.abs(self.iterate(point.x, params)).max())
+        return PeriodicMotion(state, motion.t0, self.periods, self.symmetric, on, matrix, left)
+
+    def lifted(self, point: Point) -> Lift:
+        twice = with_period(point.problem, 2 * self.iterate.period)
+        return Lift(_dressed(twice, self.motion, self.back), point.curve.free[0], both=False)
+
+    def simpler(self, point: Point) -> Problem | None:
+        found = shorter(point)
+        return None if found is None else _dressed(found, self.motion, self.back)
+
+    def sensitivity(self, x: Array, params: Params, name: str) -> Array:
+        back, total = self.back, np.zeros(x.size)
+        for _ in range(self.iterate.period):
+            total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
+            x = back.image(x, params)
+        return total
 
 
 def _events(on: Conditions | SmoothConditions, flip: str) -> tuple[Event, ...]:

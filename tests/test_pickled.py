@@ -1,0 +1,147 @@
+"""What comes out of a pickle computes the same as what went in, to the bit."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.breathers.arms import asymmetric
+
+EVERY = {"a": (0.0, 0.99), "gamma": (0.0, 0.2)}
+SHORT = cb.Steps(most=6)
+
+
+def again(value: Any) -> Any:
+    return pickle.loads(pickle.dumps(value))
+
+
+def same(one: Any, other: Any) -> bool:
+    """Branches with the same columns, labels and ends."""
+    labels = [[point.label for point in branch.special] for branch in (one, other)]
+    ends = [(branch.stop, branch.began, branch.reason) for branch in (one, other)]
+    columns = [np.array_equal(one[name], other[name], equal_nan=True) for name in one.names]
+    return labels[0] == labels[1] and ends[0] == ends[1] and all(columns)
+
+
+def van_der_pol(x: np.ndarray, p: dict[str, float]) -> np.ndarray:
+    return np.array([x[1] + p["h"], p["mu"] * x[1] - x[0]])
+
+
+def logistic(x: np.ndarray, p: dict[str, float]) -> np.ndarray:
+    return p["r"] * x * (1 - x)
+
+
+# each road, with where its branch goes to
+STARTS: dict[str, Callable[[], tuple[Any, str, dict[str, tuple[float, float]]]]] = {
+    "closed form": lambda: (cb.symmetric(0.5, 0.04, 0.8), "a", {"a": (0.4, 0.99)}),
+    "ring": lambda: (
+        cb.symmetric(0.2, 0.08, 0.8, lattice=cb.Ring(20)),
+        "gamma",
+        {"gamma": (0, 0.12)},
+    ),
+    "forcing": lambda: (
+        cb.symmetric(0.5, 0.04, 0.8, forcing=cb.Symbolic("cos(t) + c3*cos(3*t)", c3=0.1)),
+        "c3",
+        {"c3": (-0.2, 0.2)},
+    ),
+    "arm": lambda: (asymmetric(0.85, 0.04, 0.8), "a", {"a": (0.75, 0.95)}),
+    "waves": lambda: (
+        cb.multibreather([0, 6], a=0.5, gamma=0.03, k=0.8, lattice=cb.Ring(12)),
+        "a",
+        {"a": (0.45, 0.6)},
+    ),
+    "modes": lambda: (
+        cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(9), damping=0.01, spring=0.2),
+        "a",
+        {"a": (0.5, 0.9)},
+    ),
+    "shooting": lambda: (cb.shooting(cb.symmetric(0.5, 0.04, 0.8), sites=6), "a", {"a": (0.4, 1)}),
+    "equations": lambda: (
+        cb.Problem(van_der_pol, {"x": 0.0, "y": 0.0}, {"mu": -0.5, "h": 0.0}, events=(cb.hopf(),)),
+        "mu",
+        {"mu": (-1, 1)},
+    ),
+    "map": lambda: (cb.FixedPoint(logistic, {"x": 0.6}, {"r": 2.5}), "r", {"r": (1.5, 3.4)}),
+}
+
+
+@pytest.fixture(scope="module", params=STARTS)
+def traced(request: pytest.FixtureRequest) -> tuple[Any, str, dict[str, Any], cb.Branch]:
+    start, free, within = STARTS[request.param]()
+    return start, free, within, cb.trace(start, free, within=within)
+
+
+def test_a_start_out_of_a_pickle_has_the_same_branch(
+    traced: tuple[Any, str, dict[str, Any], cb.Branch],
+) -> None:
+    start, free, within, branch = traced
+    assert same(cb.trace(again(start), free, within=within), branch)
+
+
+def test_a_branch_out_of_a_pickle_is_the_same_and_goes_on(
+    traced: tuple[Any, str, dict[str, Any], cb.Branch],
+) -> None:
+    _, free, within, branch = traced
+    copy = again(branch)
+    assert same(copy, branch)
+    ways = [
+        cb.trace(one[2], free, within=within, steps=SHORT, towards="down") for one in (copy, branch)
+    ]
+    assert same(*ways)
+    with pytest.raises(ValueError, match="read-only"):
+        copy[1].z[0] = 0.0
+
+
+def test_special_points_out_of_a_pickle_lead_to_the_same_curves(
+    traced: tuple[Any, str, dict[str, Any], cb.Branch],
+) -> None:
+    """Boundaries, with what they meet, and arms; a boundary goes through a pickle itself."""
+    _, free, _, branch = traced
+    others = [name for name in ("gamma", "h") if name in branch.problem.params and name != free]
+    for point in branch.special:
+        if point.kind == "EP":
+            continue
+        copy = again(point)
+        if others:
+            pair = (free, others[0])
+            lines = [cb.boundary(one, pair, steps=SHORT) for one in (copy, point)]
+            assert same(*lines)
+            assert same(again(lines[0]), lines[1])
+        if point.kind in ("PF", "PD"):
+            arms = [cb.switch(one, steps=SHORT) for one in (copy, point)]
+            assert all(same(*pair) for pair in zip(*arms, strict=True))
+
+
+def test_events_of_the_front_desk_out_of_a_pickle_find_the_same() -> None:
+    orbit = cb.symmetric(0.2, 0.08, 0.8, lattice=cb.Ring(20))
+    events = [
+        cb.pitchfork(),
+        cb.grazing(),
+        cb.neimark_sacker(threshold=1.004),
+        cb.neimark_sacker(on=cb.Ring(30), threshold=1.01),
+        cb.user("gamma", 0.05),
+    ]
+    window = {"gamma": (0.0, 0.12)}
+    found = [cb.trace(orbit, "gamma", events=e, within=window) for e in (again(events), events)]
+    assert same(*found)
+    assert {"NS", "UZ"} <= {point.kind for point in found[0].special}
+    assert again(cb.fold()) == cb.fold()
+
+
+def test_zones_diagrams_and_runs_go_through_a_pickle() -> None:
+    zones = cb.zones(k=0.9, within={"gamma": (0.0, 0.1)})
+    pairs = zip(again(zones), zones, strict=True)
+    assert all(one == other and same(copy, line) for (one, copy), (other, line) in pairs)
+    tree = cb.diagram(cb.FixedPoint(logistic, {"x": 0.6}, {"r": 2.5}), "r", within={"r": (2, 3.5)})
+    assert all(same(*pair) for pair in zip(again(tree).branches, tree.branches, strict=True))
+    orbit = cb.symmetric(0.5, 0.04, 0.8)
+    run = cb.simulate(orbit.state(sites=20, t=0.0), a=0.5, gamma=0.04, k=0.8, periods=3)
+    assert np.array_equal(again(run).impacts, run.impacts)
+    assert np.array_equal(again(run).final.u, run.final.u)
+    assert again(orbit) == orbit
+    assert again(cb.Stop.BOUND) is cb.Stop.BOUND
