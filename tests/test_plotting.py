@@ -13,13 +13,16 @@ import pytest
 
 import contbreather as cb
 from contbreather.breathers.shooting import shooting
+from contbreather.breathers.regions import regions
 from contbreather.breathers.zones import Zones, zones
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
 from contbreather.plotting import new_figure, plot, plot_multipliers, plot_zones, save_figure
-from contbreather.plotting import zones as zone_plots
 from contbreather.plotting.canvas import MARKERS, MEETING, PAGE, marker, size
 from contbreather.plotting.labels import Labels
+
+
+searched = sys.modules[zones.__module__]
 
 
 @pytest.fixture(scope="module")
@@ -280,8 +283,7 @@ def test_caller_keeps_its_own_axes_and_style(in_a: Branch) -> None:
 
 def test_regions_carry_the_verdict_of_the_infinite_chain(diagram: Zones) -> None:
     """Checked by another road: the multipliers themselves on a ring of 1600 sites."""
-    found, _ = zone_plots.regions(diagram)
-    judged = [r for r in found if r.verdict]
+    judged = [r for r in diagram.regions if r.verdict]
     assert sorted(r.verdict for r in judged) == ["S", "US", "US"]
     for region in judged:
         breather = cb.symmetric(region.y, region.x, 0.8)
@@ -290,37 +292,73 @@ def test_regions_carry_the_verdict_of_the_infinite_chain(diagram: Zones) -> None
 
 
 def test_outside_of_existence_there_is_no_letter(diagram: Zones) -> None:
-    found, _ = zone_plots.regions(diagram)
-    for region in found:
+    for region in diagram.regions:
         exists = region.y > cb.breathers.smallest_amplitude(region.x, 0.8)
         if not exists or not cb.symmetric(region.y, region.x, 0.8).admissibility().ok:
             assert region.verdict == ""
 
 
 @pytest.mark.parametrize(
-    ("gamma", "a", "verdict"),
-    [(0.1, 0.5, "S"), (0.1, 0.9, ""), (0.1, 0.03, ""), (0.01, 0.9, "US"), (0.2, 0.3, "US")],
+    ("gamma", "a", "count"),
+    [(0.1, 0.5, 0), (0.1, 0.9, None), (0.1, 0.03, None), (0.01, 0.9, 1), (0.2, 0.3, 2)],
 )
-def test_verdict_at_a_point(diagram: Zones, gamma: float, a: float, verdict: str) -> None:
+def test_count_at_a_place(diagram: Zones, gamma: float, a: float, count: int | None) -> None:
     """Beyond grazing and below the fold there is none: no breather, no stability."""
-    assert zone_plots._verdict(diagram, gamma, a) == verdict
+    assert diagram.unstable(gamma, a) == count
 
 
 def test_letters_follow_the_count_and_not_the_side_of_a_curve(
     diagram: Zones, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(zone_plots, "unstable", lambda *_: 0)
-    found, _ = zone_plots.regions(diagram)
-    assert {region.verdict for region in found} <= {"S", ""}
+    monkeypatch.setattr(searched, "unstable", lambda *_: 0)
+    assert {region.verdict for region in replace(diagram).regions} == {"S", ""}
 
 
 def test_region_whose_points_disagree_gets_no_letter(
     diagram: Zones, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flips = itertools.cycle([0, 1])
-    monkeypatch.setattr(zone_plots, "unstable", lambda *_: next(flips))
-    found, _ = zone_plots.regions(diagram)
-    assert {region.verdict for region in found} == {""}
+    monkeypatch.setattr(searched, "unstable", lambda *_: next(flips))
+    assert {region.verdict for region in replace(diagram).regions} == {""}
+
+
+def test_regions_are_polygons_that_fill_the_box_and_follow_the_curves(diagram: Zones) -> None:
+    """Each place is in one of them, on the side of the exact fold that its verdict says."""
+    from matplotlib.path import Path
+
+    shapes = [(Path(region.outline), region) for region in diagram.regions]
+    (x0, x1), (y0, y1) = diagram.box()
+    area = 0.0
+    for path, region in shapes:
+        assert path.contains_point((region.x, region.y))
+        assert np.array_equal(region.outline[0], region.outline[-1])
+        x, y = region.outline[:-1].T
+        area += 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
+    assert area == pytest.approx((x1 - x0) * (y1 - y0), rel=2e-3)  # but for slivers
+    for gamma in np.linspace(0.01, 0.24, 24):
+        fold = cb.breathers.smallest_amplitude(gamma, 0.8)
+        for a, exists in ((fold + 1e-3, True), (fold - 1e-3, False)):
+            there = [region for path, region in shapes if path.contains_point((gamma, a))]
+            assert len(there) <= 1
+            assert all(bool(region.verdict) == exists for region in there)
+
+
+def test_a_curve_that_ends_just_short_of_another_cuts_the_plane() -> None:
+    """A chord passes by the end of a curve on it; farther off an end is an end."""
+    x = np.linspace(0.0, 1.0, 21)
+    arc = np.column_stack([x, 0.5 + 0.2 * np.sin(np.pi * x)])
+    cut = [regions([arc, np.array([[0.512, 0.0], [0.512, 0.7 - gap]])], ((0, 1), (0, 1)),
+                   lambda *_: 0) for gap in (0.0, 1e-3, 1e-2)]  # fmt: skip
+    assert [len(pieces) for pieces in cut] == [3, 3, 2]
+
+
+def test_a_region_within_another_is_a_hole_of_it() -> None:
+    angle = np.linspace(0.0, 2 * np.pi, 61)
+    ring = 0.5 + 0.3 * np.column_stack([np.cos(angle), np.sin(angle)])
+    found = regions([ring], ((0, 1), (0, 1)), lambda x, y: int(np.hypot(x - 0.5, y - 0.5) < 0.299))
+    inner, outer = sorted(found, key=lambda region: len(region.holes))
+    assert (inner.verdict, outer.verdict) == ("US", "S")
+    assert len(outer.holes) == 1
 
 
 def test_each_kind_of_curve_looks_different(diagram: Zones) -> None:
@@ -396,7 +434,7 @@ def test_axes_go_as_far_as_breathers_in_the_window() -> None:
     """Between a = 0.95 and 0.99 breathers exist down to gamma = 0, left of every curve."""
     window = {"a": (0.95, 0.99)}
     narrow = zones(k=0.8, within=window)
-    (x0, x1), (y0, y1) = zone_plots.box_of(narrow, window)
+    (x0, x1), (y0, y1) = narrow.box(window)
     assert cb.symmetric(0.97, 0.003, 0.8).admissibility().ok
     assert x0 == 0.0
     assert x1 == pytest.approx(max(b["gamma"].max() for _, b in narrow))  # none beyond GR
@@ -406,7 +444,7 @@ def test_axes_go_as_far_as_breathers_in_the_window() -> None:
     assert "US" in {text.get_text() for text in words(ax)}
     # and no farther than was looked
     window = {"gamma": (0.02, 0.03), "a": (0.6, 0.99)}
-    assert zone_plots.box_of(zones(k=0.8, within=window), window)[0] == pytest.approx((0.02, 0.03))
+    assert zones(k=0.8, within=window).box(window)[0] == pytest.approx((0.02, 0.03))
 
 
 def test_zones_and_axes_must_be_as_many(diagram: Zones) -> None:

@@ -231,34 +231,29 @@ def test_meetings_of_zones_lie_above_curves_and_these_above_the_shading(pictures
     ax = pictures["zones"]
     meetings = layers(ax, lambda line: line.get_marker() == "p")
     curves = layers(ax, lambda line: line.get_marker() != "p")
-    (image,) = ax.get_images()
+    shades = {patch.get_zorder() for patch in ax.patches}
     letters = {word.get_zorder() for word in ax.texts if word.get_text() in ("S", "US")}
-    assert image.get_zorder() < min(letters | curves)
+    assert max(shades) < min(letters | curves)
     assert min(meetings) > max(curves | letters)
     assert len(layers(ax, lambda line: True)) >= 2
     assert all(word.get_ha() == word.get_va() == "center" for word in ax.texts
                if word.get_text() in ("S", "US"))  # fmt: skip
-    whole = image.get_extent()
+    gammas = np.concatenate([patch.get_path().vertices[:, 0] for patch in ax.patches])
     for kind, branch in diagram:
-        assert whole[0] - 1e-12 <= branch["gamma"].min(), kind
-        assert branch["gamma"].max() <= whole[1] + 1e-12, kind
+        assert gammas.min() - 1e-9 <= branch["gamma"].min(), kind
+        assert branch["gamma"].max() <= gammas.max() + 1e-9, kind
 
 
 def test_the_shading_of_zones_is_the_right_way_up(pictures) -> None:
     ax = pictures["zones"]
-    (image,) = ax.get_images()
-    assert image.origin == "lower"
-    table = np.asarray(image.get_array())
-    x0, x1, y0, y1 = image.get_extent()
 
-    def colour(gamma: float, a: float) -> tuple[float, ...]:
-        row = int((a - y0) / (y1 - y0) * table.shape[0])
-        column = int((gamma - x0) / (x1 - x0) * table.shape[1])
-        return tuple(np.round(table[row, column], 3))
+    def colour(gamma: float, a: float) -> tuple[float, ...] | None:
+        over = [patch for patch in ax.patches if patch.get_path().contains_point((gamma, a))]
+        return over[0].get_facecolor() if over else None
 
     stable, unstable, none = colour(0.02, 0.3), colour(0.05, 0.87), colour(0.1, 0.01)
     assert stable[3] == unstable[3] == 1.0
-    assert none[3] == 0.0
+    assert none is None
     assert stable[2] > stable[0]  # blue
     assert unstable[0] > unstable[2]  # red
 

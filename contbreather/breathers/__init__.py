@@ -11,6 +11,7 @@ from contbreather.breathers.clearance import (
 from contbreather.breathers.closure import Closure, smallest_amplitude
 from contbreather.breathers.events import grazing, neimark_sacker, period_doubling, pitchfork
 from contbreather.breathers.orbit import Orbit, orbit_of
+from contbreather.breathers.regions import Region
 from contbreather.breathers.search import find_event, find_symmetric
 from contbreather.breathers.symmetric import symmetric, symmetric_roots
 from contbreather.breathers.symmetric_events import saddle_node
@@ -20,6 +21,7 @@ __all__ = [
     "Admissibility",
     "Closure",
     "Orbit",
+    "Region",
     "Zones",
     "centre_margin",
     "find_event",

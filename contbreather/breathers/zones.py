@@ -9,13 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.orbit import Orbit
+from contbreather.breathers.regions import PROBES, Box, Region, regions
 from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
+from contbreather.breathers.symmetric_events import unstable
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.point import Meeting
 from contbreather.continuation.starts import windows
@@ -107,6 +110,60 @@ class Zones(Shown):
         """Whether two meetings are one, seen from either curve."""
         kinds = [set(point.kind.split("-")) for point in (one, other)]
         return kinds[0] == kinds[1] and all(abs(one[n] - other[n]) < 1e-6 for n in self.pair)
+
+    @cached_property
+    def regions(self) -> tuple[Region, ...]:
+        """The pieces into which the curves cut the plane, as polygons with their verdicts."""
+        return self.regions_of(self.box())
+
+    def regions_of(self, box: Box) -> tuple[Region, ...]:
+        """Those of a part of the plane, ``((0, 0.25), (0, 1))``: abscissa first."""
+        lines = [np.column_stack([branch[name] for name in self.pair]) for _, branch in self]
+        return regions(lines, box, self.unstable) if lines else ()
+
+    def box(self, within: Mapping[str, tuple[float, float]] | None = None) -> Box:
+        """What the curves span in both parameters, and on to a window where breathers go on."""
+        columns = [[branch[name] for _, branch in self] for name in self.pair]
+        spans = [(min(map(np.min, own)), max(map(np.max, own))) for own in columns]
+        for i, name in enumerate(self.pair if within is not None else ()):
+            across = np.linspace(*spans[1 - i], PROBES + 2)[1:-1].tolist()
+            ends = list(spans[i])
+            reach = {**WINDOWS, **windows(within)}[name]
+            for end in (0, 1):
+                # beyond the outermost curve nothing changes: any breather there speaks for all
+                beyond = 0.5 * (ends[end] + reach[end])
+                if not math.isfinite(beyond) or beyond == ends[end]:
+                    continue
+                places = [(beyond, other)[:: 1 - 2 * i] for other in across]
+                if any(self.unstable(*place) is not None for place in places):
+                    ends[end] = reach[end]
+            spans[i] = (ends[0], ends[1])
+        return spans[0], spans[1]
+
+    def unstable(self, x: float, y: float) -> int | None:
+        """Unstable multipliers of the breather at a place of the plane, of the chain and by the
+        threshold of these zones: of several breathers the fewest, None where there is none."""
+        like = self._any.solution
+        values: dict[str, Any] = {self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
+        try:
+            found = symmetric_roots(**values, forcing=like.forcing, lattice=like.lattice)
+        except NoSolution:
+            return None
+        if not self.past_folds:
+            found = found[:1]  # of the breather behind the fold no limit is drawn
+        counts = [
+            unstable(breather.flight, breather.lattice, self.threshold)
+            for breather in found
+            if breather.admissibility().ok
+        ]
+        return min(counts, default=None)
+
+    @property
+    def _any(self) -> Point:
+        """Any point of any curve."""
+        for _, branch in self:
+            return branch[0]
+        raise BadInput("this zone diagram has no curve")
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{kind}: {len(self.curves[kind])}" for kind in KINDS)

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import symmetric_roots
-from contbreather.breathers.symmetric_events import unstable
-from contbreather.breathers.zones import KINDS, WINDOWS, Zones
+from contbreather.breathers.regions import Box, Region
+from contbreather.breathers.zones import KINDS, Zones
 from contbreather.checks import check_kind
-from contbreather.continuation.starts import windows
-from contbreather.errors import BadInput, NoSolution
+from contbreather.errors import BadInput
 from contbreather.plotting.canvas import (
     BLACK,
     BLUE,
@@ -37,7 +33,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Window = Mapping[str, tuple[float, float]]
-Box = tuple[tuple[float, float], tuple[float, float]]  # of the pair, abscissa first
 
 LINES: dict[str, dict[str, Any]] = {
     "LP": {"color": BLACK, "linestyle": "-", "label": "fold (LP)"},
@@ -47,23 +42,9 @@ LINES: dict[str, dict[str, Any]] = {
 }
 ORDER = ("PF", "NS", "LP", "GR")  # of the two names of a meeting
 SHADES = {"S": "#D9EAF5", "US": "#FBE6D5"}
-RASTER = 420  # pixels along each side of the map of regions; a pixel is thinner than a line
-SMALL = 1e-3  # of the map: regions below that get no letter
-# Sizes of letters, and how many pixels of the map the rim of the region must be away for each.
-LETTERS = (("large", 20.0), ("small", 13.0), ("xx-small", 8.0))
+# Sizes of letters, and how far away the rim of the region must be for each.
+LETTERS = (("large", 0.048), ("small", 0.031), ("xx-small", 0.019))
 CROWDED, HEADROOM = 0.05, 0.08  # of the height: what a meeting below the top needs, and gets
-PROBES = 5  # points of a region that must agree
-
-
-@dataclass(frozen=True)
-class Region:
-    """A piece of the plane between curves: what a breather is there, and where to say so."""
-
-    verdict: str  # "S", "US", or "" where there is none
-    x: float
-    y: float
-    depth: float  # distance from there to the rim, in pixels of the map
-    number: int
 
 
 def plot_zones(
@@ -144,7 +125,7 @@ def draw_panels(
     """Everything but words and legend, which come last, when all else has its place."""
     for i, (one, panel) in enumerate(zip(several, panels, strict=True)):
         letter = f"({ascii_lowercase[i % 26]}) " if len(several) > 1 else ""
-        _panel(one, panel, letter, box_of(one, within))
+        _panel(one, panel, letter, within)
 
 
 def _chain(zones: Zones) -> str:
@@ -153,7 +134,7 @@ def _chain(zones: Zones) -> str:
     return "" if sites is None else f", ring of {sites}, threshold {zones.threshold:g}"
 
 
-def _panel(zones: Zones, ax: Axes, letter: str, box: Box) -> None:
+def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     horizontal, vertical = zones.pair
     ax.set_xlabel(symbol(horizontal))
     ax.set_ylabel(symbol(vertical))
@@ -161,10 +142,11 @@ def _panel(zones: Zones, ax: Axes, letter: str, box: Box) -> None:
     ax.set_title(title, loc="left", pad=3)
     for kind, branch in zones:
         ax.plot(branch[horizontal], branch[vertical], **LINES[kind])
+    box = zones.box(within)
+    _shade(ax, zones.regions if within is None else zones.regions_of(box))
     window = _window(zones, box)
     ax.set_xlim(window[:2])
     ax.set_ylim(window[2:])
-    _shade(zones, ax, window, box)
     for point in zones.special:
         ax.plot(
             point[horizontal], point[vertical], MEETING, color=BLACK, markerfacecolor="white",
@@ -185,135 +167,22 @@ def _window(zones: Zones, box: Box) -> tuple[float, float, float, float]:
     return limits[0], limits[1], limits[2], limits[3]
 
 
-def box_of(zones: Zones, within: Window | None = None) -> Box:
-    """What the curves span in both parameters, and on to the window where breathers go on."""
-    spans = [extent(zones, name) for name in zones.pair]
-    for i, name in enumerate(zones.pair):
-        if within is None:
-            continue
-        across = np.linspace(*spans[1 - i], PROBES + 2)[1:-1].tolist()
-        ends = list(spans[i])
-        reach = {**WINDOWS, **windows(within)}[name]
-        for end in (0, 1):
-            # beyond the outermost curve nothing changes any more: any breather there speaks for all
-            beyond = 0.5 * (ends[end] + reach[end])
-            if not math.isfinite(beyond) or beyond == ends[end]:
-                continue
-            places = [(beyond, other)[:: 1 - 2 * i] for other in across]
-            if any(_verdict(zones, *place) for place in places):
-                ends[end] = reach[end]
-        spans[i] = (ends[0], ends[1])
-    return spans[0], spans[1]
+def _shade(ax: Axes, found: Sequence[Region]) -> None:
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
 
-
-def extent(zones: Zones, name: str) -> tuple[float, float]:
-    """Smallest and largest value of one of the pair on all curves."""
-    columns = [branch[name] for _, branch in zones]
-    return min(float(c.min()) for c in columns), max(float(c.max()) for c in columns)
-
-
-# --- regions ------------------------------------------------------------------------------------
-
-
-def regions(zones: Zones, box: Box | None = None) -> tuple[list[Region], NDArray[np.int64]]:
-    """The pieces into which the curves cut the plane, and a map of their numbers (rows upwards)."""
-    from scipy import ndimage
-
-    (x0, x1), (y0, y1) = box_of(zones) if box is None else box
-    walls = np.zeros((RASTER, RASTER), dtype=bool)
-    for _, branch in zones:
-        _draw(
-            walls,
-            (branch[zones.pair[0]] - x0) / (x1 - x0 or 1.0),
-            (branch[zones.pair[1]] - y0) / (y1 - y0 or 1.0),
-        )
-    numbers, count = ndimage.label(~walls)
-    found = []
-    for number in range(1, count + 1):
-        inside = numbers == number
-        if inside.sum() < SMALL * inside.size:
-            continue
-        depth = ndimage.distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
-        places = _probes(depth)
-        xs = x0 + (x1 - x0) * (places[:, 1] + 0.5) / RASTER
-        ys = y0 + (y1 - y0) * (places[:, 0] + 0.5) / RASTER
-        verdict = _agreed(zones, xs, ys)
-        row, column = places[0]
-        found.append(Region(verdict, float(xs[0]), float(ys[0]), float(depth[row, column]), number))
-    return found, np.asarray(numbers, dtype=np.int64)
-
-
-def _draw(walls: NDArray[np.bool_], x: Array, y: Array) -> None:
-    """Mark the pixels of a polyline, without gaps."""
-    at = np.column_stack([x, y]) * (RASTER - 1)
-    steps = np.ceil(2.0 * np.abs(np.diff(at, axis=0)).max(axis=1)).astype(int) + 1
-    for start, end, n in zip(at[:-1], at[1:], steps, strict=True):
-        line = np.rint(start + np.linspace(0.0, 1.0, n + 1)[:, None] * (end - start)).astype(int)
-        walls[line[:, 1], line[:, 0]] = True
-
-
-def _probes(depth: Array) -> NDArray[np.int64]:
-    """The deepest pixel of a region, then others far from it and from each other."""
-    inside = np.argwhere(depth > min(3.0, 0.5 * float(depth.max())))
-    places = [np.array(np.unravel_index(int(depth.argmax()), depth.shape))]
-    far = np.full(len(inside), np.inf)
-    for _ in range(PROBES - 1):
-        far = np.minimum(far, np.sum((inside - places[-1]) ** 2, axis=1))
-        places.append(inside[int(far.argmax())])
-    return np.array(places)
-
-
-def _agreed(zones: Zones, xs: Array, ys: Array) -> str:
-    verdicts = {_verdict(zones, x, y) for x, y in zip(xs.tolist(), ys.tolist(), strict=True)}
-    return verdicts.pop() if len(verdicts) == 1 else ""
-
-
-def _verdict(zones: Zones, x: float, y: float) -> str:
-    """S where a stable breather exists, US where only unstable ones do."""
-    like = next(branch for _, branch in zones)[0].solution
-    values: dict[str, Any] = {zones.fixed[0]: zones.fixed[1], zones.pair[0]: x, zones.pair[1]: y}
-    try:
-        found = symmetric_roots(**values, forcing=like.forcing, lattice=like.lattice)
-    except NoSolution:
-        return ""
-    if not zones.past_folds:
-        found = found[:1]  # of the breather behind the fold no limit is drawn
-    counts = [
-        unstable(breather.flight, breather.lattice, zones.threshold)
-        for breather in found
-        if breather.admissibility().ok
-    ]
-    return "" if not counts else "US" if min(counts) else "S"
-
-
-def _shade(zones: Zones, ax: Axes, window: tuple[float, float, float, float], box: Box) -> None:
-    from matplotlib.colors import to_rgba
-    from scipy import ndimage
-
-    found, numbers = regions(zones, box)
-    # pixels under a curve go with the region next to them, so that no white seam shows
-    nearest = ndimage.distance_transform_edt(
-        numbers == 0, return_distances=False, return_indices=True
-    )
-    numbers = numbers[tuple(nearest)]
-    image = np.zeros((*numbers.shape, 4))
     for region in found:
         if region.verdict:
-            image[numbers == region.number] = to_rgba(SHADES[region.verdict])
+            rings = [Path(ring, closed=True) for ring in (region.outline, *region.holes)]
+            shape = Path.make_compound_path(*rings)
+            ax.add_patch(PathPatch(shape, color=SHADES[region.verdict], linewidth=0, zorder=0))
             _letter(ax, region)
-    (x0, x1), (y0, y1) = box
-    ax.imshow(
-        image, extent=(x0, x1, y0, y1), origin="lower", aspect="auto", interpolation="nearest",
-        zorder=0,
-    )  # fmt: skip
-    ax.set_xlim(window[:2])
-    ax.set_ylim(window[2:])
 
 
 def _letter(ax: Axes, region: Region) -> None:
     """As large as fits into the region; none where none fits."""
     for size, room in LETTERS:
-        if region.depth > room:
+        if region.room > room:
             ax.text(
                 region.x, region.y, region.verdict, ha="center", va="center",
                 fontsize=size, fontweight="bold", zorder=2,

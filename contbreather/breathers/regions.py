@@ -1,0 +1,132 @@
+"""The pieces into which curves cut a plane of two parameters, as polygons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Box = tuple[tuple[float, float], tuple[float, float]]  # of the pair, abscissa first
+Count = Callable[[float, float], int | None]
+
+# In units of the box, each of whose sides counts as 1:
+NEAR = 3e-3  # the end of a curve that comes so close to another one lies on it
+SMALL = 1e-3  # area of a sliver between two curves, which nothing is said of
+GRID = 1e-10  # places that are no farther apart are one
+CENTRED = 2e-3  # how well the place farthest from the rim is known
+RIM = 7e-3  # how far from the rim a region is asked what breathers are there
+PROBES = 5  # places where it is asked
+CANDIDATES = 40  # of them along each side
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A piece of the plane between curves, and how stable breathers are there.
+
+    Attributes
+    ----------
+    outline : ndarray, shape (m, 2)
+        Corners of the polygon in the units of the parameters, the first one again at the end:
+        ``ax.fill(*region.outline.T)`` draws it.
+    holes : tuple of ndarray
+        Outlines of what is cut out of it.
+    x, y : float
+        The place inside that is farthest from the rim.
+    room : float
+        Its distance from the rim, where each side of the whole diagram counts as 1.
+    counts : tuple of (int or None)
+        At that place, and at others spread over the region, the number of unstable multipliers of
+        a breather; the smallest where there are several breathers, None where there is none.
+    """
+
+    outline: Array
+    holes: tuple[Array, ...]
+    x: float
+    y: float
+    room: float
+    counts: tuple[int | None, ...]
+
+    @property
+    def verdict(self) -> str:
+        """``"S"`` or ``"US"``, empty where there are no breathers or the counts disagree."""
+        words = {"" if count is None else "US" if count else "S" for count in self.counts}
+        return words.pop() if len(words) == 1 else ""
+
+    def __repr__(self) -> str:
+        words = "no verdict" if not self.verdict else self.verdict
+        corners = len(self.outline) - 1
+        return f"<Region {words} around ({self.x:.6g}, {self.y:.6g}), {corners} corners>"
+
+
+def regions(lines: Iterable[Array], box: Box, count: Count) -> tuple[Region, ...]:
+    """All pieces of a box that polylines, arrays of shape (n, 2), cut out of it.
+
+    Examples
+    --------
+    >>> across = np.array([[0.0, 0.0], [1.0, 1.0]])
+    >>> above, below = regions([across], ((0, 1), (0, 1)), lambda x, y: 2 if y > x else None)
+    >>> sorted([above.verdict, below.verdict])
+    ['', 'US']
+    """
+    low, high = np.array(box, dtype=float).T
+    size = np.where(high > low, high - low, 1.0)
+    return tuple(
+        _region(piece, low, size, count) for piece in _pieces([(one - low) / size for one in lines])
+    )
+
+
+def _pieces(lines: Sequence[Array]) -> Iterator[Any]:
+    import shapely
+
+    frame = shapely.box(0, 0, 1, 1).exterior
+    paths = [frame, *(shapely.LineString(line) for line in lines if len(line) > 1)]
+    joined = shapely.union_all([*paths, *_bridges(paths)], grid_size=GRID)
+    for piece in shapely.polygonize(shapely.get_parts(joined)).geoms:
+        if piece.area > SMALL:
+            yield piece
+
+
+def _bridges(paths: Sequence[Any]) -> Iterator[Any]:
+    """From the ends of each line to what it ends on: a chord passes that by."""
+    import shapely
+
+    for path in paths[1:]:
+        others = shapely.union_all([other for other in paths if other is not path])
+        for end in (shapely.Point(path.coords[0]), shapely.Point(path.coords[-1])):
+            bridge = shapely.shortest_line(end, others)
+            if 0 < bridge.length < NEAR:
+                yield bridge
+
+
+def _region(piece: Any, low: Array, size: Array, count: Count) -> Region:
+    import shapely
+
+    radius = shapely.maximum_inscribed_circle(piece, tolerance=CENTRED)
+    places = low + size * _spread(piece, np.array(radius.coords[0]), radius.length)
+    counts = tuple(count(x, y) for x, y in places.tolist())
+    outline, *holes = (
+        low + size * np.array(ring.coords) for ring in (piece.exterior, *piece.interiors)
+    )
+    x, y = places[0].tolist()
+    return Region(outline, tuple(holes), x, y, float(radius.length), counts)
+
+
+def _spread(piece: Any, centre: Array, room: float) -> Array:
+    """Places inside of a piece: the centre, then others far from it and from each other."""
+    import shapely
+
+    x0, y0, x1, y1 = piece.bounds
+    grid = np.meshgrid(np.linspace(x0, x1, CANDIDATES), np.linspace(y0, y1, CANDIDATES))
+    nodes = np.column_stack([one.ravel() for one in grid])
+    nodes = nodes[shapely.contains_xy(piece, nodes)]
+    off = shapely.distance(shapely.points(nodes), piece.boundary)
+    nodes = np.vstack([centre, nodes[off > min(RIM, 0.5 * room)]])
+    places, far = [centre], np.full(len(nodes), np.inf)
+    for _ in range(PROBES - 1):
+        far = np.minimum(far, np.sum((nodes - places[-1]) ** 2, axis=1))
+        places.append(nodes[int(far.argmax())])
+    return np.array(places)
