@@ -12,15 +12,14 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers.shooting import shooting
 from contbreather.breathers.regions import regions
+from contbreather.breathers.shooting import shooting
 from contbreather.breathers.zones import Zones, zones
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
 from contbreather.plotting import new_figure, plot, plot_multipliers, plot_zones, save_figure
 from contbreather.plotting.canvas import MARKERS, MEETING, PAGE, marker, size
 from contbreather.plotting.labels import Labels
-
 
 searched = sys.modules[zones.__module__]
 
