@@ -21,8 +21,6 @@ from .continuation import boundary as boundary
 from .continuation import branch_point as branch_point
 from .continuation import fold as fold
 from .continuation import hopf as hopf
-from .continuation import load as load
-from .continuation import save as save
 from .continuation import trace as trace
 from .continuation import user as user
 from .continuation.diagram import diagram as diagram
@@ -44,5 +42,8 @@ from .lattice.finite import Lattice as Lattice
 from .lattice.finite import OpenChain as OpenChain
 from .plotting import plot as plot
 from .plotting import save_figure as save_figure
+from .runs import Run as Run
+from .runs import load as load
+from .runs import save as save
 
 __version__: str

@@ -8,15 +8,16 @@ back have some of the same events. So these are known by their kinds until a pro
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 from contbreather.breathers import symmetric_events
 from contbreather.breathers.closed_form import SymmetricFlight
-from contbreather.breathers.orbit import Orbit, orbit_at
+from contbreather.breathers.orbit import Orbit, orbit_at, plain
 from contbreather.continuation import Event, Locus, Point, Problem
 from contbreather.continuation.point import Judged
+from contbreather.continuation.recipes import Recipe
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.verdict import THRESHOLD
@@ -41,7 +42,7 @@ class OfProblem(Event):
         object.__setattr__(self, "locus", self._locus)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(OfProblem, self.kind, choose=self.choose), ()
+        return partial(OfProblem, self.kind, choose=self.choose, recipe=self.recipe), ()
 
     def _test(self, point: Point) -> float | int:
         return self._at(point).value(point)
@@ -55,7 +56,8 @@ class OfProblem(Event):
         return own(point)
 
     def of(self, problem: Problem) -> Event:
-        return self.choose(problem)
+        found = self.choose(problem)
+        return replace(found, recipe=self.recipe) if self.recipe else found
 
 
 def _own(kind: str) -> Event:
@@ -141,8 +143,9 @@ def neimark_sacker(
     if on is None and threshold is None:
         return _own("NS")
     modulus = THRESHOLD if threshold is None else threshold
+    recipe = Recipe("NS", {"on": on, "threshold": threshold}, plain)
     elsewhere = symmetric_events.neimark_sacker(on=on, threshold=modulus)  # or a sentence
-    return OfProblem("NS", choose=partial(_pair_leaves, on, modulus, elsewhere))
+    return OfProblem("NS", choose=partial(_pair_leaves, on, modulus, elsewhere), recipe=recipe)
 
 
 def _pair_leaves(

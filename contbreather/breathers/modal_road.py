@@ -22,10 +22,11 @@ from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.modal_events import events_of
 from contbreather.breathers.modal_flight import ModalFlight
-from contbreather.breathers.orbit import Orbit, road
+from contbreather.breathers.orbit import Orbit, plain, road
 from contbreather.breathers.section import WEAK, Impact, Section, check_order, check_possible
 from contbreather.breathers.watched import ModalWatch
 from contbreather.continuation import Event, Point, Problem
+from contbreather.continuation.recipes import Recipe
 from contbreather.lattice import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.stability.verdict import THRESHOLD
@@ -189,6 +190,9 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         simpler=_simpler,
         lifts={"PF": lift, "PD": lift},
         label=f"shooting, {on.lattice.describe()}, {section.describe()}",
+        recipe=Recipe(
+            "shooting", {"conditions": on, "section": section, "threshold": threshold}, plain
+        ),
     )
 
 

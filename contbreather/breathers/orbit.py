@@ -669,6 +669,13 @@ def checked(orbit: Orbit, iterations: int | None = None) -> None:
             )
 
 
+def plain(value: Any) -> Any:
+    """What equations are made of, by numbers and names."""
+    from contbreather.lattice.plain import plain
+
+    return plain(value)
+
+
 def orbit_at(problem: Problem) -> Orbit:
     """The orbit that a problem of orbits starts from."""
     curve = Curve(problem, ())

@@ -154,6 +154,10 @@ class Section:
         """On another lattice: sites go around a ring, elsewhere they stay what they are."""
         return self.around(lattice.sites) if isinstance(lattice, Ring) else self.placed(lattice)
 
+    def plain(self) -> dict[str, Any]:
+        """By numbers, for files."""
+        return {"impacts": [*map(list, self.impacts)], "turns": self.turns, "sign": self.sign}
+
     def describe(self) -> str:
         impacts = " ".join(f"{n}{'+' if wall > 0 else '-'}" for n, wall in self.impacts)
         half = ", half of a symmetric orbit" if self.symmetric else ""

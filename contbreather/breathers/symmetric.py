@@ -12,7 +12,7 @@ from contbreather.breathers.closed_form import HALF, SymmetricFlight
 from contbreather.breathers.closure import Closure, roots, sprung
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.one_site import symmetric_orbits
-from contbreather.breathers.orbit import Orbit, Road, orbit_of, road
+from contbreather.breathers.orbit import Orbit, Road, orbit_of, plain, road
 from contbreather.breathers.section import Impact, Section
 from contbreather.breathers.symmetric_events import (
     grazing,
@@ -24,6 +24,7 @@ from contbreather.breathers.wave_road import asymmetric_problem
 from contbreather.checks import real
 from contbreather.continuation import Event, Point, Problem
 from contbreather.continuation.point import Judged
+from contbreather.continuation.recipes import Recipe
 from contbreather.errors import BadInput
 from contbreather.lattice import (
     Forcing,
@@ -131,6 +132,11 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         interpret=partial(_interpreted, forcing, lattice),
         lifts={"PF": lift},
         label=f"symmetric breather{where}",
+        recipe=Recipe(
+            "symmetric breather",
+            {"forcing": forcing, "lattice": lattice, "threshold": threshold},
+            plain,
+        ),
     )
 
 

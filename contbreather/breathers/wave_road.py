@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
 from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
-from contbreather.breathers.orbit import Orbit, Road, checked, orbit_at, orbit_of, road
+from contbreather.breathers.orbit import Orbit, Road, checked, orbit_at, orbit_of, plain, road
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.breathers.watched import GreenWatch
 from contbreather.breathers.wave_events import (
@@ -28,6 +28,7 @@ from contbreather.breathers.wave_events import (
 )
 from contbreather.breathers.waves import GreenFlight, OrbitEquations, Params
 from contbreather.continuation import Event, Point, Problem, branch_point, fold
+from contbreather.continuation.recipes import Recipe
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls
@@ -153,6 +154,7 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         simpler=_simpler,
         lifts={"PD": lift},
         label="orbit with impacts",
+        recipe=_recipe("orbit with impacts", orbit, threshold),
     )
 
 
@@ -175,6 +177,11 @@ def _images(
 
 def _unstable(threshold: float, point: Point) -> int:
     return unstable(point.solution, threshold)
+
+
+def _recipe(kind: str, orbit: Orbit, threshold: float) -> Recipe:
+    on = {"conditions": orbit.conditions, "section": orbit.section}
+    return Recipe(kind, {**on, "threshold": threshold}, plain)
 
 
 def _params(orbit: Orbit) -> dict[str, float]:
@@ -237,6 +244,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         simpler=_symmetric_again,
         lifts={"PF": symmetric_again, "PD": lift},
         label="asymmetric breather",
+        recipe=_recipe("asymmetric breather", orbit, threshold),
     )
 
 

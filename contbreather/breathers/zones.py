@@ -20,6 +20,8 @@ from contbreather.breathers.regions import PROBES, Box, Region, regions
 from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
 from contbreather.breathers.symmetric_events import unstable
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
+from contbreather.continuation.checkpoint import Checkpoint, Inner, Nowhere, Save, checkpoint
+from contbreather.continuation.contents import Said, content
 from contbreather.continuation.point import Meeting
 from contbreather.continuation.starts import windows
 from contbreather.display import Shown
@@ -183,6 +185,7 @@ def zones(
     progress: bool | None = None,
     threshold: float = THRESHOLD,
     past_folds: bool | None = None,
+    save: Save = None,
 ) -> Zones: ...
 
 
@@ -198,6 +201,7 @@ def zones(
     progress: bool | None = None,
     threshold: float = THRESHOLD,
     past_folds: bool | None = None,
+    save: Save = None,
 ) -> tuple[Zones, ...]: ...
 
 
@@ -212,6 +216,7 @@ def zones(
     progress: bool | None = None,
     threshold: float = THRESHOLD,
     past_folds: bool | None = None,
+    save: Save = None,
 ) -> Zones | tuple[Zones, ...]:
     """All curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
 
@@ -237,6 +242,8 @@ def zones(
         it does if the forcing has several harmonics: then there may be several breathers at one
         point, and the diagram has the curves of all of them. With one harmonic the breather behind
         the fold is unstable throughout, and the fold ends the zone.
+    save : str or Path, optional
+        As for `trace`.
 
     Returns
     -------
@@ -268,7 +275,7 @@ def zones(
     ((name, value),) = given.items()
     if np.ndim(value):
         shared = {"forcing": forcing, "lattice": lattice, "within": within, "progress": progress}
-        return _several(name, value, **shared, threshold=threshold, past_folds=past_folds)
+        return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds)
     CHECKS[name](value)
     value = float(value)  # type: ignore[arg-type]
     if name == "k" and value in (0.0, 1.0):
@@ -282,19 +289,30 @@ def zones(
         past_folds = sum(bool(c or s) for _, c, s in drive.harmonics) > 1
     chain = lattice_of(lattice)
     search = _Search(name, value, drive, chain, within or {}, threshold, past_folds)
-    with Counter(progress, search.pair[0]) as shown, keeping(search.so_far):
+    with (
+        checkpoint(save, "zones") as search.kept,
+        Counter(progress, search.pair[0]) as shown,
+        keeping(search.so_far),
+    ):
         search.run(shown)
+        search.kept.finish(search.zones())
     return search.zones()
 
 
-def _several(name: str, values: Any, **shared: Any) -> tuple[Zones, ...]:
+def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, ...]:
     """A diagram for each of several values."""
     if not len(values):
         raise BadInput(f"zones need a value of {name}, or several; got none")
     done: list[Zones] = []
-    with keeping(lambda: tuple(done) or None), taking(done.append):
+    with (
+        checkpoint(save, "zones") as kept,
+        keeping(lambda: tuple(done) or None),
+        taking(done.append),
+    ):
         for value in values:
-            done.append(zones(**{name: value}, **shared))
+            inner = Inner(kept, lambda piece: (*done, piece))
+            done.append(zones(**{name: value}, **shared, save=inner))
+        kept.finish(tuple(done))
     return tuple(done)
 
 
@@ -323,6 +341,7 @@ class _Search:
         if not past_folds:
             self.events = tuple(_ending(event) for event in self.events)
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
+        self.kept: Checkpoint = Nowhere()
 
     def zones(self, *, interrupted: bool = False) -> Zones:
         """The curves there are."""
@@ -363,6 +382,7 @@ class _Search:
             for point in branch.special:
                 if point.kind in KINDS and point.located:
                     self._follow(point)
+                    self.kept.look(True, self.so_far)
         return found
 
     def _unexplained(self) -> list[Point]:
@@ -481,3 +501,31 @@ def _on_curve(branch: Branch, place: Place, names: tuple[str, ...], near: float)
         along = np.sum(gap * chord, axis=-1) / np.sum(chord * chord, axis=-1)
         gap -= np.clip(along, 0, 1)[:, None] * chord
     return bool(np.linalg.norm(gap, axis=-1).min() < near)
+
+
+# --- in files -----------------------------------------------------------------------------------
+
+
+def _said(zones: Zones) -> Said:
+    curves = {kind: len(zones.curves[kind]) for kind in zones.curves}
+    about = {
+        "fixed": list(zones.fixed),
+        "pair": list(zones.pair),
+        "curves": curves,
+        "threshold": zones.threshold,
+        "past_folds": zones.past_folds,
+        "interrupted": zones.interrupted,
+    }
+    parts = {f"{kind}{i}": b for kind in curves for i, b in enumerate(zones.curves[kind], start=1)}
+    return Said(about, {}, parts)
+
+
+@content(Zones, "zones", _said)
+def _made(about: Mapping[str, Any], data: object, parts: Mapping[str, Any]) -> Zones:
+    (name, value), (one, other) = about["fixed"], about["pair"]
+    curves = {
+        kind: tuple(parts[f"{kind}{i}"] for i in range(1, 1 + count))
+        for kind, count in about["curves"].items()
+    }
+    rest = about["threshold"], about["past_folds"], about["interrupted"]
+    return Zones((name, value), (one, other), curves, *rest)

@@ -9,6 +9,7 @@ from .lift import Lift
 from .point import Event, Locus, Point, user
 from .problem import Problem
 from .refine import refined
+from .run import Run
 from .steps import Steps
 from .store import load, save
 from .trace import trace, walk
@@ -20,6 +21,7 @@ __all__ = [
     "Locus",
     "Point",
     "Problem",
+    "Run",
     "Steps",
     "Stop",
     "boundary",

@@ -12,16 +12,17 @@ from typing import Any
 import numpy as np
 
 from ..checks import check_kind
-from ..errors import BadInput
-from .branch import Branch
+from ..errors import BadInput, keeping, taking
+from .branch import Branch, Settings
 from .branch_points import Crossings, branch_point_test, branches_cross
+from .checkpoint import Inner, Save, checkpoint
 from .curve import Curve
 from .extended import Extended, event_of, extended, lifted
 from .newton import Undefined
 from .point import Event, Locus, Meeting, Point
 from .problem import Problem
 from .scope import scope, titled, walls_are_lifted
-from .starts import Within, all_of
+from .starts import Within, all_of, windows
 from .steps import Steps
 from .trace import trace
 
@@ -38,6 +39,7 @@ def boundary(
     steps: Steps | None = None,
     progress: bool | None = None,
     inadmissible: bool = False,
+    save: Save = None,
 ) -> Branch:
     """Follow a special point as a curve in two parameters.
 
@@ -50,7 +52,7 @@ def boundary(
         values of the parameters too, and refused where they come apart.
     pair : tuple of two str
         The two free parameters; `towards` refers to the first.
-    within, towards, steps, progress, inadmissible
+    within, towards, steps, progress, inadmissible, save
         As for `trace`, but for at most 500 steps in each direction unless `steps` allow more: a
         point of a boundary costs many times one of a branch, and without a window it has no end.
     events : iterable of Event, optional
@@ -88,8 +90,24 @@ def boundary(
     check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
     event = _traceable(point)
     longer = boundary_problem(point.ground, event, pair, events, inadmissible=inadmissible)
-    steps = steps or Steps(most=_MOST)
-    return trace(longer, pair[0], within=within, towards=towards, steps=steps, progress=progress)
+    settings = Settings(windows(within), all_of(events), steps or Steps(most=_MOST), inadmissible)
+
+    def born(line: Branch) -> Branch:
+        return replace(line, settings=settings, origin=point)
+
+    pieces: list[Branch] = []
+    with (
+        checkpoint(save, "boundary") as kept,
+        keeping(lambda: born(pieces[0]) if pieces else None),
+        taking(pieces.append),
+    ):
+        line = trace(
+            longer, pair[0], within=within, towards=towards, steps=settings.steps,
+            progress=progress, save=Inner(kept, born),
+        )  # fmt: skip
+        line = born(line)
+        kept.finish(line)
+    return line
 
 
 def boundary_problem(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from ..display import Shown
 from ..errors import BadInput
 from .curve import Curve
-from .point import Point
+from .point import Event, Point
 from .problem import Problem
+from .steps import Steps
 from .tabular import Column, Sheet
 
 if TYPE_CHECKING:
@@ -47,6 +48,16 @@ class Stop(enum.Enum):
         return self in (Stop.NO_CONVERGENCE, Stop.RIM)
 
 
+@dataclass(frozen=True)
+class Settings:
+    """How a walk was asked for; its parts are as in `trace`, of a boundary as in `boundary`."""
+
+    within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    events: tuple[Event, ...] | None = None
+    steps: Steps = field(default_factory=Steps)
+    inadmissible: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Branch(Shown):
     """Points along a curve, in order, with the special ones among them.
@@ -57,6 +68,7 @@ class Branch(Shown):
     ``began`` why where it starts (None where the walk set out); ``reason`` and ``began_reason`` add
     what the equations said. ``doubtful`` keeps candidates that failed their verification.
     ``image_of`` tells of an arm of which earlier one it is the image under a symmetry.
+    ``settings`` is how it was asked for, ``origin`` the point that it was born from.
     """
 
     points: tuple[Point, ...]
@@ -66,6 +78,8 @@ class Branch(Shown):
     began_reason: str = ""
     doubtful: tuple[Point, ...] = ()
     image_of: int | None = None
+    settings: Settings | None = field(default=None, kw_only=True)
+    origin: Point | None = field(default=None, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.points)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence, Sized
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from ..display import Shown
 from ..errors import ContbreatherError, NotConverged, keeping, taking
 from ..progress import Counter
 from .branch import Branch, Stop
+from .checkpoint import Checkpoint, Inner, Save, checkpoint
+from .contents import Said, content
 from .lift import Seed
 from .point import Event, Point
 from .problem import Problem
@@ -216,6 +218,7 @@ def diagram(
     steps: Steps | None = None,
     most: int = 100,
     progress: bool | None = None,
+    save: Save = None,
 ) -> Diagram:
     """Follow the branch through a start, switch wherever others leave it, follow these, and so on.
 
@@ -235,7 +238,7 @@ def diagram(
         As for `trace`. Arms that solve another problem than the start look for its own events.
     most : int, optional
         Number of branches after which no others are followed.
-    progress : bool, optional
+    progress, save : optional
         As for `trace`.
 
     Returns
@@ -264,12 +267,13 @@ def diagram(
     [1, 2]
     """
     depth, most = whole("depth", depth, 0), whole("most", most, 1)
-    with Counter(progress, free) as shown:
+    with checkpoint(save, "diagram") as kept, Counter(progress, free) as shown:
         growth = _Growth(
-            free, windows(within), depth, all_of(events), steps or Steps(), most, shown
+            free, windows(within), depth, all_of(events), steps or Steps(), most, shown, kept
         )
         with keeping(growth.so_far):
             growth.run(start)
+        kept.finish(growth.diagram())
     return growth.diagram()
 
 
@@ -284,6 +288,7 @@ class _Growth:
     steps: Steps
     most: int
     shown: Counter
+    kept: Checkpoint
     branches: list[Branch] = field(default_factory=list)
     births: list[Birth] = field(default_factory=list)
     places: list[tuple[Place, ...]] = field(default_factory=list)
@@ -295,7 +300,7 @@ class _Growth:
     def run(self, start: Problem | Startable) -> None:
         """Grow until nothing is left to switch at, or it is enough."""
         with taking(lambda piece: self._add(piece, Birth(0))):
-            first = self._trace(start, self.within, self.events)
+            first = self._trace(start, self.within, self.events, Birth(0))
         self._add(first, Birth(0))
         while self.queue and len(self.branches) < self.most:
             self._switch_at(self.queue[0])
@@ -351,19 +356,38 @@ class _Growth:
         small = simplest(first[-1], reach)
         with taking(lambda piece: self._add(piece, birth)):
             if small is not first[-1]:  # a branch of a smaller problem, which the place lies on
-                arm = self._trace(small.problem, self._within(small.problem), None)
+                arm = self._trace(small.problem, self._within(small.problem), None, birth)
             else:
                 arm = follow(
-                    point, seed, within=within, events=own, steps=self.steps, progress=self.shown
-                )
+                    point, seed, within=within, events=own, steps=self.steps, progress=self.shown,
+                    save=self._growing(birth),
+                )  # fmt: skip
         self._add(arm, birth)
 
     def _trace(
-        self, start: Problem | Startable, within: Within, events: tuple[Event, ...] | None
+        self,
+        start: Problem | Startable,
+        within: Within,
+        events: tuple[Event, ...] | None,
+        birth: Birth,
     ) -> Branch:
         return trace(
-            start, self.free, within=within, events=events, steps=self.steps, progress=self.shown
-        )
+            start, self.free, within=within, events=events, steps=self.steps, progress=self.shown,
+            save=self._growing(birth),
+        )  # fmt: skip
+
+    def _growing(self, birth: Birth) -> Checkpoint:
+        """The file, while one more branch grows."""
+
+        def whole(piece: Branch) -> Diagram | None:
+            lists = {
+                name: [*getattr(self, name)] for name in ("branches", "births", "places", "left")
+            }
+            here: _Growth = replace(self, **lists, queue=deque(self.queue))  # type: ignore[arg-type]
+            here._add(piece, birth)
+            return here.so_far()
+
+        return Inner(self.kept, whole)
 
     def _within(self, problem: Problem) -> Within:
         return {name: window for name, window in self.within.items() if name in problem.names}
@@ -409,3 +433,59 @@ class _Growth:
             self.queue.append(place)
         else:
             self.left.append(place)
+
+
+# --- in files -----------------------------------------------------------------------------------
+
+
+def _said(tree: Diagram) -> Said:
+    """Branches as parts, places by the branch they were found on first and their number there."""
+    own = {
+        id(place): [place.branch, _number(tree.branches[place.branch], place.point)]
+        for row in tree.places
+        for place in row
+    }
+    births = [
+        [birth.depth, birth.place and own[id(birth.place)], birth.image_of] for birth in tree.births
+    ]
+    about = {
+        "births": births,
+        "places": [[own[id(place)] for place in row] for row in tree.places],
+        "meetings": [[own[id(one.place)], one.branch] for one in tree.meetings],
+        "failed": [[own[id(one.place)], one.reason] for one in tree.failed],
+        "left": [own[id(place)] for place in tree.left],
+        "interrupted": tree.interrupted,
+    }
+    return Said(about, {}, {f"branch{i}": branch for i, branch in enumerate(tree)})
+
+
+def _number(branch: Branch, point: Point) -> int:
+    return next(i for i, one in enumerate(branch) if one is point)
+
+
+@content(Diagram, "diagram", _said)
+def _made(about: Mapping[str, Any], data: object, parts: Mapping[str, Any]) -> Diagram:
+    branches = [parts[f"branch{i}"] for i in range(len(parts))]
+    places: dict[tuple[int, int], Place] = {}
+
+    def at(where: Sequence[int]) -> Place:
+        branch, number = where
+        return places.setdefault((branch, number), Place(branch, branches[branch][number]))
+
+    births = tuple(
+        Birth(depth, place and at(place), image) for depth, place, image in about["births"]
+    )
+    for i, birth in enumerate(births):  # the point that an arm left is that of the branch
+        if birth.place is not None and branches[i][0].parent is not None:
+            first = replace(branches[i][0], parent=birth.place.point)
+            points = (first, *branches[i].points[1:])
+            branches[i] = replace(branches[i], points=points, origin=birth.place.point)
+    return Diagram(
+        tuple(branches),
+        births,
+        tuple(tuple(at(where) for where in row) for row in about["places"]),
+        tuple(Meeting(at(where), branch) for where, branch in about["meetings"]),
+        tuple(Failure(at(where), reason) for where, reason in about["failed"]),
+        tuple(at(where) for where in about["left"]),
+        about["interrupted"],
+    )

@@ -18,6 +18,7 @@ from ..display import Shown
 from ..errors import BadInput
 from .curve import Curve
 from .problem import Problem
+from .recipes import Recipe, maker
 
 Array = NDArray[np.float64]
 
@@ -261,6 +262,8 @@ class Event:
     ends : {'', 'branch', 'domain'}
         Whether the branch ends at the event, and whether solutions mean something on the positive
         side of the test only: then a start beyond is refused.
+    recipe : Recipe, optional
+        What it was made of where its kind alone does not say that, for files to make it again.
 
     Examples
     --------
@@ -274,6 +277,7 @@ class Event:
     locus: Callable[[Point], Locus] | None = field(default=None, kw_only=True)
     examine: Callable[[Point], Examined] | None = field(default=None, kw_only=True)
     ends: Literal["", "branch", "domain"] = field(default="", kw_only=True)
+    recipe: Recipe | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         if self.ends not in ("", "branch", "domain"):
@@ -372,5 +376,15 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
         raise BadInput(f"user({name!r}, ...): the name of an unknown or a parameter was wanted")
     value = number("value", value, -1e300, 1e300, "the level to stop at")
     level = Level(name, value)
-    there = Always(Locus({}, level.conditions))
-    return Event("UZ", level, locus=there, ends="branch" if terminal else "")
+    return Event(
+        "UZ",
+        level,
+        locus=Always(Locus({}, level.conditions)),
+        ends="branch" if terminal else "",
+        recipe=Recipe("UZ", {"name": name, "value": value, "terminal": terminal}),
+    )
+
+
+@maker("UZ")
+def _user(of: Mapping[str, Any]) -> Event:
+    return user(of["name"], of["value"], terminal=of["terminal"])

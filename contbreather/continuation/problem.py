@@ -15,6 +15,7 @@ from ..checks import kind_of
 from ..errors import BadInput, NotConverged
 from .curve import Curve, Params
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, newton
+from .recipes import Recipe
 
 Array = NDArray[np.float64]
 Residual = Callable[[Array, Params], Array]
@@ -67,6 +68,8 @@ class Problem:
     derivatives : callable, optional
         ``derivatives(x, params, names) -> (n, n + len(names)) array``, in place of `jacobian` and
         `sensitivity`: in `x` and the named parameters.
+    recipe : Recipe, optional
+        What the equations are made of, where a file can say it and make them again.
     beneath : callable, optional
         Where this problem is a shorter one and the locus of an event, as on a boundary:
         ``beneath(x, params, names) -> (curve, z)``, the curve of the shorter one and the point on
@@ -104,6 +107,7 @@ class Problem:
     derivatives: Callable[[Array, Params, tuple[str, ...]], Array] | None = field(
         default=None, kw_only=True
     )
+    recipe: Recipe | None = field(default=None, kw_only=True)
     beneath: Callable[[Array, Params, tuple[str, ...]], tuple[Curve, Array]] | None = field(
         default=None, kw_only=True
     )

@@ -18,6 +18,7 @@ from ..checks import kind_of
 from ..errors import BadInput, NotConverged, keeping, taking
 from ..progress import Counter
 from .branch import Branch, Stop, labelled
+from .checkpoint import Checkpoint, Inner, Save, checkpoint
 from .curve import Curve
 from .lift import Lift, Seed, across
 from .newton import OUT_OF_DOMAIN
@@ -61,6 +62,7 @@ def switch(
     events: Event | Iterable[Event] | None = None,
     steps: Steps | None = None,
     progress: bool | Counter | None = None,
+    save: Save = None,
 ) -> tuple[Branch, ...]:
     """Follow all other curves that leave a point where curves meet.
 
@@ -69,7 +71,7 @@ def switch(
     point : Point
         A special point of a branch from which others leave: a BP of any problem, the PF and PD of
         breathers, the PD of a map.
-    within, events, steps, progress
+    within, events, steps, progress, save
         As for `trace`. The arms are walked in the parameter of the branch the point is on; an arm
         that solves a larger problem has the events of that problem by default. Where the walls of
         that branch are lifted, those of the arms are.
@@ -113,16 +115,19 @@ def switch(
         )
     given = all_of(events)
     arms: list[Branch] = []
-    with keeping(lambda: tuple(arms) or None):
+    with checkpoint(save, "arm") as kept, keeping(lambda: tuple(arms) or None):
+        inner = Inner(kept, lambda arm: (*arms, arm))
         for seed in seeds_at(point):
             if any(comes_back(arm, seed) for arm in arms):
                 continue
             with taking(arms.append):
                 arm = follow(
-                    point, seed, within=within, events=given, steps=steps, progress=progress
-                )
+                    point, seed, within=within, events=given, steps=steps, progress=progress,
+                    save=inner,
+                )  # fmt: skip
             _keep_apart(arm, arms)
             arms.append(_with_image(arm, arms))
+        kept.finish(tuple(arms))
     return tuple(arms)
 
 
@@ -179,6 +184,7 @@ def follow(
     events: Sequence[Event] | None = None,
     steps: Steps | None = None,
     progress: bool | Counter | None = None,
+    save: Checkpoint | None = None,
 ) -> Branch:
     """One arm from a point, which is its first."""
     free = point.curve.free[0]
@@ -197,6 +203,7 @@ def follow(
             progress=progress,
             along=seed.tangent,
             inadmissible=walls_are_lifted(point.curve.problem),
+            save=None if save is None else Inner(save, lambda arm: _with_parent(arm, point)),
         )
     if len(arm) == 1 and arm.stop.failed:
         raise NotConverged(
@@ -229,6 +236,7 @@ def _with_parent(arm: Branch, point: Point) -> Branch:
         points=labelled((start, *rest)),
         began=Stop.EVENT,
         doubtful=tuple(p for p in arm.doubtful if near < p.arclength < end),
+        origin=point,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput, keeping
 from ..progress import Counter
-from .branch import Branch, Stop, labelled
+from .branch import Branch, Settings, Stop, labelled
 from .branch_points import crossing
+from .checkpoint import Save, checkpoint
 from .curve import Curve
 from .location import Ends, Found, find
 from .newton import Solution, Undefined, newton, solve
@@ -22,7 +23,7 @@ from .point import Event, Point
 from .problem import Problem, problem_in
 from .scope import scope
 from .segment import Segment, tangent_at
-from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, settled
+from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, settled, windows
 from .steps import Steps
 from .trail import Value, counted
 
@@ -72,6 +73,7 @@ def trace(
     progress: bool | Counter | None = None,
     along: ArrayLike | None = None,
     inadmissible: bool = False,
+    save: Save = None,
 ) -> Branch:
     """Follow the curve of solutions through a start, with one parameter free.
 
@@ -101,6 +103,9 @@ def trace(
     inadmissible : bool
         Lift the walls: go on where solutions mean nothing any more. The branch then says so, and
         its column ``margin`` is negative beyond them.
+    save : str or Path, optional
+        A file to keep the branch in while it grows, every few seconds and at special points, whole
+        at any moment; `load` reads it.
 
     Returns
     -------
@@ -127,11 +132,18 @@ def trace(
     if towards not in ("both", "up", "down"):
         raise BadInput(f"towards must be 'both', 'up' or 'down', got {towards!r}")
     events = all_of(events)  # both walks need them
+    origin = start if isinstance(start, Point) else None
+    settings = Settings(windows(within), events, steps or Steps(), inadmissible)
     start = problem_in(start)  # once: what both find at the start is one event
     sides = ("down", "up") if towards == "both" and along is None else (towards,)
     legs: list[Leg] = []
+
+    def so_far() -> Branch | None:
+        found = _so_far(legs)
+        return found and replace(found, settings=settings, origin=origin)
+
     line = nullcontext(progress) if isinstance(progress, Counter) else Counter(progress, free)
-    with line as shown, keeping(lambda: _so_far(legs)):
+    with checkpoint(save, "branch") as kept, line as shown, keeping(so_far):
         for side in sides:
             walker = walk(
                 start,
@@ -144,10 +156,12 @@ def trace(
                 inadmissible=inadmissible,
             )
             legs.append(Leg())
-            legs[-1].go(walker, shown)
+            legs[-1].go(walker, shown, lambda point: kept.look(bool(point.kind), so_far))
             if legs[0].end.stop is Stop.CLOSED:
                 break
-    return _whole(legs)
+        whole = replace(_whole(legs), settings=settings, origin=origin)
+        kept.finish(whole)
+    return whole
 
 
 @dataclass
@@ -157,7 +171,12 @@ class Leg:
     points: list[Point] = field(default_factory=list)
     end: End = End(Stop.INTERRUPTED)
 
-    def go(self, walker: Generator[Point, None, End], shown: Counter) -> None:
+    def go(
+        self,
+        walker: Generator[Point, None, End],
+        shown: Counter,
+        keep: Callable[[Point], None],
+    ) -> None:
         """Run a walk to its end."""
         while True:
             try:
@@ -166,6 +185,7 @@ class Leg:
                 self.end = stopped.value
                 return
             shown.advance(self.points[-1])
+            keep(self.points[-1])
 
     def branch(self) -> Branch:
         points, end = labelled(tuple(self.points)), self.end

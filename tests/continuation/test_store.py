@@ -294,7 +294,7 @@ def test_files_are_refused_in_words_for_people(branch: Branch, path: Path) -> No
         (lambda: load(path), "No such file or directory"),
         (lambda: save(path.parent / "nowhere" / "x.nc", branch), "there is no directory .*nowhere"),
         (lambda: save(path.parent, branch), "it is a directory; name a file in it"),
-        (lambda: save(path, [branch, branch]), r"got a list; pass them one by one, save\(path, \*"),
+        (lambda: save(path, [branch, branch]), r"got a list; those of a list are save\(path, \*"),
     ):
         with pytest.raises(BadInput, match=sentence) as caught:
             refused()
@@ -311,9 +311,9 @@ def test_what_cannot_be_written_or_read_is_refused(branch: Branch, path: Path) -
     (path.parent / "folder").mkdir()
     with pytest.raises(BadInput, match=r"cannot write .*folder"):
         save(path.parent / "folder", branch)
-    with pytest.raises(BadInput, match="branches with different names are wanted, got none"):
+    with pytest.raises(BadInput, match="results with different names are wanted, got none"):
         save(path)
-    with pytest.raises(BadInput, match="branches with different names"):
+    with pytest.raises(BadInput, match="results with different names"):
         save(path, branch, branch1=branch)
     with pytest.raises(BadInput, match=r"cannot read .*run.nc: "):
         load(path)
@@ -321,7 +321,7 @@ def test_what_cannot_be_written_or_read_is_refused(branch: Branch, path: Path) -
     with pytest.raises(BadInput, match=r"cannot read .*run.nc: "):
         load(path)
     xarray.Dataset({"x": ("point", [1.0])}).to_netcdf(path, engine="h5netcdf")
-    with pytest.raises(BadInput, match="holds no branches that `save` wrote"):
+    with pytest.raises(BadInput, match="holds nothing that `save` wrote"):
         load(path)
 
 
@@ -370,7 +370,7 @@ def test_any_other_name_comes_back(name: str, path: Path) -> None:
 @pytest.mark.parametrize("text", ["\0", "\udc80", "β" * 99999])
 def test_no_label_keeps_a_branch_from_being_saved(text: str, path: Path) -> None:
     save(path, line(label=text))
-    assert load(path).problem.label.startswith(("\\0", "\\udc80", "βββ"))
+    assert load(path).problem.label == text
 
 
 def test_kind_of_several_words_comes_back(path: Path) -> None:
@@ -442,20 +442,22 @@ def test_no_single_bit_can_be_wrong(path: Path) -> None:
 @pytest.mark.parametrize("content", [b"", b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"\0" * 500])
 def test_what_is_no_file_of_branches_is_refused(content: bytes, path: Path) -> None:
     path.write_bytes(content)
-    with pytest.raises(BadInput, match=r"it is not a netCDF-4 file|holds no branches"):
+    with pytest.raises(BadInput, match=r"it is not a netCDF-4 file|holds nothing"):
         load(path)
 
 
 def test_hdf5_of_others_is_refused(path: Path) -> None:
     with h5py.File(path, "w") as file:
         file["x"] = np.arange(10.0)
-    with pytest.raises(BadInput, match="holds no branches that `save` wrote"):
+    with pytest.raises(BadInput, match="holds nothing that `save` wrote"):
         load(path)
 
 
 @pytest.mark.parametrize("place", ["/dev/zero", "/dev/null", "/"])
 def test_only_ordinary_files_are_read(place: str) -> None:
-    with pytest.raises(BadInput, match=f"cannot read {place}: it is (not an ordinary file|a dir)"):
+    with pytest.raises(
+        BadInput, match=f"cannot read {place}: (it is not an ordinary file|there is no file in it)"
+    ):
         load(place)
 
 

@@ -1,0 +1,109 @@
+"""Results kept on disk while they are computed: what a killed process loses is some seconds."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ..checks import kind_of
+from ..errors import BadInput, Interrupted
+from ..files import writable
+from .netcdf import write
+
+T = TypeVar("T")
+
+EVERY = 3.0  # seconds between two files
+SHARE = 0.03  # of the time that a run takes, at most, goes into writing them
+
+
+class Checkpoint:
+    """A file that is written anew every few seconds, and where something happens.
+
+    `name` is that of the result in it; of several they are numbered.
+    """
+
+    def __init__(self, path: str | Path, name: str) -> None:
+        self.path, self.name = writable(path), name
+        self.soonest = self.due = time.monotonic() + EVERY
+
+    def look(self, special: bool, piece: Callable[[], Any]) -> None:
+        """Write what there is, if it is time; `piece` gives it, or None."""
+        now = time.monotonic()
+        if now < (self.soonest if special else self.due):
+            return
+        found = piece()
+        if found is not None:
+            self.finish(found, recorded=False)  # these columns may take as long as the run
+        end = time.monotonic()
+        self.soonest = end + (end - now) / SHARE
+        self.due = max(self.soonest, end + EVERY)
+
+    def finish(self, result: Any, *, recorded: bool = True) -> None:
+        """Write it now."""
+        several = result if isinstance(result, tuple) else (result,)
+        names = (
+            [f"{self.name}{i}" for i in range(1, 1 + len(several))]
+            if isinstance(result, tuple)
+            else [self.name]
+        )
+        write(self.path, dict(zip(names, several, strict=True)), recorded=recorded)
+
+
+class Inner(Checkpoint):
+    """The same file as seen from a call within another: what it has is a piece of the whole."""
+
+    def __init__(self, outer: Checkpoint, whole: Callable[[Any], Any]) -> None:
+        self.outer, self.whole = outer, whole
+
+    def look(self, special: bool, piece: Callable[[], Any]) -> None:
+        def all_of_it() -> Any:
+            found = piece()
+            return None if found is None else self.whole(found)
+
+        self.outer.look(special, all_of_it)
+
+    def finish(self, result: Any, *, recorded: bool = True) -> None:
+        """Nothing: the outermost call does."""
+
+
+class Nowhere(Checkpoint):
+    """No file is wanted."""
+
+    def __init__(self) -> None:
+        self.soonest = self.due = math.inf
+
+    def finish(self, result: Any, *, recorded: bool = True) -> None:
+        """Nothing."""
+
+
+Save = str | Path | Checkpoint | None
+
+
+@contextmanager
+def checkpoint(save: Save, name: str) -> Iterator[Checkpoint]:
+    """The file that a call keeps its result in; after an interruption what there is by then.
+
+    Raises
+    ------
+    BadInput
+        If it cannot be written: before anything is computed.
+    """
+    if save is None:
+        kept: Checkpoint = Nowhere()
+    elif isinstance(save, Checkpoint):
+        kept = save
+    elif isinstance(save, str | os.PathLike):
+        kept = Checkpoint(save, name)
+    else:
+        raise BadInput(f"save takes the name of a file, 'run.nc' for instance; got {kind_of(save)}")
+    try:
+        yield kept
+    except Interrupted as stop:
+        if stop.partial is not None:
+            kept.finish(stop.partial)
+        raise

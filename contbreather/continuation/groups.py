@@ -1,0 +1,253 @@
+"""A branch as a group of variables for a file: columns for anybody, and what it takes to go on.
+
+What others read are variables along the dimension ``point``. What only this package needs, which
+equations these are and how the walk was asked for, is one text in JSON, the variable `ABOUT`. Text
+is bytes everywhere, and truth is 0 or 1: netCDF's own strings and booleans are lost on Octave.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from .branch import Branch, Settings
+from .extended import event_of
+from .point import Event, Point
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+Array = NDArray[Any]
+Variable = tuple[tuple[str, ...], Any, dict[str, Any]]  # dimensions, values, attributes
+
+ABOUT = "about_in_json"
+DOUBTFUL, ORIGIN = "doubtful", "origin"
+LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
+_TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
+
+
+def written(branch: Branch, *, recorded: bool = True) -> dict[str, Dataset]:
+    """The group of a branch, with those of its doubtful points and of the point it was born from.
+
+    Parameters
+    ----------
+    branch : Branch
+    recorded : bool
+        Whether to ask for the recorded columns, which may take as long as the branch itself.
+    """
+    groups = {"": _dataset(branch, branch.points, branch.problem.record if recorded else ())}
+    if branch.doubtful:
+        failed = _dataset(branch, branch.doubtful)
+        groups[DOUBTFUL] = failed.rename_dims(point=DOUBTFUL)
+    if branch.origin is not None:
+        alone = Branch((branch.origin,), branch.stop)
+        data = _dataset(alone, alone.points)
+        # xarray wants dimensions of one name to have one size in a group and in those inside it
+        groups[ORIGIN] = data.rename_dims({name: f"{ORIGIN}_{name}" for name in data.sizes})
+    return groups
+
+
+def check_names(what: str, names: Iterable[str]) -> None:
+    """Refuse what netCDF takes for a path, or for its own, or not at all."""
+    for name in names:
+        good = isinstance(name, str) and name.isprintable() and name == name.strip()
+        good = good and "/" not in name and name not in ("", ".", "..")
+        good = good and len(name.encode()) <= LONGEST and not name.startswith("_nc4_")
+        if not good:
+            raise BadInput(
+                f"{name!r} cannot be the name of a {what} in a file: at most {LONGEST} printable "
+                "bytes without / were wanted, and not . or ..; choose another name"
+            )
+
+
+def about(content: Mapping[str, Any]) -> Variable:
+    """JSON as a variable."""
+    return (), np.array(json.dumps(content, separators=(",", ":")).encode()), {}
+
+
+def text(given: str) -> np.bytes_:
+    """Text as HDF5 and all that read it take it, neither null bytes nor what is no character."""
+    image = given.replace("\0", r"\0").encode(errors="backslashreplace")
+    return np.bytes_(image[:_TEXT].decode(errors="ignore").encode())
+
+
+def _dataset(branch: Branch, points: Sequence[Point], record: Iterable[str] = ()) -> Dataset:
+    from xarray import Dataset
+
+    curve, problem = branch.curve, branch.problem
+    z = np.stack([point.z for point in points])
+    variables = {name: column(name, z[:, slot], "unknown") for name, slot in curve.slots.items()}
+    variables[curve.free[0]][2]["role"] = text("free")
+    for name, value in problem.params.items():
+        if name not in curve.free:
+            variables[name] = ((), float(value), {"role": text("fixed")})
+    for name in record:
+        variables[name] = column(name, np.array([point[name] for point in points]), "recorded")
+    for name, one in {**_of_points(points), ABOUT: about(_about(branch, points, record))}.items():
+        if name in variables:
+            raise BadInput(f"{name!r} is a name that the file needs itself; choose another")
+        variables[name] = one
+    check_names("column", variables)
+    own = {"point", DOUBTFUL, *(d for one in variables.values() for d in one[0])}
+    if taken := sorted(own & set(variables)):
+        raise BadInput(f"{taken[0]!r} is a name that the file needs itself; choose another")
+    return Dataset(variables, attrs=_attributes(branch))
+
+
+def _attributes(branch: Branch) -> dict[str, Any]:
+    """For people; what is empty is left out."""
+    event = event_of(branch.problem)
+    said = {
+        "label": branch.problem.label,
+        "free": branch.free,
+        "boundary": event.kind if event else "",
+        "stop": branch.stop.name,
+        "stop_meaning": branch.stop.value,
+        "reason": branch.reason,
+        "began": branch.began.name if branch.began else "",
+        "began_reason": branch.began_reason,
+    }
+    return {name: text(value) for name, value in said.items() if value}
+
+
+def _about(branch: Branch, points: Sequence[Point], record: Iterable[str]) -> dict[str, Any]:
+    problem, event = branch.problem, event_of(branch.problem)
+    base = getattr(problem.residual, "problem") if event else problem  # noqa: B009
+    own = ({n: v for n, v in point.detail.items() if n not in problem.record} for point in points)
+    return {
+        "content": "branch",
+        "label": problem.label,
+        "unknowns": list(problem.start),
+        "parameters": list(problem.params),
+        "recorded": list(record),
+        "free": list(branch.curve.free),
+        "boundary": event_plain(event) if event else None,
+        "stop": branch.stop.name,
+        "reason": branch.reason,
+        "began": branch.began.name if branch.began else None,
+        "began_reason": branch.began_reason,
+        "image_of": branch.image_of,
+        "kinds": _kinds(points),
+        "located": [i for i, point in enumerate(points) if not point.located],
+        "detail": {i: _json(detail) for i, detail in enumerate(own) if detail},
+        "parent": bool(points[0].parent),
+        "point_label": points[0].label,
+        "equations": base.recipe and base.recipe.said(),
+        "base": [list(base.start), list(base.params)],
+        "settings": _settings(branch.settings),
+    }
+
+
+def _settings(given: Settings | None) -> dict[str, Any] | None:
+    if given is None:
+        return None
+    asked = given.events
+    return {
+        "within": {name: [float(one) for one in ends] for name, ends in given.within.items()},
+        "events": None if asked is None else [event_plain(event) for event in asked],
+        "steps": asdict(given.steps),
+        "inadmissible": given.inadmissible,
+    }
+
+
+def event_plain(event: Event) -> dict[str, Any]:
+    """An event by its kind, and by what it was made of where that can be said."""
+    said = event.recipe and event.recipe.said()
+    return said or {"kind": event.kind, "ends": event.ends}
+
+
+def column(name: str, values: Array, role: str = "") -> Variable:
+    """One value for each point; it may be an array, complex, or true and false."""
+    dimensions = ("point", *(f"{name}_axis{i}" for i in range(1, values.ndim)))
+    attributes: dict[str, Any] = {"role": text(role)} if role else {}
+    if values.dtype.kind == "c":
+        values = np.stack([values.real, values.imag], axis=-1)
+        dimensions = (*dimensions, "complex")
+    elif values.dtype.kind == "b":
+        values, attributes["flag_meanings"] = values.astype("i1"), text("false true")
+        attributes["flag_values"] = np.arange(2, dtype="i1")
+    return dimensions, values, attributes
+
+
+def _kinds(points: Sequence[Point]) -> list[str]:
+    return ["", *sorted({point.kind for point in points} - {""})]
+
+
+def _of_points(points: Sequence[Point]) -> dict[str, Variable]:
+    """What every point has, and the numbers and words in `detail` of the special ones."""
+    kinds = _kinds(points)
+    words = ["regular", *("_".join(kind.split()) for kind in kinds[1:])]  # CF parts them at blanks
+    flags = {
+        "flag_values": np.arange(len(kinds), dtype="i1"),
+        "flag_meanings": text(" ".join(words)),
+    }
+    codes = np.array([kinds.index(point.kind) for point in points], dtype="i1")
+    nowhere = (math.nan, math.nan)
+    found: dict[str, Variable] = {
+        "arclength": column("", np.array([point.arclength for point in points])),
+        "residual": column("", np.array([point.residual for point in points])),
+        "point_tangent": column("point_tangent", np.stack([_tangent(point) for point in points])),
+        "point_kind": (("point",), codes, flags),
+        "point_bracket": (
+            ("point", "bracket_end"),
+            np.array([point.bracket or nowhere for point in points]),
+            {},
+        ),
+        "point_located": column("", np.array([point.located for point in points])),
+    }
+    record = points[0].curve.problem.record
+    for name in sorted({name for point in points for name in point.detail if name not in record}):
+        values = [point.detail.get(name) for point in points]
+        given = [value for value in values if value is not None]
+        if all(isinstance(value, str) for value in given):
+            cells = np.array([text(value or "") for value in values])
+            found[f"detail_{name}"] = (("point",), cells, {"role": text("detail")})
+        elif all(isinstance(value, complex | float | int | np.number) for value in given):
+            numbers = np.array([math.nan if value is None else value for value in values])
+            found[f"detail_{name}"] = column("", numbers, "detail")
+    return found
+
+
+def _tangent(point: Point) -> Array:
+    return np.full(point.z.size, math.nan) if point.tangent is None else point.tangent
+
+
+# --- details: numbers, words, arrays, and lists and dicts of these -------------------------------
+
+
+def _json(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        parts = [value.real.tolist(), value.imag.tolist()] if value.dtype.kind == "c" else None
+        return {"complex array": parts} if parts else {"array": value.tolist()}
+    if isinstance(value, complex | np.complexfloating):
+        return {"complex": [float(value.real), float(value.imag)]}
+    if isinstance(value, Mapping):
+        return {"dict": {str(name): _json(one) for name, one in value.items()}}
+    if isinstance(value, list | tuple):
+        return [_json(one) for one in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return value if value is None or isinstance(value, bool | int | float | str) else None
+
+
+def from_json(value: Any) -> Any:
+    """What `_json` made of a detail."""
+    if isinstance(value, list):
+        return [from_json(one) for one in value]
+    if not isinstance(value, Mapping):
+        return value
+    ((kind, content),) = value.items()
+    if kind == "dict":
+        return {name: from_json(one) for name, one in content.items()}
+    if kind == "complex":
+        return complex(*content)
+    if kind == "array":
+        return np.array(content)
+    return np.array(content[0]) + 1j * np.array(content[1])

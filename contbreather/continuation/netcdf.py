@@ -1,0 +1,76 @@
+"""One netCDF-4 file: values by their names, each a group, and where they come from."""
+
+from __future__ import annotations
+
+import io
+import platform
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import BadInput
+from .contents import groups_of
+from .groups import check_names, text
+from .sealed import read_sealed, write_sealed
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+FORMAT, NUMBER = "run of contbreather", 3  # the number grows where older versions cannot read on
+
+
+def write(path: str | Path, values: Mapping[str, Any], *, recorded: bool = True) -> Path:
+    """Write all of a file at once; what was there stays until then."""
+    from xarray import Dataset, DataTree
+
+    check_names("branch", values)
+    groups: dict[str, Any] = {}
+    for name, value in values.items():
+        groups |= groups_of(f"/{name}", value, recorded=recorded)
+    tree = DataTree.from_dict({"/": Dataset(attrs=_root()), **groups})
+    # in memory first: where a disk is full, HDF5 ends the interpreter
+    return write_sealed(path, bytes(tree.to_netcdf(engine="h5netcdf")))
+
+
+def _root() -> dict[str, Any]:
+    """What others, and later versions, are told of the whole file."""
+    made_by = ", ".join(
+        [f"Python {platform.python_version()}", *map(_version, ("contbreather", "numpy", "scipy"))]
+    )
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    said = {"format": FORMAT, "Conventions": "CF-1.11", "made_by": made_by, "created": now}
+    return {**{name: text(value) for name, value in said.items()}, "format_number": NUMBER}
+
+
+def _version(package: str) -> str:
+    try:
+        return f"{package} {version(package)}"
+    except PackageNotFoundError:  # run from its source
+        return package
+
+
+@contextmanager
+def read(path: str | Path) -> Iterator[DataTree]:
+    """The groups of a file that `write` wrote.
+
+    Raises
+    ------
+    BadInput
+        If it is something else, damaged, or of a later version.
+    """
+    import xarray
+
+    image = io.BytesIO(read_sealed(path))
+    with xarray.open_datatree(image, engine="h5netcdf", decode_cf=False) as tree:
+        if tree.attrs.get("format") != FORMAT:
+            raise BadInput(f"{path} holds nothing that this version's `save` wrote")
+        number = int(tree.attrs["format_number"])
+        if number > NUMBER:
+            raise BadInput(
+                f"{path} was written by a later version ({tree.attrs.get('made_by')}): its format "
+                f"is {number}, this version reads {NUMBER}; update contbreather"
+            )
+        yield tree

@@ -1,0 +1,274 @@
+"""A branch from its group of variables: with its equations, where file or caller have them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from .boundary import boundary_problem
+from .branch import Branch, Settings, Stop, labelled
+from .curve import Curve
+from .equilibria import branch_point, fold, hopf
+from .groups import ABOUT, DOUBTFUL, ORIGIN, from_json
+from .newton import Undefined
+from .point import Event, Point
+from .problem import Problem
+from .recipes import remade
+from .scope import scope
+from .steps import Steps
+from .trail import measure
+
+if TYPE_CHECKING:
+    from xarray import Dataset, DataTree
+
+Array = NDArray[Any]
+About = Mapping[str, Any]
+
+_FITS = 1e-6  # relative residual at which points of a file solve the equations they are given
+
+
+def restored(group: DataTree, given: Problem | None = None) -> Branch:
+    """The branch of a group.
+
+    Parameters
+    ----------
+    group : DataTree
+    given : Problem, optional
+        Its equations (of a boundary those of the original problem), in place of what is written.
+
+    Raises
+    ------
+    BadInput
+        If the equations have other names, or the points do not solve them.
+    """
+    about, data = about_in(group), group.to_dataset()
+    origin = _origin(group, given)
+    curve, settings, events = _attached(about, data, given, origin)
+    points = tuple(_points(about, data, curve, events))
+    if about["parent"]:
+        points = (replace(points[0], parent=origin), *points[1:])
+    began = about["began"]
+    return Branch(
+        labelled(points),
+        Stop[about["stop"]],
+        Stop[began] if began else None,
+        about["reason"],
+        about["began_reason"],
+        _beside(group, curve, events),
+        about["image_of"],
+        settings=settings,
+        origin=origin,
+    )
+
+
+def about_in(group: DataTree) -> dict[str, Any]:
+    """What the writer of a group said of it."""
+    content: dict[str, Any] = json.loads(words(group.dataset[ABOUT].values))
+    return content
+
+
+def words(cells: Array) -> str:
+    """Text that is an array of characters in a file."""
+    return bytes(np.asarray(cells).tobytes()).decode()
+
+
+def _beside(group: DataTree, curve: Curve, events: Sequence[Event]) -> tuple[Point, ...]:
+    """What failed its verification, on the same curve."""
+    child = group.children.get(DOUBTFUL)
+    if child is None:
+        return ()
+    data = child.to_dataset(inherit=False).rename_dims({DOUBTFUL: "point"})
+    return tuple(_points(about_in(child), data, curve, events))
+
+
+def _origin(group: DataTree, given: Problem | None) -> Point | None:
+    """The point it was born from, which may be on a curve of other equations."""
+    child = group.children.get(ORIGIN)
+    if child is None:
+        return None
+    data, about = child.to_dataset(inherit=False), about_in(child)
+    own = [str(name) for name in data.sizes if str(name).startswith(f"{ORIGIN}_")]
+    data = data.rename_dims({name: name.removeprefix(f"{ORIGIN}_") for name in own})
+    fits = given is not None and set(given.names) <= {*about["unknowns"], *about["parameters"]}
+    curve, _, events = _attached(about, data, given if fits else None, None)
+    (point,) = _points(about, data, curve, events)
+    return replace(point, label=about["point_label"])
+
+
+# --- equations ----------------------------------------------------------------------------------
+
+
+def _attached(
+    about: About, data: Dataset, given: Problem | None, origin: Point | None
+) -> tuple[Curve, Settings | None, tuple[Event, ...]]:
+    """The curve of these points, how it was walked, and what can happen on it."""
+    here = {name: _plain(_values(data, name)[0]) for name in about["unknowns"]}
+    here |= {name: float(_values(data, name).flat[0]) for name in about["parameters"]}
+    problem = given
+    if problem is None:
+        start, params = ({name: here[name] for name in names} for names in about["base"])
+        problem = remade(about["equations"], start, params)
+    if problem is None:
+        return _bare(about, here), _settings(about, ()), ()
+    absent = [name for name in problem.names if name not in here]
+    if absent:
+        raise BadInput(f"the problem has {absent}, which the file has not: it has {list(here)}")
+    problem = problem.at(**{name: here[name] for name in problem.names})
+    known = (*problem.events, fold(), branch_point(), hopf())
+    settings = _settings(about, known)
+    if about["boundary"] is None:
+        asked, inadmissible = _asked(settings)
+        own, events = scope(problem, asked, inadmissible=inadmissible)
+        curve = Curve(own, tuple(about["free"]))
+        _check_fit(curve)
+        return curve, settings, (*events, *known)
+    curve, events = _of_boundary(about, problem, settings, known, origin)
+    if list(curve.problem.start) != about["unknowns"] or set(curve.problem.names) != set(here):
+        raise BadInput(f"the file has {list(here)}, the problem has {list(curve.problem.names)}")
+    return curve, settings, (*events, *known)
+
+
+def _asked(settings: Settings | None) -> tuple[tuple[Event, ...] | None, bool]:
+    return (None, False) if settings is None else (settings.events, settings.inadmissible)
+
+
+def _of_boundary(
+    about: About,
+    problem: Problem,
+    settings: Settings | None,
+    known: Sequence[Event],
+    origin: Point | None,
+) -> tuple[Curve, tuple[Event, ...]]:
+    """The curve of a boundary: with the conditions that it had, which are those of its origin."""
+    free, released = about["free"][0], about["unknowns"][-1]
+    curve = Curve(problem, (released, free))
+    _check_fit(curve)
+    event = _event(about["boundary"], known)
+    if event is None:
+        kind = about["boundary"]["kind"]
+        raise BadInput(f"this is a boundary of {kind}, which the problem has no event for")
+    born = {} if origin is None else origin.values
+    if set(problem.names) <= set(born):
+        curve = Curve(problem.at(**{name: born[name] for name in problem.names}), curve.free)
+    here = Point(curve, curve.start)
+    events, inadmissible = _asked(settings)
+    longer, more = (
+        boundary_problem(here, event.of(problem), (free, released), some, inadmissible=inadmissible)
+        for some in (events, known)
+    )
+    return Curve(longer, (free,)), (*longer.events, *more.events)
+
+
+def _check_fit(curve: Curve) -> None:
+    """Refuse equations that the first point does not solve."""
+    try:
+        off = float((abs(curve.equations(curve.start)) / curve.rows).max())
+    except Undefined as error:
+        raise BadInput(f"the points of the file lie outside this problem: {error}") from error
+    if off > _FITS:
+        raise BadInput(f"the points of the file do not solve this problem: residual {off:.2g}")
+
+
+def missing(*_: Any) -> Any:
+    """The equations of a branch that was loaded without them."""
+    raise BadInput(
+        "this branch was loaded without its equations; load(path, problem=...) attaches them"
+    )
+
+
+def _bare(about: About, here: Mapping[str, Any]) -> Curve:
+    """A curve that has its names and numbers, but no equations."""
+    problem = Problem(
+        missing,
+        {name: here[name] for name in about["unknowns"]},
+        {name: here[name] for name in about["parameters"]},
+        record=dict.fromkeys(about["recorded"], missing),
+        interpret=missing,
+        label=about["label"],
+    )
+    curve = Curve(problem, tuple(about["free"]))
+    if about["boundary"]:
+        curve.varied = (about["free"][0], about["unknowns"][-1])
+    return curve
+
+
+def _settings(about: About, known: Sequence[Event]) -> Settings | None:
+    """How the walk was asked for; of its events those that can be made again."""
+    said = about["settings"]
+    if said is None:
+        return None
+    asked = None
+    if said["events"] is not None:
+        found = (_event(one, known) for one in said["events"])
+        asked = tuple(event for event in found if event is not None)
+    within = {name: (low, high) for name, (low, high) in said["within"].items()}
+    return Settings(within, asked, Steps(**said["steps"]), said["inadmissible"])
+
+
+def _event(said: Mapping[str, Any], known: Iterable[Event]) -> Event | None:
+    """An event that was written down: made again, or the one of its kind that is known."""
+    if "ends" not in said:
+        made: Event | None = remade(said)
+        return made
+    alike = next((event for event in known if event.kind == said["kind"]), None)
+    return alike and replace(alike, ends=said["ends"])
+
+
+def _happened(point: Point, events: Sequence[Event]) -> Event | None:
+    """The event of a special point: of its kind and, if there are several, the one whose test is
+    closest to zero."""
+    alike = {id(event): event for event in events if event.kind == point.kind}
+    if len(alike) > 1:
+        return min(alike.values(), key=lambda event: abs(measure(event, point)))
+    return next(iter(alike.values()), None)
+
+
+# --- points -------------------------------------------------------------------------------------
+
+
+def _points(about: About, data: Dataset, curve: Curve, events: Sequence[Event]) -> Iterator[Point]:
+    count = data.sizes["point"]
+    columns = [_values(data, name) for name in (*about["unknowns"], *about["free"])]
+    z = np.concatenate([column.reshape(count, -1) for column in columns], axis=1)
+    tangents = data["point_tangent"].values
+    for array in (z, tangents):
+        array.flags.writeable = False
+    known = ~np.isnan(tangents).any(axis=1)
+    recorded = {name: _values(data, name) for name in about["recorded"]}
+    rows = list(zip(*(column.tolist() if column.ndim == 1 else column
+                      for column in recorded.values()), strict=True))  # fmt: skip
+    numbers = [data[name].values.tolist() for name in ("arclength", "residual")]
+    doubtful = {*about["located"]}
+    codes, kinds = data["point_kind"].values.tolist(), about["kinds"]
+    brackets = data["point_bracket"].values.tolist()
+    for i in range(count):
+        detail = dict(zip(recorded, rows[i], strict=True)) if recorded else {}
+        said = about["detail"].get(str(i))
+        if said is not None:
+            detail |= from_json(said)
+        tangent = tangents[i] if known[i] else None
+        point = Point(curve, z[i], tangent, numbers[0][i], numbers[1][i], detail=detail)
+        if codes[i] or i in doubtful or brackets[i][0] == brackets[i][0]:
+            bracket = None if brackets[i][0] != brackets[i][0] else tuple(brackets[i])
+            point = replace(point, kind=kinds[codes[i]], bracket=bracket, located=i not in doubtful)
+            point = replace(point, event=_happened(point, events))
+        yield point
+
+
+def _values(data: Dataset, name: str) -> Array:
+    """The numbers of a variable, complex ones put together again."""
+    values = np.asarray(data[name].values)
+    if data[name].dims[-1:] == ("complex",):
+        return np.asarray(values[..., 0] + 1j * values[..., 1])
+    return values.astype(bool) if data[name].attrs.get("flag_meanings") == "false true" else values
+
+
+def _plain(value: Any) -> Any:
+    """A number as Python's own, an array as it is."""
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,147 @@
+"""Results on disk: a file, or a folder of files, by name, and special points by their labels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import BadInput
+from ..files import writable
+from .contents import made_of
+from .groups import check_names
+from .netcdf import read, write
+from .point import Point
+from .problem import Problem
+from .restored import about_in, restored
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+_SUFFIX = ".nc"
+
+
+class Run(Mapping[str, Any]):
+    """What is on disk under one path: read when it is asked for, and again where it has changed.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file that `save` wrote, or a folder of such files, made with the first one kept in it.
+    problem : Problem, optional
+        The equations of branches of your own problem: files hold those alone that are made of
+        numbers.
+
+    ``run["arms"]`` is a result: of a folder by the name of its file, ``"arms/arm2"`` one of several
+    in a file. ``run["PF2"]`` is a special point, if it is on one of the branches only. ``run.keep``
+    adds results to a folder, ``run.file("arms")`` is the path of one, as ``save=`` of `trace` takes
+    it.
+
+    Raises
+    ------
+    BadInput
+        For files that cannot be read; names and labels that are not there, or not only once.
+
+    Examples
+    --------
+    >>> import contbreather as cb, tempfile
+    >>> run = cb.Run(f"{tempfile.mkdtemp()}/study")
+    >>> branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.5, 0.8)})
+    >>> run.keep(symmetric=branch)
+    >>> list(run), run["PF1"].label, round(run["PF1"]["a"], 9)
+    (['symmetric'], 'PF1', 0.777632426)
+    """
+
+    def __init__(self, path: str | Path, *, problem: Problem | None = None) -> None:
+        self.path = Path(path)
+        self.problem = problem
+        self._read: dict[Path, tuple[Any, dict[str, Any]]] = {}
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files it consists of."""
+        if not self.path.is_dir():
+            return (self.path,) if self.path.exists() else ()
+        found = (*self.path.glob(f"*{_SUFFIX}"), *self.path.glob(f"*/*{_SUFFIX}"))
+        return tuple(sorted(path for path in found if not path.name.startswith(".")))
+
+    def file(self, name: str) -> Path:
+        """Where a result of that name is, or will be, in a folder."""
+        check_names("result", [name])
+        if self.path.is_file():
+            raise BadInput(f"{self.path} is one file; a folder is wanted for more of them")
+        return self.path / f"{name}{_SUFFIX}"
+
+    def keep(self, **results: Any) -> None:
+        """Write results to files of their names, each whole or not at all."""
+        for name, result in results.items():
+            path = self.file(name)
+            self.path.mkdir(parents=True, exist_ok=True)
+            write(writable(path), {name: result})
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all())
+
+    def __len__(self) -> int:
+        return len(self._all())
+
+    def __getitem__(self, key: str) -> Any:
+        found = self._all()
+        if key in found:
+            return found[key]
+        places = [(name, p) for name, p in self.points() if p.label == key]
+        if len(places) == 1:
+            return places[0][1]
+        if places:
+            where = ", ".join(name for name, _ in places)
+            raise BadInput(
+                f"{key!r} is a point of several: {where}; say which, run[{places[0][0]!r}]"
+                f".first({key!r})"
+            )
+        labels = sorted({p.label for _, p in self.points() if p.kind not in ("", "EP")})
+        raise BadInput(f"no {key!r} in {self.path}; there are {list(found)} and points {labels}")
+
+    def points(self) -> Iterator[tuple[str, Point]]:
+        """Special points of everything that has any, with the names of what they are on."""
+        for name, result in self._all().items():
+            for point in getattr(result, "special", ()):
+                yield name, point
+
+    def _all(self) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for path in self.files:
+            inside = self._in(path)
+            if not self.path.is_dir():
+                return inside
+            stem = path.relative_to(self.path).with_suffix("").as_posix()
+            for name, result in inside.items():
+                found[stem if len(inside) == 1 else f"{stem}/{name}"] = result
+        return found
+
+    def _in(self, path: Path) -> dict[str, Any]:
+        """What is in a file, read once as long as it stays the same."""
+        here = path.stat()
+        state = (here.st_mtime_ns, here.st_size, here.st_ino)
+        if path not in self._read or self._read[path][0] != state:
+            self._read[path] = state, read_file(path, self.problem)
+        return self._read[path][1]
+
+    def __repr__(self) -> str:
+        return f"<Run {self.path}: {', '.join(self) or 'nothing yet'}>"
+
+
+def read_file(path: str | Path, problem: Problem | None = None) -> dict[str, Any]:
+    """All values of a file by their names."""
+    with read(path) as tree:
+        try:
+            return {str(name): _value(group, problem) for name, group in tree.children.items()}
+        except BadInput as error:
+            raise BadInput(f"{path}: {error}") from error
+
+
+def _value(group: DataTree, problem: Problem | None) -> Any:
+    told = about_in(group)
+    if told["content"] == "branch":
+        return restored(group, problem)
+    parts = {name: _value(group.children[name], problem) for name in told["parts"]}
+    return made_of(group, told, parts)

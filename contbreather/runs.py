@@ -1,0 +1,7 @@
+"""Results on disk, of every kind: the engine's files, with the makers of what is in them."""
+
+from __future__ import annotations
+
+from contbreather.continuation import Run, load, save
+
+__all__ = ["Run", "load", "save"]
