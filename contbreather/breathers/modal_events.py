@@ -28,7 +28,7 @@ from contbreather.continuation.derivatives import differences, directional
 from contbreather.continuation.loci import Singular
 from contbreather.continuation.newton import Undefined
 from contbreather.errors import BadInput
-from contbreather.stability.pairs import beyond, outermost
+from contbreather.stability.pairs import REAL
 from contbreather.stability.section_map import ModalMap
 from contbreather.stability.verdict import THRESHOLD
 
@@ -36,7 +36,6 @@ FloatArray = NDArray[np.float64]
 Conditions = Callable[[Curve, FloatArray, FloatArray], FloatArray]
 
 STEP = 1e-3  # of velocities and accelerations at impacts, relative, for differences
-REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
 ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
 VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding
 
@@ -71,7 +70,7 @@ def _symmetry_locus(point: Point) -> Locus:
 
 
 def _beyond(mu: float, point: Point) -> int:
-    return beyond(_map(point).coupled, mu)
+    return _map(point).beyond(mu)
 
 
 def _loose(point: Point) -> bool:
@@ -125,7 +124,7 @@ def _outermost(threshold: float, point: Point) -> float:
     # the rounding of all others: no pair can be told from that
     if EPS * np.linalg.norm(flight.map.matrix) > REAL:
         return math.nan
-    return outermost(_upper(flight), _radius(flight, threshold))
+    return flight.map.outermost(_radius(flight, threshold))
 
 
 def contact() -> Event:
@@ -218,12 +217,6 @@ def _in_z(conditions: Conditions, curve: Curve, z: FloatArray, extra: FloatArray
 def _radius(flight: ModalFlight, threshold: float) -> float:
     """The threshold over the whole period, as one over a section."""
     return math.sqrt(threshold) if flight.section.symmetric else threshold
-
-
-def _upper(flight: ModalFlight) -> NDArray[np.complex128]:
-    """Multipliers over a section in the open upper half plane, of modes that impacts see."""
-    mu = flight.map.coupled
-    return mu[mu.imag > REAL]
 
 
 def _circle_locus(threshold: float, point: Point) -> Locus:

@@ -40,6 +40,7 @@ from contbreather.stability.propagators import (
     resolvent,
     root,
 )
+from contbreather.stability.refined import refined
 from contbreather.stability.saltation import Kick, saltation
 from contbreather.stability.section_map import Blow, ModalMap
 from contbreather.stability.winding import Count
@@ -47,11 +48,8 @@ from contbreather.stability.winding import Count
 Array = NDArray[Any]
 
 GRID = 24  # samples between two singular places of the circle; refinement does the rest
-TURN = 0.6  # largest step of F between neighbouring samples, relative to its modulus
-DEPTH = 40  # halvings of one interval
 CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
 FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
-MOST = 2**12  # samples of one piece: one that asks for more has a zero on it, or is rounding
 FAR = 0.25  # of a pair from the circle: beyond that it is all the same
 EDGE = 1e-7  # with several sites the very ends of the band are not evaluated
 
@@ -369,7 +367,7 @@ class OrbitMap:
             place = _ends_resolved(low, high)
             if self._sites[0].any():  # stay off the singular ends
                 x = EDGE + (1.0 - 2.0 * EDGE) * x
-            x, F, resolved = _refined(x, place, self.F, FLAT * self._terms)
+            x, F, resolved = refined(x, place, self.F, FLAT * self._terms)
             enough &= resolved
             places.append(place(x))
             values.append(F)
@@ -513,30 +511,6 @@ def _counted(mu: Array, radius: float) -> Count:
 def _ends_resolved(low: float, high: float) -> Callable[[Array], Array]:
     """kappa from x in [0, 1], so that a square root at either end is smooth in x."""
     return lambda x: 0.5 * (low + high) - 0.5 * (high - low) * np.cos(math.pi * x) + 0j
-
-
-def _refined(
-    x: Array, place: Callable[[Array], Array], value: Callable[[Array], Array], floor: float
-) -> tuple[Array, Array, bool]:
-    """Samples halved wherever the function moves by much of its modulus, unless that is nothing
-    but rounding, below the floor: about a zero on the circle itself. With several sites F has more
-    rounding than its terms tell, so that the samples are bounded as well; were they enough?"""
-    F = value(place(x))
-    for _ in range(DEPTH):
-        size = np.abs(F)
-        steep = np.abs(F[1:] - F[:-1]) > TURN * np.minimum(size[1:], size[:-1])
-        steep &= np.maximum(size[1:], size[:-1]) > floor
-        wide = steep.copy()
-        wide[1:] |= steep[:-1]
-        wide[:-1] |= steep[1:]
-        i = np.flatnonzero(wide & (x[1:] - x[:-1] > 1e-13))
-        if i.size == 0:
-            break
-        if x.size + i.size > MOST:
-            return x, F, False
-        middle = 0.5 * (x[i] + x[i + 1])
-        x, F = np.insert(x, i + 1, middle), np.insert(F, i + 1, value(place(middle)))
-    return x, F, True
 
 
 def _zeros(D: Callable[[Array], Array], kappa: Array) -> Array:

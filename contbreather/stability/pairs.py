@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
+REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
+
 
 def beyond(mu: Array, place: float) -> int:
     """How many real multipliers are farther out than a place on the real axis, on its side."""

@@ -17,12 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.flows.modes import Turn, free_multipliers
-from contbreather.stability.pairs import outermost
+from contbreather.stability.pairs import REAL, beyond, outermost
+from contbreather.stability.secular import Secular
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Array = NDArray[Any]
 
+LARGE = 160  # multipliers: of more, those next to a circle are found without all others
+BESIDE = 1e-6  # how far off the poles of free modes on the circle multipliers beyond are looked for
 DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
 
@@ -153,6 +156,24 @@ class ModalMap:
         """By how much the first pair is short of a circle, and how many are outside."""
         upper = self.coupled[self.coupled.imag > 0.0]
         return -outermost(upper, radius), int(np.count_nonzero(abs(upper) > radius))
+
+    def outermost(self, radius: float) -> float:
+        """By how much the first pair has left a circle, negative where none has (far inside by as
+        much as free modes); NaN where there is none."""
+        found = None
+        if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and radius > 1.0:
+            found = self._secular.outermost(radius)
+        return outermost(self.coupled[self.coupled.imag > REAL], radius) if found is None else found
+
+    def beyond(self, place: float) -> int:
+        """How many real multipliers are farther out than 1 or -1, on its side."""
+        if "coupled" in self.__dict__ or 2 * self.z.size <= LARGE:
+            return beyond(self.coupled, place)
+        return self._secular.beyond(place * (1.0 + BESIDE))
+
+    @cached_property
+    def _secular(self) -> Secular:
+        return Secular(self.z, self.damping, self.length, self.turns, self.blows)
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
         """``det(M - mu)``, in units of what it is without impacts."""

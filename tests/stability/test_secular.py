@@ -1,0 +1,89 @@
+"""Multipliers next to a circle by the reduced determinant, against all of them at once."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contbreather.lattice import Ring
+from contbreather.lattice.finite import Grid
+from contbreather.stability import section_map
+from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.pairs import beyond, outermost
+from contbreather.stability.section_map import ModalMap
+from contbreather.stability.secular import Secular
+
+ONE = [(0, 0.0, 0.3)]
+ARM = [(0, 0.0, 0.5), (0, 2.9, 0.2)]
+PAIR = [(0, 0.0, 0.9), (5, 1.2, -0.4), (0, 3.1, 0.8), (5, 4.4, 0.1)]
+
+
+def ring_map(kicks: list[tuple[int, float, float]], gamma: float, sites: int = 40) -> ModalMap:
+    return OrbitMap(gamma, 0.8, kicks, lattice=Ring(sites)).modal
+
+
+def grid_map(damping: float) -> ModalMap:
+    import contbreather as cb
+
+    on = {"a": 0.6, "gamma": 0.03, "k": 0.8, "spring": 0.2, "damping": damping}
+    return cb.symmetric(**on, lattice=Grid(6, 6), site=14).flight.map
+
+
+MAPS = {
+    "one impact": ring_map(ONE, 0.04),
+    "many outside": ring_map(ONE, 0.12),
+    "two impacts": ring_map(ARM, 0.08),
+    "two sites": ring_map(PAIR, 0.06),
+    "a grid": grid_map(0.0),
+    "with damping": grid_map(0.02),
+}
+
+
+def reduced(map: ModalMap) -> Secular:
+    return Secular(map.z, map.damping, map.length, map.turns, map.blows)
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_the_reduced_determinant_is_the_product_over_all_multipliers(name: str) -> None:
+    map, mu = MAPS[name], np.array([1.3, -1.2, 0.7 + 1.1j, -0.4 + 1.2j])
+    poles = reduced(map).poles
+    free = np.concatenate([poles, poles.conj()])
+    wanted = [np.prod((map.coupled - one) / (free - one)) for one in mu]
+    assert reduced(map).D(mu) == pytest.approx(np.array(wanted), rel=1e-9)
+
+
+@pytest.mark.parametrize("threshold", [1.005, 1.05, 1.2])
+@pytest.mark.parametrize("name", MAPS)
+def test_the_first_pair_to_leave_is_that_of_all_multipliers(name: str, threshold: float) -> None:
+    map, secular = MAPS[name], reduced(MAPS[name])
+    mu = map.coupled
+    found, wanted = secular.outermost(threshold), outermost(mu[mu.imag > 1e-8], threshold)
+    floor = abs(secular.poles).max() / threshold - 1.0
+    assert found is not None
+    if wanted > -1e-3 * (threshold - 1.0) or found > floor:
+        assert found == pytest.approx(wanted, abs=1e-9)
+    assert (found > 0.0) == (wanted > 0.0)
+    around = secular.around(threshold)
+    assert around is not None
+    assert around.outside == np.count_nonzero(abs(mu) > threshold)
+
+
+@pytest.mark.parametrize("name", MAPS)
+@pytest.mark.parametrize("place", [1.001, 1.1, -1.001, -1.1])
+def test_real_multipliers_beyond_a_place_are_counted(name: str, place: float) -> None:
+    assert reduced(MAPS[name]).beyond(place) == beyond(MAPS[name].coupled, place)
+
+
+def test_a_large_lattice_is_asked_for_what_is_next_to_the_circle_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(section_map, "LARGE", 20)
+    map = ring_map(ARM, 0.13)
+    first, count = map.outermost(1.005), (map.beyond(1.0), map.beyond(-1.0))
+    assert "coupled" not in vars(map)
+    mu = map.coupled
+    assert first == pytest.approx(outermost(mu, 1.005), abs=1e-9)
+    assert count == (beyond(mu, 1.0), beyond(mu, -1.0))
+    assert math.isfinite(first)
