@@ -792,12 +792,16 @@ def test_labelled_rows_solve_both_equations_of_their_meeting(bare) -> None:
 
 
 def test_zones_print_for_programs_without_writing(run: Callable[..., Output]) -> None:
-    line = ["zones", "--k", "0.8", "--gamma-window", "0", "0.06", "--json"]
+    line = ["zones", "--k", "0.8", "--gamma-window", "0.05", "0.08", "--json"]
     content = strict(run(*line)[1])
     assert list(Path().iterdir()) == []
     (diagram,) = content["zones"]
     assert diagram["fixed"] == {"k": 0.8}
     assert diagram["pair"] == ["gamma", "a"]
+    (meeting,) = diagram["points"]
+    assert meeting["meeting"] == "PF-GR"
+    assert DEFINING["PF"](meeting)
+    assert DEFINING["GR"](meeting)
     pf = next(curve for curve in diagram["curves"] if curve["curve"] == "PF")
     for gamma, a in zip(pf["gamma"], pf["a"], strict=True):
         assert pitchfork({"gamma": gamma, "a": a, "k": 0.8})

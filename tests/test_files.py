@@ -48,6 +48,20 @@ def test_file_is_complete_the_moment_it_has_its_name(tmp_path: Path) -> None:
     assert write_whole(target, slowly).read_text() == "one\ntwo\n"
 
 
+def test_bytes_are_on_the_disk_before_they_have_the_name(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    seen: list[int] = []
+
+    def fsync(number: int) -> None:
+        seen.append(os.fstat(number).st_size)
+        assert not (tmp_path / "table.csv").exists()
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    write_whole(tmp_path / "table.csv", saying(b"one\n"))
+    assert seen == [4]
+
+
 def test_file_has_the_permissions_of_any_new_file(tmp_path: Path) -> None:
     (tmp_path / "plain").touch()
     made = write_whole(tmp_path / "made", saying(b""))

@@ -61,7 +61,19 @@ def test_section_leaves_out_the_transient_and_takes_sites_round_the_ring(run):
 
 def test_section_of_a_fixed_point_does_not_zoom_into_rounding(state):
     run = cb.simulate(state, periods=5, a=0.2, gamma=0.04, k=0.8)
-    assert np.ptp(plot_section(run).get_xlim()) >= 1e-3
+    assert np.ptp(plot_section(run).get_xlim()) == pytest.approx(2e-3)
+
+
+def test_section_of_a_motion_shows_all_of_it(run):
+    axes = plot_section(run, site=1)
+    (line,) = axes.get_lines()
+    assert np.ptp(line.get_xdata()) > 1e-3 < np.ptp(line.get_ydata())
+    for data, (low, high) in (
+        (line.get_xdata(), axes.get_xlim()),
+        (line.get_ydata(), axes.get_ylim()),
+    ):
+        assert low < data.min()
+        assert data.max() < high
 
 
 def test_more_transient_than_run_is_refused(run):
