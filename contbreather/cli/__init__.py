@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 from contbreather import __version__
 from contbreather.cli.interrupts import STATUS as INTERRUPTED
 from contbreather.cli.interrupts import CutShort, watched
-from contbreather.cli.streams import abandon, prepare, trouble
+from contbreather.cli.streams import abandon, heard, prepare, trouble
 from contbreather.errors import BadInput, ContbreatherError
 
 if TYPE_CHECKING:
     from cyclopts import App
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
+VERBOSE = "--verbose"  # of every command
 LATTICES = ("--lattice", "--site", "--damping", "--spring", "--walls")
 CHAINS_ONLY = {
     "zones": "its curves are followed in closed form, on the infinite chain or a ring (--sites N); "
@@ -38,9 +39,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if arguments is None:
         prepare()
-    tokens = list(sys.argv[1:] if arguments is None else arguments)
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    tokens = [token for token in given if token != VERBOSE]
     try:
-        with watched(alone=arguments is None):
+        with watched(alone=arguments is None), heard(tokens != given):
             status = _run(tokens)
             sys.stdout.flush()
     except BadInput as error:
@@ -113,11 +115,22 @@ def application() -> App:
     """All commands; each imports what it needs when it runs."""
     from cyclopts import App, Parameter
 
-    from contbreather.cli import boundary, branch, diagram, figure, point, simulate, switch, zones
+    from contbreather.cli import (
+        boundary,
+        branch,
+        completion,
+        diagram,
+        figure,
+        point,
+        simulate,
+        switch,
+        zones,
+    )
 
     app = App(
         name="contbreather",
-        help="Exact discrete breathers of an impacting chain, continued, with their stability.",
+        help="Exact discrete breathers of an impacting chain, continued, with their stability.\n\n"
+        f"With {VERBOSE} any command logs its steps, with their Newton iterations.",
         version=__version__,
         help_format="markdown",
         default_parameter=Parameter(negative="", show_default=_shown),
@@ -134,4 +147,5 @@ def application() -> App:
     )
     for command in commands:
         app.command(command)
+    completion.offer(app)
     return app

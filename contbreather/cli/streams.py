@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
+import logging
 import os
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 COLUMNS = range(20, 10_000)  # with fewer or more the layout of tables and help breaks down
@@ -30,6 +32,21 @@ def prepare() -> None:
     if width.isdecimal() and int(width) not in COLUMNS:
         del os.environ["COLUMNS"]
     os.environ["MPLBACKEND"] = "agg"  # figures go into files only
+
+
+@contextlib.contextmanager
+def heard(aloud: bool) -> Iterator[None]:
+    """What the library logs goes to standard error, if it is wanted."""
+    logger, handler = logging.getLogger("contbreather"), logging.StreamHandler()
+    before = logger.level
+    if aloud:
+        logger.setLevel(logging.DEBUG)
+        logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+        logger.removeHandler(handler)
 
 
 def abandon(stream: Any) -> None:

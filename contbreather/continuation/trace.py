@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import nullcontext
@@ -28,6 +29,7 @@ from .steps import Steps
 from .trail import Value, counted
 
 Array = NDArray[np.float64]
+LOG = logging.getLogger(__name__)
 
 # The shape of one step: how far the tangent may turn, and how far the curve may stray from the
 # cubic through both ends, as a fraction of the step. Together they leave no room for a feature of
@@ -386,6 +388,7 @@ class Walker:
                 if reason.stop is Stop.BOUND:
                     raise
                 failed = reason
+            LOG.debug("step of %.3g refused: %s", size, failed)
             size /= 2
         raise failed
 
@@ -476,6 +479,10 @@ class Walker:
                 raise Failed(Stop.NO_CONVERGENCE, "another curve is too close")
         if self._peeks(point, last, length):
             raise Failed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
+        LOG.debug(
+            "step of %.3g to %s = %.10g: %d Newton iterations, residual %.1e",
+            length, curve.free[0], last.z[-1], found.iterations, found.residual,
+        )  # fmt: skip
         return last, side, crossing
 
     def _strays(self, point: Point, last: Point, length: float) -> bool:
@@ -565,6 +572,7 @@ class Walker:
         if any(id(event) in ended for event in self._broken(found)):
             return line, Stop.EVENT  # it leads out of the meaningful region at once
         for special in found.points[len(starts) :]:
+            LOG.info("found %s: %r", special.kind, special)
             line.append(special)
             if special.event is not None and special.event.ends:
                 return line, Stop.EVENT
