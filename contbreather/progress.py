@@ -59,7 +59,7 @@ class _Page:
 class _Shown:
     """What both kinds share: `shown` True or False forces it on or off, None asks where it is."""
 
-    def __init__(self, shown: bool | None, total: int | None = None, unit: str = "") -> None:
+    def __init__(self, shown: bool | None, total: int | None = None, unit: str = "periods") -> None:
         self.page = in_notebook()
         self.wanted = (self.page or sys.stderr.isatty()) if shown is None else shown
         self.after = time.monotonic() + PATIENCE
