@@ -19,6 +19,7 @@ from .continuation import Steps as Steps
 from .continuation import Stop as Stop
 from .continuation import boundary as boundary
 from .continuation import branch_point as branch_point
+from .continuation import extend as extend
 from .continuation import fold as fold
 from .continuation import hopf as hopf
 from .continuation import trace as trace

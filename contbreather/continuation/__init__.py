@@ -6,6 +6,7 @@ from .boundary import boundary
 from .branch import Branch, Stop, with_columns
 from .equilibria import branch_point, cusp, fold, hopf
 from .lift import Lift
+from .onward import extend
 from .point import Event, Locus, Point, user
 from .problem import Problem
 from .refine import refined
@@ -27,6 +28,7 @@ __all__ = [
     "boundary",
     "branch_point",
     "cusp",
+    "extend",
     "fold",
     "hopf",
     "load",

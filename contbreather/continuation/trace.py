@@ -82,7 +82,8 @@ def trace(
     Parameters
     ----------
     start : Problem, Orbit or Point
-        Where to begin. A start that is not a solution is moved onto one at the same parameters;
+        Where to begin. From a point of a boundary in ``("gamma", "a")``, "a" leads to a branch of
+        the original problem, another parameter to the same boundary there. A start that is not a solution is moved onto one at the same parameters;
         where none is found, onto the nearest with another value of the free one; or it is refused
         with its residual. How far it was moved says ``branch.moved``.
     free : str
@@ -136,6 +137,8 @@ def trace(
     events = all_of(events)  # both walks need them
     origin = start if isinstance(start, Point) else None
     settings = Settings(windows(within), events, steps or Steps(), inadmissible)
+    if isinstance(start, Point) and free in start.ground.curve.free[:1]:
+        start = start.ground
     start = problem_in(start)  # once: what both find at the start is one event
     sides = ("down", "up") if towards == "both" and along is None else (towards,)
     legs: list[Leg] = []

@@ -1,0 +1,138 @@
+"""A branch that goes on where it ended: in memory, or from a file of last month."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any, Literal
+
+from ..checks import check_kind
+from ..errors import BadInput, keeping, taking
+from .branch import Branch, Settings, Stop
+from .checkpoint import Checkpoint, Inner, Save, checkpoint
+from .extended import event_of
+from .point import Event
+from .starts import Within, all_of, windows
+from .steps import Steps
+from .trace import trace
+
+_OVER: dict[Stop | None, str] = {
+    Stop.CLOSED: "it is closed: there is nothing beyond",
+    Stop.EVENT: "there is nothing to follow beyond the event that ended it",
+}
+
+
+def extend(
+    branch: Branch,
+    *,
+    end: Literal["both", "last", "first"] = "both",
+    within: Within | None = None,
+    events: Event | Iterable[Event] | None = None,
+    steps: Steps | None = None,
+    progress: bool | None = None,
+    save: Save = None,
+) -> Branch:
+    """The same branch, or boundary, followed further at its ends.
+
+    Parameters
+    ----------
+    branch : Branch
+        With its equations, `load` says how.
+    end : {'both', 'last', 'first'}
+        Which end: of both, those beyond which there is something.
+    within, events, steps : optional
+        As for `trace`; those that the branch was asked for with unless given. A branch that
+        ended at the edge of its window needs a wider one.
+    progress, save
+        As for `trace`.
+
+    Returns
+    -------
+    Branch
+        The old points and the new ones, special points numbered anew.
+
+    Raises
+    ------
+    BadInput
+        If no end can go on, with the reason of each.
+    Interrupted
+        On Ctrl-C; its ``partial`` is the longer branch as far as it got.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> short = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.65, 0.75)})
+    >>> longer = cb.extend(short, within={"a": (0.65, 0.8)})
+    >>> [point.label for point in longer.special], round(longer.first("PF")["a"], 9)
+    (['EP1', 'PF1', 'EP2'], 0.777632426)
+    """
+    check_kind(branch, Branch, "a Branch")
+    if end not in ("both", "last", "first"):
+        raise BadInput(f"end must be 'both', 'last' or 'first', got {end!r}")
+    if event_of(branch.problem) and events is not None:
+        raise BadInput("a boundary goes on with the events it was asked for; leave events out")
+    asked = _asked(branch, within, events, steps)
+    done, over = [branch], dict[str, str]()
+    with checkpoint(save, "branch") as kept, keeping(lambda: done[-1]), taking(done.append):
+        for side in ("last", "first") if end == "both" else (end,):
+            why = _over(branch, side, asked)
+            if why:
+                over[side] = why
+            else:
+                done.append(_further(done[-1], side, asked, progress, kept))
+        if len(done) == 1:
+            reasons = "; ".join(f"at its {side} point {why}" for side, why in over.items())
+            raise BadInput(f"the {branch.problem.label or 'branch'} goes no further: {reasons}")
+        kept.finish(done[-1])
+    return done[-1]
+
+
+def _asked(branch: Branch, within: Within | None, events: Any, steps: Steps | None) -> Settings:
+    old = branch.settings or Settings()
+    return Settings(
+        old.within if within is None else windows(within),
+        old.events if events is None else all_of(events),
+        steps or old.steps,
+        old.inadmissible,
+    )
+
+
+def _over(branch: Branch, side: str, asked: Settings) -> str:
+    """Why a branch cannot go on at one end; empty if it can."""
+    last = side == "last"
+    stop, reason = (branch.stop, branch.reason) if last else (branch.began, branch.began_reason)
+    old = Settings() if branch.settings is None else branch.settings
+    if stop in _OVER:
+        return _OVER[stop]
+    if stop is Stop.BOUND and (reason or asked.within == old.within):
+        windows = ", ".join(f"{name} in ({a:g}, {b:g})" for name, (a, b) in old.within.items())
+        return reason or f"it is at the edge of its window, {windows}: give a wider one, within="
+    if branch[-1 if last else 0].tangent is None:
+        return "no direction is known"
+    return ""
+
+
+def _further(
+    branch: Branch, side: str, asked: Settings, progress: bool | None, kept: Checkpoint
+) -> Branch:
+    """The branch with what lies beyond one end."""
+    line = branch if side == "last" else branch.reversed()
+
+    def whole(piece: Branch) -> Branch:
+        longer = replace(line.join(piece), settings=asked)
+        return longer if side == "last" else longer.reversed()
+
+    pieces: list[Branch] = []
+    with keeping(lambda: whole(pieces[0]) if pieces else branch), taking(pieces.append):
+        piece = trace(
+            line[-1].problem,
+            branch.free,
+            within=asked.within,
+            events=None if event_of(branch.problem) else asked.events,
+            steps=asked.steps,
+            progress=progress,
+            along=line[-1].direction,
+            inadmissible=asked.inadmissible,
+            save=Inner(kept, whole),
+        )
+    return whole(piece)
