@@ -83,9 +83,10 @@ def trace(
     ----------
     start : Problem, Orbit or Point
         Where to begin. From a point of a boundary in ``("gamma", "a")``, "a" leads to a branch of
-        the original problem, another parameter to the same boundary there. A start that is not a solution is moved onto one at the same parameters;
-        where none is found, onto the nearest with another value of the free one; or it is refused
-        with its residual. How far it was moved says ``branch.moved``.
+        the original problem, another parameter to the same boundary there. A start that is not a
+        solution is moved onto one at the same parameters; where none is found, onto the nearest
+        with another value of the free one; or it is refused with its residual. How far it was moved
+        says ``branch.moved``.
     free : str
         Name of the free parameter. Folds in it are passed without notice.
     within : dict, optional

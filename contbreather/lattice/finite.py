@@ -291,7 +291,7 @@ def _matrix(given: Any) -> FloatArray:
             f"stiffness[{i}, {j}] = {matrix[i, j]:g} but stiffness[{j}, {i}] = {matrix[j, i]:g}: "
             "a spring pulls both ends alike, so the matrix must be symmetric."
         )
-    matrix = 0.5 * (matrix + matrix.T)
+    matrix = 0.5 * (matrix + matrix.T) + 0.0  # one zero, not two: lattices are known by their bits
     matrix.setflags(write=False)
     return matrix
 
