@@ -18,6 +18,8 @@ from .curve import Curve
 from .loci import Singular, signed_smallest
 from .newton import Solution, Undefined, solve
 from .point import Event, Locus, Point
+from .rank import Bordered, weakest
+from .sparse import Matrix, is_sparse
 
 Array = NDArray[np.float64]
 
@@ -57,10 +59,8 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
     previous = math.inf
     for iteration in range(1, most + 1):
         value, matrix = curve.equations(z) / curve.rows, _finite(curve.balanced(curve.jacobian(z)))
-        left, sizes, right = np.linalg.svd(matrix)
-        w, null = left[:, -1], right[-2:]
-        n = sizes.size - 1
-        rest = -right[:n].T @ (left[:, :n].T @ value / sizes[:n])
+        weak = weakest(matrix)
+        w, null, rest = weak.left, weak.plane, -weak.rest(value)
         turned = [curve.balanced(curve.along(z, vector * curve.scales)) for vector in null]
         second = _finite(np.stack([w @ change for change in turned]))
         form = second @ null.T  # w^T H_zz on the null space
@@ -75,13 +75,12 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
         if correction <= 1e-9 * size or stalled:
             found = Solution(z, True, iteration, 0.0, correction)
             resolved = _resolved(curve, found, w, null * curve.scales, form)
-            double = (sizes[:n] < GAP * size * abs(form).max()).any()
-            return replace(resolved, double=bool(double))
+            return replace(resolved, double=weak.second < GAP * size * float(abs(form).max()))
         previous = correction
     raise Undefined("no branch point was found nearby")
 
 
-def _finite(matrix: Array) -> Array:
+def _finite(matrix: Matrix) -> Matrix:
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
     return matrix
@@ -118,7 +117,10 @@ def crossing_event(meets: Mapping[str, tuple[Event, ...]]) -> Event:
 
 
 def _unstable(point: Point) -> int:
-    """Number of eigenvalues of the derivative in the unknowns with positive real part."""
+    """Number of eigenvalues of the derivative in the unknowns with positive real part; of a large
+    problem they are not all known, and the derivatives themselves tell where to look."""
+    if is_sparse(point.curve.jacobian(point.z)):
+        return 0
     return int(np.count_nonzero(point.curve.spectrum(point.z).real > 0))
 
 
@@ -128,9 +130,14 @@ def branch_point_test(point: Point) -> float:
     return signed_smallest(bordered(point))
 
 
-def bordered(point: Point) -> Array:
-    curve, whole = point.curve, np.empty((point.z.size, point.z.size))
-    whole[:-1], whole[-1] = curve.jacobian(point.z), curve.dual(point.direction)
+def bordered(point: Point) -> Matrix:
+    """The derivative and the row of the tangent, in the scales of the unknowns."""
+    curve, row = point.curve, point.curve.dual(point.direction)
+    matrix = curve.jacobian(point.z)
+    if is_sparse(matrix):
+        return Bordered(curve.factors(point.z), row, curve.scales)
+    whole = np.empty((point.z.size, point.z.size))
+    whole[:-1], whole[-1] = matrix, row
     whole *= curve.scales
     return whole
 
@@ -165,8 +172,10 @@ class Crossings:
 def branches_cross(ground: Point) -> bool:
     """Whether the derivative in unknowns and both parameters loses one rank: solutions then are
     no smooth surface, and branches cross for other values of the parameters as well."""
-    sizes = np.linalg.svd(balanced(ground), compute_uv=False)
-    return bool(sizes[-1] < _RANK and (sizes.size == 1 or sizes[-2] > _RANK))
+    weak = weakest(balanced(ground))
+    # sparse problems have fine meshes, where even the others are small
+    small = _RANK * (min(1.0, weak.second) if is_sparse(balanced(ground)) else 1.0)
+    return weak.size < small < weak.second
 
 
 def crossed(ground: Point) -> dict[str, str]:
@@ -278,5 +287,5 @@ def _refuse_to_part(point: Point) -> float:
     return float("nan")
 
 
-def balanced(point: Point) -> Array:
+def balanced(point: Point) -> Matrix:
     return point.curve.balanced(point.jacobian())

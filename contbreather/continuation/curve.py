@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
@@ -12,6 +13,17 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from . import derivatives
 from .newton import OUT_OF_DOMAIN, Undefined, length, rounding
+from .sparse import (
+    Factors,
+    Matrix,
+    Pattern,
+    beside,
+    canonical,
+    columns_of,
+    is_sparse,
+    row_sizes,
+    scaled,
+)
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -21,7 +33,12 @@ _ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
 
 
 def _check_shape(what: str, given: Any, shape: tuple[int, ...]) -> None:
-    if hasattr(given, "toarray"):
+    if is_sparse(given) and len(shape) == 2:
+        if given.shape != shape:
+            raise BadInput(f"the {what} is sparse and has shape {given.shape}; {shape} was wanted")
+        _check_entries(what, canonical(given))
+        return
+    if is_sparse(given):
         raise BadInput(
             f"the {what} is sparse, a {type(given).__name__}; a dense array of shape {shape} was "
             "wanted: return its toarray()"
@@ -32,6 +49,17 @@ def _check_shape(what: str, given: Any, shape: tuple[int, ...]) -> None:
         raise BadInput(f"the {what} is {given!r}; an array of numbers was wanted") from error
     if found != shape:
         raise BadInput(f"the {what} has shape {found}; {shape} was wanted")
+
+
+def _check_entries(what: str, given: Matrix) -> None:
+    wrong = np.flatnonzero(~np.isfinite(given.data))
+    if wrong.size:
+        entry = (int(given.indices[wrong[0]]), int(columns_of(given)[wrong[0]]))
+        raise BadInput(f"entry {entry} of the sparse {what} is {given.data[wrong[0]]} at the start")
+
+
+def _among(columns: NDArray[np.intp], z: Array) -> NDArray[np.bool_]:
+    return np.isin(np.arange(z.size), columns)
 
 
 class Curve:
@@ -105,13 +133,13 @@ class Curve:
             return sizes
 
     def row_sizes(self, z: Array) -> Array:
-        sizes = abs(self.jacobian(z) * self.scales).max(axis=1)
+        sizes = row_sizes(self.jacobian(z), self.scales)
         sizes[sizes == 0] = 1.0
         return sizes
 
-    def balanced(self, matrix: Array) -> Array:
+    def balanced(self, matrix: Matrix) -> Matrix:
         """A derivative (its first columns, in the order of z) in units of `scales` and `rows`."""
-        return matrix * self.scales[: matrix.shape[1]] / self.rows[:, None]
+        return scaled(matrix, 1 / self.rows, self.scales[: matrix.shape[1]])
 
     def rounding(self, z: Array) -> Array:
         """What rounding leaves of each equation at z."""
@@ -142,12 +170,17 @@ class Curve:
         self._known[what] = [(z, value), *recent[:2]]
         return value
 
-    def jacobian(self, z: Array) -> Array:
-        """Derivative of `equations`, shape ``(n, n + len(free))``; not to be written to."""
-        matrix: Array = self.once("jacobian", z, self._derivatives)
-        return matrix
+    def jacobian(self, z: Array) -> Matrix:
+        """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
+        be written to."""
+        return self.once("jacobian", z, self._derivatives)
 
-    def in_unknowns(self, z: Array) -> Array:
+    def factors(self, z: Array) -> Factors:
+        """A sparse derivative factorised."""
+        found: Factors = self.once("factors", z, lambda z: Factors(self.jacobian(z)))
+        return found
+
+    def in_unknowns(self, z: Array) -> Matrix:
         """The derivative in the unknowns alone, where none in parameters are wanted."""
         return self._derivatives(z, self.size)
 
@@ -160,28 +193,57 @@ class Curve:
         values: NDArray[np.complex128] = self.once("spectrum", z, eigenvalues)
         return values
 
-    def _derivatives(self, z: Array, width: int | None = None) -> Array:
+    def _derivatives(self, z: Array, width: int | None = None) -> Matrix:
         """The first columns of the derivative, or all of them."""
-        problem, n, width = self.problem, self.size, width or z.size
-        params, by_hand = self.params(z), 0
-        matrix = np.empty((n, width))
+        problem, params, width = self.problem, self.params(z), width or z.size
         try:
             if problem.derivatives is not None:
-                x = self.unknowns(z)
-                return np.asarray(problem.derivatives(x, params, self.free)[:, :width])
-            if problem.jacobian is not None:
-                matrix[:, :n] = problem.jacobian(self.unknowns(z), params)
-                by_hand = n
-                if problem.sensitivity is not None:
-                    for i in range(n, width):
-                        name = self.free[i - n]
-                        matrix[:, i] = problem.sensitivity(self.unknowns(z), params, name)
-                    by_hand = width
-            if by_hand < width:
-                matrix[:, by_hand:] = self._by_trying(z, range(by_hand, width))
+                whole = problem.derivatives(self.unknowns(z), params, self.free)
+                return whole[:, :width] if is_sparse(whole) else np.asarray(whole[:, :width])
+            if problem.sparsity is not None:
+                return self._with_parameters(z, self._by_pattern(z), width)
+            if problem.jacobian is None:
+                return self._by_trying(z, range(width))
+            own = problem.jacobian(self.unknowns(z), params)
+            return self._with_parameters(z, canonical(own) if is_sparse(own) else own, width)
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
-        return matrix
+
+    def _with_parameters(self, z: Array, own: Matrix, width: int) -> Matrix:
+        """The derivative in the unknowns, and columns for the parameters beside it."""
+        n = self.size
+        columns = np.empty((n, width - n))
+        for i in range(n, width) if self.problem.sensitivity is not None else ():
+            name = self.free[i - n]
+            columns[:, i - n] = self.problem.sensitivity(self.unknowns(z), self.params(z), name)
+        if self.problem.sensitivity is None and n < width:
+            if is_sparse(own):
+                columns[:] = self._by_few(z, np.zeros(n), range(1, width - n + 1))
+            else:
+                columns[:] = self._by_trying(z, range(n, width))
+        if not is_sparse(own):
+            matrix = np.empty((n, width))
+            matrix[:, :n], matrix[:, n:] = own, columns
+            return matrix
+        if not math.isfinite(own.data.sum() + columns.sum()):
+            raise Undefined("the derivatives are not finite")
+        return beside(own, columns)
+
+    def _by_pattern(self, z: Array) -> Matrix:
+        """The derivative in the unknowns where it is known which entries are not zero."""
+        pattern: Pattern = self.problem.sparsity
+        steps = np.maximum(self.scales, abs(z))[: self.size]
+        return pattern.derivative(lambda way: self._by_few(z, way, range(1))[:, 0], steps)
+
+    def _by_few(self, z: Array, way: Array, columns: range) -> Array:
+        """Derivatives along one direction of the unknowns, column 0, and in the parameters."""
+        n = self.size
+
+        def moved(few: Array) -> Array:
+            return self._raw(np.concatenate([z[:n] + few[0] * way, few[1:]]))
+
+        few, scales = np.append(0.0, z[n:]), np.append(1.0, self.scales[n:])
+        return self._by_trying(few, columns, moved, scales)
 
     def along(self, z: Array, vector: Array) -> Array:
         """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only."""
@@ -189,19 +251,28 @@ class Curve:
         direction[: vector.size] = vector
         return derivatives.along(self.jacobian, z, direction, self.scales)
 
-    def _by_trying(self, z: Array, columns: range) -> Array:
+    def _by_trying(
+        self,
+        z: Array,
+        columns: range,
+        function: Callable[[Array], Array] | None = None,
+        scales: Array | None = None,
+    ) -> Array:
         """Columns of the derivative by the scheme that suits the residual, chosen anew where
         complex numbers are refused after all."""
+        function = function or self._raw
         if self._scheme is derivatives.complex_steps:
             try:
-                return self._scheme(self._raw, z, columns)
+                return self._scheme(function, z, columns)
             except OUT_OF_DOMAIN:
                 raise
             except Exception:  # noqa: BLE001 - as where the scheme is chosen
                 self._scheme = None
         if self._scheme is None:
-            self._scheme = derivatives.choose(self._raw, z, self.scales)
-        return self._scheme(self._raw, z, columns)
+            self._scheme = derivatives.choose(
+                function, z, self.scales if scales is None else scales
+            )
+        return self._scheme(function, z, columns)
 
     def _raw(self, z: Array) -> Array:
         """The residual without checks, at a possibly complex z."""
@@ -243,9 +314,11 @@ class Curve:
         if problem.beneath is not None:
             curve, near = problem.beneath(self.unknowns(z), self.params(z), self.free)
             return str(curve.misfit(near))
-        if problem.jacobian is None and problem.sensitivity is None:
+        if problem.jacobian is None and problem.sensitivity is None and problem.sparsity is None:
             return ""
         wrong = self.wrong_entry(z)
+        if problem.sparsity is not None:
+            return wrong and f"the sparsity pattern does not fit the residual: {wrong}"
         return wrong and f"the Jacobian that was given does not fit the residual: {wrong}"
 
     def wrong_entry(self, z: Array) -> str:
@@ -256,13 +329,39 @@ class Curve:
         wanted, doubt, _ = derivatives.estimate(
             lambda t: self._raw(z + t[0] * direction), np.zeros(1), np.ones(1)
         )
-        if derivatives.misfit((given @ direction)[:, None], wanted, doubt) is None:
+        wrong = derivatives.misfit((given @ direction)[:, None], wanted, doubt)
+        if wrong is None:
             return ""
+        if is_sparse(given):
+            return self._wrong_in_row(wrong[0], z, given, direction)
         wanted, doubt, _ = derivatives.estimate(self._raw, z, self.scales)
         entry = derivatives.misfit(given, wanted, doubt)
         if entry is None:
             return ""
         return f"its entry {entry} is {given[entry]:.8g}, differences give {wanted[entry]:.8g}"
+
+    def _wrong_in_row(self, row: int, z: Array, given: Matrix, direction: Array) -> str:
+        """The wrong entry of one row of a sparse derivative, by halving the columns that hold it;
+        of a pattern the entry that it misses."""
+        columns = np.arange(z.size)
+        if self.problem.sparsity is not None:
+            known = self.problem.sparsity.matrix[[row]].indices
+            columns = np.setdiff1d(columns[: self.size], known)
+        small = 1e-6 * abs(given[[row]]).max()
+        while columns.size > 1:
+            half = columns[: (columns.size + 1) // 2]
+            slope, wanted = self._slopes(row, z, given, np.where(_among(half, z), direction, 0.0))
+            columns = half if abs(slope - wanted) > small else columns[half.size :]
+        entry = (row, int(columns[0]))
+        slope, wanted = self._slopes(row, z, given, np.eye(1, z.size, entry[1])[0])
+        if self.problem.sparsity is not None:
+            return f"it misses entry {entry}, which is {wanted:.8g} by differences"
+        return f"its entry {entry} is {slope:.8g}, differences give {wanted:.8g}"
+
+    def _slopes(self, row: int, z: Array, given: Matrix, way: Array) -> tuple[float, float]:
+        """The change of one equation along a direction as it was given, and by differences."""
+        wanted = derivatives.differences(lambda t: self._raw(z + t[0] * way), np.zeros(1))
+        return float((given @ way)[row]), float(wanted[row, 0])
 
     def recalled(self, z: Array) -> Array:
         """The same z where the derivative is known already, to be found again by identity."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .newton import OUT_OF_DOMAIN, Undefined
+from .sparse import row_sizes
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
@@ -105,7 +106,7 @@ def along(function: Function, z: Array, vector: Array, scales: Array) -> Array:
     """
     size = math.sqrt(float(np.sum((vector / np.maximum(scales, abs(z))) ** 2)))
     h = _LONGEST / max(size, 1e-300)
-    floor = _SMALL * size * _row_sizes(function(z), scales) + 1e-300
+    floor = _SMALL * size * row_sizes(function(z), scales) + 1e-300
     best, doubt = None, math.inf
     before: list[Array] = []
     for _ in range(_HALVINGS):
@@ -118,8 +119,8 @@ def along(function: Function, z: Array, vector: Array, scales: Array) -> Array:
             row.append(row[-1] + (row[-1] - coarser) / (4**k - 1))
         apart = 0.0
         if before:
-            change = _row_sizes(row[-1] - before[-1], scales)
-            apart = float((change / (_row_sizes(row[-1], scales) + floor)).max())
+            change = row_sizes(row[-1] - before[-1], scales)
+            apart = float((change / (row_sizes(row[-1], scales) + floor)).max())
             if apart < doubt:
                 best, doubt = row[-1], apart
             if doubt < _AGREED or (doubt < _KNOWN and apart > 4 * doubt):
@@ -129,10 +130,6 @@ def along(function: Function, z: Array, vector: Array, scales: Array) -> Array:
     if best is None:
         raise Undefined("the equations have no value around the point")
     return best
-
-
-def _row_sizes(matrix: Array, scales: Array) -> Array:
-    return np.asarray(abs(matrix * scales[: matrix.shape[-1]]).max(axis=-1))
 
 
 def complex_steps(function: Function, z: Array, columns: Iterable[int] | None = None) -> Array:

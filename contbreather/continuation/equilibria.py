@@ -10,15 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import branch_points, loci, normal_forms
+from . import branch_points, loci, normal_forms, spectrum
 from .boundary import meeting
 from .newton import OUT_OF_DOMAIN
 from .point import Event, Examined, Locus, Meeting, Point
+from .rank import weakest
+from .sparse import is_sparse
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -26,6 +29,7 @@ Values = NDArray[np.complex128]
 _EXACT = 1e-14  # relative rounding of singular values
 _ZERO = 1e-6  # relative size of eigenvalues that are both zero: a double zero splits by a root
 _CLOSE = 1e-5  # and where two curves meet
+_FINE = 10.0  # the same where few are known, relative to what rounding makes of a double one
 # Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
 # where they are zero all along a branch, as in conservative systems.
 _ROUNDING = 2e-13
@@ -102,34 +106,50 @@ def _fold_test(point: Point) -> float:
 
 
 def _fold_locus(point: Point) -> Locus:
-    n = point.curve.size
-    null = loci.null_vector(branch_points.balanced(point)[:, :n], point.curve.scales[:n])
+    curve, matrix = point.curve, branch_points.balanced(point)[:, : point.curve.size]
+    if is_sparse(matrix):
+        null = loci.weak_in_unknowns(curve, point.z).right * curve.scales[: curve.size]
+        own = replace(cusp(), test=partial(_cusp_beside, null))
+        return replace(loci.rank_locus(), events=(own,), meets=MEETINGS["LP"])
+    null = loci.null_vector(matrix, curve.scales[: curve.size])
     return replace(loci.null_locus(null), events=(cusp(),), meets=MEETINGS["LP"])
 
 
 def _examine_fold(point: Point) -> str:
-    if point.tangent is not None and "null" not in point.detail:
-        return "a degenerate fold or a branch point: no null vector could be solved for"
     curve, z, n = point.curve, point.z, point.curve.size
     whole = branch_points.balanced(point)
-    left, sizes, right = np.linalg.svd(whole[:, :n])
-    change = left[:, -1] @ curve.balanced(curve.along(z, right[-1] * curve.scales[:n]))
+    if point.tangent is not None and "null" not in point.detail and not is_sparse(whole):
+        return "a degenerate fold or a branch point: no null vector could be solved for"
+    weak = loci.weak_in_unknowns(curve, z)
+    change = weak.left @ curve.balanced(curve.along(z, weak.right * curve.scales[:n]))
     # what vanishes within a short way along any direction vanishes here, whatever its units
-    near = branch_points.GAP * (1 + curve.length(z)) * np.linalg.norm(change) + _EXACT * sizes[0]
-    if abs(left[:, -1] @ whole[:, n:]).max(initial=0.0) <= near:
+    near = branch_points.GAP * (1 + curve.length(z)) * np.linalg.norm(change)
+    near += _EXACT * weak.largest
+    if abs(weak.left @ whole[:, n:]).max(initial=0.0) <= near:
         return "a branch point, not a fold: the whole derivative loses rank"
-    if sizes[-1] > near:
-        return f"the derivative in the unknowns is regular: least singular value {sizes[-1]:.2g}"
+    if weak.size > near:
+        return f"the derivative in the unknowns is regular: least singular value {weak.size:.2g}"
     return ""
 
 
 def _cusp_test(point: Point) -> float:
+    return _quadratic(point.ground, np.atleast_1d(point["null"]))
+
+
+def _cusp_beside(reference: Array, point: Point) -> float:
+    """The same with the null vector that is no unknown here, on the side of another."""
+    ground = point.ground
+    weak = loci.weak_in_unknowns(ground.curve, ground.z)
+    null = weak.right * ground.curve.scales[: ground.curve.size]
+    return _quadratic(ground, math.copysign(1.0, null @ reference) * null)
+
+
+def _quadratic(ground: Point, null: Array) -> float:
     """w . F_xx v v / 2 with the left null vector w as in the adjugate, so that no sign jumps."""
-    ground, null = point.ground, np.atleast_1d(point["null"])
-    n = ground.curve.size
-    left, _, right = np.linalg.svd(ground.jacobian()[:, :n])
-    sign = np.linalg.det(left) * np.linalg.det(right) * np.sign(right[-1] @ null)
-    return float(sign * left[:, -1] @ ground.curve.along(ground.z, null)[:, :n] @ null / 2)
+    curve, n = ground.curve, ground.curve.size
+    weak = weakest(ground.jacobian()[:, :n])
+    sign = weak.sign * np.sign(weak.right @ null)
+    return float(sign * weak.left @ (curve.along(ground.z, null)[:, :n] @ null) / 2)
 
 
 def cusp() -> Event:
@@ -167,7 +187,21 @@ def _examine_cusp(point: Point) -> Examined:
 
 
 def _hopf_test(point: Point) -> float:
+    if _large(point):
+        near = spectrum.near_axis(point.curve, point.z)
+        return _least_pair(near.pairs, near.rounding**2)
     return _least_sum(point.curve.spectrum(point.z), _rounding(point))
+
+
+def _large(point: Point) -> bool:
+    """Whether only a few of the eigenvalues are known."""
+    return is_sparse(point.curve.jacobian(point.z))
+
+
+def _least_pair(pairs: NDArray[Any], rounding: float) -> float:
+    """By how much the pair nearest the imaginary axis is off it, with a sign by the number of pairs
+    beyond: those further to the left may or may not be known."""
+    return loci.least_with_sign((-pairs.real).astype(complex), rounding) if pairs.size else math.nan
 
 
 def _rounding(point: Point) -> float:
@@ -182,18 +216,24 @@ def _flow(point: Point) -> Array:
 
 def _unstable_pairs(point: Point) -> int:
     """Half the number of eigenvalues to the right of the imaginary axis, by more than rounding."""
+    if _large(point):
+        near = spectrum.near_axis(point.curve, point.z)
+        return int(np.count_nonzero(near.pairs.real > near.rounding**2))
     beyond = point.curve.spectrum(point.z).real > _rounding(point)
     return int(np.count_nonzero(beyond)) // 2
 
 
 def _hopf_locus(point: Point) -> Locus:
     """``(F_x^2 + omega^2) v = 0`` in the plane of the pair."""
+    ends = (_BT_ON_HOPF, _GENERALISED, _DOUBLE_HOPF)
+    if _large(point):
+        own = spectrum.pair_locus(spectrum.square_of_pair(point.curve, point.z))
+        return replace(own, events=ends, meets=MEETINGS["HB"])
     matrix, scales = _flow(point), point.curve.scales[: point.curve.size]
     small = _ZERO * float(np.linalg.norm(matrix, 2))
     value, *plane = loci.critical_plane(matrix, (0.0,), small, lambda values: abs(values.real))
     one, other = (vector * scales for vector in plane)
     locus = loci.pair_locus("omega2", value.imag**2, (one, other), 0.0, _of_axis)
-    ends = (_BT_ON_HOPF, _GENERALISED, _DOUBLE_HOPF)
     return replace(locus, events=ends, meets=MEETINGS["HB"])
 
 
@@ -209,6 +249,8 @@ def _examine_hopf(point: Point) -> Examined:
     """omega, l1 and what the sign of l1 means; why not, where there is no l1. Of the two
     eigenvalues that add up to nothing: are they a complex pair? On a boundary they may be both
     zero, where it meets a fold curve."""
+    if _large(point):
+        return _examine_large_hopf(point)
     matrix = _flow(point)
     one, other = loci.pairs(np.linalg.eigvals(matrix).astype(complex))
     nearest = int(abs(one + other).argmin())
@@ -227,11 +269,24 @@ def _examine_hopf(point: Point) -> Examined:
     )
 
 
+def _examine_large_hopf(point: Point) -> Examined:
+    near = spectrum.near_axis(point.curve, point.z)
+    square = point.detail.get("omega2", point.values.get("omega2", math.nan))
+    if not square > near.rounding**2:
+        return "no pair of eigenvalues on the imaginary axis was solved for: a real pair, or none"
+    omega = math.sqrt(square)
+    return {"omega": omega, "reach": near.reach} | normal_forms.criticality(
+        "l1", lambda: normal_forms.lyapunov(point, omega), stable_if_negative=True
+    )
+
+
 # --- where a pair or a second zero joins the one that a curve has everywhere --------------------
 
 
 def _hopf_beside_zero(point: Point) -> float:
     """The test of a Hopf point for all eigenvalues but the one that is zero."""
+    if _large(point.ground):
+        return _hopf_test(point.ground)
     return _least_sum(loci.without(_eigenvalues(point)[0], 0.0))
 
 
@@ -297,6 +352,9 @@ def _frequency(values: Values) -> float:
 
 def _eigenvalues(point: Point) -> tuple[Values, float]:
     """Eigenvalues of the flow, and how small one must be to be zero."""
+    if _large(point.ground):
+        near = spectrum.near_axis(point.ground.curve, point.ground.z)
+        return near.values, _FINE * near.rounding
     matrix = normal_forms.Forms(point).A
     return np.linalg.eigvals(matrix).astype(complex), _CLOSE * float(np.linalg.norm(matrix, 2))
 
@@ -326,18 +384,28 @@ def _examine_generalised(point: Point) -> str:
 def _beside_pair(point: Point) -> Values:
     """All eigenvalues but the pair on the axis; none beyond BT."""
     square = point["omega2"]
-    if not square > 0:
+    values = _eigenvalues(point)[0]
+    if not square > 0 or values.size < 2:
         return np.empty(0, dtype=complex)
     axis = 1j * math.sqrt(square)
-    return loci.without(_eigenvalues(point)[0], axis, -axis)
+    return loci.without(values, axis, -axis)
 
 
 def _second_pair(point: Point) -> float:
     """The test of a Hopf point for all eigenvalues but the pair on the axis."""
+    if _large(point.ground):
+        near = spectrum.near_axis(point.ground.curve, point.ground.z)
+        return _least_pair(_upper(_beside_pair(point), near.rounding), near.rounding**2)
     return _least_sum(_beside_pair(point))
 
 
+def _upper(values: Values, rounding: float) -> Values:
+    return values[values.imag > rounding]
+
+
 def _zero_beside_pair(point: Point) -> float:
+    if _large(point.ground):
+        return loci.signed_smallest(normal_forms.Forms(point).A)
     values = _beside_pair(point)
     return loci.least_with_sign(values, 0.0) if values.size else math.nan
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from .curve import Curve
 from .newton import Undefined, solve
 from .point import Locus, Point
+from .rank import Bordered, Weak, inverses_between, weakest
+from .sparse import Matrix, is_sparse
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -33,19 +36,21 @@ class Singular:
     zeros within a step leave their changes of sign.
     """
 
-    matrix: Callable[[Point], Array]
+    matrix: Callable[[Point], Matrix]
     size: Callable[[Point], float] | None = None
 
     def __call__(self, point: Point) -> float:
         return signed_smallest(self.matrix(point)) if self.size is None else self.size(point)
 
 
-def singular_between(first: Array, *others: Array) -> Array:
+def singular_between(first: Matrix, *others: Matrix) -> Array:
     """Where from the first of several matrices, 0, to the last, 1, they are singular, in order, by
     linear interpolation of two or quadratic of three.
 
     Of steep and shallow singular values side by side the smallest alone shows no two zeros.
     """
+    if isinstance(first, Bordered):
+        return _places(inverses_between(first, *others))
     change = _pencil(first, *others)
     if change is None:  # an event is where the first is: seen from the other end
         change = _pencil(*others[::-1], first)
@@ -67,25 +72,33 @@ def _inverses(matrix: Array) -> Array:
     """The inverses of the eigenvalues, as far as they are real and from 0 to 1, in order."""
     if not (1.0 - _EDGE) ** 2 <= (matrix * matrix).sum() < math.inf:
         return np.empty(0)  # no eigenvalue of a smaller matrix reaches 1
-    values = np.linalg.eigvals(matrix)
+    return _places(np.linalg.eigvals(matrix))
+
+
+def _places(values: NDArray[Any]) -> Array:
     places = values.real / np.maximum(abs(values) ** 2, 1e-300)
     near = (abs(values.imag) < _NEARLY * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
     return np.sort(places[near])
 
 
-def signed_smallest(matrix: Array) -> float:
+def signed_smallest(matrix: Matrix) -> float:
     """Smallest singular value with the sign of the determinant: smooth through a simple zero."""
+    if isinstance(matrix, Bordered):
+        return matrix.signed_least()
+    if is_sparse(matrix):
+        weak = weakest(matrix)
+        return weak.sign * weak.size
     left, values, right = np.linalg.svd(matrix)
     return float(np.linalg.det(left) * np.linalg.det(right) * values[-1])
 
 
-def oriented_overlap(matrix: Array) -> float:
+def oriented_overlap(matrix: Matrix) -> float:
     """``w . v`` of the left and right null vector as in the adjugate, so that no sign jumps: zero
     where the eigenvalue 0 is double with one eigenvector."""
-    if len(matrix) < 2:
+    if matrix.shape[0] < 2:
         return math.nan
-    left, _, right = np.linalg.svd(matrix)
-    return float(np.linalg.det(left) * np.linalg.det(right) * left[:, -1] @ right[-1])
+    weak = weakest(matrix)
+    return float(weak.sign * weak.left @ weak.right)
 
 
 def null_vector(matrix: Array, scales: Array) -> Array:
@@ -115,6 +128,34 @@ class _NullVector:
         rows[:n, z.size :] = curve.jacobian(z)[:, :n] + self.shift * np.eye(n)
         rows[n, z.size :] = 2 * v
         return rows
+
+
+def weak_in_unknowns(curve: Curve, z: Array) -> Weak:
+    """The weak end of the derivative in the unknowns, in their scales and balanced."""
+
+    def make(z: Array) -> Weak:
+        return weakest(curve.balanced(curve.jacobian(z)[:, : curve.size]))
+
+    found: Weak = curve.once("weak", z, make)
+    return found
+
+
+def rank_locus() -> Locus:
+    """The least singular value of a large derivative is zero: one equation and no unknown. It is
+    the scalar of a bordered system whose borders are the null vectors of each place."""
+    return Locus({}, _least, _slope_of_least)
+
+
+def _least(curve: Curve, z: Array, extra: Array) -> Array:
+    weak = weak_in_unknowns(curve, z)
+    return np.array([weak.sign * weak.size])
+
+
+def _slope_of_least(curve: Curve, z: Array, extra: Array) -> Array:
+    weak, n = weak_in_unknowns(curve, z), curve.size
+    # second derivatives are symmetric, as in `null_locus`
+    change = curve.along(z, weak.right * curve.scales[:n])
+    return np.asarray(weak.sign * ((weak.left / curve.rows) @ change))[None, :]
 
 
 # --- pairs of eigenvalues ---------------------------------------------------------------------

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ContbreatherError
+from . import sparse
+from .sparse import Matrix
 
 Array = NDArray[np.float64]
 
@@ -69,7 +71,7 @@ def solve_oriented(matrix: Array, right: Array) -> tuple[Array | None, int]:
 
 def newton(
     equations: Callable[[Array], Array],
-    jacobian: Callable[[Array], Array],
+    jacobian: Callable[[Array], Matrix],
     z: Array,
     *,
     row: Array | None = None,
@@ -86,45 +88,51 @@ def newton(
     or beside a branch point, that may be more than `tolerance`. Where the matrix is singular
     a correction may be short far from any solution: there the residual has to be rounding.
     """
-    size = z.size
-    right = np.zeros(size)
     previous = math.inf
     bound = tolerance * (1 + length(z, metric))
     for iteration in range(1, most + 1):
-        value = equations(z)
-        if row is None:
-            matrix, right = jacobian(z), value
-        else:
-            matrix = np.empty((size, size))
-            matrix[:-1], matrix[-1] = jacobian(z), row
-            right[:-1] = value  # the linear condition holds at every iterate, its residual stays 0
-        step = solve(matrix, right)
-        singular = step is None
-        if step is None:  # at a branch point: the shortest correction is as good as any
-            step = _shortest(matrix, right)
-        correction = length(step, metric)
-        if not correction < math.inf:
+        value, matrix = equations(z), jacobian(z)
+        step, singular = correction(matrix, value, row)
+        moved = length(step, metric)
+        if not moved < math.inf:
             raise Undefined("the Newton correction is not finite")
-        if 2 * correction > previous and correction > bound:
-            solved = bool((abs(value) <= rounding(matrix[: value.size], z)).all())
-            if solved or correction > 2 * previous:
-                return Solution(z, solved, iteration, _largest(value), correction)
+        if 2 * moved > previous and moved > bound:
+            solved = bool((abs(value) <= rounding(matrix, z)).all())
+            if solved or moved > 2 * previous:
+                return Solution(z, solved, iteration, _largest(value), moved)
         z = z - step
-        if correction <= bound and (
-            bound < _LARGE * tolerance
-            or 2 * correction > previous
-            or _each(step, z, metric, tolerance)
+        if moved <= bound and (
+            bound < _LARGE * tolerance or 2 * moved > previous or _each(step, z, metric, tolerance)
         ):
             value = equations(z)
-            solved = not singular or _is_rounding(value, matrix[: value.size], z, metric)
-            return Solution(z, solved, iteration, _largest(value), correction)
-        previous = correction
+            solved = not singular or _is_rounding(value, matrix, z, metric)
+            return Solution(z, solved, iteration, _largest(value), moved)
+        previous = moved
     return Solution(z, False, most, _largest(equations(z)), previous)
+
+
+def correction(matrix: Matrix, value: Array, row: Array | None) -> tuple[Array, bool]:
+    """The step, and whether the matrix is singular, as at a branch point: there the shortest
+    correction is as good as any."""
+    if sparse.is_sparse(matrix):
+        return sparse.correction(matrix, value, row)
+    # the linear condition holds at every iterate, its residual stays 0
+    whole, right = (matrix, value) if row is None else bordered(matrix, row, value, 0.0)
+    step = solve(whole, right)
+    return (_shortest(whole, right), True) if step is None else (step, False)
+
+
+def bordered(matrix: Array, row: Array, right: Array | float, last: float) -> tuple[Array, Array]:
+    """A dense derivative with a row below, and the right side of its system."""
+    whole, both = np.empty((row.size, row.size)), np.empty(row.size)
+    whole[:-1], whole[-1] = matrix, row
+    both[:-1], both[-1] = right, last
+    return whole, both
 
 
 def approach(
     equations: Callable[[Array], Array],
-    jacobian: Callable[[Array], Array],
+    jacobian: Callable[[Array], Matrix],
     z: Array,
     metric: Array | None = None,
     most: int = 50,
@@ -139,8 +147,8 @@ def approach(
     damping = 1.0
     value = equations(z)
     for _ in range(most):
-        matrix = jacobian(z) * weights
-        step = _least(matrix, value)
+        least = _least(sparse.scaled(jacobian(z), np.ones(value.size), weights))
+        step = least(value)
         size = length(step, None)
         if size == 0:  # a solution, or the derivative is singular and tells nothing
             return None if value.any() else z
@@ -148,7 +156,7 @@ def approach(
             try:
                 there = z - damping * step * weights
                 value = equations(there)
-                ahead = length(_least(matrix, value), None)
+                ahead = length(least(value), None)
             except Undefined:
                 ahead = math.inf
             if ahead <= (1 - damping / 4) * size:
@@ -163,13 +171,20 @@ def approach(
     return None
 
 
-def _least(matrix: Array, right: Array) -> Array:
-    """The step of least length to a solution of the linear equations."""
-    step = solve(matrix, right) if matrix.shape[0] == matrix.shape[1] else None
-    return _shortest(matrix, right) if step is None else step
+def _least(matrix: Matrix) -> Callable[[Array], Array]:
+    """What gives the step of least length to a solution of linear equations."""
+    if sparse.is_sparse(matrix):
+        return sparse.Factors(matrix).least
+    square = matrix.shape[0] == matrix.shape[1]
+
+    def least(right: Array) -> Array:
+        step = solve(matrix, right) if square else None
+        return _shortest(matrix, right) if step is None else step
+
+    return least
 
 
-def rounding(matrix: Array, z: Array) -> Array:
+def rounding(matrix: Matrix, z: Array) -> Array:
     """What is left of equations at a solution, for their derivative there."""
     return np.asarray(_ROUNDED * (abs(matrix) @ abs(z)))
 
@@ -190,7 +205,7 @@ def _shortest(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.lstsq(matrix, right)[0])
 
 
-def _is_rounding(value: Array, matrix: Array, z: Array, metric: Array | None) -> bool:
+def _is_rounding(value: Array, matrix: Matrix, z: Array, metric: Array | None) -> bool:
     """Whether all that is left of the equations is rounding of the terms of each row."""
     sizes = abs(z) + (1.0 if metric is None else metric**-0.5)
     terms = abs(matrix) @ sizes

@@ -12,7 +12,7 @@ With ``q`` the right and ``p`` the left eigenvector throughout, ``|q| = 1`` and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Point
+from .rank import weakest
+from .sparse import Factors, Matrix, beside, is_sparse, null_vectors, scaled, shifted, solved
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -43,8 +45,8 @@ _DEFECTIVE = 1e-6  # <p, q> of unit vectors below which an eigenvalue counts as 
 class Jet:
     """First and second derivative of the Jacobian along v: ``B(v, .)`` and ``C(v, v, .)``."""
 
-    B: Array
-    C: Array
+    B: Matrix
+    C: Matrix
 
 
 @dataclass(frozen=True)
@@ -77,9 +79,9 @@ class Forms:
         self.A = self._matrix(self.z)
         self.reach = max(1.0, float(abs(self.z[: self.n] / self.scales).max()))
 
-    def _matrix(self, z: Array) -> Array:
+    def _matrix(self, z: Array) -> Matrix:
         """The Jacobian between unknowns in their scales: similar to the one in plain units."""
-        return np.asarray(self.curve.in_unknowns(z) * self.scales / self.scales[:, None])
+        return scaled(self.curve.in_unknowns(z), 1 / self.scales, self.scales)
 
     def jet(self, v: Array) -> Jet:
         """Derivatives along v, by the step at which they depend least on it."""
@@ -102,7 +104,7 @@ class Forms:
     def _jets(self, v: Array, reach: float) -> Iterator[tuple[Jet, Jet]]:
         """By shorter and shorter steps, each beside one from fewer of its places."""
         if not v.any():
-            zero = Jet(np.zeros((self.n, self.n)), np.zeros((self.n, self.n)))
+            zero = Jet(0 * self.A, 0 * self.A)
             yield zero, zero
             return
         direction = np.zeros(self.z.size)
@@ -113,10 +115,10 @@ class Forms:
                 aside = {i: self._matrix(self.z + i * h * direction) for i in (-3, -2, -1, 1, 2, 3)}
             except OUT_OF_DOMAIN:
                 continue
-            around = np.stack([aside.get(i, self.A) for i in range(-3, 4)])
-            if np.isfinite(around).all():
+            around: list[Matrix] = [aside.get(i, self.A) for i in range(-3, 4)]
+            if all(math.isfinite(matrix.sum()) for matrix in around):
                 weights = np.array([_FIRST, _FIRST_OF_FIVE, _SECOND, _SECOND_OF_FIVE])
-                first, rough, second, rougher = np.tensordot(weights, around, 1)
+                first, rough, second, rougher = combined(weights, around)
                 yield Jet(first / h, second / h**2), Jet(rough / h, rougher / h**2)
 
     def _apart(self, one: Jet, other: Jet, reach: float) -> float:
@@ -130,25 +132,35 @@ class Forms:
         return max(first, second)
 
 
-def _largest(matrix: Array) -> float:
+def combined(weights: Array, matrices: Sequence[Matrix]) -> Iterable[Matrix]:
+    """For each row of weights the sum of so many times each matrix."""
+    if is_sparse(matrices[0]):
+        return [sum(w * m for w, m in zip(row, matrices, strict=True)) for row in weights]
+    return np.tensordot(weights, np.stack(matrices), 1)
+
+
+def _largest(matrix: Matrix) -> float:
     return float(abs(matrix).max())
 
 
-def eigenvectors(matrix: NDArray[Any]) -> tuple[Any, Any]:
+def eigenvectors(matrix: Matrix) -> tuple[Any, Any]:
     """Null vectors (q, p) of a matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
-    left, _, right = np.linalg.svd(matrix)
-    q, p = right[-1].conj(), left[:, -1]
+    if is_sparse(matrix):
+        q, p = null_vectors(matrix)
+    else:
+        left, _, right = np.linalg.svd(matrix)
+        q, p = right[-1].conj(), left[:, -1]
     overlap = np.vdot(p, q)
     if abs(overlap) < _DEFECTIVE:
         raise Undefined("a double eigenvalue with one eigenvector: no normal form of this kind")
     return q, p / np.conj(overlap)
 
 
-def solve(matrix: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
+def solve(matrix: Matrix, right: NDArray[Any]) -> NDArray[Any]:
     """Solution of a linear system that another resonance makes singular."""
     try:
-        found = np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError as error:
+        found = solved(matrix, right) if is_sparse(matrix) else np.linalg.solve(matrix, right)
+    except (np.linalg.LinAlgError, RuntimeError) as error:
         raise Undefined("a second resonance: no normal form of this kind") from error
     return np.asarray(found)
 
@@ -203,12 +215,12 @@ def _of_pair(point: Point, value: complex, second: complex, unit: complex) -> Co
     """The cubic coefficient of a pair of eigenvalues; `second` is what the square of its amplitude
     turns by."""
     forms = Forms(point)
-    q, p = eigenvectors(forms.A - value * np.eye(forms.n))
+    q, p = eigenvectors(shifted(forms.A, -value))
     real, imaginary = forms.jet(q.real), forms.jet(q.imag)
     # B(q, .), the conjugate of B(conj(q), .), and C(q, q, conj(q))
     B, C = real.B + 1j * imaginary.B, (real.C + imaginary.C) @ q
     h11 = solve(-forms.A, B @ q.conj())
-    h20 = solve(second * np.eye(forms.n) - forms.A, B @ q)
+    h20 = solve(shifted(-forms.A, second), B @ q)
     terms = (C, 2 * B @ h11, B.conj() @ h20)
     parts = [complex(np.vdot(p, term)) / unit for term in terms]
     return Coefficient(sum(parts), sum(abs(part) for part in parts))
@@ -225,12 +237,19 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     bent = jet.B @ q
     quadratic = 0.5 * float(p @ bent)
     # A h = <p, B> q - B with <p, h> = 0, by bordering
-    bordered = np.block([[forms.A, q[:, None]], [p[None, :], np.zeros((1, 1))]])
-    h = solve(bordered, np.append(2 * quadratic * q - bent, 0.0))[:-1]
+    h = _bordered(forms.A, q, p, 2 * quadratic * q - bent)
     size = 0.5 * float(abs(p) @ abs(jet.B) @ abs(q))
     cubic = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
     # all its terms may vanish at once: then they are small against one of order one
     return Coefficient(quadratic, size), replace(cubic, size=cubic.size + forms.reach**-2)
+
+
+def _bordered(matrix: Matrix, q: Array, p: Array, right: Array) -> Array:
+    """``M h = right`` but for a multiple of q, with ``<p, h> = 0``."""
+    both = np.append(right, 0.0)
+    if is_sparse(matrix):
+        return Factors(beside(matrix, q[:, None])).solve(both, np.append(p, 0.0)[None, :])[:-1]
+    return solve(np.block([[matrix, q[:, None]], [p[None, :], np.zeros((1, 1))]]), both)[:-1]
 
 
 def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
@@ -239,13 +258,17 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     Raises `Undefined` where the zero eigenvalue is not double with one eigenvector.
     """
     forms = Forms(point)
-    left, sizes, right = np.linalg.svd(forms.A)
-    q0, p1 = right[-1], left[:, -1]
-    small = _DEFECTIVE * max(float(sizes[0]), 1e-300)
-    if sizes.size < 2 or sizes[-2] < small or abs(p1 @ q0) > math.sqrt(_DEFECTIVE):
+    weak = weakest(forms.A)
+    q0, p1 = weak.right, weak.left
+    # fine meshes have small singular values everywhere
+    small = weak.size if is_sparse(forms.A) else _DEFECTIVE * max(weak.largest, 1e-300)
+    if forms.n < 2 or weak.second <= small or abs(p1 @ q0) > math.sqrt(_DEFECTIVE):
         raise Undefined("no double zero eigenvalue with one eigenvector")
-    q1 = np.linalg.lstsq(forms.A, q0)[0]
-    p0 = np.linalg.lstsq(forms.A.T, p1)[0]
+    if is_sparse(forms.A):
+        q1, p0 = weak.rest(q0), weakest(forms.A.T.tocsc()).rest(p1)
+    else:
+        q1 = np.asarray(np.linalg.lstsq(forms.A, q0)[0])
+        p0 = np.asarray(np.linalg.lstsq(forms.A.T, p1)[0])
     overlap = p1 @ q1
     p0, p1 = p0 / overlap, p1 / overlap
     p0 = p0 - (p0 @ q1) * p1  # then <p0, q1> = 0, and <p0, q0> = <p1, q1> = 1 by the chains
@@ -265,7 +288,7 @@ def flip(point: Point) -> Coefficient:
     """Coefficient c of ``u -> -u + c u^3`` at a multiplier -1; positive: a stable doubled cycle
     appears (supercritical)."""
     forms = Forms(point)
-    q, p = eigenvectors(forms.A + 2 * np.eye(forms.n))
+    q, p = eigenvectors(shifted(forms.A, 2))
     jet = forms.jet(q)
     h = solve(-forms.A, jet.B @ q)
     return _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)

@@ -16,6 +16,7 @@ from ..errors import BadInput, NotConverged
 from .curve import Curve, Params
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, newton
 from .recipes import Recipe
+from .sparse import Matrix, Pattern
 
 Array = NDArray[np.float64]
 Residual = Callable[[Array, Params], Array]
@@ -37,8 +38,9 @@ class Problem:
     params : dict
         Name and value of each parameter. Which one is free is an argument of the walk.
     jacobian : callable, optional
-        ``jacobian(x, params) -> (n, n) array``, the derivative in `x`. Checked once against
-        differences. Without it, complex steps are used where they hold, differences elsewhere.
+        ``jacobian(x, params) -> (n, n) array``, the derivative in `x`, dense or from scipy.sparse.
+        Checked once against differences. Without it, complex steps are used where they hold,
+        differences elsewhere.
     sensitivity : callable, optional
         ``sensitivity(x, params, name) -> (n,) array``, the derivative in one parameter. Used, and
         checked, together with `jacobian` only.
@@ -70,6 +72,10 @@ class Problem:
         `sensitivity`: in `x` and the named parameters.
     recipe : Recipe, optional
         What the equations are made of, where a file can say it and make them again.
+    sparsity : array_like or scipy.sparse array, shape (n, n), optional
+        Which entries of the derivative in `x` may differ from zero, in place of `jacobian`: large
+        problems are then differentiated with as few residuals as that allows, and solved as with a
+        sparse Jacobian.
     beneath : callable, optional
         Where this problem is a shorter one and the locus of an event, as on a boundary:
         ``beneath(x, params, names) -> (curve, z)``, the curve of the shorter one and the point on
@@ -93,7 +99,7 @@ class Problem:
     residual: Residual
     start: Mapping[str, Any]
     params: Params
-    jacobian: Callable[[Array, Params], Array] | None = field(default=None, kw_only=True)
+    jacobian: Callable[[Array, Params], Matrix] | None = field(default=None, kw_only=True)
     sensitivity: Callable[[Array, Params, str], Array] | None = field(default=None, kw_only=True)
     events: tuple[Any, ...] = field(default=(), kw_only=True)
     record: Mapping[str, Callable[[Any], float]] = field(default_factory=dict, kw_only=True)
@@ -104,10 +110,11 @@ class Problem:
     simpler: Callable[[Any], Problem | None] | None = field(default=None, kw_only=True)
     lifts: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict, kw_only=True)
     label: str = field(default="", kw_only=True)
-    derivatives: Callable[[Array, Params, tuple[str, ...]], Array] | None = field(
+    derivatives: Callable[[Array, Params, tuple[str, ...]], Matrix] | None = field(
         default=None, kw_only=True
     )
     recipe: Recipe | None = field(default=None, kw_only=True)
+    sparsity: Any = field(default=None, kw_only=True)
     beneath: Callable[[Array, Params, tuple[str, ...]], tuple[Curve, Array]] | None = field(
         default=None, kw_only=True
     )
@@ -141,6 +148,19 @@ class Problem:
         for name, size in self.scales.items():
             if not 0 < _real(name, size) < math.inf:
                 raise BadInput(f"the scale of {name!r} must be finite and positive, got {size}")
+
+        if self.sparsity is not None and not isinstance(self.sparsity, Pattern):
+            object.__setattr__(self, "sparsity", self._pattern())
+
+    def _pattern(self) -> Pattern:
+        """The pattern that was given, with what is made of it: it stays with the problem."""
+        n = self.x.size
+        if self.jacobian is not None:
+            raise BadInput("either a jacobian or a sparsity pattern was wanted, not both")
+        shape = getattr(self.sparsity, "shape", None) or np.shape(self.sparsity)
+        if shape != (n, n):
+            raise BadInput(f"the sparsity pattern has shape {shape}; {(n, n)} was wanted")
+        return Pattern(self.sparsity)
 
     @property
     def names(self) -> tuple[str, ...]:

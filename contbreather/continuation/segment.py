@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .curve import Curve
-from .newton import Solution, Undefined, newton, solve_oriented
+from .newton import Solution, Undefined, bordered, newton, solve_oriented
 from .point import Point
+from .rank import weakest
+from .sparse import Matrix, is_sparse
 
 Array = NDArray[np.float64]
 
@@ -92,22 +94,28 @@ def tangent_at(curve: Curve, z: Array, along: Array) -> tuple[Array, int]:
     That sign is the same all along a curve and changes at branch points. Where the bordered
     matrix is singular it is 0, and the tangent is the null vector closest to `along`.
     """
-    size = z.size
-    matrix = np.empty((size, size))
-    matrix[:-1], matrix[-1] = curve.jacobian(z), curve.dual(along)
-    right = np.zeros(size)
-    right[-1] = 1.0
-    tangent, side = solve_oriented(matrix, right)
+    row = curve.dual(along)
+    tangent, side = _oriented(curve, z, row)
     if tangent is None or not math.isfinite(tangent.sum()):
-        return _null_vector(matrix[:-1], matrix[-1], curve), 0
+        return _null_vector(curve.jacobian(z), row, curve), 0
     return curve.normalised(tangent), side
 
 
-def _null_vector(matrix: Array, row: Array, curve: Curve) -> Array:
+def _oriented(curve: Curve, z: Array, row: Array) -> tuple[Array | None, int]:
+    """A null vector on the side of a row, and the sign of the determinant with that row below."""
+    matrix = curve.jacobian(z)
+    if not is_sparse(matrix):
+        return solve_oriented(*bordered(matrix, row, 0.0, 1.0))
+    factors = curve.factors(z)
+    side, null = factors.sign(row[None, :]), factors.null[:, 0]
+    return (None if side == 0 else math.copysign(1.0, row @ null) * null), side
+
+
+def _null_vector(matrix: Matrix, row: Array, curve: Curve) -> Array:
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
-    _, sizes, right = np.linalg.svd(matrix)
-    null = right[int(np.count_nonzero(sizes > 1e-10 * sizes[0])) :]
+    weak = weakest(matrix)
+    null = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
     nearest = (null @ row) @ null
     return curve.normalised(nearest if curve.length(nearest) > 1e-10 else null[-1])
 

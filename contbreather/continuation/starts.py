@@ -17,7 +17,9 @@ from .curve import Curve
 from .newton import Undefined, approach, newton
 from .point import Event, Point
 from .problem import Problem
+from .rank import weakest
 from .segment import closest, tangent_at
+from .sparse import is_sparse, scaled
 
 Array = NDArray[np.float64]
 Within = Mapping[str, tuple[float, float]]
@@ -126,8 +128,7 @@ def first_tangent(curve: Curve) -> tuple[Array, int]:
     """
     z = curve.start
     along = np.eye(1, z.size, z.size - 1)[0]
-    sizes = np.linalg.svd(np.vstack([curve.jacobian(z), along]) * curve.scales, compute_uv=False)
-    if sizes[-1] < 1e-7 * sizes[0]:
+    if _nearly_singular(curve, z, along):
         try:
             found = crossing(curve, z)
             if curve.length(found.solution.z - z) < _GAP * (1 + curve.length(z)):
@@ -135,6 +136,15 @@ def first_tangent(curve: Curve) -> tuple[Array, int]:
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
     return tangent_at(curve, z, along)
+
+
+def _nearly_singular(curve: Curve, z: Array, along: Array) -> bool:
+    matrix = curve.jacobian(z)
+    if is_sparse(matrix):  # fine meshes have small singular values everywhere
+        weak = weakest(scaled(matrix, 1 / curve.rows, curve.scales))
+        return weak.size < 1e-4 * weak.second
+    sizes = np.linalg.svd(np.vstack([matrix, along]) * curve.scales, compute_uv=False)
+    return bool(sizes[-1] < 1e-7 * sizes[0])
 
 
 def windows(within: Within | None) -> dict[str, tuple[float, float]]:

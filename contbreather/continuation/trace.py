@@ -19,7 +19,7 @@ from .branch_points import crossing
 from .checkpoint import Save, checkpoint
 from .curve import Curve
 from .location import Ends, Found, find
-from .newton import Solution, Undefined, newton, solve
+from .newton import Solution, Undefined, correction, newton
 from .point import Event, Point
 from .problem import Problem, problem_in
 from .scope import scope
@@ -494,13 +494,9 @@ class Walker:
         residual tells. (Halfway, tangents that are wrong alike would cancel.)"""
         between = 20 * point.z + 7 * last.z + (4 * point.direction - 2 * last.direction) * length
         between /= 27
-        size = between.size
-        matrix = np.empty((size, size))
-        matrix[:-1], matrix[-1] = self.curve.jacobian(between), self.curve.dual(point.direction)
-        right = np.zeros(size)
-        right[:-1] = self.curve.equations(between)
-        off = solve(matrix, right)
-        if off is None:
+        value, row = self.curve.equations(between), self.curve.dual(point.direction)
+        off, singular = correction(self.curve.jacobian(between), value, row)
+        if singular:
             return False  # a branch point: the residual says nothing there
         return self.curve.length(off) > _STRAY * length
 

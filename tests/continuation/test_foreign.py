@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from scipy.sparse import csr_array, eye_array
+from scipy.sparse import csr_array
 
 import contbreather as cb
 from contbreather.errors import BadInput
@@ -99,18 +99,6 @@ def test_maps_may_write_to_what_they_are_given() -> None:
     assert branch.first("PD")["a"] == pytest.approx(0.3675, abs=1e-12)  # 3 (1 - b)^2 / 4
     arm = cb.switch(branch.first("PD"), within={"a": (0.1, 1.0)})[0]
     assert arm.first("PD")["a"] == pytest.approx(0.9125, abs=1e-12)  # (5 - 6 b + 5 b^2) / 4
-
-
-@pytest.mark.parametrize("kind", [csr_array, lambda matrix: csr_array(matrix).tocoo()])
-def test_a_sparse_jacobian_is_refused_with_what_to_do(kind) -> None:
-    def problem(jacobian):
-        start, params = {"x": np.ones(3)}, {"mu": 1.0}
-        return cb.Problem(lambda x, p: x - p["mu"], start, params, jacobian=jacobian)
-
-    with pytest.raises(BadInput, match=r"Jacobian is sparse, a c.._array; .*return its toarray"):
-        cb.trace(problem(lambda x, p: kind(np.eye(3))), "mu")
-    dense = problem(lambda x, p: eye_array(3).toarray())
-    assert cb.trace(dense, "mu", within=WITHIN).stop is cb.Stop.BOUND
 
 
 @pytest.mark.parametrize("given", [None, "matrix", [[1.0, 2.0], [3.0]], np.eye(2)])

@@ -1,0 +1,193 @@
+"""What nearly vanishes in a matrix, dense or sparse: least singular values and their vectors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .sparse import Factors, Matrix, any_vector, is_sparse
+
+Array = NDArray[np.float64]
+
+_FEW = 8  # sparse matrices of fewer rows are taken as dense ones
+_AT_ONCE = 60  # branch points that are looked for on one step
+
+
+@dataclass(frozen=True, eq=False)
+class Weak:
+    """The weak end of a matrix of n rows and n + k columns.
+
+    Attributes
+    ----------
+    left, right : ndarray
+        Singular vectors of the least singular value, with ``A right = size left``.
+    null : ndarray, shape (k, n + k)
+        Orthonormal null vectors.
+    size, second, largest : float
+        The least singular value, the one before (infinite if there is none) and the largest; that
+        of a sparse matrix is a bound.
+    sign : int
+        Of a square matrix: that of the determinant, which `left` and `right` have as well.
+    rest : callable
+        ``rest(value)``: the shortest solution of ``A x = value`` where neither `left` nor `right`
+        take part.
+    """
+
+    left: Array
+    right: Array
+    null: Array
+    size: float
+    second: float
+    largest: float
+    sign: int
+    rest: Callable[[Array], Array]
+
+    @property
+    def plane(self) -> Array:
+        """`right` and the null vectors, in rows."""
+        return np.vstack([self.right, self.null])
+
+
+def weakest(matrix: Matrix) -> Weak:
+    """Least singular values and vectors of a matrix with at least as many columns as rows."""
+    if not is_sparse(matrix):
+        return _dense(matrix)
+    if matrix.shape[0] < _FEW:
+        return _dense(matrix.toarray())
+    return _sparse(Factors(matrix))
+
+
+def _dense(matrix: Array) -> Weak:
+    left, sizes, right = np.linalg.svd(matrix)
+    n = sizes.size - 1
+    square = matrix.shape[0] == matrix.shape[1]
+    sign = round(np.linalg.det(left) * np.linalg.det(right)) if square else 0
+    return Weak(
+        left[:, -1],
+        right[n],
+        right[n + 1 :],
+        float(sizes[-1]),
+        float(sizes[-2]) if n else math.inf,
+        float(sizes[0]),
+        sign,
+        lambda value: right[:n].T @ (left[:, :n].T @ value / sizes[:n]),
+    )
+
+
+def _sparse(factors: Factors) -> Weak:
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    matrix, n = factors.matrix, factors.matrix.shape[0]
+
+    def both(vector: Array) -> Array:
+        return factors.transposed(factors.least(vector, refined=False))
+
+    inverse = LinearOperator((n, n), matvec=both, dtype=float)
+    values, vectors = eigsh(inverse, k=2, which="LM", v0=any_vector(n), tol=1e-9)
+    least = int(values.argmax())
+    left, sizes = vectors[:, least], 1 / np.sqrt(abs(values))
+    right = factors.least(left)
+    right /= math.sqrt(right @ right)
+
+    def rest(value: Array) -> Array:
+        x = factors.least(value - (left @ value) * left)
+        return np.asarray(x - (right @ x) * right)
+
+    largest = abs(matrix).sum(axis=0).max() * abs(matrix).sum(axis=1).max()
+    sign = factors.sign() if matrix.shape[0] == matrix.shape[1] else 0
+    return Weak(
+        left,
+        right,
+        factors.basis.T,
+        float(sizes[least]),
+        float(sizes[1 - least]),
+        math.sqrt(largest),
+        sign,
+        rest,
+    )
+
+
+# --- bordered matrices along a curve -------------------------------------------------------------
+
+_SLOW = 0.3  # growth by one application below which no eigenvalue is 1
+_LOOKS = 3  # steps of inverse iteration: close to a zero one is enough, and far away none is needed
+
+
+@dataclass(frozen=True, eq=False)
+class Bordered:
+    """A sparse derivative with the row of a tangent below and its unknowns in their scales: what is
+    singular at branch points."""
+
+    factors: Factors
+    row: Array
+    scales: Array
+
+    def solve(self, right: Array) -> Array:
+        return self.factors.solve(right, self.row[None, :], refined=False) / self.scales
+
+    def transposed(self, right: Array) -> Array:
+        return self.factors.transposed(right / self.scales, self.row[None, :])
+
+    def __matmul__(self, vector: Array) -> Array:
+        moved = vector * self.scales
+        return np.append(self.factors.matrix @ moved, self.row @ moved)
+
+    def signed_least(self) -> float:
+        """About the least singular value, with the sign of the determinant."""
+        x, size = any_vector(self.row.size), math.inf
+        for _ in range(_LOOKS):
+            y = self.solve(x)
+            x = self.transposed(y / np.linalg.norm(y))
+            size = 1 / float(np.linalg.norm(x))
+            x = x * size
+        return self.factors.sign(self.row[None, :]) * size
+
+
+def inverses_between(first: Bordered, *others: Bordered) -> Array:
+    """Inverses of the places, from 0 at the first of several matrices to 1 at the last, where they
+    are singular, as `loci.singular_between` finds them: eigenvalues of size 1 and more."""
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
+
+    middle, last, size = others[0], others[-1], first.row.size
+
+    def linear(x: Array) -> Array:
+        return first.solve(first @ x - last @ x)
+
+    def quadratic(xy: Array) -> Array:
+        x, y = xy[:size], xy[size:]
+        bend = 2 * (first @ (x - y) - 2 * (middle @ (x - y)) + last @ (x - y))
+        return np.concatenate([first.solve(first @ x - last @ x + bend), x])
+
+    whole = size if middle is last else 2 * size
+    operator = LinearOperator(
+        (whole, whole), matvec=linear if middle is last else quadratic, dtype=float
+    )
+    if not _grows(operator):
+        return np.empty(0)
+    values, wanted = np.empty(0, dtype=complex), 2
+    while wanted < min(size - 2, _AT_ONCE):
+        try:
+            values = eigs(
+                operator, wanted, v0=any_vector(whole), tol=1e-4, return_eigenvectors=False
+            )
+        except ArpackNoConvergence as failed:
+            return np.asarray(failed.eigenvalues)
+        if abs(values).min() < 1:
+            break
+        wanted *= 3
+    return np.asarray(values)
+
+
+def _grows(operator: Any) -> bool:
+    """Whether an eigenvalue may be of size 1: most steps of a walk are short against all others."""
+    x, growth = any_vector(operator.shape[0]), 0.0
+    for _ in range(_LOOKS):
+        x = operator.matvec(x)
+        growth = float(np.linalg.norm(x))
+        x = x / (growth or 1.0)
+    return growth > _SLOW

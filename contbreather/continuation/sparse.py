@@ -1,0 +1,315 @@
+"""Large problems: derivatives with few entries in each row, as `scipy.sparse` keeps them.
+
+All that is asked of such a derivative are solutions of linear systems, and one factorisation
+answers them all: with one condition or another below, transposed, with the sign of its determinant.
+scipy.sparse is imported where a problem turns out to be sparse, not before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Matrix = Any  # an array, or a scipy.sparse.csc_array
+
+_STEEP = 1e3  # an unknown that moves this much with the last ones is kept fixed in their place
+_TURNS = 4  # steps of inverse iteration next to a null vector
+_SHIFT = 1e-14  # relative size of what is added where a matrix is singular to the last digit
+
+
+def is_sparse(matrix: object) -> bool:
+    """Whether a matrix, or what was given for one, comes from scipy.sparse."""
+    return hasattr(matrix, "tocsc")
+
+
+def canonical(given: Any) -> Matrix:
+    """A sparse matrix of any format as columns of floats without duplicates: a copy, for the same
+    one may come back each time, written anew."""
+    from scipy.sparse import csc_array
+
+    matrix = csc_array(given, dtype=float, copy=True)
+    matrix.sum_duplicates()
+    return matrix
+
+
+def beside(matrix: Matrix, columns: Array) -> Matrix:
+    """A sparse matrix with a few dense columns to its right."""
+    from scipy.sparse import csc_array
+
+    n, width = columns.shape
+    rows = np.tile(np.arange(n, dtype=matrix.indices.dtype), width)
+    ends = matrix.indptr[-1] + n * np.arange(1, width + 1, dtype=matrix.indptr.dtype)
+    data = np.concatenate([matrix.data, columns.ravel(order="F")])
+    parts = (data, np.concatenate([matrix.indices, rows]), np.concatenate([matrix.indptr, ends]))
+    return csc_array(parts, shape=(n, matrix.shape[1] + width))
+
+
+def above(matrix: Matrix, rows: Any) -> Matrix:
+    """A sparse matrix with a few rows below, dense or sparse."""
+    from scipy.sparse import csc_array, vstack
+
+    return vstack([matrix, csc_array(rows)], format="csc")
+
+
+def columns_of(matrix: Matrix) -> NDArray[np.intp]:
+    """The column of each entry that is stored."""
+    return np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
+
+
+def scaled(matrix: Matrix, rows: Array, columns: Array) -> Matrix:
+    """A matrix, dense or sparse, with each row and each column multiplied by a number."""
+    if not is_sparse(matrix):
+        return matrix * columns * rows[:, None]
+    return _with(matrix, matrix.data * rows[matrix.indices] * columns[columns_of(matrix)])
+
+
+def row_sizes(matrix: Matrix, scales: Array) -> Array:
+    """Largest entry of each row, each column in its scale; of a dense or a sparse matrix."""
+    if not is_sparse(matrix):
+        return np.asarray(abs(matrix * scales[: matrix.shape[-1]]).max(axis=-1))
+    sizes = np.zeros(matrix.shape[0])
+    entries = abs(matrix.data) * scales[columns_of(matrix)]
+    np.maximum.at(sizes, matrix.indices, entries)
+    return sizes
+
+
+def _with(matrix: Matrix, data: Array) -> Matrix:
+    from scipy.sparse import csc_array
+
+    return csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
+class Factors:
+    """A sparse matrix of n rows and n + k columns, factorised so as to solve all it is asked for.
+
+    Below the matrix go k rows that each keep one unknown fixed. They leave the matrix as sparse as
+    it is, and any other k rows follow from them by the null vectors: no system is solved through
+    another that is closer to being singular. Which unknowns are kept is chosen by the null vectors
+    themselves: the last ones, unless others move much more, as beside a fold.
+
+    Attributes
+    ----------
+    matrix : csc_array, shape (n, n + k)
+    null : ndarray, shape (n + k, k)
+        Its null vectors, an identity matrix in the unknowns that are kept.
+    """
+
+    def __init__(self, matrix: Matrix) -> None:
+        self.matrix = matrix
+        n, width = matrix.shape
+        sizes = row_sizes(matrix, np.ones(width))
+        self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
+        kept: NDArray[Any] = np.arange(n, width)
+        self.exact = self._factorise(kept)
+        if kept.size and (not self.exact or abs(self.null).max() > _STEEP):
+            self.exact = self._factorise(_most_moving(self.null))
+
+    def _factorise(self, kept: NDArray[np.intp]) -> bool:
+        """Whether the matrix could be factorised as it is, or only beside it, being singular."""
+        from scipy.sparse.linalg import splu
+
+        n, width = self.matrix.shape
+        whole, exact = self._whole(kept), True
+        try:
+            self._lu = splu(whole)
+        except RuntimeError:  # a pivot that is exactly zero
+            exact = False
+            self._lu = splu(_shifted(whole))
+        self._solve: Callable[..., Array] = self._lu.solve
+        self.null = self._lu.solve(np.eye(width, kept.size, -n)) if kept.size else np.empty((n, 0))
+        return exact
+
+    def _whole(self, kept: NDArray[np.intp]) -> Matrix:
+        """The matrix with balanced rows, and a one below for each unknown that is kept."""
+        from scipy.sparse import csc_array
+
+        matrix, (n, width) = self.matrix, self.matrix.shape
+        ends = matrix.indptr[kept + 1]
+        data = np.insert(matrix.data * self._rows[matrix.indices], ends, 1.0)
+        rows = np.insert(matrix.indices, ends, n + np.arange(kept.size))
+        more = np.searchsorted(kept, np.arange(width + 1)).astype(matrix.indptr.dtype)
+        return csc_array((data, rows, matrix.indptr + more), shape=(width, width))
+
+    def solve(self, right: Array, rows: Array | None = None, *, refined: bool = True) -> Array:
+        """The solution of the equations and of as many conditions as unknowns are left: `right`
+        first for the matrix, then for `rows`. Without rows some solution."""
+        n = self.matrix.shape[0]
+        x = self._particular(right[:n])
+        if refined:
+            x += self._particular(right[:n] - self.matrix @ x)
+        if rows is None or not len(rows):
+            return x
+        return np.asarray(x + self.null @ _small(rows @ self.null, right[n:] - rows @ x))
+
+    def _particular(self, right: Array) -> Array:
+        padded = np.zeros(self.matrix.shape[1], dtype=right.dtype)
+        padded[: right.size] = right * self._rows
+        return self._solve(padded)
+
+    def transposed(self, right: Array, rows: Array | None = None) -> Array:
+        """As `solve`, for the transpose of the matrix with `rows` below. Without rows, the right
+        side must be orthogonal to the null vectors."""
+        n = self.matrix.shape[0]
+        weights = np.empty(0)
+        if rows is not None and len(rows):
+            weights = _small((rows @ self.null).T, self.null.T @ right)
+            right = right - weights @ rows
+        y = self._solve(right, "T")[:n] * self._rows
+        return np.concatenate([y, weights])
+
+    def least(self, right: Array, *, refined: bool = True) -> Array:
+        """The shortest of all solutions."""
+        x = self.solve(right, refined=refined)
+        return np.asarray(x - self.basis @ (self.basis.T @ x))
+
+    @cached_property
+    def basis(self) -> Array:
+        """Orthonormal null vectors."""
+        return np.asarray(np.linalg.qr(self.null)[0])
+
+    @cached_property
+    def _own_sign(self) -> int:
+        lu = self._lu
+        negative = np.count_nonzero(lu.U.diagonal() < 0) + _odd(lu.perm_r) + _odd(lu.perm_c)
+        return -1 if negative % 2 else 1
+
+    def sign(self, rows: Array | None = None) -> int:
+        """Sign of the determinant of the matrix with `rows` below; 0 where it is singular."""
+        if not self.exact:
+            return 0
+        if rows is None or not len(rows):
+            return self._own_sign
+        return self._own_sign * int(np.sign(np.linalg.det(rows @ self.null)))
+
+
+def _small(matrix: Array, right: Array) -> Array:
+    """The solution of one equation, or of a few."""
+    return np.asarray(right / matrix[0] if right.size == 1 else np.linalg.solve(matrix, right))
+
+
+def _shifted(matrix: Matrix) -> Matrix:
+    """A matrix moved off a singular one by as much as rounding might."""
+    from scipy.sparse import diags_array
+
+    shifts = _SHIFT * (1.5 + np.cos(np.arange(matrix.shape[0])))
+    return (matrix + diags_array(shifts)).tocsc()
+
+
+def _most_moving(null: Array) -> NDArray[Any]:
+    """For each null vector an unknown that it moves most, and no other does."""
+    from scipy.linalg import qr
+
+    order = qr(null.T, mode="r", pivoting=True)[1]
+    return np.sort(order[: null.shape[1]])
+
+
+def _odd(permutation: NDArray[np.intp]) -> bool:
+    """Whether a permutation changes the sign of a determinant."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    n = permutation.size
+    links: Any = csr_array((np.ones(n), permutation, np.arange(n + 1)), shape=(n, n))
+    cycles, _ = connected_components(links, directed=False)
+    return bool((n - cycles) % 2)
+
+
+def correction(matrix: Matrix, right: Array, row: Array | None) -> tuple[Array, bool]:
+    """The solution of a bordered system whose last right side is zero, and whether its matrix is
+    singular to the last digit: then of those that nearly solve it one that is short."""
+    below = None if row is None else row[None, :]
+    full = right if row is None else np.append(right, 0.0)
+    factors = Factors(matrix)
+    if factors.exact:
+        return factors.solve(full, below), False
+    n, width = matrix.shape
+    wider = Factors(beside(matrix, any_vector(n)[:, None]))
+    rows = np.zeros((width + 1 - n, width + 1))
+    rows[0, :width] = any_vector(width)
+    if row is not None:
+        rows[1, :width] = row
+    padded = np.concatenate([right, np.zeros(len(rows))])
+    return wider.solve(padded, rows)[:width], True
+
+
+def any_vector(n: int) -> Array:
+    """A unit vector that no symmetry of the equations knows."""
+    vector = np.cos(1.0 + np.arange(n) ** 1.5)
+    return np.asarray(vector / math.sqrt(float(vector @ vector)))
+
+
+def shifted(matrix: Matrix, value: complex) -> Matrix:
+    """A square matrix, dense or sparse, with a number added to its diagonal."""
+    if not is_sparse(matrix):
+        return matrix + value * np.eye(len(matrix))
+    from scipy.sparse import eye_array
+
+    one: Matrix = eye_array(matrix.shape[0], format="csc")
+    return matrix + value * one
+
+
+def solved(matrix: Matrix, right: NDArray[Any]) -> NDArray[Any]:
+    """The solution of one sparse system, real or complex."""
+    from scipy.sparse.linalg import splu
+
+    dtype = np.result_type(matrix.dtype, right.dtype)
+    factors: Any = splu(matrix.astype(dtype))
+    return np.asarray(factors.solve(right.astype(dtype)))
+
+
+def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Unit null vectors (q, p) of a sparse matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
+    from scipy.sparse.linalg import splu
+
+    lu: Any
+    try:
+        lu = splu(matrix)
+    except RuntimeError:
+        lu = splu(_shifted(matrix))
+    q = p = any_vector(matrix.shape[0]).astype(matrix.dtype)
+    for _ in range(_TURNS):
+        q, p = lu.solve(q), lu.solve(p, "H")
+        q, p = q / np.linalg.norm(q), p / np.linalg.norm(p)
+    return q, p
+
+
+# --- derivatives where their pattern is known ---------------------------------------------------
+
+
+class Pattern:
+    """Which unknowns each equation contains, and the fewest steps that show all derivatives.
+
+    Unknowns that share no equation share a step (A. R. Curtis, M. J. D. Powell and J. K. Reid,
+    J. Inst. Maths Applics 13, 117, 1974).
+    """
+
+    def __init__(self, given: Any) -> None:
+        matrix = canonical(given)
+        self.matrix = matrix = _with(matrix, np.ones(matrix.nnz))  # what was given stays as it is
+        self.columns = columns_of(matrix)
+
+    @cached_property
+    def colours(self) -> NDArray[np.intp]:
+        """A number for each unknown, different for any two that share an equation."""
+        shared = (self.matrix.T @ self.matrix).tocsr()
+        colours = np.full(self.matrix.shape[1], -1)
+        for j in range(colours.size):
+            taken = {*colours[shared.indices[shared.indptr[j] : shared.indptr[j + 1]]].tolist()}
+            colours[j] = next(c for c in range(len(taken) + 1) if c not in taken)
+        return colours
+
+    def derivative(self, slope: Callable[[Array], Array], steps: Array) -> Matrix:
+        """The derivative, by ``slope(direction)`` for each colour; unknowns move by their steps."""
+        data = np.empty(self.columns.size)
+        own = self.colours[self.columns]
+        for colour in range(self.colours.max() + 1):
+            changes = slope(np.where(self.colours == colour, steps, 0.0))
+            entries = own == colour
+            data[entries] = changes[self.matrix.indices[entries]] / steps[self.columns[entries]]
+        return _with(self.matrix, data)
