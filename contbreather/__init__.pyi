@@ -11,6 +11,7 @@ from .breathers import zones as zones
 from .breathers.multi import multibreather as multibreather
 from .breathers.multi import multibreathers as multibreathers
 from .breathers.shooting import shooting as shooting
+from .breathers.zones_many import zones_many as zones_many
 from .continuation import Branch as Branch
 from .continuation import Event as Event
 from .continuation import Point as Point
@@ -25,6 +26,7 @@ from .continuation import hopf as hopf
 from .continuation import trace as trace
 from .continuation import user as user
 from .continuation.diagram import diagram as diagram
+from .continuation.many import trace_many as trace_many
 from .continuation.maps import FixedPoint as FixedPoint
 from .continuation.switching import switch as switch
 from .dynamics import simulate as simulate

@@ -8,19 +8,8 @@ depends on its starts alone, so the picture is the same whoever computes it.
 from __future__ import annotations
 
 import enum
-import os
-import signal
-from collections.abc import Iterator
-from concurrent.futures import (
-    BrokenExecutor,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    as_completed,
-)
-from contextlib import contextmanager
+from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import Any, Unpack
 
 import numpy as np
@@ -34,6 +23,7 @@ from contbreather.dynamics.states import On, State, check_state, conditions_of, 
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.progress import Bar
+from contbreather.workers import NO_WORKERS, given_or_processes
 
 Array = NDArray[Any]
 
@@ -205,7 +195,7 @@ def attraction(
     fate = np.full(shape, Fate.PENDING, np.int8)
     distance = np.full(shape, np.nan)
     complete = True
-    with _workers(executor) as pool, Bar(progress, len(y.values), "rows") as bar:
+    with given_or_processes(executor) as pool, Bar(progress, len(y.values), "rows") as bar:
         rows: dict[Future[Any], int] = {pool.submit(_row, task, j): j for j in range(len(y.values))}
         try:
             for done, future in enumerate(as_completed(rows)):
@@ -216,50 +206,13 @@ def attraction(
             for future in rows:
                 future.cancel()
             if isinstance(end, BrokenExecutor) and np.all(fate == Fate.PENDING):
-                raise NotConverged(_no_workers()) from end
+                raise NotConverged(NO_WORKERS) from end
     return Basin(x, y, fate, distance, complete)
-
-
-def _no_workers() -> str:
-    return (
-        "the worker processes ended before their first result. Each begins by reading the script "
-        "that started them: call attraction(...) below `if __name__ == '__main__':` in a file, or "
-        "give executor=ThreadPoolExecutor(1) to compute in this process"
-    )
-
-
-@contextmanager
-def _workers(executor: Executor | None) -> Iterator[Executor]:
-    """The executor that was given, or processes of our own, which an exception stops at once."""
-    if executor is not None:
-        yield executor
-        return
-    # a fresh interpreter each: forking a process with running BLAS or numba threads may hang
-    fresh = get_context("spawn")
-    stop = fresh.Event()
-    with ProcessPoolExecutor(os.cpu_count(), fresh, initializer=_begin, initargs=(stop,)) as pool:
-        try:
-            yield pool
-        finally:  # before the pool waits for the rows under way
-            stop.set()
-
-
-_HALTS: list[Any] = []  # in a worker: what tells it to stop
-
-
-def _begin(stop: Any) -> None:
-    """A worker leaves Ctrl-C, which reaches all processes of a terminal, to the one that waits."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _HALTS.append(stop)
 
 
 def _row(task: _Task, j: int) -> tuple[NDArray[np.int8], Array]:
     """All starts of one row."""
-    found = []
-    for i in range(len(task.x.values)):
-        if any(halt.is_set() for halt in _HALTS):
-            raise KeyboardInterrupt
-        found.append(_fate(task, j, i))
+    found = [_fate(task, j, i) for i in range(len(task.x.values))]
     fates, distances = zip(*found, strict=True)
     return np.array(fates, np.int8), np.array(distances)
 

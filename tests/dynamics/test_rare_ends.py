@@ -8,7 +8,6 @@ import json
 import math
 import os
 import pathlib
-import signal
 from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -17,6 +16,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather import workers
 from contbreather.continuation import Stop
 from contbreather.dynamics import (
     Axis,
@@ -25,7 +25,6 @@ from contbreather.dynamics import (
     SmoothRun,
     State,
     attraction,
-    basin,
     open_recording,
     periodic,
     record,
@@ -323,54 +322,25 @@ class Recorder(Executor):
 
     def __init__(self, workers: int, context: Any, *, initializer: Any, initargs: Any) -> None:
         Recorder.made = {"workers": workers, "method": context.get_start_method(),
-                         "initializer": initializer, "stop": initargs[0]}  # fmt: skip
+                         "told": initargs[0]}  # fmt: skip
 
     def submit(self, call: Any, *given: Any) -> Any:
         from concurrent.futures import Future
 
-        assert not Recorder.made["stop"].is_set()
+        assert not Recorder.made["told"].poll(0)
         done: Any = Future()
         done.set_result(call(*given))
         return done
 
 
 def test_unless_told_otherwise_all_cores_compute_in_fresh_processes(monkeypatch) -> None:
-    monkeypatch.setattr(basin, "ProcessPoolExecutor", Recorder)
+    monkeypatch.setattr(workers, "ProcessPoolExecutor", Recorder)
     monkeypatch.setattr(os, "cpu_count", lambda: 7)
     axes = Axis("u", 0, [0.0, 0.1]), Axis("v", 0, [0.0])
     found = attraction(([0.0], [0.0]), *axes, a=0.1, gamma=0.0, k=0.8, periods=2)
     assert found.complete
     assert (Recorder.made["workers"], Recorder.made["method"]) == (7, "spawn")
-    assert Recorder.made["stop"].is_set()  # before the pool waits for what is under way
-
-
-def test_a_worker_leaves_ctrl_c_to_who_waits_and_stops_when_told(monkeypatch) -> None:
-    before = signal.getsignal(signal.SIGINT)
-    halts: list[Any] = []
-    monkeypatch.setattr(basin, "_HALTS", halts)
-
-    class Halt:
-        told = False
-
-        def is_set(self) -> bool:
-            return self.told
-
-    halt = Halt()
-    try:
-        basin._begin(halt)
-        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert halts == [halt]
-    axes = Axis("u", 0, [0.0, 0.1]), Axis("v", 0, [0.0])
-    conditions = simulate(([0.0], [0.0]), a=0.1, gamma=0.0, k=0.8, periods=0).conditions
-    still = State(np.zeros(1), np.zeros(1))
-    task = basin._Task(still, conditions, *axes, 2, 0, 0.0, 1e-3)
-    fates, distances = basin._row(task, 0)
-    assert (fates.shape, fates.dtype, distances.shape) == ((2,), np.int8, (2,))
-    halt.told = True
-    with pytest.raises(KeyboardInterrupt):
-        basin._row(task, 0)
+    assert Recorder.made["told"].poll(0)  # before the pool waits for what is under way
 
 
 # --- loops ----------------------------------------------------------------------------------------

@@ -1,0 +1,371 @@
+"""Many independent pieces of work: over the cores of this machine, or by an executor that is given.
+
+Anything with the interface of `concurrent.futures.Executor` will do, that of a cluster as well.
+What a piece of work comes to depends on its item alone: results are the same whoever computes.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import pickle
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    as_completed,
+)
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import chain
+from multiprocessing import get_context
+from typing import Any
+
+from .checks import whole
+from .errors import BadInput, ContbreatherError, NotConverged, keeping, taking
+from .progress import Bar
+
+LARGEST = 8  # items that are sent together
+SHARES = 8  # into how many parts for each worker what is left is cut
+WORTH = 1.0  # seconds of work that are worth the start of other processes
+GLANCE = 0.2  # seconds of work from which the rest is estimated
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+UNSENT = (
+    "this cannot be sent to another process: {}. Take functions from the top of a module, or "
+    "executor=1 to compute in this process"
+)
+UNKNOWN = (
+    "a fresh process does not have it: {}. Put functions of a notebook or a prompt into a module, "
+    "or take executor=1 to compute in this process"
+)
+LOST = "the workers of the executor ended before its result, and did not come back for it"
+DIED = "the process that computed it ended before its result, and again when it was alone"
+NO_WORKERS = (
+    "the worker processes ended before their first result. Each begins by reading the script that "
+    "started them: make the call below `if __name__ == '__main__':` in a file, or "
+    "give an executor that computes in this process, concurrent.futures.ThreadPoolExecutor(1)"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Failed:
+    """A piece of work that came to no result, in its place among the others.
+
+    Attributes
+    ----------
+    item : object
+        What was to be worked on.
+    error : Exception
+        Why it failed; ``reason`` is its sentence.
+    """
+
+    item: Any
+    error: Exception
+
+    @property
+    def reason(self) -> str:
+        return str(self.error)
+
+    def __repr__(self) -> str:
+        return f"<Failed {type(self.error).__name__}: {self.reason}>"
+
+
+def each(
+    work: Callable[[Any], Any],
+    items: Iterable[Any],
+    *,
+    executor: Executor | int | None = None,
+    progress: bool | None = None,
+    unit: str = "items",
+    together: int = LARGEST,
+) -> Iterator[Any]:
+    """What a function makes of each of many items, in their order, as they come.
+
+    Parameters
+    ----------
+    work : callable
+        ``work(item)``; a function of a module, unless it is to stay in this process.
+    items : iterable
+    executor : concurrent.futures.Executor or int, optional
+        Who computes: an executor, or a number of processes, 1 for this one. All cores unless given,
+        where there is more than a second of work.
+    progress : bool, optional
+        Show how many are done; by default at a terminal or in a notebook only.
+    unit : str
+        What the items are, in the plural.
+    together : int
+        At most so many are sent at a time.
+
+    Yields
+    ------
+    object
+        What `work` returned, or `Failed` where it raised an error of this package, or where the
+        process that computed it died twice.
+
+    Raises
+    ------
+    BadInput
+        Where something cannot be sent to another process.
+    NotConverged
+        If no process could begin.
+    Interrupted
+        On Ctrl-C; its ``partial`` is a tuple of the results up to there.
+
+    Examples
+    --------
+    >>> from operator import neg
+    >>> list(each(neg, [1, 2, 3], executor=1))
+    [-1, -2, -3]
+    """
+    if not (executor is None or isinstance(executor, int) or hasattr(executor, "submit")):
+        raise BadInput(
+            f"executor = {executor!r}: a number of processes was wanted, or an executor as "
+            "concurrent.futures has them"
+        )
+    if isinstance(executor, int):
+        whole("executor", executor, 1)
+    return _shown(_Work(work, tuple(items), together), executor, progress, unit)
+
+
+def _shown(
+    asked: _Work, executor: Executor | int | None, progress: bool | None, unit: str
+) -> Iterator[Any]:
+    with Bar(progress, len(asked.items), unit) as bar, keeping(asked.so_far):
+        for _ in asked.done(executor):
+            bar.advance(len(asked.found))
+            yield from asked.next()
+
+
+@dataclass
+class _Work:
+    """A function, its items, and what became of them; results are yielded in order by `next`."""
+
+    work: Callable[[Any], Any]
+    items: Sequence[Any]
+    together: int
+    found: dict[int, Any] = field(default_factory=dict)
+    passed: int = 0  # how many were yielded
+
+    def next(self) -> Iterator[Any]:
+        while self.passed in self.found:
+            self.passed += 1
+            yield self.found[self.passed - 1]
+
+    def so_far(self) -> tuple[Any, ...] | None:
+        whole = min(self.left, default=len(self.items))
+        return tuple(self.found[number] for number in range(whole)) or None
+
+    @property
+    def left(self) -> list[int]:
+        return [number for number in range(len(self.items)) if number not in self.found]
+
+    def done(self, executor: Executor | int | None) -> Iterator[None]:
+        """Work, and pause whenever there are new results."""
+        cores = os.cpu_count() or 1
+        if executor == 1 or (executor is None and cores == 1):
+            yield from self._here(math.inf)
+        elif executor is None:
+            yield from self._here(WORTH)
+            yield from self._by_processes(cores)
+        elif isinstance(executor, int):
+            yield from self._by_processes(executor)
+        else:
+            yield from self._by(executor)
+
+    def _here(self, worth: float) -> Iterator[None]:
+        """In this process, until what is left seems worth the start of others."""
+        begun = time.monotonic()
+        for number, item in enumerate(self.items):
+            spent = time.monotonic() - begun
+            if number and spent > GLANCE and spent * (len(self.items) / number - 1) > worth:
+                return
+            with taking(partial(self.found.__setitem__, number)):
+                self.found[number] = _attempt(self.work, item)
+            yield
+
+    # --- by processes of our own ---
+
+    def _by_processes(self, most: int) -> Iterator[None]:
+        while self.left:
+            chunks = self._chunks(most)
+            try:
+                with processes(min(most, len(chunks))) as pool:
+                    yield from self._sent(pool, chunks)
+            except BrokenExecutor:  # items are handed out in order: those under way come first
+                unfinished = [numbers for numbers in chunks if numbers[0] not in self.found]
+                for number in chain.from_iterable(unfinished[:most]):
+                    yield from self._alone(number)
+
+    def _alone(self, number: int) -> Iterator[None]:
+        """Again, in a process of its own: whether it was this item that ended the last one."""
+        try:
+            with processes(1) as pool:
+                yield from self._sent(pool, [[number]])
+        except BrokenExecutor:
+            self.found[number] = Failed(self.items[number], NotConverged(DIED))
+            yield
+
+    def _sent(self, pool: Executor, chunks: Iterable[Sequence[int]]) -> Iterator[None]:
+        sent = {pool.submit(_unpacked, self._packed(numbers)): numbers for numbers in chunks}
+        try:
+            for future in as_completed(sent):
+                self._take(sent[future], future)
+                yield
+        except BrokenExecutor:
+            for future, numbers in sent.items():
+                if future.done() and future.exception() is None:
+                    self._take(numbers, future)
+            raise
+
+    def _packed(self, numbers: Sequence[int]) -> bytes:
+        try:
+            return pickle.dumps((self.work, [self.items[number] for number in numbers]))
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise BadInput(UNSENT.format(error)) from error
+
+    # --- by an executor that was given ---
+
+    def _by(self, executor: Executor) -> Iterator[None]:
+        """All of it, then once more, one by one, what was lost with its workers."""
+        workers = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
+        yield from self._given(executor, self._chunks(workers))
+        yield from self._given(executor, [[number] for number in self.left])
+        for number in self.left:
+            self.found[number] = Failed(self.items[number], NotConverged(LOST))
+        yield
+
+    def _given(self, executor: Executor, chunks: Iterable[Sequence[int]]) -> Iterator[None]:
+        sent: dict[Future[Any], Sequence[int]] = {}
+        try:
+            for numbers in chunks:
+                chosen = [self.items[number] for number in numbers]
+                with suppress(BrokenExecutor):
+                    sent[executor.submit(_several, self.work, chosen)] = numbers
+            for future in as_completed(sent):
+                with _losing():
+                    self._take(sent[future], future)
+                yield
+        finally:
+            for future in sent:
+                future.cancel()
+
+    def _chunks(self, workers: int) -> list[list[int]]:
+        """What is left in portions, large ones first, so that all end at about the same time."""
+        left, chunks = self.left, []
+        while left:
+            size = max(1, min(self.together, len(left) // (SHARES * workers)))
+            chunks.append(left[:size])
+            left = left[size:]
+        return chunks
+
+    def _take(self, numbers: Sequence[int], future: Future[Any]) -> None:
+        self.found.update(zip(numbers, future.result(), strict=True))
+
+
+def _attempt(work: Callable[[Any], Any], item: Any) -> Any:
+    try:
+        return work(item)
+    except ContbreatherError as error:
+        return Failed(item, error)
+
+
+def _several(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+    return [_attempt(work, item) for item in items]
+
+
+def _unpacked(packed: bytes) -> list[Any]:
+    try:
+        work, items = pickle.loads(packed)
+    except (ImportError, AttributeError) as error:
+        raise BadInput(UNKNOWN.format(error)) from error
+    return _several(work, items)
+
+
+@contextmanager
+def _losing() -> Iterator[None]:
+    """Leave what was lost with its worker for another time; a cluster has an error of its own."""
+    try:
+        yield
+    except (BrokenExecutor, CancelledError):
+        pass
+    except Exception as error:
+        if type(error).__name__ == "KilledWorker":
+            return
+        if "pickle" in str(error):
+            raise BadInput(UNSENT.format(error)) from error
+        raise
+
+
+# --- processes ------------------------------------------------------------------------------------
+
+
+@contextmanager
+def processes(most: int) -> Iterator[Executor]:
+    """Fresh processes, each with one thread, that end at once with the block, or with this process.
+
+    Forking a process with running BLAS or numba threads may hang. The end of a pipe tells workers
+    to leave, in the middle of what they do: an event shared with a killed process would block.
+
+    Raises
+    ------
+    NotConverged
+        If none of them could begin.
+    """
+    fresh = get_context("spawn")
+    told, telling = fresh.Pipe(duplex=False)
+    with ProcessPoolExecutor(most, fresh, initializer=_begin, initargs=(told,)) as pool:
+        try:
+            with _begun_quietly():  # as many as there may be, now
+                ready = [pool.submit(os.getpid) for _ in range(most)]
+            yield pool
+        except BrokenExecutor as error:
+            if not any(one.done() and one.exception() is None for one in ready):
+                raise NotConverged(NO_WORKERS) from error
+            raise
+        finally:
+            telling.close()
+
+
+@contextmanager
+def given_or_processes(executor: Executor | None) -> Iterator[Executor]:
+    """An executor that was given, or processes on all cores."""
+    with processes(os.cpu_count() or 1) if executor is None else nullcontext(executor) as pool:
+        yield pool
+
+
+@contextmanager
+def _begun_quietly() -> Iterator[None]:
+    """What is started within has one thread, and leaves Ctrl-C, which reaches all processes of a
+    terminal, to the one that waits for it."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    masking = getattr(signal, "pthread_sigmask", None)  # not on Windows
+    mask = masking and masking(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        if masking:
+            masking(signal.SIG_SETMASK, mask)
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value
+
+
+def _begin(told: Any) -> None:
+    """In a worker: leave when told."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_leave, args=(told,), daemon=True).start()
+
+
+def _leave(told: Any) -> None:
+    told.poll(None)  # until the other end is closed
+    os._exit(1)

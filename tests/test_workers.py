@@ -1,0 +1,242 @@
+"""Many pieces of work, by this process, by others and by executors that are given."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather import workers
+from contbreather.workers import Failed, each, processes
+
+
+def number_of_threads(item: tuple[int, Path]) -> tuple[int, int, str]:
+    return item[0], os.getpid(), os.environ["OMP_NUM_THREADS"]
+
+
+def process_of(_: int) -> int:
+    return os.getpid()
+
+
+def dies(item: tuple[int, Path]) -> int:
+    """Item 3 always, item 11 the first time."""
+    number, folder = item
+    mark = folder / f"seen{number}"
+    if number == 3 or (number == 11 and not mark.exists()):
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def refuses_odd(number: int) -> int:
+    if number % 2:
+        raise cb.NotConverged(f"{number} is odd")
+    return number
+
+
+def test_results_come_in_order_from_processes_with_one_thread(tmp_path: Path) -> None:
+    found = list(each(number_of_threads, [(i, tmp_path) for i in range(40)], executor=2))
+    assert [number for number, _, _ in found] == list(range(40))
+    assert os.getpid() not in {process for _, process, _ in found}
+    assert {threads for _, _, threads in found} == {"1"}
+
+
+def test_what_was_lost_with_its_worker_is_done_again_and_then_is_a_failure(tmp_path: Path) -> None:
+    found = list(each(dies, [(i, tmp_path) for i in range(12)], executor=2))
+    assert [one for one in found if not isinstance(one, Failed)] == [*range(3), *range(4, 12)]
+    assert isinstance(found[3], Failed)
+    assert found[3].item == (3, tmp_path)
+    assert "ended before its result, and again" in found[3].reason
+
+
+def test_an_error_of_this_package_is_a_result_and_any_other_is_raised() -> None:
+    found = list(each(refuses_odd, range(4), executor=1))
+    assert [found[0], found[2]] == [0, 2]
+    assert [found[1].reason, found[3].reason] == ["1 is odd", "3 is odd"]
+    assert repr(found[1]) == "<Failed NotConverged: 1 is odd>"
+    with pytest.raises(ZeroDivisionError):
+        list(each(lambda number: 1 // number, [1, 0], executor=1))
+
+
+def test_what_is_short_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "processes", None)
+    assert list(each(lambda number: -number, range(1000))) == [-i for i in range(1000)]
+
+
+def test_what_is_long_is_done_by_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(workers, "GLANCE", -1.0)
+    monkeypatch.setattr(workers, "WORTH", -1.0)
+    found = list(each(process_of, range(9)))
+    assert found[0] == os.getpid()
+    assert os.getpid() not in found[1:]
+
+
+def test_what_cannot_be_sent_is_refused_in_a_sentence() -> None:
+    for executor in (2, None):
+        with pytest.raises(cb.BadInput, match=r"cannot be sent to another process: .*lambda"):
+            list(each(lambda number: time.sleep(0.3), range(9), executor=executor))
+    with pytest.raises(cb.BadInput, match="a number of processes was wanted"):
+        each(refuses_odd, [1], executor="two")  # type: ignore[arg-type]
+    with pytest.raises(cb.BadInput, match="executor = 0"):
+        each(refuses_odd, [1], executor=0)
+
+
+class Losing(ThreadPoolExecutor):
+    """Its workers are killed every third time."""
+
+    sent = 0
+
+    def submit(self, call: Callable[..., Any], *given: Any, **more: Any) -> Future[Any]:
+        self.sent += 1
+        if self.sent % 3:
+            return super().submit(call, *given, **more)
+        lost: Future[Any] = Future()
+        lost.set_exception(BrokenExecutor("a worker was terminated abruptly"))
+        return lost
+
+
+def test_an_executor_that_is_given_is_asked_again_for_what_it_lost() -> None:
+    with Losing(2) as pool:
+        found = list(each(lambda number: number, range(64), executor=pool))
+    kept = [one for one in found if not isinstance(one, Failed)]
+    assert len(found) == 64
+    assert len(kept) > 48
+    assert kept == [i for i, one in enumerate(found) if not isinstance(one, Failed)]
+    assert all("of the executor ended" in one.reason for one in found if isinstance(one, Failed))
+
+
+def test_short_items_are_sent_together() -> None:
+    sent: list[int] = []
+
+    class Counting(ThreadPoolExecutor):
+        def submit(self, call: Callable[..., Any], *given: Any, **more: Any) -> Future[Any]:
+            sent.append(len(given[1]))
+            return super().submit(call, *given, **more)
+
+    with Counting(2) as pool:
+        assert list(each(abs, range(1000), executor=pool)) == list(range(1000))
+    assert sent[0] == workers.LARGEST
+    assert (sent[-1], len(sent) < 200) == (1, True)
+
+
+SCRIPT = """
+import time
+import contbreather as cb
+from contbreather.workers import each
+
+
+def slow(number):
+    time.sleep(0.01 if number < 20 else 60)
+    return number
+
+
+if __name__ == "__main__":
+    try:
+        for one in each(slow, range(60), executor=2):
+            if one == 12:
+                print("begun", flush=True)
+    except cb.Interrupted as stop:
+        print(stop.partial == tuple(range(len(stop.partial))), len(stop.partial) > 12)
+"""
+
+
+def test_ctrl_c_ends_workers_in_the_middle_and_keeps_what_is_done(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    path = {"PYTHONPATH": str(Path(cb.__file__).parents[1])}
+    with subprocess.Popen(
+        [sys.executable, script], env={**os.environ, **path},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    ) as child:  # fmt: skip
+        try:
+            assert child.stdout is not None
+            assert child.stdout.readline() == "begun\n"
+            time.sleep(0.3)  # until it waits for the next one
+            os.killpg(child.pid, signal.SIGINT)  # a terminal sends it to all of them
+            out, err = child.communicate(timeout=30)
+        finally:
+            if child.poll() is None:
+                os.killpg(child.pid, signal.SIGKILL)
+    assert (out, err, child.returncode) == ("True True\n", "", 0)
+
+
+def test_functions_that_a_fresh_process_lacks_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def made_here(number: int) -> int:
+        return number
+
+    made_here.__qualname__ = "made_here"
+    module = sys.modules[__name__]
+    monkeypatch.setattr(module, "made_here", made_here, raising=False)
+    with pytest.raises(cb.BadInput, match=r"a fresh process does not have it: .*'made_here'"):
+        list(each(made_here, [1, 2], executor=2))
+
+
+def test_a_loop_that_is_left_leaves_no_worker_behind() -> None:
+    with processes(1) as pool:
+        worker = pool.submit(os.getpid).result()
+    for _ in range(100):
+        if not Path(f"/proc/{worker}").exists():
+            return
+        time.sleep(0.05)
+    pytest.fail("the worker is still there")
+
+
+# --- branches and zones ---------------------------------------------------------------------------
+
+
+def test_branches_over_a_grid_are_those_that_trace_finds() -> None:
+    window = {"a": (0.45, 0.9)}
+    starts: list[Any] = [cb.symmetric(0.5, g, k) for g in (0.02, 0.08) for k in (0.6, 0.8)]
+    starts.insert(2, cb.symmetric(0.2, 0.02, 0.8))  # outside of the window
+    found = list(cb.trace_many(starts, "a", within=window, executor=2))
+    assert isinstance(found[2], Failed)
+    with pytest.raises(cb.BadInput) as alone:
+        cb.trace(starts[2], "a", within=window)
+    assert found[2].reason == str(alone.value)
+    for start, branch in zip(starts, found, strict=True):
+        if isinstance(branch, Failed):
+            continue
+        own = cb.trace(start, "a", within=window)
+        assert [p.label for p in branch.special] == [p.label for p in own.special]
+        assert all(np.array_equal(branch[name], own[name]) for name in own.names)
+
+
+def test_several_starts_are_wanted() -> None:
+    with pytest.raises(cb.BadInput, match="a list of them"):
+        cb.trace_many(cb.symmetric(0.5, 0.04, 0.8), "a")  # type: ignore[arg-type]
+    with pytest.raises(cb.BadInput, match="a Problem was wanted"):
+        cb.trace_many([3.0], "a")  # type: ignore[list-item]
+
+
+def test_many_zones_are_those_of_each_value() -> None:
+    few = {"gamma": (0.0, 0.015)}
+    drive = cb.Symbolic("cos(t) + c3*cos(3*t)", c3=0.0)
+    asked = {"over": {"c3": (0.0, 0.05)}, "forcing": drive, "within": few}
+    found = list(cb.zones_many([0.8, 2.0], **asked, executor=1))
+    assert [isinstance(one, Failed) for one in found] == [False, False, True, True]
+    own = cb.zones(k=0.8, forcing=drive.at(c3=0.05), within=few)
+    one = found[1]
+    assert not isinstance(one, Failed)
+    for kind in own.curves:
+        for ours, line in zip(one[kind], own[kind], strict=True):
+            assert all(np.array_equal(ours[name], line[name]) for name in ("gamma", "a", "p"))
+
+
+def test_what_many_zones_are_over_is_checked_first() -> None:
+    with pytest.raises(cb.BadInput, match="exactly one of k, gamma, a, got none"):
+        cb.zones_many()
+    with pytest.raises(cb.BadInput, match="no parameter 'c3' of the forcing"):
+        cb.zones_many([0.8], over={"c3": [0.1]})
+    with pytest.raises(cb.BadInput, match="finite real numbers"):
+        cb.zones_many([0.8, float("nan")])
