@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,9 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import finite
 from contbreather.lattice.modes import lattice_of
 from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
+
+if TYPE_CHECKING:
+    from contbreather.certified import Certificate
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -493,6 +496,24 @@ class Orbit(Shown):
                 "ask for stability(sites=N, threshold=...)."
             )
         return verdict(own.map, THRESHOLD if threshold is None else threshold)
+
+    def certify(self, *, within: float = 1e-8) -> Certificate:
+        """Prove by interval arithmetic that an exact breather is within so much of this one in p
+        and phi, that it keeps off all walls except at its impacts, and how many multipliers are
+        outside the circle: `contbreather.certified.certify`, which takes branches, too.
+
+        For symmetric breathers of the infinite chain; needs python-flint.
+
+        Examples
+        --------
+        >>> from contbreather.breathers.symmetric import symmetric
+        >>> symmetric(a=0.5, gamma=0.08, k=0.8).certify()
+        <Certificate: Proved: a breather exists, the only one within 0.3. It keeps off all walls \
+except at its impacts. No isolated multiplier of the half map outside the unit circle.>
+        """
+        from contbreather.certified import certify
+
+        return certify(self, within=within)
 
     def multipliers(self, sites: int | None = None, *, half: bool = False) -> ComplexArray:
         """All 2N Floquet multipliers over the period on a finite lattice.

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from contbreather.cli.options import NAMES, PARAMETERS, On, Where, Whole
 from contbreather.cli.output import say, to_json
+from contbreather.errors import NotConverged
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 
-def point(where: Where = Where(), *, root: Whole = 1, json: bool = False) -> None:
+def point(
+    where: Where = Where(), *, root: Whole = 1, certify: bool = False, json: bool = False
+) -> None:
     """One breather: p, phi, admissibility, stability.
 
     Parameters
     ----------
     root
         Which solution of (11), in order of decreasing p, where there are several.
+    certify
+        Prove all of it by interval arithmetic, on the infinite chain; exit status 1 if that fails.
     json
         Print one JSON object, in full precision.
     """
@@ -33,11 +38,16 @@ def point(where: Where = Where(), *, root: Whole = 1, json: bool = False) -> Non
     others = [other for other in found if other is not breather]
     verdicts = _verdicts(breather, on, rule)
     content = _content(breather, on, verdicts, others, where.sites)
+    proof = breather.certify() if certify else None
+    if proof is not None:
+        content["certificate"] = asdict(proof)
     if json:
         to_json({**content, "root": root})
-        return
-    say(_table(content))
-    say(*_sentences(breather, verdicts, others))
+    else:
+        say(_table(content))
+        say(*_sentences(breather, verdicts, others), *([] if proof is None else [proof.describe()]))
+    if proof is not None and proof.unproved:
+        raise NotConverged(f"not all is proved: {'; '.join(proof.unproved)}")
 
 
 def _verdicts(breather: Any, on: On, rule: On) -> list[Any]:

@@ -1,0 +1,160 @@
+"""Means over the modes of the infinite chain, enclosed: chi, eta, sigma, psi, motions of all sites.
+
+With ``w^2 = 2 gamma (1 - cos theta)`` and whole l > 0,
+
+    ``<cos(n theta)/(l^2 - w^2)> = xi_l^n/(l sqrt(l^2 - 4 gamma))``,
+    ``xi_l = -4 gamma/(l + sqrt(l^2 - 4 gamma))^2``,
+    ``<w^2j cos(n theta)> = (-1)^n binomial(2j, j + n) gamma^j =: m_j(n)``.
+
+All means are sums over l of the former (partial fractions of tan, cot, 1/sin; the Fourier series of
+the motion). The term next to the band is kept, the others are expanded in ``w^2/l^2`` up to
+``(w^2/l^2)^J``. What is cut off is bounded, with ``x = 4 gamma <= 1``, ``|m_j| <= x^j``:
+
+- chi, eta, psi: coefficient j of x is at most ``(4/pi) s_j``, ``s_j`` the sum over l of l^-(2j+2),
+  l^-2j (l = 3, 5, ...) or l^-2j (l = 4, 6, ...), so at most ``(4/pi) 3 9^-j``. From j = J + 1 on
+  that makes ``(27/2 pi) 9^-(J+1) < 5 9^-(J+1)``, its derivative in gamma
+  ``4 (12/pi) sum of j 9^-j <= 18 (J + 2) 9^-(J+1)``.
+- motion: ``sum over j > J of w^2j/l^(2j+2) = (w/l)^(2J+2)/(l^2 - w^2)``, so derivative r in time is
+  off by at most ``(4/pi) sum over l of l^r l^-(2J+2)/(l^2 - 1) <= 3^r 9^-(J+1)/pi`` (r = 0, 1, 2;
+  the sum over l = 3, 5, ... of 1/(l^2 - 1) is 1/4).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import comb, factorial
+
+from flint import arb, arb_mat, arb_poly
+
+from contbreather.certified.balls import Ball, Jet, Value, spread, working
+
+J = 40  # powers of w^2 kept: 9^-41 < 2^-129
+POWERS = 18  # odd powers of the time from mid flight kept in a motion
+REACH = 1.6  # no less than any such time, pi/2
+
+
+def _odd(s: int) -> Ball:
+    """The sum of l^-s over l = 3, 5, 7, ..."""
+    return (1 - arb(2) ** -s) * arb(s).zeta() - 1
+
+
+def _even(s: int) -> Ball:
+    """The sum of l^-s over l = 4, 6, 8, ..."""
+    return arb(2) ** -s * (arb(s).zeta() - 1)
+
+
+@lru_cache(maxsize=1)
+def _coefficients() -> dict[str, list[Ball]]:
+    """Of gamma^j, j = 0..J, the terms next to the band left out; beyond the precision in use."""
+    with working():
+        f = 4 / arb.pi()
+        return {
+            "chi": [f * comb(2 * j, j) * _odd(2 * j + 2) for j in range(J + 1)],
+            "eta": [arb(0)] + [f * comb(2 * j, j) * _odd(2 * j) for j in range(1, J + 1)],
+            "psi": [f / 2] + [-f * comb(2 * j, j) * _even(2 * j) for j in range(1, J + 1)],
+        }
+
+
+def _cut(gamma: Value) -> Value:
+    """What the powers beyond J amount to."""
+    value, slope = spread(5 * arb(9) ** -(J + 1)), spread(18 * (J + 2) * arb(9) ** -(J + 1))
+    return Jet([value, slope], prec=2) if isinstance(gamma, Jet) else value
+
+
+def _rest(name: str, gamma: Value) -> Value:
+    total = arb(0)
+    for c in reversed(_coefficients()[name]):
+        total = total * gamma + c
+    return total + _cut(gamma)
+
+
+def chi(gamma: Value) -> Value:
+    """``<tan(pi w/2)/w>``, (10)."""
+    return 4 / arb.pi() * (1 - 4 * gamma).rsqrt() + _rest("chi", gamma)
+
+
+def eta(gamma: Value) -> Value:
+    """``<w tan(pi w/2)>``."""
+    return 4 / arb.pi() * ((1 - 4 * gamma).rsqrt() - 1) + _rest("eta", gamma)
+
+
+def psi(gamma: Value) -> Value:
+    """``<w cot(pi w/2)>``."""
+    return -4 / arb.pi() * ((1 - gamma).rsqrt() - 1) + _rest("psi", gamma)
+
+
+def sigma(gamma: Value) -> Value:
+    """``<w/sin(pi w)>``."""
+    return (eta(gamma) + psi(gamma)) / 2
+
+
+# --- the motion of a site between two impacts of site 0 -----------------------------------------
+
+
+@lru_cache(maxsize=1)
+def _weights() -> arb_mat:
+    """``(4/pi) (-1)^i W_ij/(2i+1)!``, W as in `contbreather.lattice.green`: the coefficient of
+    ``<w^2j cos(n theta)>`` and the (2i+1)-th power of the time from mid flight."""
+    with working():
+        gaps = [1 - arb.pi() / 4] + [1 - _beta(2 * m + 1) for m in range(1, J + 1)]
+        rows = [
+            [
+                4 / arb.pi() * (-1) ** i / factorial(2 * i + 1) * (gaps[j - i] if j >= i else 1)
+                for j in range(J + 1)
+            ]
+            for i in range(POWERS)
+        ]
+        return arb_mat(rows)
+
+
+def _beta(s: int) -> Ball:
+    """Dirichlet's: 1 - 3^-s + 5^-s - ..."""
+    return arb(4) ** -s * (arb(s).zeta(arb(1) / 4) - arb(s).zeta(arb(3) / 4))
+
+
+def first_harmonic(gamma: Ball, n: int) -> Ball:
+    """``<cos(n theta)/(1 - w^2)>``."""
+    r = (1 - 4 * gamma).sqrt()
+    return (-4 * gamma / (1 + r) ** 2) ** n / r
+
+
+def flight(gamma: Ball, n: int) -> tuple[Ball, arb_poly, list[Ball]]:
+    """Site n between two impacts per unit p: ``-s sin y + P(y) + error``, y the time from mid
+    flight.
+
+    Returns
+    -------
+    s : Ball
+    P : arb_poly
+    errors : list of three Balls
+        Of displacement, velocity and acceleration. Cut off are, beside the powers of w^2 above, the
+        powers of y from 2 POWERS + 1 on. All ``|W| <= 1`` and ``sum of |m_j| <= 1/sqrt(1 - 4
+        gamma)``, so of derivative r there remain less than ``(4/pi)/sqrt(1 - 4 gamma)`` times the
+        sum of ``|y|^(i - r)/(i - r)!`` over odd i > 2 POWERS, which is at most twice its first
+        term.
+    """
+    moments = [comb(2 * j, j + n) * (-1) ** n * gamma**j for j in range(J + 1)]
+    found = _weights() * arb_mat([[m] for m in moments])
+    powers = [x for i in range(POWERS) for x in (arb(0), found[i, 0])]
+    size = 4 / arb.pi() / (1 - 4 * gamma).sqrt()
+    first = 2 * POWERS + 1
+    errors = [
+        spread(
+            (3**r * arb(9) ** -(J + 1) / arb.pi()).upper()
+            + (2 * size * arb(REACH) ** (first - r) / factorial(first - r)).upper()
+        )
+        for r in range(3)
+    ]
+    return 4 / arb.pi() * first_harmonic(gamma, n), arb_poly(powers), errors
+
+
+def reach(gamma: Ball, n: int) -> Ball:
+    """An upper bound, over all times and all sites from n on, of what a unit impact does there.
+
+    By the Fourier series ``(4/pi) sum of |xi_l|^n/(l sqrt(l^2 - 4 gamma))``, which falls with n;
+    with ``|xi_l| <= |xi_3|`` and ``l sqrt(l^2 - 4 gamma) >= l^2 - 1`` for l = 3, 5, ... the terms
+    beyond the first are at most ``|xi_3|^n/4``.
+    """
+    r = (1 - 4 * gamma).sqrt()
+    own, third = 4 * gamma / (1 + r) ** 2, 4 * gamma / (3 + (9 - 4 * gamma).sqrt()) ** 2
+    return (4 / arb.pi() * (own**n / r + third**n / 4)).upper()

@@ -1,0 +1,231 @@
+"""A branch of breathers proved piece by piece.
+
+A tile is an interval of one coordinate of (p, phi, parameter) and a box of the other two.
+Krawczyk's test with that coordinate a ball proves exactly one zero in the box for each of its
+values; the zero depends smoothly on it. What cannot be proved of a tile is tried of its halves.
+Neighbours share a point of the branch: where its own enclosure lies in both boxes, both hold the
+same curve.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby, pairwise
+
+from flint import arb, arb_mat
+
+from contbreather.certified.balls import (
+    Ball,
+    Equations,
+    Interval,
+    about,
+    hull,
+    interval,
+    jacobian,
+    krawczyk,
+    working,
+)
+from contbreather.certified.certificate import Covering, Tile
+from contbreather.certified.closure import equations
+from contbreather.certified.points import UNKNOWNS, zero_near
+from contbreather.certified.walls import admissible
+from contbreather.certified.winding import unstable_count
+
+NARROW = 1e-9  # where breathers or their clearance are not proved, tiles are halved down to this
+COUNTED = 1e-5  # and where only the number of multipliers is not proved
+OVERLAP = 1e-12  # by which tiles reach beyond the points that they share
+MOST = 400  # tiles between two points of a branch
+TURNING = 0.03  # of a unit tangent: with less, the curve turns over in the parameter
+DOMAIN = {"gamma": (0.0, 0.25), "k": (0.0, 1.0)}
+
+Place = tuple[float, ...]  # p, phi, parameter
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The equations of a branch, in p, phi and its parameter."""
+
+    fixed: Mapping[str, Ball]
+    free: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (*UNKNOWNS, self.free)
+
+    @cached_property
+    def system(self) -> Equations:
+        return equations(self.fixed, self.names)
+
+    def cut(self, along: int, x: Ball) -> Equations:
+        """The equations in the other two coordinates, where this one is in a ball."""
+
+        def at(point: Sequence[Ball]) -> list[Ball]:
+            full = list(point)
+            full.insert(along, x)
+            return self.system(full)
+
+        return at
+
+    def on_curve(self, along: int, guess: Place) -> Place:
+        """The point of the branch with this coordinate, by Newton's method from a guess."""
+        here = self.cut(along, arb(guess[along]))
+        point = [arb(x) for i, x in enumerate(guess) if i != along]
+        for _ in range(4):
+            step = arb_mat(jacobian(here, point)).mid().solve(arb_mat([[f] for f in here(point)]))
+            point = [arb((x - step[i, 0]).mid()) for i, x in enumerate(point)]
+        found = [float(x) for x in point]
+        found.insert(along, guess[along])
+        return tuple(found)
+
+    def tangent(self, at: Place) -> list[float]:
+        """Its direction, by size only: the cross product of both gradients, of length 1."""
+        (x, y, z), (u, v, w) = (
+            [float(one.mid()) for one in row]
+            for row in jacobian(self.system, [arb(one) for one in at])
+        )
+        found = (y * w - z * v, z * u - x * w, x * v - y * u)
+        return [abs(one) / math.hypot(*found) for one in found]
+
+    def coordinate(self, ends: tuple[Place, Place], outer: bool) -> int:
+        """The one to cut along: that in which the curve is steepest at both ends. At an end of the
+        branch the parameter, which is exact there, unless the curve turns over in it."""
+        least = [min(pair) for pair in zip(*map(self.tangent, ends), strict=True)]
+        return 2 if outer and least[2] > TURNING else least.index(max(least))
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A tile between two points of the branch, as it is worked on: the box in which a zero is the
+    only one, and the smaller one it is in."""
+
+    ends: tuple[Place, Place]
+    along: int
+    alone: tuple[Ball, ...] = ()
+    box: tuple[Ball, ...] = ()
+    admissible: bool | None = None
+    unstable: int | None = None
+    why: str = ""
+
+    @property
+    def width(self) -> float:
+        return abs(self.ends[1][self.along] - self.ends[0][self.along])
+
+    @property
+    def done(self) -> bool:
+        """Proved, or not worth halving."""
+        if self.admissible is None:
+            return self.width <= NARROW
+        return not self.admissible or self.unstable is not None or self.width <= COUNTED
+
+
+def _proved(sheet: Sheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) -> Piece:
+    """What can be proved between two points without halving; at an outer end of the branch a tile
+    does not reach beyond it."""
+    along = sheet.coordinate(ends, any(outer))
+    piece = Piece(ends, along, why="that breathers exist")
+    chord = _halfway(*ends)
+    middle = sheet.on_curve(along, chord)
+    tangent = sheet.tangent(middle)
+    x, half = _reach(sheet, ends, along, outer), 0.5 * piece.width
+    sizes = [
+        1.2 * slope / tangent[along] * half + 4.0 * abs(here - there) + 4.0 * OVERLAP
+        for slope, here, there in zip(tangent, middle, chord, strict=True)
+    ]
+    for wider in (1.0, 2.0, 4.0):
+        alone = [about(here, wider * size) for here, size in zip(middle, sizes, strict=True)]
+        alone[along] = x
+        found = krawczyk(sheet.system, alone, along)
+        if found is not None:
+            return _judged(sheet, replace(piece, alone=tuple(alone), box=tuple(found), why=""))
+    return piece
+
+
+def _reach(sheet: Sheet, ends: tuple[Place, Place], along: int, outer: Sequence[bool]) -> Ball:
+    first, last = (end[along] for end in ends)
+    side = OVERLAP if last > first else -OVERLAP
+    low, high = sorted((first - side * (not outer[0]), last + side * (not outer[1])))
+    bottom, top = DOMAIN.get(sheet.names[along], (low, high))
+    return hull(max(low, bottom), min(high, top))
+
+
+def _judged(sheet: Sheet, piece: Piece) -> Piece:
+    """With what is proved of all breathers of a tile."""
+    values = {**sheet.fixed, **dict(zip(sheet.names, piece.box, strict=True))}
+    clear = admissible(values)
+    if not clear.holds:
+        why = "" if clear.holds is False else f"whether breathers are admissible: {clear.reason}"
+        return replace(piece, admissible=clear.holds, why=why)
+    count = unstable_count(values)
+    why = f"how many multipliers are outside the circle: {count.reason}" if count.reason else ""
+    return replace(piece, admissible=True, unstable=count.unstable, why=why)
+
+
+def _cover(sheet: Sheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) -> list[Piece]:
+    """Pieces from one point to the other: the widest that is not done is halved, until all are or
+    there are too many."""
+    pieces = [(_proved(sheet, ends, outer), outer)]
+    while len(pieces) < MOST and (left := [i for i, (one, _) in enumerate(pieces) if not one.done]):
+        i = max(left, key=lambda i: pieces[i][0].width)
+        piece, outer = pieces[i]
+        middle = sheet.on_curve(piece.along, _halfway(*piece.ends))
+        halves = (
+            ((piece.ends[0], middle), (outer[0], False)),
+            ((middle, piece.ends[1]), (False, outer[1])),
+        )
+        pieces[i : i + 1] = [(_proved(sheet, own, edge), edge) for own, edge in halves]
+    return [piece for piece, _ in pieces]
+
+
+def _halfway(one: Place, other: Place) -> Place:
+    return tuple(0.5 * (x + y) for x, y in zip(one, other, strict=True))
+
+
+def _joined(sheet: Sheet, one: Piece, other: Piece) -> bool:
+    """Whether the point that two tiles share is proved to be in both."""
+    place, along = one.ends[1], one.along
+    if not (one.box and other.box):
+        return False
+    rest = [x for i, x in enumerate(place) if i != along]
+    zero = zero_near(sheet.cut(along, arb(place[along])), rest, OVERLAP)
+    if zero is None:
+        return False
+    zero.insert(along, arb(place[along]))
+    return all(
+        x.contains(z) for piece in (one, other) for x, z in zip(piece.alone, zero, strict=True)
+    )
+
+
+def _tile(sheet: Sheet, piece: Piece) -> Tile:
+    """As it is handed out."""
+    first, last = (end[-1] for end in piece.ends)
+    low, high = sorted((first, last))
+    inner = 0.0 if piece.along == 2 else OVERLAP  # ends of other tiles are known to rounding
+    boxes = {name: interval(x) for name, x in zip(sheet.names, piece.box, strict=False)}
+    covers = Interval(low + inner, high - inner)
+    along = sheet.names[piece.along]
+    return Tile(along, boxes, covers, piece.admissible, piece.unstable, piece.why)
+
+
+def certify_curve(given: Mapping[str, float], free: str, places: Sequence[Place]) -> Covering:
+    """The proof of a branch through these points; `given` are its other parameters."""
+    with working():
+        sheet = Sheet({name: arb(x) for name, x in given.items() if name != free}, free)
+        pieces: list[Piece] = []
+        last = len(places) - 2
+        for i, ends in enumerate(pairwise(places)):
+            pieces += _cover(sheet, ends, (i == 0, i == last))
+        joined = all(_joined(sheet, one, other) for one, other in pairwise(pieces))
+        tiles = tuple(_tile(sheet, piece) for piece in pieces)
+    return Covering(free, tiles, joined, tuple(_missing(free, tiles)))
+
+
+def _missing(free: str, tiles: Sequence[Tile]) -> Iterator[str]:
+    """One sentence for each run of tiles that lack the same."""
+    for what, run in groupby(tiles, lambda tile: tile.why.split(":")[0]):
+        if what:
+            own = list(run)
+            low, high = min(one.covers.low for one in own), max(one.covers.high for one in own)
+            yield f"for {free} in [{low:.9g}, {high:.9g}], {own[0].why}"

@@ -1,0 +1,187 @@
+"""That a breather keeps off the walls, for all times and all sites.
+
+Time is counted from the middle of a flight, ``t = phi + pi/2 + y``; the other half of the motion is
+its mirror image. A ball of times with middle y and radius r is settled by Taylor's theorem,
+
+    ``u(y + s) = u(y) + u'(y) s + u''(y + s*) s^2/2,  |s*| <= |s| <= r``,
+
+with the last term enclosed over the whole ball, and else halved. Nothing is sampled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from flint import arb, arb_poly
+
+from contbreather.certified import means
+from contbreather.certified.balls import Ball, about, spread
+from contbreather.certified.closure import response
+
+HALF = math.nextafter(0.5 * math.pi, 2.0)  # a float beyond pi/2
+PIECES = 12  # balls of times to half a period of the highest harmonic, before any is halved
+DEEPEST = 26  # halvings: the last ones settle a distance of 1e-15 from a wall
+FARTHEST = 400  # sites looked at one by one
+
+
+class Verdict(NamedTuple):
+    """True and False are proved, None is neither; the reason says what was found or is missing."""
+
+    holds: bool | None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """``sum of C cos(m y) + S sin(m y) + P(y) + error``, its derivatives with it."""
+
+    harmonics: tuple[tuple[int, Ball, Ball], ...]
+    polynomials: tuple[arb_poly, ...]
+    errors: tuple[Ball, ...]
+
+    @property
+    def highest(self) -> int:
+        return max(m for m, _, _ in self.harmonics)
+
+    def at(self, y: Ball, order: int) -> Ball:
+        """Displacement, velocity or acceleration."""
+        total = self.polynomials[order](y) + self.errors[order]
+        for m, cosine, sine in self.harmonics:
+            s, c = (m * y).sin_cos()
+            own = (cosine * c + sine * s, sine * c - cosine * s, -cosine * c - sine * s)[order]
+            total += own * m**order
+        return total
+
+    def over(self, middle: float, radius: float) -> Ball:
+        """Displacement over a ball of times, by Taylor's theorem."""
+        y = arb(middle)
+        bend = self.at(about(middle, radius), 2) * about(0.5 * radius**2, 0.5 * radius**2)
+        return self.at(y, 0) + self.at(y, 1) * spread(radius) + bend
+
+
+def far_field(values: Mapping[str, Ball]) -> Motion:
+    """``a f``, what sites far away do."""
+    turned = []
+    for m, cosine, sine in response(values):
+        s, c = (m * (values["phi"] + arb.pi() / 2)).sin_cos()
+        a = values["a"]
+        turned.append((m, a * (cosine * c + sine * s), a * (sine * c - cosine * s)))
+    nothing = arb_poly([0])
+    return Motion(tuple(turned), (nothing,) * 3, (arb(0),) * 3)
+
+
+def motion(values: Mapping[str, Ball], n: int) -> Motion:
+    """Site n of the breather."""
+    drive, p = far_field(values), values["p"]
+    own, powers, errors = means.flight(values["gamma"], n)
+    harmonics = {m: (c, s) for m, c, s in drive.harmonics}
+    cosine, sine = harmonics.get(1, (arb(0), arb(0)))
+    harmonics[1] = (cosine, sine - p * own)
+    path = p * powers
+    return Motion(
+        tuple((m, *pair) for m, pair in harmonics.items()),
+        (path, path.derivative(), path.derivative().derivative()),
+        tuple(p * e for e in errors),
+    )
+
+
+# --- covering all times -------------------------------------------------------------------------
+
+Settled = Callable[[float, float], bool | None]
+
+
+def everywhere(settled: Settled, pieces: int) -> tuple[bool | None, float]:
+    """Whether something holds on all balls of times that cover the flight, halving those on which
+    it is not settled; and where it does not."""
+    radius = HALF / pieces * (1.0 + 1e-12)  # neighbours overlap: no time is lost to rounding
+    stack = [(HALF * ((2 * i + 1) / pieces - 1.0), radius, 0) for i in range(pieces)]
+    while stack:
+        middle, radius, depth = stack.pop()
+        answer = settled(middle, radius)
+        if answer is False or (answer is None and depth == DEEPEST):
+            return answer, middle
+        if answer is None:
+            half = 0.5 * radius * (1.0 + 1e-12)
+            stack += [(middle + side * 0.5 * radius, half, depth + 1) for side in (-1, 1)]
+    return True, 0.0
+
+
+def below(path: Motion, ceiling: Ball, pieces: int) -> tuple[bool | None, float]:
+    """Whether ``|u| < ceiling`` at all times."""
+
+    def settled(middle: float, radius: float) -> bool | None:
+        if abs(path.over(middle, radius)) < ceiling:
+            return True
+        return False if abs(path.at(arb(middle), 0)) > ceiling else None
+
+    return everywhere(settled, pieces)
+
+
+def inside(path: Motion, pieces: int) -> tuple[bool | None, float]:
+    """Whether site 0 is off both walls between the impact at +1 and the next, at -1.
+
+    At the ends of its flight it is at a wall. There it moves away from the one, towards the other:
+    on a ball of times that holds an end ``u' < 0`` does, or, after the impact, ``u'' < 0``, as it
+    leaves with ``u' = -k w <= 0``.
+    """
+
+    def settled(middle: float, radius: float) -> bool | None:
+        y, end = about(middle, radius), abs(middle) + radius >= HALF
+        if path.at(y, 1) < 0 or (end and middle < 0 and path.at(y, 2) < 0):
+            return True if end else _between(path, middle, radius)
+        return None if end else _between(path, middle, radius)
+
+    return everywhere(settled, pieces)
+
+
+def _between(path: Motion, middle: float, radius: float) -> bool | None:
+    if abs(path.over(middle, radius)) < 1:
+        return True
+    return False if abs(path.at(arb(middle), 0)) > 1 else None
+
+
+# --- all sites ----------------------------------------------------------------------------------
+
+
+def admissible(values: Mapping[str, Ball]) -> Verdict:
+    """Whether all sites keep off the walls at all times, except site 0 at its impacts.
+
+    Far sites are bounded together: from site N on, ``|u_n| <= a max |f| + p reach(N)``. The sites
+    before N are settled one by one.
+    """
+    if not values["p"] > 0:
+        return Verdict(None, "that the impact has p > 0 is not proved")
+    drive = far_field(values)
+    pieces = PIECES * drive.highest
+    found, when = inside(motion(values, 0), pieces)
+    if found is not True:
+        return _verdict(found, "site 0 between its impacts", when)
+    far, when = below(drive, arb(1), pieces)
+    if far is not True:  # sites far out come as close to it as you like
+        return _verdict(far, "the far field", when)
+    ceiling = _ceiling(drive)
+    for n in range(1, FARTHEST):
+        room = 1 - values["p"] * means.reach(values["gamma"], n)
+        if room > ceiling and below(drive, room, pieces)[0]:
+            return Verdict(True)
+        found, when = below(motion(values, n), arb(1), pieces)
+        if found is not True:
+            return _verdict(found, f"site {n}", when)
+    return Verdict(None, f"sites beyond {FARTHEST}: the far field is too close to the walls")
+
+
+def _ceiling(drive: Motion) -> float:
+    """Half way from the highest value of the far field on a fine grid to the wall: only a choice of
+    how many sites are looked at one by one."""
+    grid = (HALF * (2.0 * i / (64 * drive.highest) - 1.0) for i in range(64 * drive.highest))
+    top = max(float(abs(drive.at(arb(y), 0)).mid()) for y in grid)
+    return 0.5 * (1.0 + top)
+
+
+def _verdict(found: bool | None, what: str, when: float) -> Verdict:
+    if found is False:
+        return Verdict(False, f"{what} goes through a wall, {when + HALF:.9g} after an impact")
+    return Verdict(None, f"{what} comes too close to a wall, {when + HALF:.9g} after an impact")

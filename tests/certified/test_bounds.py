@@ -1,0 +1,213 @@
+"""Enclosures hold the exact values, above all where much is cut off: 30 digits of mpmath say so."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from flint import arb
+
+from contbreather.certified import balls, means, walls, winding
+from contbreather.stability.characteristic import D, regular
+
+COUPLINGS = (0.0, 0.03, 0.2, 0.2499)
+
+
+@pytest.fixture(params=[2, 6, 40], ids="J={}".format)
+def kept(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """So many powers of w^2: with few, what is cut off is seen."""
+    caches = (means._coefficients, means._weights, winding._weights)
+    monkeypatch.setattr(means, "J", request.param)
+    monkeypatch.setattr(winding, "ALIASES", request.param)
+    monkeypatch.setattr(winding, "_POWERS", range(request.param + 1))
+    monkeypatch.setattr(winding, "CUT", 2.0 ** (1 - 2 * request.param) + 5 * 9.0**-request.param)
+    for cache in caches:
+        cache.cache_clear()
+    with balls.working(), mpmath.workdps(30):
+        yield request.param
+    for cache in caches:
+        cache.cache_clear()
+
+
+def holds(ball: Any, exact: Any) -> bool:
+    """Whether an enclosure holds a number that is known to 30 digits."""
+    near = arb(mpmath.nstr(exact, 28), mpmath.nstr(abs(exact) * mpmath.mpf(10) ** -25 + 1e-28, 5))
+    return bool(ball.overlaps(near))
+
+
+def mean(h: Any, gamma: Any, n: int = 0) -> Any:
+    """Over the modes, by the periodic trapezoid rule, which converges exponentially."""
+    size = 60 if gamma < 0.1 else 240 if gamma < 0.24 else 4000
+    total = mpmath.mpf(0)
+    for i in range(size):
+        theta = 2 * mpmath.pi * (i + mpmath.mpf(1) / 2) / size
+        total += h(2 * mpmath.sqrt(gamma) * mpmath.sin(theta / 2)) * mpmath.cos(n * theta)
+    return total / size
+
+
+EXACT = {
+    "chi": lambda w: mpmath.tan(mpmath.pi * w / 2) / w if w else mpmath.pi / 2,
+    "eta": lambda w: w * mpmath.tan(mpmath.pi * w / 2),
+    "psi": lambda w: w * mpmath.cot(mpmath.pi * w / 2) if w else 2 / mpmath.pi,
+    "sigma": lambda w: w / mpmath.sin(mpmath.pi * w) if w else 1 / mpmath.pi,
+}
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_means_hold_their_exact_values(name: str, kept: int) -> None:
+    for gamma in COUPLINGS[:3]:
+        assert holds(getattr(means, name)(arb(gamma)), mean(EXACT[name], mpmath.mpf(gamma)))
+
+
+@pytest.mark.parametrize("name", ["chi", "sigma"])
+def test_slopes_of_means_hold_their_exact_values(name: str, kept: int) -> None:
+    gamma, step = 0.1, mpmath.mpf(2) ** -40
+    found = getattr(means, name)(balls.Jet([arb(gamma), 1], prec=2))[1]
+    ends = [mean(EXACT[name], mpmath.mpf(gamma) + side * step) for side in (1, -1)]
+    assert found.overlaps(arb(mpmath.nstr((ends[0] - ends[1]) / (2 * step), 25), 1e-18))
+    assert found.rad() < 1e-25 or kept < 40
+
+
+def unit_motion(gamma: float, n: int, y: float, order: int) -> Any:
+    """Derivatives of (T1) in time, per unit p."""
+    y = mpmath.mpf(y)
+
+    def mode(w: Any) -> Any:
+        below = mpmath.cos(mpmath.pi * w / 2)
+        return (
+            -mpmath.sin(w * y) / (w * below),
+            -mpmath.cos(w * y) / below,
+            w * mpmath.sin(w * y) / below,
+        )[order]
+
+    return mean(mode, mpmath.mpf(gamma), n)
+
+
+@pytest.mark.parametrize("n", [0, 1, 4])
+def test_motions_hold_their_exact_values(n: int, kept: int) -> None:
+    values = {name: arb(x) for name, x in {"p": 1, "phi": 0, "a": 0, "gamma": 0.2, "k": 1}.items()}
+    path = walls.motion(values, n)
+    for y in (-1.5, 0.4, 1.57):
+        for order in range(3):
+            assert holds(path.at(arb(y), order), unit_motion(0.2, n, y, order))
+
+
+def test_no_site_beyond_moves_farther_than_the_reach_says() -> None:
+    y = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 60)
+    with balls.working():
+        for gamma in (0.01, 0.2, 0.249):
+            for n in (1, 3, 9):
+                reach = float(means.reach(arb(gamma), n))
+                tops = []
+                for site in (n, n + 1, n + 4):
+                    s, P, _ = means.flight(arb(gamma), site)
+                    tops.append(max(abs(float(-s * arb(x).sin() + P(arb(x)))) for x in y))
+                assert max(tops) <= reach < 1.5 * tops[0]
+
+
+def test_sums_over_aliases_hold_those_of_the_closed_form(kept: int) -> None:
+    for gamma, nu in ((0.05, 0.3), (0.2, 0.95), (0.249, 1.0)):
+        circle = winding.Circle.of(arb(gamma), arb(0.5), arb(0.1))
+        exact = regular(gamma, np.array([nu + 0j]), None, 0.0)
+        for ball, one in zip(circle.aliases(arb(nu)), exact, strict=True):
+            assert ball.overlaps(arb(float(one[0].real), 1e-13))
+
+
+def test_the_curve_that_winds_is_D_without_its_poles() -> None:
+    gamma, k, b = 0.15, 0.6, 0.3
+    edge = 2 * gamma**0.5
+    with balls.working():
+        circle = winding.Circle.of(arb(gamma), arb(k), arb(b))
+        for x in (0.2, 0.7):
+            nu = edge * np.sin(0.5 * np.pi * x)
+            own, h = circle.on_band(x, x), -1j * nu * np.sqrt(4 * gamma - nu**2)
+            assert abs(complex(float(own.real), float(own.imag)) / h - D(gamma, nu, k, b)) < 1e-13
+            nu = edge + x * (1 - edge)
+            own, h = circle.beyond(x, x), nu * np.sqrt(nu**2 - 4 * gamma)
+            assert abs(complex(float(own.real), float(own.imag)) / h - D(gamma, nu, k, b)) < 1e-13
+
+
+def test_a_ball_of_times_or_angles_holds_all_that_happens_in_it() -> None:
+    """The remainders of Taylor's theorem, and rectangles over wide arcs."""
+    rng = random.Random(5)
+    values = {"p": 0.8, "phi": -2.9, "a": 0.5, "gamma": 0.15, "k": 0.7, "c1": -1.0, "s3": 2.0}
+    with balls.working():
+        own = {name: arb(x) for name, x in values.items()}
+        path, circle = walls.motion(own, 1), winding.Circle.of(arb(0.15), arb(0.7), arb(0.2))
+        for _ in range(20):
+            middle, radius = rng.uniform(-1, 1), rng.uniform(0.01, 0.4)
+            wide = path.over(middle, radius)
+            low = rng.uniform(0, 0.9)
+            arcs = [(curve, curve(low, low + 0.1)) for curve in (circle.on_band, circle.beyond)]
+            for share in (-1.0, -0.4, 0.2, 1.0):
+                assert wide.contains(path.at(arb(middle + share * radius), 0))
+                x = low + 0.05 * (1 + share)
+                for curve, rectangle in arcs:
+                    inner = curve(x, x)
+                    assert rectangle.real.overlaps(inner.real)
+                    assert rectangle.imag.overlaps(inner.imag)
+
+
+def test_balls_cover_all_times() -> None:
+    seen: list[tuple[float, float]] = []
+
+    def settled(middle: float, radius: float) -> bool | None:
+        if radius > 0.05:
+            return None
+        seen.append((middle - radius, middle + radius))
+        return True
+
+    assert walls.everywhere(settled, 3) == (True, 0.0)
+    ends = sorted(seen)
+    assert ends[0][0] <= -0.5 * np.pi
+    assert max(high for _, high in ends) >= 0.5 * np.pi
+    assert all(one[1] >= other[0] for one, other in pairwise(ends))
+
+
+@pytest.mark.parametrize(
+    ("middle", "radius", "root"),
+    [(1.4, 0.1, 2**0.5), (1.4, 0.01, None), (1.3, 0.05, None), (0.0, 2.0, None)],
+)
+def test_krawczyk_proves_a_root_where_there_is_one(
+    middle: float, radius: float, root: float | None
+) -> None:
+    found = balls.krawczyk(lambda x: [x[0] * x[0] - 2], [balls.about(middle, radius)])
+    assert (found is None) == (root is None)
+    assert found is None or found[0].contains(arb(2).sqrt())
+
+
+def test_krawczyk_never_proves_a_double_root() -> None:
+    for radius in (1e-12, 1e-3, 1.0):
+        assert balls.krawczyk(lambda x: [x[0] * x[0]], [balls.about(1e-3 * radius, radius)]) is None
+
+
+def test_krawczyk_wants_all_unknowns_inside() -> None:
+    def both(z: Any) -> Any:
+        return [z[0] * z[0] - 2, z[1] * z[1] - 3]
+
+    near, far = balls.about(1.4, 0.1), balls.about(1.5, 0.1)
+    assert balls.krawczyk(both, [near, balls.about(1.7, 0.1)])
+    assert balls.krawczyk(both, [near, far]) is None
+
+
+def test_krawczyk_with_a_parameter_is_about_each_of_its_values() -> None:
+    box = [balls.about(1.45, 0.1), balls.hull(2.0, 2.2)]
+    found = balls.krawczyk(lambda z: [z[0] * z[0] - z[1]], box, along=1)
+    assert found is not None
+    assert found[0].contains(arb(2).sqrt())
+    assert found[0].contains(arb(2.2).sqrt())
+    wide = [balls.about(1.45, 0.1), balls.hull(2.0, 2.9)]
+    assert balls.krawczyk(lambda z: [z[0] * z[0] - z[1]], wide, along=1) is None
+
+
+def test_floats_are_rounded_outwards() -> None:
+    with balls.working():
+        third = arb(1) / 3
+        low, high = balls.interval(third)
+    assert arb(low) < third < arb(high)
+    assert high == np.nextafter(low, 1.0)

@@ -1,0 +1,303 @@
+"""What is proved is so, what is wrong is refused, and what is not proved is said."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+import random
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import mpmath
+import pytest
+from flint import arb
+
+import contbreather as cb
+from contbreather.breathers import Orbit, orbit_of
+from contbreather.certified import Interval, certify, tiles, winding
+from contbreather.certified.balls import working
+from contbreather.certified.points import certify_point
+from contbreather.certified.tiles import Sheet, certify_curve
+from contbreather.stability import unstable_count
+
+
+def breathers(seed: int, *, admissible: bool = True) -> Iterator[Orbit]:
+    """At random in the zones of existence, or outside of them."""
+    rng = random.Random(seed)
+    while True:
+        a, gamma, k = rng.uniform(0.02, 1), rng.uniform(0, 0.245), rng.uniform(0.02, 1)
+        try:
+            b = cb.symmetric(a=a, gamma=gamma, k=k)
+        except cb.NoSolution:
+            continue
+        if b.admissibility().ok == admissible:
+            yield b
+
+
+def test_a_hundred_random_breathers_are_proved() -> None:
+    for b, _ in zip(breathers(1), range(100), strict=False):
+        proof = certify(b)
+        assert proof, proof
+        assert proof.unproved == ()
+        assert proof.unstable == b.stability().unstable
+        assert max(x.width for x in proof.enclosure.values()) < 1e-14
+        assert b.p in widened(proof.enclosure["p"])
+        assert b.entries[0] in widened(proof.enclosure["b"])
+
+
+def widened(x: Interval) -> Interval:
+    return Interval(x.low - 1e-13, x.high + 1e-13)
+
+
+def wrong(b: Orbit, rng: random.Random) -> Orbit:
+    """The same, a little beside."""
+    by, times = rng.choice([-1, 1]) * 10 ** rng.uniform(-7.5, -2), b.times
+    grown = 1.0 + by if (later := rng.random() < 0.5) else 1.0
+    return orbit_of(b.conditions, b.section, times + (0.0 if later else by), b.impulses * grown)
+
+
+def test_a_hundred_wrong_points_are_refused() -> None:
+    rng = random.Random(2)
+    for b, _ in zip(breathers(3), range(100), strict=False):
+        proof = certify(wrong(b, rng))
+        assert proof.exists is False, proof
+        assert not proof
+        assert not proof.unique
+        assert "does not exist within 1e-08" in proof.describe()
+
+
+def test_the_phase_that_is_printed_in_13_is_refused() -> None:
+    b = cb.symmetric(a=0.5, gamma=0.12, k=0.4)
+    printed = -math.asin(b.p * (1 - b.k) / (1 + b.k) / b.a)
+    assert certify(orbit_of(b.conditions, b.section, [printed], b.impulses)).exists is False
+
+
+def test_what_goes_through_a_wall_is_proved_to() -> None:
+    for b, _ in zip(breathers(4, admissible=False), range(40), strict=False):
+        proof = certify(b)
+        assert (proof.exists, proof.admissible, bool(proof)) == (True, False, False), proof
+
+
+@pytest.mark.parametrize(
+    ("a", "gamma", "k"), [(0.8, 0.0, 0.017), (0.8, 0.01, 0.01), (0.99, 0.0, 0.056)],
+)
+def test_a_site_that_meets_its_own_wall_again_is_refused(a: float, gamma: float, k: float) -> None:
+    b = cb.symmetric(a=a, gamma=gamma, k=k)
+    margins = b.admissibility()
+    assert (margins.ok, margins.site) == (False, 0)
+    assert certify(b).admissible is False
+
+
+@pytest.mark.parametrize(("a", "k"), [(0.8, 0.019), (0.99, 0.0563), (0.6, 0.0)])
+def test_a_site_that_just_leaves_its_wall_is_proved_to(a: float, k: float) -> None:
+    assert certify(cb.symmetric(a=a, gamma=0.0, k=k)).admissible
+
+
+def test_a_far_field_beyond_the_walls_is_refused() -> None:
+    b = cb.symmetric(a=1.02, gamma=0.02, k=0.8)
+    assert certify(b).admissible is False
+
+
+def test_a_random_number_of_multipliers_is_that_of_the_signs() -> None:
+    """The winding number, which needs no lemma, and (T16), which needs one."""
+    rng = random.Random(6)
+    for _ in range(300):
+        gamma, k, b = rng.uniform(0, 0.249), rng.uniform(0, 0.99), rng.gauss(0, 1)
+        count = winding.count(arb(gamma), arb(k), arb(b))
+        assert count.unstable == unstable_count(gamma, k, b).count, (gamma, k, b)
+
+
+def test_a_multiplier_on_the_circle_is_not_counted() -> None:
+    proof = certify(cb.trace(start(), "a", within={"a": (0.7, 0.8)}).first("PF").solution)
+    assert proof
+    assert proof.unstable is None
+    assert "on the band" in proof.unproved[0]
+
+
+def start() -> Orbit:
+    return cb.symmetric(a=0.7, gamma=0.04, k=0.8)
+
+
+# --- special points -----------------------------------------------------------------------------
+
+
+def test_pitchfork_and_fold_are_enclosed_in_a_few_ulps() -> None:
+    branch = cb.trace(start(), "a", within={"a": (0.05, 0.9)}, towards="both")
+    with mpmath.workdps(30):
+        chi, sigma, q = (by_series(i) for i in range(3))
+        pitchfork = mpmath.sqrt(q**2 + 4 * sigma**2) / (chi - 2 * sigma)
+        fold = q / mpmath.sqrt(chi**2 + q**2)
+        for kind, exact in (("PF", pitchfork), ("LP", fold)):
+            proof = certify(branch.first(kind))
+            assert proof
+            assert proof.kind == kind
+            low, high = proof.enclosure["a"]
+            assert mpmath.mpf(low) <= exact <= mpmath.mpf(high)
+            assert high - low < 1e-15
+            assert proof.conditions == {"gamma": 0.04, "k": 0.8}
+
+
+def by_series(which: int) -> mpmath.mpf:
+    """chi, sigma at gamma = 0.04 by the Fourier series, and q at k = 0.8."""
+    gamma, k = mpmath.mpf(0.04), mpmath.mpf(0.8)
+    if which == 2:
+        return (1 - k) / (1 + k)
+    size, total = 80, mpmath.mpf(0)
+    for i in range(size):
+        w = 2 * mpmath.sqrt(gamma) * mpmath.sin(mpmath.pi * (i + mpmath.mpf(1) / 2) / size)
+        h = mpmath.tan(mpmath.pi * w / 2) / w if which == 0 else w / mpmath.sin(mpmath.pi * w)
+        total += h / size
+    return total
+
+
+def test_a_pitchfork_that_is_none_is_refused() -> None:
+    point = cb.trace(start(), "a", within={"a": (0.6, 0.8)}).first("PF")
+    beside = certify_point(
+        {"gamma": 0.04, "k": 0.8}, {"p": point["p"], "phi": point["phi"], "a": 0.777}, "PF", 1e-8
+    )
+    assert beside.exists is False
+    fold = certify(replace(point, kind="LP"))
+    assert fold.exists is False
+    assert "a fold of breathers does not exist" in fold.describe()
+
+
+def test_on_a_boundary_one_parameter_stays_what_it_is() -> None:
+    line = cb.boundary(
+        cb.trace(start(), "a", within={"a": (0.6, 0.8)}).first("PF"),
+        ("gamma", "a"),
+        within={"gamma": (0.03, 0.05), "a": (0.0, 1.0)},
+    )
+    proof = certify(line[3])
+    assert proof
+    assert line[3]["gamma"] in widened(proof.enclosure["gamma"])
+    assert proof.conditions["a"] == line[3]["a"]
+    with pytest.raises(cb.BadInput, match="of a boundary take its points"):
+        certify(line)
+
+
+# --- branches -----------------------------------------------------------------------------------
+
+
+def test_the_branch_at_half_the_amplitude_is_proved_where_it_exists() -> None:
+    b = cb.symmetric(a=0.5, gamma=0.0, k=0.8)
+    branch = cb.trace(b, "gamma", within={"gamma": (0.0, 0.24)}, towards="up")
+    proof = certify(branch)
+    end, loss = branch.first("GR")["gamma"], branch.first("NS")["gamma"]
+    ((low, high),) = proof.covered
+    assert proof.connected
+    assert low == 0.0
+    assert end - 2e-9 < high <= end
+    (stable,), (unstable,) = proof.counted(0), proof.counted(2)
+    assert stable.low == 0.0
+    assert stable.high < loss < unstable.low < stable.high + 3e-5
+    assert unstable.high == high
+    assert len(proof.unproved) == 2
+    for gamma in (end + 1e-6, 0.21, 0.24):
+        assert certify(cb.symmetric(a=0.5, gamma=gamma, k=0.8)).admissible is False
+
+
+def test_a_branch_is_proved_around_its_fold() -> None:
+    b = cb.symmetric(a=0.1, gamma=0.04, k=0.8)
+    branch = cb.trace(b, "a", within={"a": (0.05, 0.2)}, towards="both")
+    proof = certify(branch)
+    assert proof.connected
+    assert all(tile.admissible for tile in proof.tiles)
+    assert {tile.along for tile in proof.tiles} == {"phi", "a"}
+    assert abs(certify(branch.first("LP")).enclosure["a"].low - proof.covered[0].low) < 3e-12
+
+
+def test_a_branch_through_a_wrong_point_is_not_said_to_be_one_curve() -> None:
+    places = [(b.p, b.phi, a) for a in (0.2, 0.21, 0.22) for b in [cb.symmetric(a, 0.04, 0.8)]]
+    given = {"gamma": 0.04, "k": 0.8}
+    assert certify_curve(given, "a", places).connected
+    places[1] = (places[1][0], places[1][1] + 1e-9, places[1][2])
+    assert not certify_curve(given, "a", places).connected
+
+
+def test_tiles_are_joined_only_if_both_hold_the_point_they_share() -> None:
+    sheet = Sheet({"gamma": arb(0.04), "k": arb(0.8)}, "a")
+    places = [(b.p, b.phi, a) for a in (0.2, 0.21, 0.22) for b in [cb.symmetric(a, 0.04, 0.8)]]
+    with working():
+        one, other = (tiles._proved(sheet, ends, (True, True)) for ends in pairwise(places))
+        assert tiles._joined(sheet, one, replace(other, alone=one.alone))
+        moved = tuple(x + 3 * x.rad() for x in one.alone)
+        assert not tiles._joined(sheet, one, replace(other, alone=moved))
+        assert not tiles._joined(sheet, replace(one, box=()), other)
+
+
+def test_a_tile_in_k_and_in_a_harmonic_is_proved_too() -> None:
+    forcing = cb.Fourier(cos={1: -1.0, 3: -0.5}, sin={3: 0.2})
+    b = cb.symmetric(a=0.4, gamma=0.06, k=0.7, forcing=forcing)
+    assert certify(b)
+    for free, within in (("k", (0.7, 0.75)), ("c3", (-0.5, -0.45))):
+        proof = certify(cb.trace(b, free, within={free: within}, towards="up"))
+        assert proof.connected
+        assert proof.unproved == ()
+        assert proof.covered == (within,)
+
+
+# --- what it is not about -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: cb.symmetric(0.5, 0.05, 0.8).on(cb.Ring(20)), "ring of 20"),
+        (lambda: cb.symmetric(0.5, 0.05, 0.8, spring=0.2), "spring = 0.2"),
+        (
+            lambda: cb.symmetric(0.5, 0.05, 0.8, forcing="-cos(t)-cos(3*t)/9"),
+            "give the harmonics by Fourier",
+        ),
+        (lambda: cb.switch(cb.trace(start(), "a").first("PF"))[0][3], "symmetric breathers with"),
+        (
+            lambda: cb.symmetric(0.5, 0.05, 0.8, lattice=cb.OpenChain(5)),
+            "open chain with",
+        ),
+        (lambda: 3, "takes a breather, a point or a branch"),
+    ],
+    ids=["ring", "spring", "formula", "arm", "open", "number"],
+)
+def test_others_are_refused_in_a_sentence(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(cb.BadInput, match=words):
+        certify(make())
+
+
+def test_without_python_flint_a_sentence_names_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    b = cb.symmetric(0.5, 0.05, 0.8)
+    for name in [name for name in sys.modules if name.startswith("contbreather.certified")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "flint", None)
+    with pytest.raises(cb.BadInput, match=r"pip install 'contbreather\[certified\]'"):
+        b.certify()
+    monkeypatch.undo()
+    importlib.import_module("contbreather.certified")
+
+
+# --- the command --------------------------------------------------------------------------------
+
+Run = Callable[[str], tuple[int, str, str]]
+
+
+def test_the_command_proves_a_point(run: Run) -> None:
+    status, out, err = run("point --a 0.5 --gamma 0.08 --k 0.8 --certify --json")
+    proof = json.loads(out)["certificate"]
+    assert (status, err) == (0, "")
+    assert (proof["exists"], proof["admissible"], proof["unstable"]) == (True, True, 0)
+    low, high = proof["enclosure"]["p"]
+    assert low <= json.loads(out)["p"] <= high
+    status, out, _ = run("point --a 0.5 --gamma 0.08 --k 0.8 --certify")
+    assert status == 0
+    assert "Proved: a breather exists, the only one within 0.3." in out
+
+
+def test_the_command_says_what_it_cannot_prove(run: Run) -> None:
+    status, out, err = run("point --a 0.7776324259443297 --gamma 0.04 --k 0.8 --certify --json")
+    assert status == 1
+    assert json.loads(out)["certificate"]["unstable"] is None
+    assert "how many multipliers are outside the circle" in err
+    status, _, err = run("point --a 0.5 --gamma 0.04 --k 0.8 --lattice ring:20 --certify")
+    assert status == 2
+    assert "infinite chain" in err
