@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import codecs
+import csv
+import math
 import os
 import shutil
 import stat
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from contbreather.errors import BadInput
 
@@ -53,6 +56,29 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
             raise  # the reader has seen enough, as with anything printed
         raise _refused("write", target, error) from error
     return target
+
+
+def write_csv(
+    path: str | Path, names: Sequence[str], rows: Iterable[Iterable[Any]], remark: str = ""
+) -> Path:
+    """Rows under their names, each float in the fewest digits that read back as the same, and a
+    remark in a last line."""
+
+    def write(file: BinaryIO) -> None:
+        writer = csv.writer(codecs.getwriter("utf-8")(file), lineterminator="\n")
+        writer.writerow(names)
+        for row in rows:
+            writer.writerow([_cell(value) for value in row])
+        if remark:
+            file.write(f"# {remark}\n".encode())
+
+    return write_whole(path, write)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):  # numpy's double is one
+        return "" if math.isnan(value) else repr(float(value))
+    return "" if value is None else str(value)
 
 
 def _replace(target: Path, write: Callable[[BinaryIO], object]) -> None:

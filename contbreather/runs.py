@@ -4,5 +4,14 @@ from __future__ import annotations
 
 import contbreather.breathers.recipes  # noqa: F401 - enters the equations of orbits
 from contbreather.continuation import Run, load, save
+from contbreather.continuation.recipes import elsewhere
+
+
+def _dynamics() -> None:
+    import contbreather.dynamics.kept  # noqa: F401 - enters runs and motions
+
+
+for kind in ("simulated run", "smooth run", "returning motion"):
+    elsewhere(kind, _dynamics)
 
 __all__ = ["Run", "load", "save"]

@@ -159,7 +159,9 @@ def in_circles(found: list[Import]) -> set[str]:
 def outside_the_engine(found: list[Import]) -> list[str]:
     own = {
         f"contbreather.{name}"
-        for name in ("continuation", "checks", "display", "errors", "files", "progress", "workers")
+        for name in (
+            "continuation", "checks", "columns", "display", "errors", "files", "progress", "workers",
+        )  # fmt: skip
     }
     broken = []
     for one in found:

@@ -19,6 +19,7 @@ from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.regions import PROBES, Box, Region, regions
 from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
 from contbreather.breathers.symmetric_events import unstable
+from contbreather.columns import Columns, stacked
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.checkpoint import Checkpoint, Inner, Nowhere, Save, checkpoint
 from contbreather.continuation.contents import Said, content
@@ -57,7 +58,7 @@ BESIDE = 3e-3  # how far from a meeting a curve is looked for that the comb miss
 
 
 @dataclass(frozen=True, eq=False)
-class Zones(Shown):
+class Zones(Columns, Shown):
     """The curves that bound existence and stability of the symmetric breather in one plane.
 
     Attributes
@@ -92,6 +93,11 @@ class Zones(Shown):
         if kind not in self.curves:
             raise BadInput(f"no curves {kind!r}; there are {list(self.curves)}")
         return self.curves[kind]
+
+    def columns(self) -> dict[str, Any]:
+        """Those of all curves, by their kind and the number of the piece."""
+        curves = ((kind, i, b) for kind in KINDS for i, b in enumerate(self.curves[kind], start=1))
+        return stacked(({"curve": kind, "piece": i}, b.columns()) for kind, i, b in curves)
 
     @property
     def special(self) -> tuple[Point, ...]:

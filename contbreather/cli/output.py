@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import codecs
-import csv
 import json
 import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 from contbreather.errors import BadInput, NotConverged
-from contbreather.files import writable, write_whole
+from contbreather.files import writable, write_csv
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,25 +91,9 @@ def _plain(value: Any) -> Any:
 def to_csv(
     path: str, rows: Iterable[Mapping[str, Any]], columns: Sequence[str], *, cut: bool = False
 ) -> Path:
-    """Rows under their columns, each float in the fewest digits that read back as the same. What
-    was cut short by Ctrl-C says so in a last line."""
-
-    def write(file: BinaryIO) -> None:
-        writer = csv.writer(codecs.getwriter("utf-8")(file), lineterminator="\n")
-        writer.writerow(columns)
-        for row in rows:
-            writer.writerow([_cell(row.get(name)) for name in columns])
-
-        if cut:
-            file.write(f"# {CUT}\n".encode())
-
-    return write_whole(path, write)
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, float):  # numpy's double is one
-        return "" if math.isnan(value) else repr(float(value))
-    return "" if value is None else str(value)
+    """Rows under their columns. What was cut short by Ctrl-C says so in a last line."""
+    cells = ([row.get(name) for name in columns] for row in rows)
+    return write_csv(path, columns, cells, CUT if cut else "")
 
 
 def to_figure(path: str, draw: Callable[[], Figure | Axes], *, cut: bool = False) -> Path:

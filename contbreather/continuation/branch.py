@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from ..columns import Columns
 from ..display import Shown
 from ..errors import BadInput
 from .curve import Curve
@@ -59,7 +61,7 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False)
-class Branch(Shown):
+class Branch(Columns, Shown):
     """Points along a curve, in order, with the special ones among them.
 
     ``branch["a"]`` is a column (an unknown, a parameter, a recorded number, or ``"arclength"``),
@@ -162,6 +164,17 @@ class Branch(Shown):
         if name in problem.record:
             return np.array([point[name] for point in self.points])
         raise BadInput(f"no column {name!r}; this branch has {list(self.names)}")
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """All columns by name, with the labels of the special points; at these no count where
+        rounding decides it."""
+        found: dict[str, NDArray[Any]] = {"label": np.array([p.label for p in self.points])}
+        found |= {name: np.asarray(self[name]) for name in self.names}
+        verge = np.array([bool(p.kind) and p.on_verge for p in self.points])
+        for name in self.problem.record:
+            if found[name].dtype.kind in "iu" and verge.any():
+                found[name] = np.where(verge, math.nan, found[name])
+        return found
 
     def first(self, kind: str) -> Point:
         """The first special point of a kind (``"PF"``) or with a label (``"PF2"``)."""

@@ -12,6 +12,7 @@ from ..checks import kind_of
 from ..errors import BadInput
 from .branch import Branch
 from .groups import ABOUT, about, text, written
+from .recipes import all_fetched, fetched
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
@@ -60,6 +61,8 @@ def groups_of(name: str, value: Any, *, recorded: bool = True) -> dict[str, Data
     if isinstance(value, Branch):
         own = written(value, recorded=recorded)
         return {f"{name}/{part}" if part else name: data for part, data in own.items()}
+    if type(value) not in _OF_TYPE:
+        all_fetched()
     known = _OF_TYPE.get(type(value))
     if known is None:
         raise BadInput(f"{kind_of(value)} cannot be kept in a file; {keepable()} can")
@@ -75,6 +78,7 @@ def groups_of(name: str, value: Any, *, recorded: bool = True) -> dict[str, Data
 
 def made_of(group: DataTree, told: Mapping[str, Any], parts: Parts) -> Any:
     """What was taken apart."""
+    fetched(told["content"])
     for known in _OF_TYPE.values():
         if known.kind == told["content"]:
             return known.made(told, group.to_dataset(inherit=False), parts)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..checks import whole
+from ..columns import Columns, stacked
 from ..display import Shown
 from ..errors import ContbreatherError, NotConverged, keeping, taking
 from ..progress import Counter
@@ -78,7 +79,7 @@ class Failure:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagram(Shown):
+class Diagram(Columns, Shown):
     """Branches, and what was born where.
 
     Attributes
@@ -117,6 +118,10 @@ class Diagram(Shown):
 
     def __getitem__(self, index: int) -> Branch:
         return self.branches[index]
+
+    def columns(self) -> dict[str, Any]:
+        """Those of all branches, which ``branch`` numbers."""
+        return stacked(({"branch": i}, branch.columns()) for i, branch in enumerate(self))
 
     @property
     def special(self) -> tuple[Point, ...]:

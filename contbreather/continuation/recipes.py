@@ -64,6 +64,26 @@ def maker(kind: str) -> Callable[[Make], Make]:
     return entered
 
 
+_FETCH: dict[str, Callable[[], object]] = {}
+
+
+def elsewhere(kind: str, fetch: Callable[[], object]) -> None:
+    """Say what to call, an import, before something of a kind is made: it enters the maker."""
+    _FETCH[kind] = fetch
+
+
+def fetched(kind: str) -> None:
+    """See to it that what makes a kind is entered."""
+    if kind in _FETCH:
+        _FETCH.pop(kind)()  # once
+
+
+def all_fetched() -> None:
+    """See to it that all makers are entered."""
+    for kind in tuple(_FETCH):
+        fetched(kind)
+
+
 def remade(said: Mapping[str, Any] | None, *more: Any) -> Any:
     """What a recipe said, made again; None if that is nothing, or of a kind unknown here.
 
@@ -72,8 +92,11 @@ def remade(said: Mapping[str, Any] | None, *more: Any) -> Any:
     BadInput
         If it is not what its maker takes.
     """
-    made = None if said is None else _MAKERS.get(said["kind"])
-    if said is None or made is None:
+    if said is None:
+        return None
+    fetched(said["kind"])
+    made = _MAKERS.get(said["kind"])
+    if made is None:
         return None
     try:
         return made(said, *more)

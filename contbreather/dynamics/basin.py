@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import MOST, check_kind, number, row, whole
+from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import RunStop, advance, completed
@@ -76,7 +77,7 @@ class Axis:
 
 
 @dataclass(frozen=True, eq=False)
-class Basin(Shown):
+class Basin(Columns, Shown):
     """The fates of all starts over a plane.
 
     Attributes
@@ -95,6 +96,15 @@ class Basin(Shown):
     fate: NDArray[np.int8]
     distance: Array
     complete: bool
+
+    along = "start"
+
+    def columns(self) -> dict[str, Any]:
+        """Starts row by row, with the names of their fates."""
+        x, y = np.meshgrid(self.x.values, self.y.values)
+        fates = np.array([Fate(int(fate)).name for fate in self.fate.flat])
+        found = {self.x.label: x, self.y.label: y, "fate": fates, "distance": self.distance}
+        return {name: np.ravel(column) for name, column in found.items()}
 
     def __repr__(self) -> str:
         fates = [f"{np.sum(self.fate == fate)} {fate.name}" for fate in Fate if fate in self.fate]

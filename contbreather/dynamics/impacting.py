@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number, whole
+from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.held import held
 from contbreather.dynamics.states import (
@@ -33,6 +34,8 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite
 
 if TYPE_CHECKING:
+    from xarray import Dataset
+
     from contbreather.dynamics.cruise import Law, Log, Watch, Work
 
 Array = NDArray[Any]
@@ -123,6 +126,24 @@ class Record(NamedTuple):
         return f"<Record of sites {list(self.sites)} at {len(self.times)} times>"
 
 
+def states_of(run: Any) -> dict[str, Any]:
+    """States of a run as variables: at the strobe, at the end, of sampled sites."""
+    found = {
+        "time": ("strobe", run.times),
+        "u": (("strobe", "site"), run.strobe.u),
+        "v": (("strobe", "site"), run.strobe.v),
+        "final_u": ("site", run.final.u),
+        "final_v": ("site", run.final.v),
+        "end": ((), run.end),
+    }
+    if run.record is not None:
+        sampled = ("sample", "sampled_site")
+        found["sample_time"] = ("sample", run.record.times)
+        found["sampled_sites"] = ("sampled_site", np.array(run.record.sites))
+        found |= {"sample_u": (sampled, run.record.u), "sample_v": (sampled, run.record.v)}
+    return found
+
+
 @dataclass(frozen=True, repr=False)
 class Stretch:
     """Some successive periods of a run: what happened in them, and the states after each."""
@@ -146,7 +167,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, eq=False)
-class Run(Shown):
+class Run(Columns, Shown):
     """What `simulate` leaves behind.
 
     Attributes
@@ -184,6 +205,24 @@ class Run(Shown):
     conditions: Conditions
     stop: RunStop
     reason: str = ""
+
+    along = "impact"
+
+    def columns(self) -> dict[str, Array]:
+        """The table of impacts; `to_xarray` has the states as well."""
+        return {name: self.impacts[name] for name in IMPACT.names or ()}
+
+    def to_xarray(self) -> Dataset:
+        """Everything: impacts, rests, the states at the strobe, sampled sites."""
+        from xarray import Dataset
+
+        tables = {"impact": self.impacts, "rest": self.rests}
+        found: dict[str, Any] = {
+            f"{what}_{name}": (what, table[name])
+            for what, table in tables.items()
+            for name in table.dtype.names or ()
+        }
+        return Dataset({**found, **states_of(self)})
 
     @property
     def sites(self) -> int:

@@ -23,6 +23,7 @@ from contbreather.checks import number, whole
 from contbreather.continuation import Event, Point, Problem, maps
 from contbreather.continuation.cycles import Iterate, multiplier_matrix, shorter, with_period
 from contbreather.continuation.lift import Lift
+from contbreather.continuation.recipes import Recipe
 from contbreather.dynamics.impacting import Run, RunStop, Sample, advance, completed
 from contbreather.dynamics.smooth import (
     OWN,
@@ -35,6 +36,7 @@ from contbreather.dynamics.states import HEAVIEST, PERIOD, On, State, check_stat
 from contbreather.dynamics.tangent import variation
 from contbreather.errors import BadInput, ContbreatherError, NotConverged
 from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.plain import plain
 
 Array = NDArray[Any]
 Params = Mapping[str, float]
@@ -197,7 +199,9 @@ class PeriodicMotion:
     @property
     def problem(self) -> Problem:
         """The motion as a start for `trace`."""
-        return _problem(self)
+        on = self.conditions
+        period = Return(on, reduced(self.t0), _mirrored(on)).iterates(self)
+        return problem_of_cycle(on, self.t0, self.state, period)
 
     def run(self, *, periods: float | None = None, sample: Sample | None = None) -> Any:
         """The motion itself, simulated over its period or longer."""
@@ -349,35 +353,36 @@ def _shortened(
 # --- as a problem of the engine -------------------------------------------------------------------
 
 
-def _problem(motion: PeriodicMotion) -> Problem:
-    """A fixed point, or a cycle, of the map of half a period where there is one."""
-    on = motion.conditions
-    back = Return(on, reduced(motion.t0), _mirrored(on))
+def problem_of_cycle(
+    on: Conditions | SmoothConditions, t0: float, state: State, period: int
+) -> Problem:
+    """A fixed point, or a cycle of that period, of the map of half a period where there is one."""
+    back = Return(on, reduced(t0), _mirrored(on))
     made = maps.FixedPoint(
         back.image,
-        {"u": motion.state.u, "v": motion.state.v},
+        {"u": state.u, "v": state.v},
         on.params,
-        period=back.iterates(motion),
+        period=period,
         jacobian=back.derivative,
         domain={name: DOMAIN[name] for name in on.params if name in DOMAIN}
         | {"gamma": (0.0, on.lattice.highest_gamma)},
         scales={"m": 10.0} if "m" in on.params else {},
     )
-    return _dressed(made, motion, back)
+    return _dressed(made, t0, back)
 
 
-def _dressed(problem: Problem, motion: PeriodicMotion, back: Return) -> Problem:
+def _dressed(problem: Problem, t0: float, back: Return) -> Problem:
     """Cycles of a map with the events, columns, arms and sentences of motions."""
     iterate: Iterate = problem.residual  # type: ignore[assignment]
     symmetric = back.half and iterate.period % 2 == 1
     periods = iterate.period // (2 if back.half and not symmetric else 1)
     flip = "PF" if symmetric else "PD"
-    own = _Returning(iterate, motion, back, periods, symmetric)
-    exact = isinstance(motion.conditions, SmoothConditions) and not motion.conditions.forcing.params
+    own = _Returning(iterate, t0, back, periods, symmetric)
+    exact = isinstance(back.on, SmoothConditions) and not back.on.forcing.params
     return replace(
         problem,
         sensitivity=own.sensitivity if exact else None,
-        events=_events(motion.conditions, flip),
+        events=_events(back.on, flip),
         record={
             "largest": attrgetter("solution.largest"),
             "unstable": attrgetter("solution.unstable"),
@@ -386,6 +391,9 @@ def _dressed(problem: Problem, motion: PeriodicMotion, back: Return) -> Problem:
         simpler=own.simpler,
         lifts={flip: own.lifted},
         label=f"{'symmetric ' if symmetric else ''}motion of period {2 * periods} pi",
+        recipe=Recipe(
+            "returning motion", {"conditions": back.on, "t0": t0, "period": iterate.period}, plain
+        ),
     )
 
 
@@ -394,24 +402,24 @@ class _Returning:
     """What a motion answers about the cycles of its map."""
 
     iterate: Iterate
-    motion: PeriodicMotion
+    t0: float
     back: Return
     periods: int
     symmetric: bool
 
     def interpret(self, point: Point) -> PeriodicMotion:
-        motion, params = self.motion, point.params
-        state, on = State(*np.split(point.x.copy(), 2)), motion.conditions.at(params)
+        params = point.params
+        state, on = State(*np.split(point.x.copy(), 2)), self.back.on.at(params)
         matrix, left = multiplier_matrix(point), float(np.abs(self.iterate(point.x, params)).max())
-        return PeriodicMotion(state, motion.t0, self.periods, self.symmetric, on, matrix, left)
+        return PeriodicMotion(state, self.t0, self.periods, self.symmetric, on, matrix, left)
 
     def lifted(self, point: Point) -> Lift:
         twice = with_period(point.problem, 2 * self.iterate.period)
-        return Lift(_dressed(twice, self.motion, self.back), point.curve.free[0], both=False)
+        return Lift(_dressed(twice, self.t0, self.back), point.curve.free[0], both=False)
 
     def simpler(self, point: Point) -> Problem | None:
         found = shorter(point)
-        return None if found is None else _dressed(found, self.motion, self.back)
+        return None if found is None else _dressed(found, self.t0, self.back)
 
     def sensitivity(self, x: Array, params: Params, name: str) -> Array:
         back, total = self.back, np.zeros(x.size)

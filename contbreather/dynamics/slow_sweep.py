@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, row, whole
+from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import RunStop, completed
@@ -48,7 +49,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep(Shown):
+class Sweep(Columns, Shown):
     """What a sweep saw, one row for each value of the parameter, in the order of time.
 
     Attributes
@@ -92,6 +93,13 @@ class Sweep(Shown):
     others: Array
     change: Array
     stop: RunStop
+
+    along = "step"
+
+    def columns(self) -> dict[str, Array]:
+        """All that it saw, under the name of its parameter."""
+        rest = [field.name for field in fields(self) if field.name not in ("name", "value", "stop")]
+        return {self.name: self.value, **{name: getattr(self, name) for name in rest}}
 
     @property
     def final(self) -> State:

@@ -18,12 +18,13 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, Protocol, Required, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Protocol, Required, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number
+from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import (
@@ -33,6 +34,7 @@ from contbreather.dynamics.impacting import (
     Sample,
     advance,
     check_sample,
+    states_of,
 )
 from contbreather.dynamics.states import (
     PERIOD,
@@ -47,7 +49,11 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
+from contbreather.lattice.plain import plain
 from contbreather.progress import Bar
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 Array = NDArray[Any]
 
@@ -108,6 +114,11 @@ class SmoothConditions:
     def params(self) -> dict[str, float]:
         """All parameters by name, those of the forcing last."""
         return {**{name: getattr(self, name) for name in OWN}, **self.forcing.params}
+
+    def plain(self) -> dict[str, Any]:
+        """By numbers and names, for files."""
+        numbers = {name: float(getattr(self, name)) for name in OWN}
+        return {**numbers, "forcing": plain(self.forcing), "lattice": plain(self.lattice)}
 
     def at(self, params: Mapping[str, float]) -> SmoothConditions:
         """The same with other values of its parameters, or with the lam of another k."""
@@ -311,7 +322,7 @@ def _stuck(method: str, t: float) -> NotConverged:
 
 
 @dataclass(frozen=True, eq=False)
-class SmoothRun(Shown):
+class SmoothRun(Columns, Shown):
     """What `simulate_smooth` leaves behind; attributes as in `Run`, without a table of impacts."""
 
     times: Array
@@ -322,6 +333,17 @@ class SmoothRun(Shown):
     conditions: SmoothConditions
     stop: RunStop
     reason: str = ""
+    along = "strobe"
+
+    def columns(self) -> dict[str, Array]:
+        """The states at the strobe."""
+        return {"time": self.times, "u": self.strobe.u, "v": self.strobe.v}
+
+    def to_xarray(self) -> Dataset:
+        """Everything: the states at the strobe and at the end, sampled sites."""
+        from xarray import Dataset
+
+        return Dataset(states_of(self))
 
     @property
     def sites(self) -> int:

@@ -20,6 +20,8 @@ from contbreather.lattice.forcing import Fourier, Harmonic, Samples
 from contbreather.lattice.held import Held, held
 from contbreather.lattice.modes import InfiniteChain, Ring
 
+__all__ = ["NotPlain", "made", "plain"]
+
 Plain = Mapping[str, Any]
 
 

@@ -12,12 +12,13 @@ import pytest
 
 import contbreather as cb
 from contbreather.breathers.arms import asymmetric
+from contbreather.continuation import groups
 from contbreather.continuation.diagram import Diagram
-from contbreather.continuation.groups import ABOUT
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.held import held
 from contbreather.lattice.plain import made, plain
 
+EVIL = {"kind": "formula", "formula": "__import__('os').abort()", "values": {}}
 AROUND = {"a": (0.74, 0.84)}  # the pitchfork of the case below is at 0.7776
 SHORT = cb.Steps(largest=0.05)
 
@@ -217,7 +218,8 @@ VALUES = (
     cb.Harmonic(), cb.Fourier(cos={1: -1.0, 3: 0.1 / 3}, sin={5: 1e-7}),
     cb.Symbolic("-cos(t)/(1 + e*cos(2*t))", e=0.1), held(cb.Fourier(sin={1: 1.0}), 0.3),
     cb.Samples(-np.cos(2 * np.pi * np.arange(16) / 16)), cb.InfiniteChain(0.1), cb.Ring(7),
-    cb.Grid(2, 3, periodic=True), cb.Lattice([[2.0, -1 / 3], [-1 / 3, 1.0]], [1.0, 2.0], [0.5, 1.0]),
+    cb.Grid(2, 3, periodic=True),
+    cb.Lattice([[2.0, -1 / 3], [-1 / 3, 1.0]], [1.0, 2.0], [0.5, 1.0]),
     Walls.given({2: (None, 0.8)}), Walls.given((-2.0, None)),
     Conditions(0.1, 0.2, 0.3, 0.4, 0.5, cb.Fourier(cos={3: 1.0}), lattice=cb.OpenChain(3)),
 )  # fmt: skip
@@ -251,27 +253,26 @@ def test_breather_of_another_forcing_is_refused(branch: cb.Branch, tmp_path: Pat
         cb.load(tmp_path / "run.nc", problem=other)
 
 
-def test_nothing_in_a_file_is_executed(
-    branch: cb.Branch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A formula that calls, and a kind that is the name of a module."""
-    from contbreather.continuation import groups
-
-    evil = {"kind": "formula", "formula": "__import__('os').abort()", "values": {}}
-    for equations, sentence in (
-        ({"kind": "symmetric breather", "forcing": evil}, "which no forcing may"),
+@pytest.mark.parametrize(
+    ("equations", "sentence"),
+    [
+        ({"kind": "symmetric breather", "forcing": EVIL}, "which no forcing may"),
         ({"kind": "symmetric breather", "forcing": {"kind": "os.system"}}, "is not a forcing"),
         ({"kind": "symmetric breather"}, "cannot be made again"),
-    ):
-        path = tmp_path / "evil.nc"
-
-        def written(content: dict[str, Any], equations: Any = equations) -> Any:
-            return plain_about({**content, "equations": equations})
-
-        plain_about = groups.about
-        with monkeypatch.context() as patch:
-            patch.setattr(groups, "about", written)
-            cb.save(path, branch)
-        with pytest.raises(cb.BadInput, match=sentence):
-            cb.load(path)
-    assert ABOUT
+    ],
+)
+def test_nothing_in_a_file_is_executed(
+    branch: cb.Branch,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    equations: dict[str, Any],
+    sentence: str,
+) -> None:
+    """A formula that calls, and a kind that is the name of a function."""
+    plain_about = groups.about
+    with monkeypatch.context() as patch:
+        changed = lambda content: plain_about({**content, "equations": equations})  # noqa: E731
+        patch.setattr(groups, "about", changed)
+        cb.save(tmp_path / "evil.nc", branch)
+    with pytest.raises(cb.BadInput, match=sentence):
+        cb.load(tmp_path / "evil.nc")

@@ -1,0 +1,113 @@
+"""What has columns gives them to others: as tables of pandas and xarray, as text with commas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.files import write_csv
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+Array = NDArray[Any]
+
+
+class Columns:
+    """A value with columns of one length, `columns`, each along the dimension `along`."""
+
+    __slots__ = ()
+    along: ClassVar[str] = "point"
+
+    def columns(self) -> dict[str, Array]:
+        """The columns by name, each with one row for each point; a row may be an array."""
+        raise NotImplementedError
+
+    def to_xarray(self) -> Dataset:
+        """The columns as a dataset of xarray; those that are arrays have dimensions of their own.
+
+        Examples
+        --------
+        >>> import contbreather as cb
+        >>> branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)})
+        >>> branch.to_xarray()["p"].dims
+        ('point',)
+        """
+        from xarray import Dataset
+
+        return Dataset(
+            {
+                name: ((self.along, *(f"{name}_{i}" for i in range(1, column.ndim))), column)
+                for name, column in self.columns().items()
+            }
+        )
+
+    def to_dataframe(self) -> Any:
+        """The columns as a `DataFrame` of pandas: those that are arrays number by number, complex
+        ones as real and imaginary part.
+
+        Examples
+        --------
+        >>> import contbreather as cb
+        >>> branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)})
+        >>> list(branch.to_dataframe())[:5]
+        ['label', 'p', 'phi', 'a', 'gamma']
+        """
+        from xarray import Dataset
+
+        table = {name: (self.along, one) for name, one in _flat(self.columns()).items()}
+        return Dataset(table).to_dataframe()[list(table)]
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write the table as comma-separated text, each number in the fewest digits that read back
+        as the same; what is no number is left empty.
+
+        Examples
+        --------
+        >>> import contbreather as cb, tempfile
+        >>> branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)})
+        >>> path = branch.to_csv(f"{tempfile.mkdtemp()}/branch.csv")
+        >>> path.read_text().splitlines()[0]
+        'label,p,phi,a,gamma,k,unstable,arclength,residual'
+        """
+        table = _flat(self.columns())
+        return write_csv(
+            path, list(table), zip(*(one.tolist() for one in table.values()), strict=True)
+        )
+
+
+def _flat(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Columns of single real numbers, or words."""
+    found: dict[str, Array] = {}
+    for name, column in columns.items():
+        parts = {name: column}
+        if column.dtype.kind == "c":
+            parts = {f"{name}.real": column.real, f"{name}.imag": column.imag}
+        for own, part in parts.items():
+            if part.ndim == 1:
+                found[own] = part
+            for i, place in enumerate(np.ndindex(part.shape[1:]) if part.ndim > 1 else ()):
+                index = ",".join(map(str, place))
+                found[f"{own}[{index}]"] = part.reshape(len(part), -1)[:, i]
+    return found
+
+
+def stacked(tables: Iterable[tuple[Mapping[str, Any], Mapping[str, Array]]]) -> dict[str, Array]:
+    """Tables one below the other, each with what is the same in all its rows; a column that a table
+    lacks is NaN there."""
+    heads, every = [], []
+    for same, columns in tables:
+        length = len(next(iter(columns.values())))
+        heads.append({name: np.full(length, value) for name, value in same.items()})
+        every.append({**heads[-1], **{n: c for n, c in columns.items() if c.ndim == 1}})
+    names = dict.fromkeys(name for one in every for name in one)
+    empty = [np.full(len(next(iter(one.values()))), math.nan) for one in every]
+    return {
+        name: np.concatenate([one.get(name, nan) for one, nan in zip(every, empty, strict=True)])
+        for name in names
+    }
