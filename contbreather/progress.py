@@ -110,8 +110,8 @@ class Counter(_Shown):
         super().__init__(shown)
         self.free, self.title, self.count = free, "", 0
 
-    def advance(self, point: Any) -> None:
-        """Count a point, and show it if enough time has passed."""
-        self.count += 1
+    def advance(self, point: Any, count: int = 1) -> None:
+        """Count points, and show the last of them if enough time has passed."""
+        self.count += count
         if self.due:
             self.show(f"{self.title}{self.count} points, {self.free} = {point[self.free]:.6g}")

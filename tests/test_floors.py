@@ -160,7 +160,8 @@ def outside_the_engine(found: list[Import]) -> list[str]:
     own = {
         f"contbreather.{name}"
         for name in (
-            "continuation", "checks", "columns", "display", "errors", "files", "progress", "workers",
+            "continuation", "checks", "columns", "display", "errors", "files", "native", "progress",
+            "workers",
         )  # fmt: skip
     }
     broken = []

@@ -18,13 +18,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.breathers import closed_loops
+from contbreather.breathers.closed_loops import FIRST, GAMMA, A, K
+from contbreather.continuation.strider import Loops
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, forcing_of, lattice_of
+from contbreather.lattice import (
+    Forcing,
+    Fourier,
+    Harmonic,
+    InfiniteChain,
+    Lattice,
+    forcing_of,
+    lattice_of,
+)
 from contbreather.lattice.conditions import check_amplitude, restitution_ratio
 from contbreather.lattice.forcing import Series
 from contbreather.lattice.held import Held
 
 FloatArray = NDArray[np.float64]
+PLAIN = {"a": (A, 1.0), "gamma": (GAMMA, 1.0), "k": (K, 1.0)}
 EPS = float(np.finfo(float).eps)
 
 
@@ -88,6 +100,20 @@ class Closure:
             slopes[0] += p * self._under(f).by_spring(gamma, "chi")
         return slopes
 
+    def loops(self, names: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
+        """The equations with these parameters free, as functions that can be compiled; None with
+        springs, and for the coupling of a ring."""
+        own = self.forcing.params
+        places = {**PLAIN, **_coefficients(self.forcing)}
+        ring = self.lattice.sites is not None and "gamma" in names
+        if self._held or ring or any(name not in places for name in names):  # type: ignore[attr-defined]
+            return None
+        f = self.forcing.at(**{name: params[name] for name in own if name in params})
+        freed = [float(entry) for name in names for entry in places[name]]
+        here = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
+        data = pack(len(names), freed, here, f.harmonics, self.lattice)
+        return Loops(closed_loops.closure, closed_loops.closure_slopes, data)
+
     def _under(self, forcing: Forcing) -> Any:
         """The lattice, with the springs to the ground that the forced response has."""
         return sprung(self.lattice, forcing) if self._held else self.lattice  # type: ignore[attr-defined]
@@ -109,6 +135,28 @@ class Closure:
         if values == own:
             return p, phi, a, gamma, k, self.forcing
         return p, phi, a, gamma, k, _forcing_at(self.forcing, values)
+
+
+def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
+    """Where the coefficients of a forcing are among its harmonics, and the factor for each."""
+    orders = [m for m, _, _ in forcing.harmonics] if isinstance(forcing, Fourier) else []
+    return {
+        f"{letter}{m}": (FIRST + 3 * i + 1 + side, -1.0 / m**2)
+        for i, m in enumerate(orders)
+        for side, letter in enumerate("cs")
+        if f"{letter}{m}" in forcing.params
+    }
+
+
+def pack(
+    freed: int, places: list[float], here: list[float], harmonics: Any, on: Lattice
+) -> tuple[float, ...]:
+    """The data of `closed_loops`."""
+    places, gamma = [*places, *(4 - 2 * freed) * [0.0]], here[1]
+    means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
+    flat = [entry for harmonic in harmonics for entry in harmonic]
+    head = [freed, *places, *here, *means, *4 * [0.0], len(harmonics), FIRST + len(flat)]
+    return tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
 
 
 def sprung(lattice: Any, forcing: Forcing) -> Any:

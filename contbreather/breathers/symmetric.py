@@ -126,6 +126,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         {"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
         jacobian=closure.jacobian,
         sensitivity=closure.sensitivity,
+        loops=closure.loops,
         events=events,
         record=next(event for event in events if isinstance(event, Judged)).record,
         domain=_domain(breather),

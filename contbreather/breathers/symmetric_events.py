@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.breathers import closed_loops
 from contbreather.breathers.clearance import Terms, Watch
 from contbreather.breathers.closed_form import SymmetricFlight, flight_slope_of
 from contbreather.breathers.grazing import ALIKE, Crest
@@ -28,6 +29,7 @@ from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import Always, Judged, Meeting
+from contbreather.continuation.strider import Loops
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Lattice, Ring
 from contbreather.stability.arc import OnArc, on_arc
@@ -59,16 +61,19 @@ def saddle_node() -> Event:
 
     ``chi a f''(phi) + q a f'(phi) = 0``; there the half map QS has the multiplier -1.
     """
-    return Event("LP", partial(_on_breather, _fold), locus=_scalar_locus(_fold, _fold_slope))
+    loops = partial(_with, closed_loops.fold, closed_loops.fold_slopes)
+    return Event("LP", partial(_on_breather, _fold), locus=_scalar_locus(_fold, _fold_slope, loops))
 
 
 def pitchfork() -> Event:
     """PF: the half map QS has the multiplier +1, ``a f''(phi) = 2 p sigma(gamma)``. The multiplier
     is the end of the band, so no eigenvalue is followed."""
+    loops = partial(_with, closed_loops.pitchfork, closed_loops.pitchfork_slopes)
+    domain = {"spring": (_SOFT, math.inf)}
     return Event(
         "PF",
         partial(_on_breather, _pitchfork),
-        locus=_scalar_locus(_pitchfork, _pitchfork_slope, {"spring": (_SOFT, math.inf)}),
+        locus=_scalar_locus(_pitchfork, _pitchfork_slope, loops, domain),
         examine=_examine_pitchfork,
     )
 
@@ -226,10 +231,18 @@ def _pitchfork_slope(breather: SymmetricFlight, name: str) -> float:
 
 
 def _scalar_locus(
-    value: Scalar, slope: Slope, domain: Mapping[str, tuple[float, float]] | None = None
+    value: Scalar,
+    slope: Slope,
+    loops: Callable[[Loops, int], Loops],
+    domain: Mapping[str, tuple[float, float]] | None = None,
 ) -> Always:
     row = partial(_scalar_slope, slope)
-    return Always(Locus({}, partial(_scalar, value), row, domain=domain or {}))
+    return Always(Locus({}, partial(_scalar, value), row, domain=domain or {}, loops=loops))
+
+
+def _with(evaluate: Any, derive: Any, closure: Loops, n: int) -> Loops:
+    """The closure with another equation, which has the same data."""
+    return replace(closure, evaluate=evaluate, derive=derive)
 
 
 def _scalar(value: Scalar, curve: Curve, z: Array, extra: Array) -> Array:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from ..display import Shown
 from ..errors import BadInput
 from .curve import Curve
 from .point import Event, Point
+from .points import Points
 from .problem import Problem
 from .steps import Steps
 from .tabular import Column, Sheet
@@ -73,7 +74,7 @@ class Branch(Columns, Shown):
     ``settings`` is how it was asked for, ``origin`` the point that it was born from.
     """
 
-    points: tuple[Point, ...]
+    points: Sequence[Point]
     stop: Stop
     began: Stop | None = None
     reason: str = ""
@@ -82,6 +83,13 @@ class Branch(Columns, Shown):
     image_of: int | None = None
     settings: Settings | None = field(default=None, kw_only=True)
     origin: Point | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", Points.of(self.points))
+
+    @property
+    def _rows(self) -> Points:
+        return cast("Points", self.points)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -105,7 +113,8 @@ class Branch(Columns, Shown):
     @property
     def moved(self) -> float:
         """How far the start that was given was from the curve; 0 if that is not worth telling."""
-        return next((p.detail["moved"] for p in self.points if "moved" in p.detail), 0.0)
+        more = self._rows.made.values()
+        return next((p.detail["moved"] for p in more if "moved" in p.detail), 0.0)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -115,7 +124,7 @@ class Branch(Columns, Shown):
     @property
     def special(self) -> tuple[Point, ...]:
         """The labelled points, in order along the branch."""
-        return tuple(point for point in self.points if point.kind)
+        return self._rows.special
 
     @overload
     def __getitem__(self, key: slice) -> Branch: ...
@@ -145,7 +154,7 @@ class Branch(Columns, Shown):
         low, high = self.points[first].arclength, self.points[last].arclength
         return replace(
             self,
-            points=tuple(self.points[i] for i in chosen),
+            points=self.points[key],
             began=Stop.CUT if first else self.began,
             began_reason="" if first else self.began_reason,
             stop=self.stop if last == len(self) - 1 else Stop.CUT,
@@ -155,10 +164,11 @@ class Branch(Columns, Shown):
 
     def _column(self, name: str) -> Array:
         if name in ("arclength", "residual"):
-            return np.array([getattr(point, name) for point in self.points])
+            own: Array = getattr(self.points, name)
+            return own.copy()
         slots, problem = self.curve.slots, self.problem
         if name in slots:
-            return np.stack([point.z for point in self.points])[:, slots[name]]
+            return self._rows.z[:, slots[name]].copy()
         if name in problem.params:
             return np.full(len(self.points), float(problem.params[name]))
         if name in problem.record:
@@ -188,11 +198,12 @@ class Branch(Columns, Shown):
         if not np.allclose(self.points[-1].z, other.points[0].z, rtol=0, atol=1e-8):
             raise BadInput("branches join where one ends and the other starts; these do not meet")
         shift = self.points[-1].arclength - other.points[0].arclength
-        moved = [_shifted(point, shift) for point in other.points]
-        points = _joined(list(self.points), moved)
+        moved = other._rows.each(
+            lambda point: _shifted(point, shift), arclength=other._rows.arclength + shift
+        )
         return replace(
             self,
-            points=labelled(tuple(points)),
+            points=labelled(_joined(self._rows, moved)),
             stop=other.stop,
             reason=other.reason,
             doubtful=self.doubtful + tuple(_shifted(p, shift) for p in other.doubtful),
@@ -200,8 +211,12 @@ class Branch(Columns, Shown):
 
     def reversed(self) -> Branch:
         """The same points walked the other way."""
-        end = self.points[-1].arclength
-        turned = tuple(_turned(point, end) for point in reversed(self.points))
+        end, rows = self.points[-1].arclength, self._rows[::-1]
+        turned = rows.each(
+            lambda point: _turned(point, end),
+            tangent=-rows.tangent,
+            arclength=end - rows.arclength,
+        )
         return replace(
             self,
             points=labelled(turned),
@@ -292,39 +307,41 @@ def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
     def moved(point: Point) -> Point:
         return replace(point, curve=curve)
 
-    points, doubtful = map(moved, branch.points), map(moved, branch.doubtful)
-    return replace(branch, points=tuple(points), doubtful=tuple(doubtful))
+    points = Points.of(branch.points).each(moved, curve=curve)
+    return replace(branch, points=points, doubtful=tuple(map(moved, branch.doubtful)))
 
 
-def labelled(points: tuple[Point, ...]) -> tuple[Point, ...]:
+def labelled(points: Iterable[Point]) -> Points:
     """Number the special points of each kind in their order: PF1, PF2, ..."""
+    points = Points.of(points)
     count: dict[str, int] = {}
-    numbered = []
-    for point in points:
-        if point.kind:
-            count[point.kind] = count.get(point.kind, 0) + 1
-            dot = "." if point.kind[-1].isdigit() else ""  # the second R1 is R1.2, not R12
-            point = replace(point, label=f"{point.kind}{dot}{count[point.kind]}")
-        numbered.append(point)
-    return tuple(numbered)
+    made = dict(points.made)
+    for i in sorted(made):
+        kind = made[i].kind
+        if kind:
+            count[kind] = count.get(kind, 0) + 1
+            dot = "." if kind[-1].isdigit() else ""  # the second R1 is R1.2, not R12
+            made[i] = replace(made[i], label=f"{kind}{dot}{count[kind]}")
+    return replace(points, made=made)
 
 
-def _joined(before: list[Point], after: list[Point]) -> list[Point]:
+def _joined(before: Points, after: Points) -> Points:
     """Both, with what happens at the seam once: an event is known by its object, and a point where
     nothing happens is left out beside one where something does."""
-    seam = before[-1].arclength
-    near = _SEAM * (after[-1].arclength - before[0].arclength)
-    head = [point for point in before if point.arclength < seam - near]
-    tail = [point for point in after if point.arclength > seam + near]
-    there = [point for point in (*before, *after) if abs(point.arclength - seam) <= near]
+    seam = before.arclength[-1]
+    near = _SEAM * (after.arclength[-1] - before.arclength[0])
+    head = before[: np.count_nonzero(before.arclength < seam - near)]
+    tail = after[np.count_nonzero(after.arclength <= seam + near) :]
+    there = [*before[len(head) :], *after[: len(after) - len(tail)]]
     special = {
         id(point.event) if point.event else point.kind: point
         for point in there
         if point.kind not in ("", "EP", "MX")
     }
-    if not special and head and tail:
+    if not special and len(head) and len(tail):
         there = [replace(before[-1], kind="", label="")]  # no end any more
-    return [*head, *(special.values() or there[-1 if head else 0 :][:1]), *tail]
+    seam_points = list(special.values()) or there[-1 if len(head) else 0 :][:1]
+    return Points.joined([head, seam_points, tail])
 
 
 def _shifted(point: Point, shift: float) -> Point:

@@ -24,6 +24,7 @@ from .sparse import (
     row_sizes,
     scaled,
 )
+from .strider import Loops
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -154,6 +155,12 @@ class Curve:
 
     def equations(self, z: Array) -> Array:
         return self.problem.evaluate(self.unknowns(z), self.params(z))
+
+    def loops(self) -> Loops | None:
+        """The equations as functions that can be compiled, where they can."""
+        problem = self.problem
+        found: Loops | None = problem.loops and problem.loops(self.free, self.fixed)
+        return found
 
     def unknowns(self, z: Array) -> Array:
         """The first entries of z, a copy: equations that write to it do not move the point."""

@@ -13,6 +13,7 @@ from .curve import Curve, Params
 from .point import Event, Locus
 from .problem import Problem
 from .sparse import Matrix, above, beside, is_sparse
+from .strider import Loops
 
 Array = NDArray[np.float64]
 
@@ -60,6 +61,12 @@ class Extended:
                 f"it gave {conditions.shape}"
             )
         return np.concatenate([own, conditions])
+
+    def loops(self, names: tuple[str, ...], params: Params) -> Loops | None:
+        """As those of a `Problem`."""
+        longer, base = self.locus.loops, self.problem.loops
+        found = base((self.released, *names), params) if longer and base else None
+        return longer(found, self.n) if longer and found else None
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         """Columns in the order: unknowns, extra, released, free."""
@@ -127,6 +134,7 @@ def extended(base: Curve, locus: Locus, event: Event | None = None) -> Problem:
         scales={**sizes, **problem.scales},
         derivatives=together.derivatives,
         beneath=together.beneath,
+        loops=together.loops,
     )
 
 
@@ -145,6 +153,7 @@ def lifted(locus: Locus, together: Extended, suffix: str) -> Locus:
         conditions=above.conditions,
         derivative=above.derivative if locus.derivative else None,
         events=(),
+        loops=None,
     )
 
 

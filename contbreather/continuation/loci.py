@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..native import bound
+from . import null_loops
 from .curve import Curve
 from .newton import Undefined, solve
 from .point import Locus, Point
 from .rank import Bordered, Weak, inverses_between, weakest
 from .sparse import Matrix, is_sparse
+from .strider import Loops
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -110,12 +113,18 @@ def null_vector(matrix: Array, scales: Array) -> Array:
 def null_locus(null: Array, shift: float = 0.0) -> Locus:
     """``(F_x + shift) v = 0, |v| = 1``."""
     vector = _NullVector(shift)
-    return Locus({"null": null}, vector.conditions, vector.derivative)
+    return Locus({"null": null}, vector.conditions, vector.derivative, loops=vector.loops)
 
 
 @dataclass(frozen=True)
 class _NullVector:
     shift: float
+
+    def loops(self, own: Loops, n: int) -> Loops:
+        """The equations and these conditions, from the equations alone."""
+        given = {"evaluate": own.evaluate, "derive": own.derive, "N": n, "SHIFT": self.shift}
+        conditions, slopes = null_loops.conditions, null_loops.slopes
+        return Loops(bound(conditions, **given), bound(slopes, **given), own.data, own.at_once)
 
     def conditions(self, curve: Curve, z: Array, v: Array) -> Array:
         return np.append(curve.jacobian(z)[:, : curve.size] @ v + self.shift * v, v.dot(v) - 1)

@@ -19,6 +19,7 @@ from ..errors import BadInput
 from .curve import Curve
 from .problem import Problem
 from .recipes import Recipe, maker
+from .strider import Loops
 
 Array = NDArray[np.float64]
 
@@ -108,6 +109,12 @@ class Point(Shown):
         if self.tangent is None:
             raise BadInput(f"{self!r} has no tangent: it is not on a walk")
         return self.tangent
+
+    @property
+    def plain(self) -> bool:
+        """Whether there is no more to know of it than where it is."""
+        more = self.kind or self.label or self.detail or self.event or self.parent or self.bracket
+        return not more and self.located and self.tangent is not None
 
     @property
     def on_verge(self) -> bool:
@@ -210,6 +217,9 @@ class Locus:
         ``unfolding(extra) -> (value, slope)``, shapes (n,) and (n, m): what is added to the
         problem's own equations, and its derivative. Needed where these alone are singular along
         the curve, as they are at branch points; it vanishes where the event happens.
+    loops : callable, optional
+        ``loops(loops, n) -> Loops``: its n equations and these conditions together, as functions
+        that can be compiled, from the equations alone.
     """
 
     extra: Mapping[str, Any]
@@ -219,6 +229,7 @@ class Locus:
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
     unfolding: Callable[[Array], tuple[Array, Array]] | None = None
+    loops: Callable[[Loops, int], Loops] | None = None
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from .curve import Curve, Params
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, newton
 from .recipes import Recipe
 from .sparse import Matrix, Pattern
+from .strider import Compilable
 
 Array = NDArray[np.float64]
 Residual = Callable[[Array, Params], Array]
@@ -80,6 +81,9 @@ class Problem:
         Where this problem is a shorter one and the locus of an event, as on a boundary:
         ``beneath(x, params, names) -> (curve, z)``, the curve of the shorter one and the point on
         it, while the named parameters are free.
+    loops : callable, optional
+        ``loops(names, params) -> Loops or None``: the equations with these parameters free as
+        functions that can be compiled, where they can.
 
     Raises
     ------
@@ -118,6 +122,7 @@ class Problem:
     beneath: Callable[[Array, Params, tuple[str, ...]], tuple[Curve, Array]] | None = field(
         default=None, kw_only=True
     )
+    loops: Compilable | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         for what in ("start", "params", "scales", "domain", "record", "lifts"):

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -21,22 +23,20 @@ from .curve import Curve
 from .location import Ends, Found, find
 from .newton import Solution, Undefined, correction, newton
 from .point import Event, Point
+from .points import Points
 from .problem import Problem, problem_in
 from .scope import scope
 from .segment import Segment, tangent_at
 from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, settled, windows
 from .steps import Steps
+from .stride import ITERATIONS, STRAY, TINY, TURN, next_size
+from .strider import WIDEST, Strider
 from .trail import Value, counted
 
 Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
+Piece = Sequence[Point]
 
-# The shape of one step: how far the tangent may turn, and how far the curve may stray from the
-# cubic through both ends, as a fraction of the step. Together they leave no room for a feature of
-# the curve to hide inside a step.
-_TURN = 0.45
-_AIM = 0.15
-_STRAY = 0.003
 _FINE = 1e-7  # relative distance at which a curve has come back to its start
 _PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
@@ -44,8 +44,7 @@ _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a wo
 _LANDINGS = 6  # how often a step is landed on a curved bound; its error is squared each time
 _EXACT = 1e-14  # a landing this close, relative to 1 + |z|, is exact
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
-_TINY = 1e-4  # what counts as a tiny step, relative to the longest so far
-_PATIENCE = 200  # so many of them in a row lead nowhere
+_PATIENCE = 200  # so many tiny steps in a row lead nowhere
 
 
 class Startable(Protocol):
@@ -151,18 +150,10 @@ def trace(
     line = nullcontext(progress) if isinstance(progress, Counter) else Counter(progress, free)
     with checkpoint(save, "branch") as kept, line as shown, keeping(so_far):
         for side in sides:
-            walker = walk(
-                start,
-                free,
-                within=within,
-                towards=side,
-                events=events,
-                steps=steps,
-                along=along,
-                inadmissible=inadmissible,
-            )
+            problem, wanted = scope(start, events, inadmissible=inadmissible)
+            walker = Walker(problem, free, within, side, wanted, steps or Steps(), along)
             legs.append(Leg())
-            legs[-1].go(walker, shown, lambda point: kept.look(bool(point.kind), so_far))
+            legs[-1].go(walker, shown, lambda special: kept.look(special, so_far))
             if legs[0].end.stop is Stop.CLOSED:
                 break
         whole = replace(_whole(legs), settings=settings, origin=origin)
@@ -174,27 +165,24 @@ def trace(
 class Leg:
     """One side of a branch, as far as it has been walked."""
 
-    points: list[Point] = field(default_factory=list)
+    pieces: list[Piece] = field(default_factory=list)
     end: End = End(Stop.INTERRUPTED)
 
-    def go(
-        self,
-        walker: Generator[Point, None, End],
-        shown: Counter,
-        keep: Callable[[Point], None],
-    ) -> None:
+    def go(self, walker: Walker, shown: Counter, keep: Callable[[bool], None]) -> None:
         """Run a walk to its end."""
+        pieces = walker.pieces()
         while True:
             try:
-                self.points.append(next(walker))
+                piece = next(pieces)
             except StopIteration as stopped:
                 self.end = stopped.value
                 return
-            shown.advance(self.points[-1])
-            keep(self.points[-1])
+            self.pieces.append(piece)
+            shown.advance(piece[-1], len(piece))
+            keep(isinstance(piece, list) and any(point.kind for point in piece))
 
     def branch(self) -> Branch:
-        points, end = labelled(tuple(self.points)), self.end
+        points, end = labelled(Points.joined(self.pieces)), self.end
         return Branch(points, end.stop, reason=end.reason, doubtful=end.doubtful)
 
 
@@ -208,7 +196,7 @@ def _whole(legs: Sequence[Leg]) -> Branch:
 
 def _so_far(legs: Sequence[Leg]) -> Branch | None:
     """What an interrupted walk leaves: nothing, one side, or more."""
-    walked = [leg for leg in legs if leg.points]
+    walked = [leg for leg in legs if leg.pieces]
     if len(walked) == 1 and walked[0].end.stop is not Stop.INTERRUPTED:
         finished = walked[0].branch().reversed()  # the other side was to set out from its start
         return _with_ends(replace(finished, stop=Stop.INTERRUPTED))
@@ -217,14 +205,14 @@ def _so_far(legs: Sequence[Leg]) -> Branch | None:
 
 def _with_ends(branch: Branch) -> Branch:
     """Label both ends: EP, or MX where the numerics gave up."""
-    points = list(branch.points)
-    for i, stops in ((0, {branch.began}), (-1, {branch.stop})):
+    points = Points.of(branch.points)
+    for i, stops in ((0, {branch.began}), (len(points) - 1, {branch.stop})):
         if len(points) == 1:  # both ends in one
             stops = {branch.began, branch.stop}
         if not points[i].kind:
             kind = "MX" if any(stop is not None and stop.failed for stop in stops) else "EP"
-            points[i] = replace(points[i], kind=kind)
-    return replace(branch, points=labelled(tuple(points)))
+            points = points.put(i, replace(points[i], kind=kind))
+    return replace(branch, points=labelled(points))
 
 
 def walk(
@@ -273,6 +261,7 @@ class Step:
     side: int = 0  # sign of the bordered determinant at its end, 0 where unknown
     crossing: Point | None = None  # the branch point where that sign changed
     stop: Stop | None = None
+    plain: bool = False  # whether it is one of several that were taken at once
 
 
 class Walker:
@@ -311,36 +300,96 @@ class Walker:
             )
             self.tests = self._first_tests()
         self.longest, self.tiny = 0.0, 0
+        self.ahead: deque[Point] = deque()  # plain steps that were taken but not looked at yet
 
     def run(self) -> Generator[Point, None, End]:
         """Step, look for events, yield: until the curve, the window or the numerics end."""
+        pieces = self.pieces()
+        while True:
+            try:
+                yield from next(pieces)
+            except StopIteration as stopped:
+                end: End = stopped.value
+                return end
+
+    def pieces(self) -> Generator[Piece, None, End]:
+        """The same, several points at a time."""
         point, size, tests = self.origin, self.steps.first, self.tests
         bend = np.zeros_like(point.z)
         doubtful: list[Point] = []
         end = Failed(Stop.MOST)
-        for count in range(self.steps.most):
+        count = 0
+        while count < self.steps.most:
+            if count and not self.ahead:
+                stretch, size, bend = self._stride(point, bend, size, self.steps.most - count)
+                if len(stretch) and not self.events:
+                    yield stretch
+                    point, count = stretch[-1], count + len(stretch)
+                    continue
+                self.ahead += stretch
             try:
                 with _quiet():
-                    step = self.advance(point, bend, size)
-                    self._refuse_to_crawl(step.point.arclength - point.arclength)
-                    if count > 2 and self._returns(point, step.point):
-                        step = replace(step, point=self._closing(point), stop=Stop.CLOSED)
+                    step = self._next(point, bend, size, count)
                     found = self._events_on(point, step, tests, first=count == 0)
                     line, stop = self._line_up(point, step, found, first=count == 0)
             except Failed as failed:
                 end = failed if point is not self.origin else self._stuck(failed)
                 break
             doubtful += found.doubtful
-            yield from line
+            yield line
             if stop is not None:
                 return End(stop, self._rim(line[-1], stop), tuple(doubtful))
-            turned = step.point.direction - point.direction
-            bend = turned / (step.point.arclength - point.arclength)
-            point, size, tests = step.point, step.next_size, found.after
+            if not step.plain:
+                turned = step.point.direction - point.direction
+                bend, size = turned / (step.point.arclength - point.arclength), step.next_size
+            point, tests, count = step.point, found.after, count + 1
             self.side = step.side or self.side
         if point is self.origin:
-            yield point
+            yield [point]
         return End(end.stop, end.reason or self._rim(point, end.stop), tuple(doubtful))
+
+    def _next(self, point: Point, bend: Array, size: float, count: int) -> Step:
+        """The next step: one of those that were taken ahead, or one with all that may befall it."""
+        if self.ahead:
+            return Step(self.ahead.popleft(), 0.0, plain=True)
+        step = self.advance(point, bend, size)
+        self._refuse_to_crawl(step.point.arclength - point.arclength)
+        if count > 2 and self._returns(point, step.point):
+            step = replace(step, point=self._closing(point), stop=Stop.CLOSED)
+        return step
+
+    def _stride(
+        self, point: Point, bend: Array, size: float, most: int
+    ) -> tuple[Sequence[Point], float, Array]:
+        """Plain steps, as many as come off, and size and bend for the next one."""
+        strider = self.strider
+        if strider is None:
+            return (), size, bend
+        state = (point.arclength, size, float(self.side), self.longest)
+        stretch = strider.go(point.z, point.direction, bend, state, most)
+        if len(stretch[0]):
+            self.side, self.longest, self.tiny = strider.side, strider.longest, 0
+            LOG.debug(
+                "%d plain steps to %s = %.10g",
+                len(stretch[0]),
+                self.curve.free[0],
+                stretch[0][-1, -1],
+            )
+        return Points(self.curve, *stretch), strider.size, strider.bend
+
+    @cached_property
+    def strider(self) -> Strider | None:
+        """Who takes the plain steps, where the equations can be compiled."""
+        curve, steps = self.curve, self.steps
+        bounds = [(b.slot, b.low, b.high) for b in self.bounds if isinstance(b.slot, int)]
+        if curve.start.size > WIDEST or len(bounds) < len(self.bounds):
+            return None
+        loops = curve.loops()
+        largest = steps.largest or math.nan  # then the size of z says how long a step may be
+        rules = steps.tolerance, steps.smallest, largest, steps.growth
+        metric = np.ones(curve.start.size) if curve.metric is None else curve.metric
+        origin = curve.dual(self.origin.direction), curve.start
+        return None if loops is None else Strider(loops, rules, bounds, metric, origin)
 
     def _rim(self, point: Point, stop: Stop) -> str:
         """Where a branch ended at a bound that is not of the window but of the domain."""
@@ -361,7 +410,7 @@ class Walker:
     def _refuse_to_crawl(self, length: float) -> None:
         """End a walk that only takes tiny steps: it would not get anywhere, at great expense."""
         self.longest = max(self.longest, length)
-        self.tiny = self.tiny + 1 if length < _TINY * self.longest else 0
+        self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
         if self.tiny > _PATIENCE:
             raise Failed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
 
@@ -407,10 +456,9 @@ class Walker:
             found = self._land(point, predicted, *landing)
         last, side, crossing = self._accepted(point, found, size)
         turn = _angle(curve, point.direction, last.direction)
-        effort = 1.0 if found.iterations == 4 else (0.7 if found.iterations > 4 else math.inf)
-        factor = min(_AIM / max(turn, 1e-12), effort, self.steps.growth)
+        factor = next_size(found.iterations, turn, self.steps.growth)
         stop = None if landing is None else Stop.BOUND
-        return Step(last, size * max(factor, 0.5), side, crossing, stop)
+        return Step(last, size * factor, side, crossing, stop)
 
     def _correct(self, predicted: Array, row: Array) -> Solution:
         found = newton(
@@ -420,7 +468,7 @@ class Walker:
             row=row,
             metric=self.curve.metric,
             tolerance=self.steps.tolerance,
-            most=8,
+            most=ITERATIONS,
         )
         if not found.converged:
             raise Failed(Stop.NO_CONVERGENCE, f"residual {found.residual:.2g}")
@@ -470,8 +518,8 @@ class Walker:
         tangent, side = tangent_at(curve, found.z, point.direction)
         last = Point(curve, found.z, tangent, point.arclength + length, found.residual)
         if (
-            _angle(curve, point.direction, tangent) > _TURN
-            or _angle(curve, point.direction, chord / length) > _TURN
+            _angle(curve, point.direction, tangent) > TURN
+            or _angle(curve, point.direction, chord / length) > TURN
         ):
             raise Failed(Stop.NO_CONVERGENCE, "the curve turns too sharply")
         if self._strays(point, last, length):
@@ -498,7 +546,7 @@ class Walker:
         off, singular = correction(self.curve.jacobian(between), value, row)
         if singular:
             return False  # a branch point: the residual says nothing there
-        return self.curve.length(off) > _STRAY * length
+        return self.curve.length(off) > STRAY * length
 
     def _crossing_on(self, segment: Segment) -> Point | None:
         """The branch point at which the determinant changed sign between both ends. If there is

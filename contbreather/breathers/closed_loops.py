@@ -1,0 +1,167 @@
+"""Equations (11) of the symmetric breather and two of its events, as text that can be compiled.
+
+z holds p, phi and the freed parameters; `data` all others, from `FREED` on. Each function fills in
+`out` and returns 0, or 1 outside of the domain.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+# How many parameters are freed; for each of them where its value belongs and the factor for it;
+FREED, PLACES = 0, 1
+# then a, gamma, k; of the lattice chi, sigma and their slopes at this gamma;
+A, GAMMA, K, CHI, DCHI, SIGMA, DSIGMA = range(5, 12)
+# f and its first three derivatives at phi; how many harmonics it has, and where the means begin;
+F, HARMONICS, MEANS = 12, 16, 17
+# from here on m, cosine and sine of each harmonic; then `expansion` of chi and of sigma.
+FIRST = 18
+
+
+def unpack(z: Any, data: Any) -> int:
+    """Put the freed parameters in their places; 1 if one of them is outside of the domain."""
+    for i in range(int(data[FREED])):
+        place = int(data[PLACES + 2 * i])
+        data[place] = data[PLACES + 2 * i + 1] * z[2 + i]
+        if place == GAMMA:
+            if not 0.0 <= z[2 + i] < 0.25:
+                return 1
+            means = int(data[MEANS])
+            means = mean(data, means, CHI)
+            mean(data, means, SIGMA)
+    return 0 if 0.0 <= data[K] <= 1.0 else 1
+
+
+def mean(data: Any, at: int, to: int) -> int:
+    """A mean over the modes of the infinite chain and its slope in gamma; where the next begins."""
+    x = 4.0 * data[GAMMA]
+    poles, powers = int(data[at + 1]), int(data[at + 2])
+    first = at + 3 + 2 * poles
+    total = slope = 0.0
+    for i in range(powers):
+        total = total * x + data[first + i]
+        slope = slope * x + data[first + powers + i]
+    total = total * x + data[at]
+    for i in range(poles):
+        weight, scale = data[at + 3 + 2 * i], data[at + 4 + 2 * i]
+        r = math.sqrt(1.0 - scale * x)
+        total += weight * (scale * x / (r * (1.0 + r)))
+        slope += weight * scale * (0.5 / ((1.0 - scale * x) * r))
+    data[to] = total
+    data[to + 1] = 4.0 * slope
+    return first + 2 * powers
+
+
+def drive(data: Any, t: float) -> None:
+    """f and its first three derivatives."""
+    for order in range(4):
+        data[F + order] = 0.0
+    for i in range(int(data[HARMONICS])):
+        m = data[FIRST + 3 * i]
+        c, s = math.cos(m * t), math.sin(m * t)
+        even = data[FIRST + 3 * i + 1] * c + data[FIRST + 3 * i + 2] * s
+        odd = data[FIRST + 3 * i + 2] * c - data[FIRST + 3 * i + 1] * s
+        data[F] += even
+        data[F + 1] += odd * m
+        data[F + 2] -= even * m * m
+        data[F + 3] -= odd * m * m * m
+
+
+def driven(data: Any, i: int, t: float, order: int) -> float:
+    """Derivative of ``a f^(order)(t)`` in freed parameter i."""
+    place = int(data[PLACES + 2 * i])
+    if place == A:
+        own: float = data[F + order]
+        return own
+    if place < FIRST:
+        return 0.0
+    m = data[place - (place - FIRST) % 3]
+    angle = m * t + 0.5 * math.pi * (order - ((place - FIRST) % 3 - 1))
+    return data[A] * data[PLACES + 2 * i + 1] * math.cos(angle) * m**order
+
+
+# --- the equations ------------------------------------------------------------------------------
+
+
+def closure(z: Any, data: Any, out: Any) -> int:
+    """Both equations (11)."""
+    if unpack(z, data) != 0:
+        return 1
+    drive(data, z[1])
+    q = (1.0 - data[K]) / (1.0 + data[K])
+    out[0] = z[0] * data[CHI] + data[A] * data[F] - 1.0
+    out[1] = data[A] * data[F + 1] - z[0] * q
+    return 0
+
+
+def closure_slopes(z: Any, data: Any, out: Any) -> int:
+    """Their derivatives, row by row."""
+    if unpack(z, data) != 0:
+        return 1
+    drive(data, z[1])
+    freed = int(data[FREED])
+    width, c = 2 + freed, 1.0 + data[K]
+    out[0] = data[CHI]
+    out[1] = data[A] * data[F + 1]
+    out[width] = -(1.0 - data[K]) / c
+    out[width + 1] = data[A] * data[F + 2]
+    for i in range(freed):
+        place = int(data[PLACES + 2 * i])
+        out[2 + i] = driven(data, i, z[1], 0)
+        out[width + 2 + i] = driven(data, i, z[1], 1)
+        if place == GAMMA:
+            out[2 + i] = z[0] * data[DCHI]
+        elif place == K:
+            out[width + 2 + i] = 2.0 * z[0] / (c * c)
+    return 0
+
+
+def fold(z: Any, data: Any, out: Any) -> int:
+    """(11) and the determinant of its derivatives, eq. (14)."""
+    if closure(z, data, out) != 0:
+        return 1
+    q = (1.0 - data[K]) / (1.0 + data[K])
+    out[2] = data[A] * (data[CHI] * data[F + 2] + q * data[F + 1])
+    return 0
+
+
+def fold_slopes(z: Any, data: Any, out: Any) -> int:
+    """Their derivatives, row by row."""
+    if closure_slopes(z, data, out) != 0:
+        return 1
+    width, c = 2 + int(data[FREED]), 1.0 + data[K]
+    q, row = (1.0 - data[K]) / c, 2 * width
+    out[row] = 0.0
+    out[row + 1] = data[A] * (data[CHI] * data[F + 3] + q * data[F + 2])
+    for i in range(int(data[FREED])):
+        place = int(data[PLACES + 2 * i])
+        slope = data[CHI] * driven(data, i, z[1], 2) + q * driven(data, i, z[1], 1)
+        if place == GAMMA:
+            slope = data[DCHI] * data[A] * data[F + 2]
+        elif place == K:
+            slope = -2.0 * data[A] * data[F + 1] / (c * c)
+        out[row + 2 + i] = slope
+    return 0
+
+
+def pitchfork(z: Any, data: Any, out: Any) -> int:
+    """(11) and ``a f'' - 2 p sigma``."""
+    if closure(z, data, out) != 0:
+        return 1
+    out[2] = data[A] * data[F + 2] - 2.0 * z[0] * data[SIGMA]
+    return 0
+
+
+def pitchfork_slopes(z: Any, data: Any, out: Any) -> int:
+    """Their derivatives, row by row."""
+    if closure_slopes(z, data, out) != 0:
+        return 1
+    row = 2 * (2 + int(data[FREED]))
+    out[row] = -2.0 * data[SIGMA]
+    out[row + 1] = data[A] * data[F + 3]
+    for i in range(int(data[FREED])):
+        out[row + 2 + i] = driven(data, i, z[1], 2)
+        if int(data[PLACES + 2 * i]) == GAMMA:
+            out[row + 2 + i] = -2.0 * z[0] * data[DSIGMA]
+    return 0

@@ -1,0 +1,126 @@
+"""The points of a branch: rows of arrays, each made into a `Point` when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .curve import Curve
+from .point import Point
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Points(Sequence[Point]):
+    """Neighbouring points of a walk.
+
+    Attributes
+    ----------
+    curve : Curve
+    z, tangent : ndarray, shape (len(self), n + 1)
+    arclength, residual : ndarray, shape (len(self),)
+    made : dict
+        By number those of which there is more to know: what happens there, where it came from.
+    """
+
+    curve: Curve
+    z: Array
+    tangent: Array
+    arclength: Array
+    residual: Array
+    made: dict[int, Point] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_asked", dict(self.made))
+
+    @staticmethod
+    def of(points: Iterable[Point]) -> Points:
+        """Points one by one as rows."""
+        if isinstance(points, Points):
+            return points
+        points = tuple(points)
+        curve, none = points[0].curve, np.full(points[0].z.size, np.nan)
+        rows = (
+            np.stack([point.z for point in points]),
+            np.stack([none if point.tangent is None else point.tangent for point in points]),
+            np.array([point.arclength for point in points]),
+            np.array([point.residual for point in points]),
+        )
+        made = {i: p for i, p in enumerate(points) if p.curve is not curve or not p.plain}
+        return Points(curve, *rows, made)
+
+    @staticmethod
+    def joined(pieces: Iterable[Iterable[Point]]) -> Points:
+        """Several pieces as one."""
+        parts: list[Points] = []
+        single: list[Point] = []  # points that came one by one are rows together
+        for piece in pieces:
+            if not isinstance(piece, Points):
+                single += piece
+                continue
+            parts += [Points.of(single)] if single else []
+            single = []
+            parts.append(piece)
+        parts += [Points.of(single)] if single else []
+        made: dict[int, Point] = {}
+        start = 0
+        for part in parts:
+            made |= {start + i: point for i, point in part.made.items()}
+            start += len(part)
+        rows = [np.concatenate(own) for own in zip(*(part.rows for part in parts), strict=True)]
+        return Points(parts[0].curve, rows[0], rows[1], rows[2], rows[3], made)
+
+    @property
+    def rows(self) -> tuple[Array, Array, Array, Array]:
+        return self.z, self.tangent, self.arclength, self.residual
+
+    @property
+    def special(self) -> tuple[Point, ...]:
+        """Those of a kind, in order."""
+        return tuple(self.made[i] for i in sorted(self.made) if self.made[i].kind)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Points):
+            return NotImplemented
+        same = (
+            np.array_equal(*own, equal_nan=True) for own in zip(self.rows, other.rows, strict=True)
+        )
+        return self.made == other.made and all(same)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __len__(self) -> int:
+        return len(self.arclength)
+
+    @overload
+    def __getitem__(self, key: int) -> Point: ...
+    @overload
+    def __getitem__(self, key: slice) -> Points: ...
+    def __getitem__(self, key: int | slice) -> Point | Points:
+        if isinstance(key, slice):
+            chosen = range(len(self))[key]
+            made = {i: self.made[k] for i, k in enumerate(chosen) if k in self.made}
+            z, tangent, arclength, residual = (row[key] for row in self.rows)
+            return Points(self.curve, z, tangent, arclength, residual, made)
+        i = range(len(self))[key]
+        asked: dict[int, Point] = self._asked  # type: ignore[attr-defined]
+        if i not in asked:
+            there = float(self.arclength[i]), float(self.residual[i])
+            asked[i] = Point(self.curve, self.z[i], self.tangent[i], *there)
+        return asked[i]
+
+    def __iter__(self) -> Iterator[Point]:
+        return (self[i] for i in range(len(self)))
+
+    def put(self, i: int, point: Point) -> Points:
+        """The same with another point in one place."""
+        return replace(self, made={**self.made, i: point})
+
+    def each(self, change: Callable[[Point], Point], **rows: Any) -> Points:
+        """The same with all of which there is more to know changed, and other rows."""
+        return replace(self, made={i: change(p) for i, p in self.made.items()}, **rows)

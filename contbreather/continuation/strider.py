@@ -1,0 +1,175 @@
+"""Who takes plain steps: `stride`, as it is or compiled, on the equations of one curve."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import native
+from . import stride as plain
+
+Array = NDArray[np.float64]
+
+WIDEST = 13  # entries of z: beyond a dozen unknowns LAPACK is faster than loops
+_AT_ONCE = 256  # steps in one call of compiled code
+_AS_IT_IS = 16  # and of plain text, after each of which a signal is seen
+# Code is loaded, 0.05 s, and compiled, some seconds, once as many steps were taken without as would
+# have paid for it: so no call takes more than twice the time it needs.
+_LOADING = 500
+_COMPILING = 60_000
+
+_stride: Callable[..., int] = plain.stride
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Loops:
+    """The equations of a curve as functions for `stride`.
+
+    Attributes
+    ----------
+    evaluate, derive : callable
+        ``(z, data, out) -> int``: fill in the equations, or their derivatives row by row; 0, or
+        anything else where there are none. In the words of `native`.
+    data : tuple of float
+        What they ask for besides z.
+    at_once : bool
+        Whether to compile them at their first step, whatever it takes.
+    """
+
+    evaluate: Callable[[Any, Any, Any], int]
+    derive: Callable[[Any, Any, Any], int]
+    data: tuple[float, ...]
+    at_once: bool = False
+
+
+Compilable = Callable[[tuple[str, ...], Mapping[str, float]], Loops | None]
+
+
+class Strider:
+    """Takes the plain steps of one walk.
+
+    Attributes
+    ----------
+    size, side, longest : float
+        After a stretch: the size to try next, the sign of the bordered determinant, and the longest
+        step so far.
+    bend : ndarray
+        How the tangent turns at its end, by arclength.
+    """
+
+    def __init__(
+        self,
+        loops: Loops,
+        rules: Sequence[float],
+        bounds: Sequence[tuple[int, float, float]],
+        metric: Array,
+        origin: tuple[Array, Array],
+    ) -> None:
+        d = metric.size
+        self.loops, self.d = loops, d
+        edges = [entry for bound in bounds for entry in bound]
+        self.fixed = [np.array([*rules, len(bounds), *edges]), metric, np.concatenate(origin)]
+        self.data = np.array(loops.data)
+        self.state = np.zeros(5)
+        self.moving = [np.zeros(d) for _ in range(3)]  # z, tangent, bend
+        self.scratch = [np.zeros(d), np.zeros(d), np.zeros(d), *np.zeros((3, 3 * d * d))]
+        self.out = np.zeros((_AT_ONCE, 2 * d + 2))
+        self.call: Callable[..., int] | None = None
+
+    def go(
+        self,
+        z: Array,
+        tangent: Array,
+        bend: Array,
+        state: tuple[float, float, float, float],
+        most: int,
+    ) -> tuple[Array, Array, Array, Array]:
+        """As many plain steps as come off, at most so many: their z, tangents, arclengths and
+        residuals; `state` is arclength, size, side and longest step."""
+        for mine, given in zip(self.moving, (z, tangent, bend), strict=True):
+            mine[:] = given
+        self.state[:4] = state
+        self.call = self.call or self._compiled()
+        if self.call is None:
+            count = self._as_it_is(min(most, _AS_IT_IS))
+        else:
+            count = self.call(min(most, _AT_ONCE))
+        d, rows = self.d, self.out[:count].copy()
+        return rows[:, :d], rows[:, d : 2 * d], rows[:, -2], rows[:, -1]
+
+    @property
+    def size(self) -> float:
+        return float(self.state[plain.SIZE])
+
+    @property
+    def side(self) -> int:
+        return int(self.state[plain.SIDE])
+
+    @property
+    def longest(self) -> float:
+        return float(self.state[plain.LONGEST])
+
+    @property
+    def bend(self) -> Array:
+        return self.moving[2].copy()
+
+    def _as_it_is(self, most: int) -> int:
+        loops = self.loops
+        lists = [array.tolist() for array in (*self.fixed, self.state, *self.moving, *self.scratch)]
+        out = [0.0] * (most * (2 * self.d + 2))
+        data = self.data.tolist()
+        try:
+            count = _stride(loops.evaluate, loops.derive, data, self.d, most, *lists, out)
+        except ArithmeticError:  # an overflow, where compiled code goes on with an infinity
+            return 0
+        for array, values in zip((self.state, *self.moving), lists[3:7], strict=True):
+            array[:] = values
+        self.out.reshape(-1)[: len(out)] = out
+        _taken[loops.evaluate] = _taken.get(loops.evaluate, 0) + count
+        return count
+
+    def _compiled(self) -> Callable[[int], int] | None:
+        """A call of compiled code for this walk, where that is at hand or has to be."""
+        addresses = machine(self.loops)
+        if addresses is None:
+            return None
+        arrays = [self.data, *self.fixed, self.state, *self.moving, *self.scratch, self.out]
+        at = [array.ctypes.data for array in arrays]
+        code, evaluate, derive = addresses
+        return lambda most: code(evaluate, derive, at[0], self.d, most, *at[1:])
+
+
+_taken: dict[Any, int] = {}  # steps without code, by equations
+_known: dict[Any, tuple[Any, int, int] | None] = {}
+
+
+def machine(loops: Loops) -> tuple[Any, int, int] | None:
+    """`stride` and both functions of a problem in machine code, None where it does not pay yet or
+    cannot be had."""
+    evaluate, derive = loops.evaluate, loops.derive
+    if evaluate in _known:
+        return _known[evaluate]
+    parts: tuple[tuple[Any, str], ...] = (
+        (plain.stride, plain.KINDS),
+        (evaluate, "ppp"),
+        (derive, "ppp"),
+    )
+    if not loops.at_once:
+        if sum(_taken.values()) < _LOADING:
+            return None
+        paid = _taken.get(evaluate, 0) >= _COMPILING
+        if not (paid or all(native.is_kept(*part) for part in parts)):
+            return None
+    try:
+        code, one, other = native.function(*parts[0]), *(native.address(*p) for p in parts[1:])
+        _known[evaluate] = code, one, other
+    except native.NotCompiled as reason:
+        _log.info("steps are taken without compiled code: %s", reason)
+        _known[evaluate] = None
+    return _known[evaluate]

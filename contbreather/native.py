@@ -1,0 +1,266 @@
+"""Machine code of functions that are written in numbers, loops and pointers alone.
+
+Such a function runs as it is, with lists for its pointers; compiled, the same text gives the same
+bits some hundred times faster. numba compiles it once, in seconds, and the object code is kept on
+disk. Loading that takes llvmlite alone, 0.05 s: to import numba and begin takes ten times as long.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import re
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from contbreather.errors import BadInput
+from contbreather.files import write_whole
+
+Function = Callable[..., Any]
+
+# What object code may refer to: mathematics, and Python itself. What numba has for errors is never
+# called, as nothing is raised, but has to be somewhere.
+_KNOWN = re.compile(r"(llvm\.|_?Py).*|a?(sin|cos|tan)h?|atan2|sqrt|exp|log|pow|floor|mem\w+")
+_NEVER = (
+    "numba_gil_ensure",
+    "numba_gil_release",
+    "numba_unpickle",
+    "numba_do_raise",
+    "numba_runtime_build_excinfo_struct",
+    "NRT_Free",
+)
+
+_loaded: dict[str, tuple[int, Any]] = {}  # by key: the address, and what keeps it alive
+
+
+class NotCompiled(Exception):
+    """There is no machine code of a function; carries the reason."""
+
+
+def call(function: Function, one: Any, two: Any, three: Any) -> int:
+    """Call a function of three pointers that was handed over; compiled, by its address."""
+    answer: int = function(one, two, three)
+    return answer
+
+
+@lru_cache(maxsize=256)
+def bound(function: Function, **names: Any) -> Function:
+    """A function with other globals, also in what it calls in its module; the same each time."""
+    return _bound(function, tuple(names.items()), {})
+
+
+def _bound(function: Function, names: Any, done: dict[Any, Any]) -> Any:
+    if function not in done:
+        known = function.__globals__
+        text = "_".join(getattr(value, "__qualname__", str(value)) for _, value in names)
+        scope = {name: known[name] for name in function.__code__.co_names if name in known}
+        made = FunctionType(function.__code__, scope, f"{function.__name__}_{text}")
+        made.__module__, made.__qualname__ = function.__module__, f"{function.__qualname__}_{text}"
+        done[function] = made
+        for name, value in scope.items():
+            if isinstance(value, FunctionType) and value.__module__ == function.__module__:
+                scope[name] = _bound(value, names, done)
+        scope.update({name: value for name, value in names if name in scope})
+    return done[function]
+
+
+def is_kept(function: Function, kinds: str) -> bool:
+    """Whether its machine code is at hand or on disk."""
+    try:
+        return _key(function, kinds) in _loaded or _file(function, kinds).exists()
+    except ImportError:
+        return False
+
+
+def address(function: Function, kinds: str) -> int:
+    """Where the machine code of a function begins.
+
+    Parameters
+    ----------
+    function : callable
+        Its globals are constants, `math`, `call`, and functions of its own module like it; returns
+        an int.
+    kinds : str
+        A letter for each argument: p a pointer to floats, i an int, f a function to `call`.
+
+    Raises
+    ------
+    NotCompiled
+        Without llvmlite, or where the function is not kept and there is no numba, or it refuses.
+    """
+    try:
+        key = _key(function, kinds)
+    except ImportError as error:
+        raise NotCompiled(f"{error}; pip install numba") from error
+    if key not in _loaded:
+        path = _file(function, kinds)
+        code = _read(path)
+        if code is None:
+            code = _compiled(function, kinds)
+            _keep(path, hashlib.sha256(code).digest() + code)
+        _loaded[key] = _load(code)
+    return _loaded[key][0]
+
+
+def function(function: Function, kinds: str) -> Callable[..., int]:
+    """The machine code of a function to be called with addresses and whole numbers."""
+    numbers = [ctypes.c_int64 if kind == "i" else ctypes.c_void_p for kind in kinds]
+    return ctypes.CFUNCTYPE(ctypes.c_int64, *numbers)(address(function, kinds))
+
+
+@lru_cache(maxsize=64)
+def _key(function: Function, kinds: str) -> str:
+    """A name for the present text of a function and for all else that its code depends on."""
+    import llvmlite.binding as llvm
+
+    modules = {__name__, *(one.__module__ for one in _called(function, {}))}
+    texts = [Path(str(sys.modules[name].__file__)).read_bytes() for name in sorted(modules)]
+    machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.llvm_version_info)
+    about = repr((function.__qualname__, kinds, sys.version_info[:2], machine))
+    return hashlib.sha256(b"\0".join([*texts, about.encode()])).hexdigest()
+
+
+def _called(function: Function, done: dict[Any, None]) -> list[Function]:
+    """A function and all that it calls."""
+    done[function] = None
+    for name in function.__code__.co_names:
+        value = function.__globals__.get(name)
+        if isinstance(value, FunctionType) and value not in done:
+            _called(value, done)
+    return list(done)
+
+
+def _place() -> Path:
+    """Where code is kept: where numba would, beside the source, or where the user may write."""
+    named = os.environ.get("NUMBA_CACHE_DIR")
+    beside = Path(__file__).parent / "__pycache__"
+    if named:
+        return Path(named) / "contbreather"
+    if os.access(beside if beside.exists() else beside.parent, os.W_OK):
+        return beside
+    home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    return (Path(home) if home else Path.home() / ".cache") / "contbreather"
+
+
+def _file(function: Function, kinds: str) -> Path:
+    tag = f"{function.__name__}.{sys.implementation.cache_tag}"
+    return _place() / f"{tag}-{_key(function, kinds)[:16]}.o"
+
+
+def _keep(path: Path, text: bytes) -> None:
+    """Write it in place of what was compiled of older texts."""
+    with suppress(BadInput, OSError):  # nowhere to keep it: compiled in each session
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for old in path.parent.glob(f"{path.name.partition('-')[0]}-*.o"):
+            old.unlink()
+        write_whole(path, lambda file: file.write(text))
+
+
+def _read(path: Path) -> bytes | None:
+    """What is kept, if it is whole: half an object would end the process."""
+    try:
+        text = path.read_bytes()
+    except OSError:
+        return None
+    return text[32:] if hashlib.sha256(text[32:]).digest() == text[:32] else None
+
+
+# --- with numba ---------------------------------------------------------------------------------
+
+
+def _compiled(function: Function, kinds: str) -> bytes:
+    """The name of its entry, a line end, and the object code."""
+    try:
+        from numba import cfunc, types
+        from numba.core.errors import NumbaError
+    except ImportError as error:
+        raise NotCompiled(f"{error}; pip install numba") from error
+    letters = {"p": types.CPointer(types.float64), "i": types.int64, "f": types.int64}
+    signature = types.int64(*(letters[kind] for kind in kinds))
+    try:
+        made = cfunc(signature, error_model="numpy")(_twin(function, {}).py_func)
+    except NumbaError as error:
+        raise NotCompiled(str(error).strip().splitlines()[-1]) from error
+    text = made.inspect_llvm()
+    strange = set(re.findall(r'^declare [^@]*@"?([^"(]+)', text, re.MULTILINE))
+    strange -= {name for name in strange if _KNOWN.fullmatch(name) or name in _NEVER}
+    if strange:
+        raise NotCompiled(f"{function.__name__} needs {sorted(strange)} of numba")
+    return made.native_name.encode() + b"\n" + _object(text)
+
+
+def _twin(function: Function, done: dict[int, Any]) -> Any:
+    """The function with compiled ones in place of those it calls; `call` takes an address."""
+    from numba import njit
+
+    if id(function) not in done:
+        known = function.__globals__
+        names = [name for name in function.__code__.co_names if name in known]
+        scope = {name: known[name] for name in names}
+        copy = FunctionType(function.__code__, scope, function.__name__)
+        done[id(function)] = njit(error_model="numpy")(copy)
+        for name in names:
+            if known[name] is call:
+                scope[name] = _by_address()
+            elif isinstance(known[name], FunctionType):
+                scope[name] = _twin(known[name], done)
+    return done[id(function)]
+
+
+@lru_cache(maxsize=1)
+def _by_address() -> Any:
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    @intrinsic
+    def by_address(context: Any, where: Any, one: Any, two: Any, three: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            kind = ir.FunctionType(ir.IntType(64), [one.type for one in args[1:]])
+            return builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+
+        pointer = types.CPointer(types.float64)
+        return types.int64(types.int64, pointer, pointer, pointer), generate
+
+    return by_address
+
+
+# --- with llvmlite ------------------------------------------------------------------------------
+
+
+def _target(**options: Any) -> Any:
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(jit=True, **options)
+
+
+def _object(text: str) -> bytes:
+    import llvmlite.binding as llvm
+
+    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    machine = _target(cpu=cpu, features=features, opt=3, reloc="default", codemodel="jitdefault")
+    made: bytes = machine.emit_object(llvm.parse_assembly(text))
+    return made
+
+
+def _load(code: bytes) -> tuple[int, Any]:
+    import llvmlite.binding as llvm
+
+    name, _, body = code.partition(b"\n")
+    somewhere = ctypes.cast(ctypes.pythonapi.PyErr_Clear, ctypes.c_void_p).value
+    if "numba" not in sys.modules:
+        for never in _NEVER:
+            llvm.add_symbol(never, somewhere)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(body))
+    engine.finalize_object()
+    return engine.get_function_address(name.decode()), engine

@@ -1,0 +1,179 @@
+"""Plain steps: one text, as it is and compiled, that steps as the walker does."""
+
+from __future__ import annotations
+
+import logging
+import pickle
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather import native
+from contbreather.continuation import strider
+
+NEVER = 10**9
+WITHIN = {"a": (0.06, 0.9)}
+
+
+@pytest.fixture
+def when(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """Set after how many steps code is loaded, and compiled where it is not kept."""
+
+    def set_(steps: int) -> None:
+        monkeypatch.setattr(strider, "_LOADING", steps)
+        monkeypatch.setattr(strider, "_COMPILING", steps)
+        monkeypatch.setattr(strider, "_known", {})
+        monkeypatch.setattr(strider, "_taken", {})
+
+    return set_
+
+
+def closure(**given: Any) -> cb.Orbit:
+    return cb.symmetric(0.5, 0.08, 0.8, **given)
+
+
+def branch(free: str = "a", within: Any = WITHIN, **given: Any) -> cb.Branch:
+    return cb.trace(closure(**given), free, within=within, events=(), inadmissible=True)
+
+
+THIRD = cb.lattice.Fourier(cos={1: -1.0, 3: 0.4}, sin={1: 0.1})
+CASES = {
+    "a": {},
+    "gamma": {"free": "gamma", "within": {"gamma": (0.0, 0.24)}},
+    "k": {"free": "k", "within": {"k": (0.1, 1.0)}},
+    "third harmonic": {"forcing": THIRD},
+    "coefficient": {"free": "c3", "within": {"c3": (-1.0, 1.0)}, "forcing": THIRD},
+    "other coefficient": {"free": "s1", "within": {"s1": (-0.5, 0.5)}, "forcing": THIRD},
+    "ring": {"lattice": cb.Ring(6)},
+}
+
+
+def same(one: cb.Branch, other: cb.Branch) -> bool:
+    rows = zip(one.points.rows, other.points.rows, strict=True)
+    return one.stop is other.stop and all(np.array_equal(*pair) for pair in rows)
+
+
+def fold_curve(events: Any = None) -> cb.Branch:
+    start = cb.trace(closure(), "a", events=events, within={"a": (0, 0.9)}, inadmissible=True)
+    pair, within = ("gamma", "a"), {"gamma": (0.0, 0.24), "a": (0.0, 1.0)}
+    return cb.boundary(start.first("LP"), pair, within=within, events=(), inadmissible=True)
+
+
+def test_compiled_steps_are_those_of_the_text_to_the_last_bit(when: Any) -> None:
+    when(NEVER)
+    as_it_is = [branch(**case) for case in CASES.values()]
+    folds = fold_curve([cb.fold()]), fold_curve()
+    assert not strider._known
+    when(0)
+    for one, case in zip(as_it_is, CASES.values(), strict=True):
+        assert same(one, branch(**case)), case
+    assert same(folds[0], fold_curve([cb.fold()]))
+    assert same(folds[1], fold_curve())
+    assert len(strider._known) == 3
+    assert all(strider._known.values())
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_plain_steps_are_those_of_the_walker(when: Any, name: str) -> None:
+    when(NEVER)
+    case = CASES[name]
+    own = branch(**case)
+    assert sum(strider._taken.values()) > len(own) / 2
+    problem = closure(**{key: case[key] for key in ("forcing", "lattice") if key in case}).problem
+    free, within = case.get("free", "a"), case.get("within", WITHIN)
+    plain = replace(problem, loops=None)
+    other = cb.trace(plain, free, within=within, events=(), inadmissible=True)
+    assert len(own) == len(other)
+    assert own.stop is other.stop
+    for column in (*own.problem.start, *own.problem.params, "arclength"):
+        assert np.allclose(own[column], other[column], rtol=0, atol=2e-11), column
+    assert abs(own["residual"]).max() < 1e-14
+
+
+def test_a_curve_of_folds_by_null_vectors_is_the_exact_one(when: Any) -> None:
+    when(NEVER)
+    line = fold_curve([cb.fold()])
+    assert len(line) > 10
+    for a, gamma in zip(line["a"], line["gamma"], strict=True):
+        smallest = cb.breathers.closure.smallest_amplitude(float(gamma), 0.8)
+        assert a == pytest.approx(smallest, rel=1e-10)
+
+
+def test_events_are_found_on_steps_taken_ahead(when: Any) -> None:
+    when(NEVER)
+    problem = closure().problem
+    own = cb.trace(problem, "a", within={"a": (0.05, 0.95)})
+    other = cb.trace(replace(problem, loops=None), "a", within={"a": (0.05, 0.95)})
+    assert [point.label for point in own.special] == [point.label for point in other.special]
+    for one, two in zip(own.special, other.special, strict=True):
+        assert one["a"] == pytest.approx(two["a"], abs=1e-11)
+
+
+def test_without_numba_steps_are_taken_all_the_same_and_it_is_said_once(
+    when: Any, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    when(0)
+
+    def refuse(*_: Any) -> int:
+        raise native.NotCompiled("No module named 'numba'; pip install numba")
+
+    monkeypatch.setattr(native, "address", refuse)
+    caplog.set_level(logging.INFO, "contbreather")
+    lines = [branch() for _ in range(2)]
+    assert same(*lines)
+    said = [record for record in caplog.records if "pip install numba" in record.getMessage()]
+    assert len(said) == 1
+
+
+def test_a_point_of_a_stretch_is_made_when_it_is_asked_for_and_stays_the_same(when: Any) -> None:
+    when(NEVER)
+    line = branch()
+    assert line[7] is line[7]
+    assert line[-1] is line.points[len(line) - 1]
+    assert line[7].z.flags.writeable is False
+    assert np.array_equal([point["p"] for point in line], line["p"])
+    assert np.array_equal([point.arclength for point in line], line["arclength"])
+    back = line.reversed()
+    assert np.array_equal(back["a"], line["a"][::-1])
+    assert np.array_equal(back[3].tangent, -line[-4].tangent)
+    assert pickle.loads(pickle.dumps(line)).points[7]["a"] == line[7]["a"]
+
+
+# --- machine code -------------------------------------------------------------------------------
+
+
+def test_what_is_kept_is_used_only_if_it_is_whole_and_of_this_text(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    asked = []
+
+    def compiled(function: Any, kinds: str) -> Any:
+        asked.append(function.__name__)
+        return b"entry\nobject"
+
+    monkeypatch.setattr(native, "_compiled", compiled)
+    monkeypatch.setattr(native, "_load", lambda code: (len(code), None))
+    for _ in range(2):
+        monkeypatch.setattr(native, "_loaded", {})
+        assert native.address(native.call, "ppp") == 12
+    assert asked == ["call"]
+    [file] = tmp_path.rglob("call*.o")
+    file.write_bytes(file.read_bytes()[:-1])
+    monkeypatch.setattr(native, "_loaded", {})
+    native.address(native.call, "ppp")
+    assert asked == ["call", "call"]
+    native._key.cache_clear()
+    monkeypatch.setattr(native.sys, "version_info", (3, 99))
+    native.address(native.call, "ppp")
+    assert len(asked) == 3
+    native._key.cache_clear()
+
+
+def test_code_is_kept_where_the_user_may_write(tmp_path, monkeypatch) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setattr(native.os, "access", lambda *_: False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert native._place() == tmp_path / "contbreather"
