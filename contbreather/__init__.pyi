@@ -8,6 +8,7 @@ from .breathers import pitchfork as pitchfork
 from .breathers import symmetric as symmetric
 from .breathers import symmetric_roots as symmetric_roots
 from .breathers import zones as zones
+from .breathers.atlas import atlas as atlas
 from .breathers.multi import multibreather as multibreather
 from .breathers.multi import multibreathers as multibreathers
 from .breathers.shooting import shooting as shooting

@@ -84,7 +84,7 @@ def each(
     *,
     executor: Executor | int | None = None,
     progress: bool | None = None,
-    unit: str = "items",
+    unit: str,
     together: int = LARGEST,
 ) -> Iterator[Any]:
     """What a function makes of each of many items, in their order, as they come.
@@ -122,7 +122,7 @@ def each(
     Examples
     --------
     >>> from operator import neg
-    >>> list(each(neg, [1, 2, 3], executor=1))
+    >>> list(each(neg, [1, 2, 3], unit="numbers", executor=1))
     [-1, -2, -3]
     """
     if not (executor is None or isinstance(executor, int) or hasattr(executor, "submit")):

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ import pytest
 
 import contbreather as cb
 from contbreather import workers
-from contbreather.workers import Failed, each, processes
+from contbreather.workers import Failed, processes
+
+each = partial(workers.each, unit="items")
 
 
 def number_of_threads(item: tuple[int, Path]) -> tuple[int, int, str]:
@@ -143,7 +146,7 @@ def slow(number):
 
 if __name__ == "__main__":
     try:
-        for one in each(slow, range(60), executor=2):
+        for one in each(slow, range(60), unit="naps", executor=2):
             if one == 12:
                 print("begun", flush=True)
     except cb.Interrupted as stop:

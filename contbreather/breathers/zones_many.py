@@ -69,10 +69,9 @@ def zones_many(
     <Zones in ('gamma', 'a') at k = 0.7; LP: 1, GR: 1, PF: 1, NS: 0>
     <Zones in ('gamma', 'a') at k = 0.8; LP: 1, GR: 1, PF: 1, NS: 0>
     """
-    asked = {"lattice": lattice, "within": within, "threshold": threshold, "progress": False}
     slices = slices_of({"k": ks, "gamma": gamma, "a": a}, over or {}, forcing)
-    diagram = _Diagram({**asked, "past_folds": past_folds})
-    return each(diagram, slices, executor=executor, progress=progress, unit="diagrams")
+    draw = Diagram(lattice, within, threshold, past_folds)
+    return each(draw, slices, executor=executor, progress=progress, unit="diagrams")
 
 
 @dataclass(frozen=True)
@@ -85,18 +84,31 @@ class Slice:
 
 
 @dataclass(frozen=True)
-class _Diagram:
-    asked: Mapping[str, Any]
+class Diagram:
+    """What the diagrams of all planes have in common; called with one of them it is computed."""
+
+    lattice: Lattice | None = None
+    within: Mapping[str, tuple[float, float]] | None = None
+    threshold: float = THRESHOLD
+    past_folds: bool | None = None
 
     def __call__(self, where: Slice) -> Zones:
-        asked: dict[str, Any] = {**self.asked, where.name: where.value}
-        found: Zones = zones(**asked, forcing=where.forcing)
+        fixed: dict[str, Any] = {where.name: where.value}
+        found: Zones = zones(
+            **fixed,
+            forcing=where.forcing,
+            lattice=self.lattice,
+            within=self.within,
+            threshold=self.threshold,
+            past_folds=self.past_folds,
+            progress=False,
+        )
         return found
 
 
 def slices_of(
-    given: Mapping[str, Sequence[float] | None],
-    over: Mapping[str, Sequence[float]],
+    given: Mapping[str, float | Sequence[float] | None],
+    over: Mapping[str, float | Sequence[float]],
     forcing: Forcing | str | None,
 ) -> list[Slice]:
     """All planes, those of the first value first."""

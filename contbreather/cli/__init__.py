@@ -25,6 +25,7 @@ LATTICES = ("--lattice", "--site", "--damping", "--spring", "--walls")
 CHAINS_ONLY = {
     "zones": "its curves are followed in closed form, on the infinite chain or a ring (--sites N); "
     "contbreather boundary follows them on any lattice",
+    "atlas": "its curves are followed in closed form, on the infinite chain or a ring (--sites N)",
     "figure": "the figures are those of the paper, with its lattices and walls",
 }
 
@@ -116,6 +117,7 @@ def application() -> App:
     from cyclopts import App, Parameter
 
     from contbreather.cli import (
+        atlas,
         boundary,
         branch,
         completion,
@@ -142,6 +144,7 @@ def application() -> App:
         switch.switch,
         diagram.diagram,
         zones.zones,
+        atlas.atlas,
         simulate.simulate,
         figure.figure,
     )

@@ -5,6 +5,7 @@ Reads public types only: a figure can be drawn of anything that was computed, by
 
 from __future__ import annotations
 
+from contbreather.plotting.atlas import plot_atlas
 from contbreather.plotting.branches import plot
 from contbreather.plotting.canvas import new_figure, save_figure, style
 from contbreather.plotting.diagrams import plot_diagram
@@ -22,6 +23,7 @@ from contbreather.plotting.zones import plot_zones
 __all__ = [
     "new_figure",
     "plot",
+    "plot_atlas",
     "plot_basin",
     "plot_diagram",
     "plot_localisation",

@@ -76,7 +76,12 @@ def _settings() -> Any:
 
 
 def new_figure(
-    rows: int = 1, columns: int = 1, *, width: float = COLUMN, height: float | None = None
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    width: float = COLUMN,
+    height: float | None = None,
+    projection: str | None = None,
 ) -> tuple[Figure, list[Axes]]:
     """An empty figure for a journal column and its axes, row by row.
 
@@ -85,6 +90,8 @@ def new_figure(
     rows, columns : int
     width, height : float
         In cm; the height fits the panels unless given.
+    projection : str, optional
+        ``"3d"`` for axes in space.
 
     Returns
     -------
@@ -102,7 +109,8 @@ def new_figure(
     pyplot = sys.modules.get("matplotlib.pyplot")
     with style():
         figure = _apart(size) if pyplot is None else pyplot.figure(figsize=size, layout=LAYOUT)
-        axes = figure.subplots(rows, columns, squeeze=False)
+        kind = {"projection": projection}
+        axes = figure.subplots(rows, columns, squeeze=False, subplot_kw=kind)
     return figure, list(axes.ravel())
 
 
@@ -128,13 +136,15 @@ def inline(draw: Callable[[Axes], object], *, width: float = 8.5, height: float 
 
 
 @contextmanager
-def axes_or_new(ax: Axes | None, height: float | None = None) -> Iterator[Axes]:
+def axes_or_new(
+    ax: Axes | None, height: float | None = None, projection: str | None = None
+) -> Iterator[Any]:
     """The axes given, in the caller's own style, or new ones in that of a journal column."""
     if ax is not None:
         yield ax
         return
     with style():
-        yield new_figure(height=height)[1][0]
+        yield new_figure(height=height, projection=projection)[1][0]
 
 
 def save_figure(figure: Figure | Axes | Sequence[Axes], path: str | Path) -> Path:

@@ -1,0 +1,173 @@
+"""`contbreather atlas`: zone diagrams over one or two further parameters, as surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from contbreather.cli.interrupts import kept
+from contbreather.cli.options import HARMONIC, Formula, Into, Span, Where, Whole, interval
+from contbreather.errors import BadInput
+from contbreather.files import writable
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+FIGURE, DATA = "atlas.png", "atlas.nc"
+
+
+def atlas(
+    *,
+    k: tuple[str, ...] = (),
+    gamma: tuple[str, ...] = (),
+    a: tuple[str, ...] = (),
+    over: tuple[str, ...] = (),
+    gamma_window: Span | None = None,
+    a_window: Span | None = None,
+    k_window: Span | None = None,
+    forcing: Formula = HARMONIC,
+    set: tuple[str, ...] = (),
+    sites: Whole | None = None,
+    threshold: float | None = None,
+    workers: Whole | None = None,
+    save: str | None = None,
+    into: Into = Into(),
+) -> None:
+    """Surfaces of LP, GR, PF and NS: a zone diagram for each of many values.
+
+    Without files and without --json it writes atlas.png and atlas.nc.
+
+    Parameters
+    ----------
+    k
+        Restitution: diagrams in (gamma, a) at VALUE,VALUE,... or LOW:HIGH:COUNT, so many at equal
+        distances.
+    gamma
+        Coupling: diagrams in (k, a) instead.
+    a
+        Amplitude: diagrams in (k, gamma) instead.
+    over
+        NAME=VALUE,VALUE,... or NAME=LOW:HIGH:COUNT of a parameter in the formula.
+    gamma_window
+        Lowest and highest coupling to look at, 0 to 0.2499 unless given.
+    a_window
+        Lowest and highest amplitude, all unless given.
+    k_window
+        Lowest and highest restitution, 0.01 to 0.999 unless given.
+    forcing
+        F(t)/a as a formula in t.
+    set
+        NAME=VALUE of a parameter in the formula.
+    sites
+        A ring of so many sites in place of the infinite chain, judged by the paper's rule.
+    threshold
+        With --sites: modulus over a period beyond which it is unstable, 1.005 unless given.
+    workers
+        Number of processes, all cores unless given.
+    save
+        Write the atlas to this netCDF file.
+    """
+    from contbreather.breathers.atlas import atlas as chart
+    from contbreather.breathers.zones import WINDOWS
+
+    if into == Into() and save is None:
+        into, save = Into(output=FIGURE), DATA
+    into.check()
+    if save is not None:
+        writable(save)
+    fixed = {n: _values(f"--{n}", v) for n, v in {"k": k, "gamma": gamma, "a": a}.items() if v}
+    further = dict(_assigned(text) for text in over)
+    begin = tuple(f"{name}={values[0]!r}" for name, values in further.items())
+    on = Where(forcing=forcing, set=(*set, *begin), sites=sites, threshold=threshold).on()
+    given = {"gamma": gamma_window, "a": a_window, "k": k_window}
+    asked: dict[str, Any] = {
+        "lattice": on.lattice,
+        "threshold": on.threshold,
+        "forcing": on.forcing,
+        "within": {n: interval(n, given[n], WINDOWS) for n in given if given[n] is not None},
+        "executor": workers,
+        **fixed,
+        **further,
+    }
+    found, cut = kept(lambda: chart(**asked))
+    made = [] if save is None else [_saved(save, found)]
+    into.leave(
+        lambda: {**on.entry(), "atlas": _columns(found), "failed": _failed(found)},
+        [*_lines(found), *(f"Wrote {path}." for path in made)],
+        lambda: (_rows(found), list(_columns(found))),
+        lambda: _figure(found),
+        cut=cut,
+    )
+
+
+def _values(name: str, texts: tuple[str, ...]) -> list[float]:
+    """Numbers, and LOW:HIGH:COUNT."""
+    import numpy as np
+
+    found: list[float] = []
+    for text in (one for given in texts for one in given.split(",")):
+        try:
+            low, *more = text.split(":")
+            if not more:
+                found.append(float(low))
+                continue
+            high, count = more
+            found += np.linspace(float(low), float(high), int(count)).tolist()
+        except ValueError:
+            raise BadInput(
+                f"{name}: {text!r} is neither a number nor LOW:HIGH:COUNT, 0.5:0.9:5 for instance"
+            ) from None
+    return found
+
+
+def _assigned(text: str) -> tuple[str, list[float]]:
+    name, equals, values = text.partition("=")
+    if not equals:
+        raise BadInput(f"--over {text!r}: NAME=VALUE,VALUE,... was wanted, c3=0,0.1 for instance")
+    return name.strip(), _values(f"--over {name}", (values,))
+
+
+def _saved(path: str, found: Dataset) -> str:
+    from contbreather.breathers.atlas import save_atlas
+
+    return str(save_atlas(path, found))
+
+
+def _columns(found: Dataset) -> dict[str, Any]:
+    """Those along points, words in place of their numbers."""
+    from contbreather.breathers.atlas import words
+
+    columns: dict[str, Any] = {
+        str(n): c.to_numpy() for n, c in found.items() if c.dims == ("point",)
+    }
+    return {**columns, "kind": words(found, "kind"), "meeting": words(found, "meeting")}
+
+
+def _rows(found: Dataset) -> Iterator[dict[str, Any]]:
+    columns = {n: c if isinstance(c, list) else c.tolist() for n, c in _columns(found).items()}
+    for row in zip(*columns.values(), strict=True):
+        yield dict(zip(columns, row, strict=True))
+
+
+def _failed(found: Dataset) -> list[dict[str, Any]]:
+    columns = {str(n): c.to_numpy().tolist() for n, c in found.items() if c.dims == ("failed",)}
+    columns["reason"] = [text.decode() for text in columns["reason"]]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _lines(found: Dataset) -> Iterator[object]:
+    """How many there are, and what is missing."""
+    kinds = _columns(found)["kind"]
+    counts = ", ".join(f"{kinds.count(kind)} points of {kind}" for kind in dict.fromkeys(kinds))
+    yield f"{int(found.slice.max()) + 1} diagrams: {counts}."
+    for one in _failed(found):
+        at = ", ".join(
+            f"{n.removeprefix('failed_')} = {v:g}" for n, v in one.items() if n != "reason"
+        )
+        yield f"No diagram at {at}: {one['reason']}."
+
+
+def _figure(found: Dataset) -> Any:
+    from contbreather.plotting import plot_atlas
+
+    return plot_atlas(found)

@@ -1,0 +1,183 @@
+"""Atlases: the curves of many zone diagrams in space, and the surfaces that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.zones import KINDS
+from contbreather.checks import kind_of
+from contbreather.errors import BadInput
+from contbreather.plotting.canvas import COLUMN, axes_or_new, symbol
+from contbreather.plotting.zones import LINES
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+Array = NDArray[np.float64]
+Lines = Mapping[str, Mapping[float, Sequence[Array]]]  # of a kind, at each value: (n, 3) arrays
+
+NODES = 60  # along a curve, on its surface
+FAINT = 0.25
+ZOOM = 0.9
+
+
+def plot_atlas(
+    atlas: Dataset,
+    ax: Any = None,
+    *,
+    over: str | None = None,
+    at: Mapping[str, float] | None = None,
+    kinds: Sequence[str] = KINDS,
+) -> Any:
+    """Draw the limits of existence and stability over a third parameter, as surfaces.
+
+    Between neighbouring values a surface is drawn where both have equally many curves of a kind;
+    the curves themselves are drawn everywhere.
+
+    Parameters
+    ----------
+    atlas : xarray.Dataset
+        Of `contbreather.breathers.atlas`.
+    ax : matplotlib Axes3D, optional
+        A new figure unless given.
+    over : str, optional
+        The third parameter; unless given the one that has several values.
+    at : dict, optional
+        Values of the others that have several, ``{"k": 0.8}``.
+    kinds : sequence of str
+        Of LP, GR, PF and NS.
+
+    Returns
+    -------
+    matplotlib Axes3D
+
+    Raises
+    ------
+    BadInput
+        If it is not clear which parameter is meant, or nothing is there.
+
+    Examples
+    --------
+    >>> from contbreather.breathers.atlas import atlas
+    >>> found = atlas(k=[0.7, 0.8], within={"gamma": (0.0, 0.02)}, executor=1)
+    >>> axes = plot_atlas(found)
+    >>> axes.get_ylabel(), [text.get_text() for text in axes.get_legend().get_texts()]
+    ('$k$', ['fold (LP)', 'grazing (GR)', 'pitchfork (PF)'])
+    """
+    plane = _words(atlas, "plane")
+    over = over or _only(atlas, at or {})
+    lines = _lines(atlas, (plane[0], over, plane[1]), at or {}, kinds)
+    if not any(lines.values()):
+        raise BadInput(f"this atlas has no curves of {', '.join(kinds)} at {dict(at or {})}")
+    with axes_or_new(ax, COLUMN, projection="3d") as panel:
+        for kind, own in lines.items():
+            _draw(panel, kind, own)
+        for name, axis in zip((plane[0], over, plane[1]), "xyz", strict=True):
+            getattr(panel, f"set_{axis}label")(symbol(name))
+            panel.locator_params(axis=axis, nbins=5)
+        panel.set_box_aspect(None, zoom=ZOOM)  # the layout does not know of the labels
+        panel.legend(loc="lower center", bbox_to_anchor=(0.5, 0.93), ncols=2, fontsize="small")
+    return panel
+
+
+def _words(atlas: Any, name: str) -> list[str]:
+    """Of an attribute; out of a file they may come as text."""
+    try:
+        found = getattr(atlas, "attrs", {})[name]
+    except KeyError as error:
+        what = kind_of(atlas)
+        raise BadInput(f"an atlas was wanted, as contbreather.atlas makes; got {what}") from error
+    return (found if isinstance(found, str) else found.decode()).split()
+
+
+def _only(atlas: Dataset, at: Mapping[str, float]) -> str:
+    """The parameter that has several values."""
+    fixed = _words(atlas, "fixed")
+    names = [*fixed, *(_words(atlas, "over") if "over" in atlas.attrs else ())]
+    several = [name for name in names if name not in at and len(np.unique(atlas[name])) > 1]
+    if len(several) > 1:
+        raise BadInput(
+            f"{' and '.join(several)} have several values: say over which it is drawn, "
+            f"over={several[0]!r}, and at which value of the other, at={{{several[1]!r}: ...}}"
+        )
+    return several[0] if several else fixed[0]
+
+
+def _lines(
+    atlas: Dataset, names: Sequence[str], at: Mapping[str, float], kinds: Sequence[str]
+) -> Lines:
+    """The curves of each kind at each value of the third parameter."""
+    for name, value in at.items():
+        if name not in atlas or not np.isclose(atlas[name], value).any():
+            raise BadInput(f"at {name} = {value!r}: the atlas has {_values(atlas, name)}")
+    here = np.all([np.isclose(atlas[name], value) for name, value in at.items()], axis=0)
+    codes = dict(
+        zip(
+            _words(atlas.kind, "flag_meanings"),
+            atlas.kind.attrs["flag_values"].tolist(),
+            strict=True,
+        )
+    )
+    for kind in kinds:
+        if kind not in codes:
+            raise BadInput(f"no surface {kind!r}; there are {list(codes)}")
+    space = np.stack([atlas[name].to_numpy() for name in names], axis=-1)
+    curve = atlas.curve.to_numpy()
+    found: dict[str, dict[float, list[Array]]] = {kind: {} for kind in kinds}
+    for kind in kinds:
+        chosen = (atlas.kind.to_numpy() == codes[kind]) & here
+        for number in np.unique(curve[chosen]):
+            points = space[curve == number]
+            found[kind].setdefault(float(points[0, 1]), []).append(points)
+    return found
+
+
+def _values(atlas: Dataset, name: str) -> object:
+    return np.unique(atlas[name]).tolist() if name in atlas else f"{list(atlas)}"
+
+
+def _draw(ax: Any, kind: str, lines: Mapping[float, Sequence[Array]]) -> None:
+    """All curves of a kind, and the surfaces between them."""
+    style = dict(LINES[kind])
+    for value in lines:
+        for points in lines[value]:
+            ax.plot(*points.T, linewidth=0.8, **style)
+            style.pop("label", None)  # once
+    for one, other in _strips(lines):
+        ax.plot_surface(
+            *np.stack([one, other]).transpose(2, 0, 1),
+            color=style["color"],
+            alpha=FAINT,
+            linewidth=0,
+            shade=False,
+        )
+
+
+def _strips(lines: Mapping[float, Sequence[Array]]) -> Iterator[tuple[Array, Array]]:
+    """Neighbouring curves with equally many nodes."""
+    values = sorted(lines)
+    for here, there in pairwise(values):
+        if len(lines[here]) == len(lines[there]):
+            left = [_even(points) for points in lines[there]]
+            for one in map(_even, lines[here]):
+                gaps = [min(_apart(one, way), _apart(one, way[::-1])) for way in left]
+                other = left.pop(int(np.argmin(gaps)))
+                yield one, min(other, other[::-1], key=lambda way: _apart(one, way))
+
+
+def _even(points: Array) -> Array:
+    """As many nodes for each curve, at equal distances in units of its extent."""
+    extent = np.ptp(points, axis=0)
+    steps = np.linalg.norm(np.diff(points / np.where(extent > 0, extent, 1.0), axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    wanted = np.linspace(0.0, along[-1], NODES)
+    return np.stack([np.interp(wanted, along, column) for column in points.T], axis=-1)
+
+
+def _apart(one: Array, other: Array) -> float:
+    return float(np.abs((one - other)[:, [0, 2]]).sum())

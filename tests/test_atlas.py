@@ -1,0 +1,112 @@
+"""Atlases: the points of many zone diagrams, their surfaces, and the command that makes them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+
+import contbreather as cb
+from contbreather.breathers.atlas import save_atlas, words
+from contbreather.plotting import plot_atlas
+
+FEW = {"gamma": (0.0, 0.02)}
+DRIVE = cb.Symbolic("cos(t) + c3*cos(3*t)", c3=0.0)
+
+
+@pytest.fixture(scope="module")
+def found() -> Any:
+    return cb.atlas(k=[0.8, 2.0], c3=(0.0, 0.01), forcing=DRIVE, within=FEW, executor=1)
+
+
+def test_an_atlas_has_the_points_of_each_diagram_in_order(found: Any) -> None:
+    own = cb.zones(k=0.8, forcing=DRIVE.at(c3=0.01), within=FEW)
+    here = found.isel(point=(found.k == 0.8) & (found.c3 == 0.01))
+    assert np.unique(here.slice).tolist() == [1]
+    for name in ("gamma", "a", "p", "phi"):
+        assert np.array_equal(here[name], np.concatenate([branch[name] for _, branch in own]))
+    kinds = [kind for kind, branch in own for _ in branch]
+    assert words(here, "kind") == kinds
+    lengths = [int((here.curve == number).sum()) for number in np.unique(here.curve)]
+    assert lengths == [len(branch) for _, branch in own]
+
+
+def test_values_without_a_diagram_are_listed_with_the_reason(found: Any) -> None:
+    assert found.failed_k.to_numpy().tolist() == [2.0, 2.0]
+    assert found.failed_c3.to_numpy().tolist() == [0.0, 0.01]
+    assert all(b"0 <= k <= 1" in reason for reason in found.reason.to_numpy())
+    with pytest.raises(cb.BadInput, match="0 <= k <= 1"):
+        cb.atlas(k=[2.0], executor=1)
+
+
+def test_where_limits_meet_an_atlas_says_which() -> None:
+    whole = cb.atlas(k=0.8, within={"gamma": (0.1, 0.14)}, executor=1)
+    at = {word: i for i, word in enumerate(words(whole, "meeting")) if word}
+    assert whole.gamma.to_numpy()[at["NS-LP"]] == pytest.approx(0.125220720183, abs=1e-12)
+    assert words(whole, "kind")[at["NS-LP"]] == "NS"
+
+
+def test_an_atlas_out_of_a_file_is_drawn_as_the_one_that_was_written(
+    found: Any, tmp_path: Path
+) -> None:
+    path = save_atlas(tmp_path / "atlas.nc", found)
+    with xarray.open_dataset(path, engine="h5netcdf", decode_cf=False) as again:
+        assert np.array_equal(again.a, found.a)
+        assert words(again, "kind") == words(found, "kind")
+        for one in (found, again):
+            axes = plot_atlas(one, over="c3", at={"k": 0.8}, kinds=["LP"])
+            assert len(axes.lines) == 2  # one for each c3
+            assert len(axes.collections) == 1  # and the surface between them
+            line = np.array(axes.lines[1].get_data_3d())
+            here = (found.c3 == 0.01) & (found.kind == 0)
+            assert np.array_equal(line[2], found.a.to_numpy()[here])
+            assert set(line[1]) == {0.01}
+
+
+def test_what_an_atlas_is_drawn_over_has_to_be_clear(found: Any) -> None:
+    both = found.assign(k=found.k + found.c3)
+    with pytest.raises(cb.BadInput, match="k and c3 have several values: say over which"):
+        plot_atlas(both)
+    with pytest.raises(cb.BadInput, match=r"at c3 = 0\.5: the atlas has \[0\.0, 0\.01\]"):
+        plot_atlas(found, at={"c3": 0.5})
+    with pytest.raises(cb.BadInput, match="no surface 'PD'; there are"):
+        plot_atlas(found, at={"c3": 0.0}, kinds=["PD"])
+    with pytest.raises(cb.BadInput, match="an atlas was wanted"):
+        plot_atlas(3)  # type: ignore[arg-type]
+
+
+def test_the_command_writes_data_and_a_picture(run: Callable[[str], tuple[int, str, str]]) -> None:
+    line = "atlas --k 0.8:0.8:1,2 --gamma-window 0 0.01 --workers 1 --save atlas.nc"
+    status, out, _ = run(f"{line} --json --csv atlas.csv -o atlas.png")
+    content = json.loads(out)
+    assert (status, content["interrupted"]) == (0, False)
+    assert Path("atlas.png").stat().st_size > 10_000
+    assert np.unique(content["atlas"]["k"]).tolist() == [0.8]
+    assert content["failed"][0]["failed_k"] == 2.0
+    with xarray.open_dataset("atlas.nc", engine="h5netcdf", decode_cf=False) as data:
+        assert data.a.to_numpy().tolist() == content["atlas"]["a"]
+    assert Path("atlas.csv").read_text().count("\n") == 1 + len(content["atlas"]["a"])
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("--k 0.8:0.9", "neither a number nor LOW:HIGH:COUNT"),
+        ("--k 0.8 --over c3", "NAME=VALUE,VALUE,... was wanted"),
+        ("--k 0.8 --over c3=1", "unknown forcing parameter c3"),
+        ("", "values of exactly one of k, gamma, a"),
+        ("--k 0.8 --save nowhere/a.nc", "there is no directory"),
+        ("--k 0.8 --lattice open:9", "is not an option of atlas"),
+    ],
+)
+def test_what_the_command_cannot_use_is_refused(
+    run: Callable[[str], tuple[int, str, str]], line: str, reason: str
+) -> None:
+    status, out, err = run(f"atlas {line}")
+    assert (status, out) == (2, "")
+    assert reason in err
