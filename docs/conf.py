@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from importlib.metadata import version as installed
 from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
+sys.path.insert(0, str(HERE))
 
 project = "contbreather"
 author = "the contbreather authors"
@@ -21,11 +23,12 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
+    "links",  # beside this file
     "sphinx-mathjax-offline",  # MathJax beside the pages: formulas need no network either
 ]
 # What the gallery leaves beside its pages is not a page.
 exclude_patterns = ["_build", "jupyter_execute", "auto_examples/*.ipynb", "**sg_execution_times*"]
-suppress_warnings = ["config.cache"]  # the gallery's settings hold a function
+suppress_warnings = ["config.cache"]  # the gallery's settings hold functions
 
 myst_enable_extensions = ["amsmath", "dollarmath", "deflist"]
 myst_heading_anchors = 3
@@ -41,6 +44,8 @@ napoleon_use_rtype = False
 html_theme = "furo"
 html_title = f"contbreather {release}"
 html_show_sourcelink = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 
 
 def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -> str:
@@ -54,6 +59,23 @@ def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -
     return str(figure_rst(shown, settings["src_dir"]))
 
 
+STORY = (
+    "breather", "branch", "zones", "switching", "shooting", "simulate", "smooth_walls",
+    "your_own_problem", "henon",
+)  # fmt: skip
+
+
+class InTheOrderOfTheStory:
+    """Each example builds on those before it; one that is not named comes last."""
+
+    def __init__(self, folder: str) -> None:
+        pass
+
+    def __call__(self, name: str) -> tuple[int, str]:
+        stem = Path(name).stem
+        return (STORY.index(stem) if stem in STORY else len(STORY), stem)
+
+
 if any(EXAMPLES.glob("*.py")):  # each is run: its page shows what it really draws
     extensions.append("sphinx_gallery.gen_gallery")
     sphinx_gallery_conf = {
@@ -61,6 +83,8 @@ if any(EXAMPLES.glob("*.py")):  # each is run: its page shows what it really dra
         "gallery_dirs": "auto_examples",
         "filename_pattern": r"\.py$",
         "image_scrapers": (saved_figures,),
+        "within_subsection_order": InTheOrderOfTheStory,
+        "thumbnail_size": (400, 400),
         "download_all_examples": False,
         "show_memory": False,
     }
