@@ -363,18 +363,12 @@ class Walker:
     ) -> tuple[Sequence[Point], float, Array]:
         """Plain steps, as many as come off, and size and bend for the next one."""
         strider = self.strider
-        if strider is None:
+        if strider is None or LOG.isEnabledFor(logging.DEBUG):  # each step has a line of its own
             return (), size, bend
         state = (point.arclength, size, float(self.side), self.longest)
         stretch = strider.go(point.z, point.direction, bend, state, most)
         if len(stretch[0]):
             self.side, self.longest, self.tiny = strider.side, strider.longest, 0
-            LOG.debug(
-                "%d plain steps to %s = %.10g",
-                len(stretch[0]),
-                self.curve.free[0],
-                stretch[0][-1, -1],
-            )
         return Points(self.curve, *stretch), strider.size, strider.bend
 
     @cached_property
