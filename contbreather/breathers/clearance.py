@@ -21,7 +21,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.breathers import clearance_loops
 from contbreather.errors import BadInput
+from contbreather.kernel import Kernel
 
 FloatArray = NDArray[np.float64]
 Terms = tuple[float, float, float]  # a value and its first two derivatives
@@ -95,6 +97,9 @@ class Watch(Protocol):
 
     def profiles(self, sites: NDArray[np.int64], size: int) -> FloatArray:
         """Displacements of sites at so many equal steps of the section, shape (sites, size)."""
+
+    def packed(self) -> Any:
+        """The motion as numbers for `clearance_loops`, None where it has no such form."""
 
     def felt(self, site: int) -> float:
         """How strongly a site feels the impacts, in powers of the coupling."""
@@ -237,6 +242,30 @@ def centre_margin(orbit: Any) -> float:
     return min(gaps_of_flights(orbit.watch)).margin
 
 
+_MARGIN = Kernel(clearance_loops.margin, "pppp")
+
+
+def least_margin(orbit: Watch) -> float:
+    """The least of all margins, without a word on whose it is.
+
+    Examples
+    --------
+    >>> from contbreather.breathers.symmetric import symmetric
+    >>> b = symmetric(0.5, 0.12, 0.4)
+    >>> abs(least_margin(b.watch) - b.admissibility().margin) < 1e-14
+    True
+    """
+    code = _MARGIN.code()
+    packed = None if code is None else orbit.packed()
+    if code is None or packed is None:
+        return min(orbit.far()[1], closest(orbit).margin)
+    data, table, own, points = packed
+    out = np.empty(own + points)
+    at = out.ctypes.data
+    code(data.ctypes.data, table.ctypes.data, at + 8 * own, at)
+    return float(out[0])
+
+
 def closest(orbit: Watch) -> Gap:
     """What is closest to a wall, or beyond it, the far field aside."""
     return min([*gaps_of_flights(orbit), *gaps_of_idle(orbit)])
@@ -374,8 +403,13 @@ def _grid(size: int) -> FloatArray:
     return np.concatenate([step * 0.5 ** np.arange(6, 0, -0.5), step * np.arange(1, size)])
 
 
+def fineness(highest: int) -> int:
+    """Points to half a period of the forcing."""
+    return max(FINE, 16 * highest)
+
+
 def _points(orbit: Watch, length: float) -> int:
-    return math.ceil(max(FINE, 16 * orbit.highest) * max(1.0, length / math.pi) - 1e-9)
+    return math.ceil(fineness(orbit.highest) * max(1.0, length / math.pi) - 1e-9)
 
 
 def _least(

@@ -15,7 +15,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import Gap, Terms, Watch, closest, gaps_of_idle, rivals
+from contbreather.breathers.clearance import (
+    Gap,
+    Terms,
+    Watch,
+    closest,
+    gaps_of_idle,
+    least_margin,
+    rivals,
+)
 from contbreather.breathers.orbit import Orbit
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
@@ -80,7 +88,7 @@ def grazing(
 
 
 def _margin(point: Point) -> float:
-    return solution_at(point).admissibility().margin
+    return least_margin(solution_at(point).watch)
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import USUAL, Between, Terms, Wall
+from contbreather.breathers.clearance import USUAL, Between, Terms, Wall, fineness
 from contbreather.lattice import Forcing, Lattice
 from contbreather.lattice.green import POWERS, TERMS, Flight, response_weights
-from contbreather.lattice.periodic import is_resonant, wave, wave_basis, wave_table
+from contbreather.lattice.periodic import is_resonant, wave, wave_basis, wave_rows, wave_table
 
 FloatArray = NDArray[np.float64]
 Sites = NDArray[np.int64]
@@ -28,6 +28,15 @@ HALF_PI = 0.5 * math.pi
 NEAR = 13  # (0.072)^13 < 1e-14: the third harmonic has died out two sites earlier
 FAINT = 1e-17  # an answer to the impacts this small moves a site by less than rounding
 NO_WALLS = (-math.inf, math.inf)
+
+
+class Packed(NamedTuple):
+    """The motion of an orbit as `clearance_loops` take it."""
+
+    data: FloatArray
+    table: FloatArray
+    own: int  # numbers that are filled in, apart from
+    points: int  # those on the grids of all sites together
 
 
 # --- the closed form ------------------------------------------------------------------------
@@ -63,6 +72,16 @@ class ClosedWatch:
     def walls(self, site: int) -> Wall:
         return USUAL
 
+    def packed(self) -> Packed | None:
+        """None with springs."""
+        b = self.breather
+        if b.lattice.spring:
+            return None
+        idle = tuple(_distances(b.lattice).tolist())
+        impacts = ((0, b.phi, -2.0 * b.p), (0, b.phi + math.pi, 2.0 * b.p))
+        head = b.k, b.a, 1.0, self.start, self.length, self.far()[1]
+        return _packed(b, head, (0,), idle, (1,), impacts, 1, None)
+
     def far(self) -> tuple[float, float]:
         b = self.breather
         endless = b.lattice.sites is None
@@ -95,6 +114,48 @@ class ClosedWatch:
         return np.asarray(
             b.a * b.forcing.f(b.phi + s) + b.p * (own @ powers - first[:, None] * sine)
         )
+
+
+def _packed(
+    orbit: Any,
+    head: tuple[float, ...],
+    hit: tuple[int, ...],
+    idle: tuple[int, ...],
+    beside: tuple[int, ...],
+    impacts: tuple[tuple[int, float, float], ...],
+    flights: int,
+    offsets: FloatArray | None,
+) -> Packed | None:
+    sites, f, n = (*hit, *idle), orbit.forcing, int(head[2])
+    distances, places = _places(orbit.lattice, sites, beside, tuple(one[0] for one in impacts))
+    table = wave_rows(orbit.lattice, orbit.gamma, distances, n)
+    if table is None:
+        return None
+    if offsets is not None:
+        places = places.copy()
+        places[:, 0] = offsets
+    fine = fineness(f.highest)
+    counts = len(f.harmonics), len(impacts), flights, len(hit), len(sites), fine
+    series = [entry for harmonic in f.harmonics for entry in harmonic]
+    hits = [entry for site, t, J in impacts for entry in (t, J, hit.index(site))]
+    given = np.array([*head, f.peak(), *counts, *series, *hits], dtype=float)
+    data = np.concatenate([given, places.ravel()])
+    return Packed(data, table, 4 + len(sites), (2 * n * fine + 1) * (len(sites) + 1))
+
+
+@lru_cache(maxsize=256)
+def _places(
+    lattice: Lattice, sites: tuple[int, ...], beside: tuple[int, ...], hits: tuple[int, ...]
+) -> tuple[tuple[int, ...], FloatArray]:
+    """Distances that occur, and for each site no offset, whether it is next to one that hits, and
+    which of the distances it has from each impact."""
+    apart = [[lattice.distance(site - other) for other in hits] for site in sites]
+    found = tuple(sorted({one for row in apart for one in row}))
+    rows = [
+        [0.0, float(site in beside), *map(found.index, row)]
+        for site, row in zip(sites, apart, strict=True)
+    ]
+    return found, np.array(rows, dtype=float)
 
 
 def phase(breather: Any, t: float) -> tuple[float, float]:
@@ -170,6 +231,16 @@ class GreenWatch:
 
     def walls(self, site: int) -> Wall:
         return USUAL
+
+    def packed(self) -> Packed | None:
+        """None on a ring whose modes are summed one by one."""
+        o = self.orbit
+        idle = tuple(self.idle.tolist())
+        head = self.k, o.a, float(o.section.turns), self.start, self.length, self.far()[1]
+        offsets = o.flight.offset((*self.hit, *idle))
+        impacts = tuple((one.site, one.time, one.impulse) for one in o.impacts)
+        beside = tuple(sorted(self.beside))
+        return _packed(o, head, self.hit, idle, beside, impacts, len(impacts), offsets)
 
     def far(self) -> tuple[float, float]:
         orbit, offset = self.orbit, self._far_offset
@@ -275,6 +346,9 @@ class ModalWatch:
 
     def far(self) -> tuple[float, float]:
         return self.start, 1.0
+
+    def packed(self) -> None:
+        """Its modes are summed one by one."""
 
     def felt(self, site: int) -> float:
         """A lattice knows no distances."""

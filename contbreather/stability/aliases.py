@@ -41,7 +41,7 @@ class Regular(NamedTuple):
 
 
 @lru_cache(maxsize=1)
-def _tables() -> NDArray[np.float64]:
+def tables() -> NDArray[np.float64]:
     """``[3, POWERS, ORDERS]``: the tails of R/nu, B, C as coefficients of nu^2k <w^2j>."""
     j = np.arange(ORDERS)
     k = np.arange(POWERS)[:, None]
@@ -67,7 +67,7 @@ def tail_coefficients(
     with respect to gamma and the spring."""
     lattice = InfiniteChain().held(spring) if sites is None else Ring(sites)
     rows = (lattice.powers, lattice.dpowers, lattice.spring_powers)
-    powers, by_gamma, by_spring = (_tables() @ of(gamma, 0)[:ORDERS] for of in rows)
+    powers, by_gamma, by_spring = (tables() @ of(gamma, 0)[:ORDERS] for of in rows)
     return powers, by_gamma, by_spring
 
 

@@ -28,12 +28,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.modes import check_gamma
-from contbreather.stability.aliases import regular, regular_by_spring, regular_slopes
+from contbreather.kernel import Kernel
+from contbreather.lattice.modes import InfiniteChain, check_gamma
+from contbreather.stability import arc_loops
+from contbreather.stability.aliases import regular, regular_by_spring, regular_slopes, tables
 
 Array = NDArray[Any]
 
 GRID = 64  # intervals of the remembered grid in alpha; refinement does the rest
+_ON_ARC, _WINDOW = Kernel(arc_loops.on_arc, "pppp"), Kernel(arc_loops.window, "pppp")
 
 
 class Arc(NamedTuple):
@@ -129,6 +132,9 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
             f"nu = {nu}: the band of gamma = {gamma} has angles between {math.sqrt(spring):.6g} "
             f"and {math.sqrt(spring + 4.0 * gamma):.6g} (times pi); choose one of them."
         )
+    code = _ON_ARC.code() if spring == 0.0 and not x.ndim else None
+    if code is not None:
+        return OnArc(*_called(code, (gamma, k, 0.0, b, float(x))).reshape(6, 2))
     value, in_nu, in_gamma = regular_slopes(gamma, x, None, spring)
     v = np.sqrt(low * high)
     at = _Place(x, v, *value, 1.0 + k, 0.5 * (1.0 - k), b)
@@ -142,6 +148,20 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
         _pair_slope(at, _Place(0.0, 0.0, *zero, 0.0, 0.0, 1.0)),
         _pair_slope(at, _Place(0.0, 0.5 * (low - high) / v, *by_spring, 0.0, 0.0, 0.0)),
     )
+
+
+def _called(code: Callable[..., int], data: tuple[float, ...]) -> Array:
+    """What a function of `arc_loops` fills in."""
+    given, scratch, found = np.array(data), np.empty(arc_loops.SIZE), np.zeros(12)
+    table = _table()
+    code(given.ctypes.data, table.ctypes.data, scratch.ctypes.data, found.ctypes.data)
+    return found
+
+
+@lru_cache(maxsize=1)
+def _table() -> Array:
+    moments = InfiniteChain().moments(0)[: arc_loops.ORDERS]
+    return np.concatenate([tables().ravel(), moments])
 
 
 class _Place(NamedTuple):
@@ -334,6 +354,9 @@ def window(gamma: float, k: float, spring: float = 0.0) -> Window:
         if found[0] >= found[1]:
             return Window(found[1], -1.0)
     else:
+        code = None if spring else _WINDOW.code()
+        if code is not None:
+            return Window(*_called(code, (gamma, k, (1.0 - k) / (1.0 + k)))[:2].tolist())
         found = [point.b for point in neimark_sacker(gamma, k, spring)]
     if len(found) == 2:
         return Window(0.5 * (found[0] + found[1]), 0.25 * (found[0] - found[1]) ** 2)

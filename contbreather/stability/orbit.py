@@ -30,11 +30,14 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
 from contbreather.flows.modes import turn
+from contbreather.kernel import Kernel
 from contbreather.lattice.modes import InfiniteChain, Lattice, Ring
 from contbreather.lattice.periodic import check_coupling
+from contbreather.stability import orbit_loops as loops
 from contbreather.stability.propagators import (
     DEEP,
     Propagators,
+    constants,
     in_band,
     propagators,
     resolvent,
@@ -51,6 +54,8 @@ GRID = 24  # samples between two singular places of the circle; refinement does 
 CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
 FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
 FAR = 0.25  # of a pair from the circle: beyond that it is all the same
+_ORBIT = Kernel(loops.orbit, "pppp")
+
 EDGE = 1e-7  # with several sites the very ends of the band are not evaluated
 
 
@@ -257,6 +262,10 @@ class OrbitMap:
 
         ``D/(1 + |g|^2)`` at mu = -1, real: bounded also where the band's edge passes there.
         """
+        told = self.__dict__.get("_circle")
+        told = self._told(whole=False) if told is None else told
+        if told is not None:
+            return float(told[loops.MINUS])
         half = np.array([0.5 + 0j])
         inverse = complex(_inverse(self.lattice, self.scaled, half)[0])
         size = abs(inverse) ** 2
@@ -291,6 +300,8 @@ class OrbitMap:
             )
         if self.gamma == 0.0:
             return _counted(self._uncoupled(), 1.0)
+        if self._circle is not None:
+            return self._counted_on(self._circle)
         kappa, F, resolved = self._resolved
         F = F.copy()
         # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa - 1), and of F at -1;
@@ -308,6 +319,32 @@ class OrbitMap:
         ends = int(F[0].real > 0.0) + int(F[-1].real < 0.0)
         nu = 2.0 * float(kappa[least].real)
         return Count(count, certain, float(size[least]), nu, (count - ends) // 2)
+
+    def _counted_on(self, told: Array) -> Count:
+        half_turns = round(told[loops.TURNING] / math.pi)
+        certain = bool(told[loops.RESOLVED]) and told[loops.LEAST] > CERTAIN
+        certain &= abs(told[loops.TURNING] / math.pi - half_turns) < 0.01
+        count = 1 - half_turns
+        ends = int(told[loops.START] > 0.0) + int(told[loops.END] < 0.0)
+        least, nu = float(told[loops.LEAST]), 2.0 * float(told[loops.WHERE])
+        return Count(count, bool(certain), least, nu, (count - ends) // 2)
+
+    @cached_property
+    def _circle(self) -> Array | None:
+        """What compiled code tells of F on the circle; None where there is none."""
+        return self._told(whole=True)
+
+    def _told(self, *, whole: bool) -> Array | None:
+        single = self.lattice.sites is None and not self._sites[0].any()
+        code = _ORBIT.code() if single and self.gamma > 0.0 else None
+        if code is None:
+            return None
+        n = self.periods
+        kicks = [entry for kick in self.kicks for entry in (kick.time / n, n * kick.b)]
+        data = np.array([self.scaled, self.k, self._terms, len(self.kicks), whole, *kicks])
+        table, work, found = constants(), np.empty(loops.SIZE), np.empty(8)
+        failed = code(data.ctypes.data, table.ctypes.data, work.ctypes.data, found.ctypes.data)
+        return None if failed else found
 
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
         """How far the next pair is off the circle, negative while an odd number is outside, and
@@ -341,6 +378,8 @@ class OrbitMap:
         """
         if self.gamma == 0.0:
             return FAR
+        if self._circle is not None:
+            return float(self._circle[loops.APPROACH])
         kappa, F, _ = self._resolved
         x, step = kappa.real, np.diff(kappa.real)
         rise = np.diff(F)

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice.modes import Lattice, Ring
+from contbreather.lattice.modes import InfiniteChain, Lattice, Ring
 from contbreather.lattice.zeta import binomial, zeta
 
 Array = NDArray[Any]
@@ -209,3 +209,11 @@ def _sums(times: Array) -> Array:
     sums[:, CLOSED:][:, odd[CLOSED:]] = sine[:, far] @ _far_powers()[:, odd[CLOSED:]]
     # exp(ijs)/j^p over j and -j: twice the cosine, or 2i times the sine
     return sums * np.where(odd, 2j, 2.0)
+
+
+@lru_cache(maxsize=1)
+def constants() -> NDArray[np.float64]:
+    """All of it that `orbit_loops` need, in their order."""
+    which, number = _expansions()
+    parts = (number, which, _bernoulli(), _far_powers(), InfiniteChain().moments(0)[:ORDERS])
+    return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])

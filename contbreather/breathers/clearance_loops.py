@@ -1,0 +1,297 @@
+"""The least margin of an orbit of chain or ring from its walls, as text that can be compiled.
+
+The same as `clearance` does, in numbers and loops: whose margin it is, and why, is asked there. A
+motion is ``offset + a f(t) + sum over impacts of J h(t - t_j)``, h by the rows of `wave_table`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+# data: restitution, amplitude, periods n of the forcing, start of the section, its length;
+# the margin of the far field, the largest |f|; how many harmonics, impacts of a period, flights of
+# a section; sites that hit, and all that are looked at; points to half a period of the forcing;
+K, A, N, START, LENGTH, FAR, PEAK = range(7)
+HARMONICS, IMPACTS, FLIGHTS, BUSY, SITES, FINE = range(7, 13)
+# then m, cosine and sine of each harmonic; time, impulse and site of each impact; for each site its
+# offset, whether it is next to one that hits, and its row of the table for each impact.
+FIRST = 13
+# even powers of y in a row of the table; after them cos y, cos 2y, and the largest value of all
+EVEN, WIDTH = 16, 19
+
+CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
+STEEP = 12  # points of a grid that lie closer together, at the start of a flight
+TWO_PI = 2.0 * math.pi
+
+
+def margin(data: Any, table: Any, grid: Any, out: Any) -> int:
+    """The least of all margins into ``out[0]``; `grid` is scratch, a number for each point of each
+    idle site, and so is `out`, four and one for each site."""
+    least = data[FAR]
+    for i in range(int(data[FLIGHTS])):
+        least = min(least, between(data, table, grid, out, i))
+    sites, busy = int(data[SITES]), int(data[BUSY])
+    points = looks(data, data[LENGTH])
+    top = -math.inf
+    for site in range(busy, sites):
+        out[site + 4] = -math.inf
+        if flag(data, site) > 0.0 or reach(data, table, site) >= top - CLOSE * abs(top):
+            fill(data, table, grid, site, (site - busy) * points, points)
+            out[site + 4] = highest(grid, (site - busy) * points, points)
+            top = max(top, out[site + 4])
+    for site in range(busy, sites):
+        own = out[site + 4]
+        if own >= top - CLOSE * abs(top) or flag(data, site) > 0.0:
+            at = (site - busy) * points
+            least = min(least, idle(data, table, grid, out, site, at, points, own))
+    out[0] = least
+    return 0
+
+
+def looks(data: Any, length: float) -> int:
+    """How many points of a grid."""
+    return -math.floor(1e-9 - data[FINE] * max(1.0, length / math.pi))
+
+
+def impact(data: Any, j: int) -> int:
+    """Where time, impulse and site of an impact are."""
+    return FIRST + 3 * int(data[HARMONICS]) + 3 * j
+
+
+def place(data: Any, site: int) -> int:
+    """Where the offset of a site is, and the rest after it."""
+    return impact(data, int(data[IMPACTS])) + site * (2 + int(data[IMPACTS]))
+
+
+def flag(data: Any, site: int) -> float:
+    """Whether a site is next to one that hits."""
+    return float(data[place(data, site) + 1])
+
+
+def reach(data: Any, table: Any, site: int) -> float:
+    """No less than the largest displacement of a site."""
+    own = place(data, site)
+    total = abs(data[own]) + data[A] * data[PEAK]
+    for j in range(int(data[IMPACTS])):
+        row = WIDTH * int(data[own + 2 + j])
+        total += abs(data[impact(data, j) + 1]) * table[row + WIDTH - 1]
+    return float(total)
+
+
+def motion(data: Any, table: Any, out: Any, site: int, t: float) -> None:
+    """Displacement, velocity and acceleration of a site into ``out[1]`` and on."""
+    f = df = d2f = 0.0
+    for i in range(int(data[HARMONICS])):
+        m = data[FIRST + 3 * i]
+        c, s = math.cos(m * t), math.sin(m * t)
+        even = data[FIRST + 3 * i + 1] * c + data[FIRST + 3 * i + 2] * s
+        f += even
+        df += m * (data[FIRST + 3 * i + 2] * c - data[FIRST + 3 * i + 1] * s)
+        d2f -= m * m * even
+    own, n = place(data, site), data[N]
+    u, v, w = data[own] + data[A] * f, data[A] * df, data[A] * d2f
+    for j in range(int(data[IMPACTS])):
+        since = (t - data[impact(data, j)]) / n
+        y = math.pi - (since - TWO_PI * math.floor(since / TWO_PI))
+        z, row = y * y, WIDTH * int(data[own + 2 + j])
+        total = slope = bend = 0.0  # of a polynomial in z, with half its second derivative
+        for i in range(EVEN - 1, -1, -1):
+            bend = bend * z + slope
+            slope = slope * z + total
+            total = total * z + table[row + i]
+        a, b, c, s = table[row + EVEN], table[row + EVEN + 1], math.cos(y), math.sin(y)
+        c2, s2 = c * c - s * s, 2.0 * c * s
+        J = data[impact(data, j) + 1]
+        u += J * (total + a * c + b * c2)
+        v += J * (a * s + 2.0 * b * s2 - 2.0 * slope * y) / n
+        w += J * (2.0 * slope + 8.0 * z * bend - a * c - 4.0 * b * c2) / (n * n)
+    out[1], out[2], out[3] = u, v, w
+
+
+def displacement(data: Any, table: Any, site: int, t: float) -> float:
+    """Of a site."""
+    f = 0.0
+    for i in range(int(data[HARMONICS])):
+        angle = data[FIRST + 3 * i] * t
+        f += data[FIRST + 3 * i + 1] * math.cos(angle) + data[FIRST + 3 * i + 2] * math.sin(angle)
+    own = place(data, site)
+    u = data[own] + data[A] * f
+    for j in range(int(data[IMPACTS])):
+        since = (t - data[impact(data, j)]) / data[N]
+        y = math.pi - (since - TWO_PI * math.floor(since / TWO_PI))
+        z, row = y * y, WIDTH * int(data[own + 2 + j])
+        total = 0.0
+        for i in range(EVEN - 1, -1, -1):
+            total = total * z + table[row + i]
+        c = math.cos(y)
+        total += table[row + EVEN] * c + table[row + EVEN + 1] * (2.0 * c * c - 1.0)
+        u += data[impact(data, j) + 1] * total
+    return float(u)
+
+
+# --- between the impacts of a site ----------------------------------------------------------
+
+
+def between(data: Any, table: Any, grid: Any, out: Any, i: int) -> float:
+    """The margin of the site of an impact up to its next one."""
+    k, start, site = data[K], data[impact(data, i)], data[impact(data, i) + 2]
+    length, then, period = TWO_PI * data[N], i, TWO_PI * data[N]
+    for j in range(int(data[IMPACTS])):
+        ahead = data[impact(data, j)] - start
+        ahead -= period * math.floor(ahead / period)
+        if j != i and data[impact(data, j) + 2] == site and ahead < length:
+            length, then = ahead, j
+    if length <= 0.0:
+        return float(length)
+    points = looks(data, length)
+    size = STEEP + points - 1
+    for p in range(size):
+        s = length * share(p, points)
+        u = displacement(data, table, int(site), start + s)
+        grid[p] = (1.0 - u * u) / ((s + k) * s * (length - s))
+    least = deepest(data, table, grid, out, i, length, points)
+    speed = abs(data[impact(data, i) + 1]) / (1.0 + k)
+    left = 2.0 * speed / length
+    if k == 0.0:
+        motion(data, table, out, int(site), start)
+        left = out[3] / length * (1.0 if data[impact(data, i) + 1] > 0.0 else -1.0)
+    right = 2.0 * abs(data[impact(data, then) + 1]) / (1.0 + k) / (length * (length + k))
+    least = min(least, left, right)
+    return float(least * 0.25 * length * length * (0.5 * length + k))
+
+
+def share(p: int, points: int) -> float:
+    """Point p of a grid between 0 and 1, finer towards the start."""
+    if p < STEEP:
+        return float(0.5 ** (6.0 - 0.5 * p) / points)
+    return (p - STEEP + 1) / points
+
+
+def deepest(
+    data: Any, table: Any, grid: Any, out: Any, i: int, length: float, points: int
+) -> float:
+    """The least of the ratio on a grid, with every dip that may be it polished."""
+    size, lowest = STEEP + points - 1, math.inf
+    for p in range(size):
+        lowest = min(lowest, grid[p])
+    enough = lowest + 0.1 * max(abs(lowest), 0.1 * abs(grid[size - 1]))
+    least = math.inf
+    for p in range(size):
+        if grid[p] > enough:
+            continue
+        if (p > 0 and grid[p] > grid[p - 1]) or (p + 1 < size and grid[p] > grid[p + 1]):
+            continue
+        low = length * share(p - 1, points) if p > 0 else 0.1 * length * share(0, points)
+        high = length * share(p + 1, points) if p + 1 < size else length * (1.0 - 1e-3 / points)
+        s = length * share(p, points)
+        least = min(least, polished(data, table, out, i, length, s, grid[p], low, high))
+    return least
+
+
+def polished(
+    data: Any,
+    table: Any,
+    out: Any,
+    i: int,
+    length: float,
+    s: float,
+    best: float,
+    low: float,
+    high: float,
+) -> float:
+    """The minimum of the ratio next to s: Newton, kept in by bisection."""
+    k, start, site = data[K], data[impact(data, i)], int(data[impact(data, i) + 2])
+    bisected = 0
+    for _ in range(60):
+        if bisected == 9:  # the ratio falls up to an end, which has a value of its own
+            break
+        motion(data, table, out, site, start + s)
+        u, v, w, rest = out[1], out[2], out[3], length - s
+        n, n1, n2 = 1.0 - u * u, -2.0 * u * v, -2.0 * (u * w + v * v)
+        d = (s + k) * s * rest
+        d1 = (2.0 * s + k) * rest - (s + k) * s
+        d2 = 2.0 * rest - 2.0 * (2.0 * s + k)
+        best = min(best, n / d)
+        tilt, bend = n1 * d - n * d1, n2 * d - n * d2
+        if tilt > 0.0:
+            high = s
+        else:
+            low = s
+        last = s
+        s = s - tilt / bend if bend > 0.0 else low
+        if not low < s < high:
+            bisected, s = bisected + 1, 0.5 * (low + high)
+        if abs(s - last) <= 1e-8:
+            break
+    return best
+
+
+# --- sites that never hit a wall ------------------------------------------------------------
+
+
+def fill(data: Any, table: Any, grid: Any, site: int, at: int, points: int) -> None:
+    """Heights of a site at equal steps of the section, from ``grid[at]`` on."""
+    step = data[LENGTH] / points
+    for p in range(points):
+        grid[at + p] = abs(displacement(data, table, site, data[START] + step * p))
+
+
+def crest(grid: Any, at: int, points: int, p: int) -> float:
+    """The height of the crest at a point of the grid, by a parabola; nothing elsewhere."""
+    u = grid[at + p]
+    before = grid[at + (p - 1 if p > 0 else points - 1)]
+    after = grid[at + (p + 1 if p + 1 < points else 0)]
+    if u < before or u < after:
+        return -math.inf
+    bend = 2.0 * u - before - after
+    return u + (after - before) ** 2 / (8.0 * bend) if bend > 0.0 else u
+
+
+def highest(grid: Any, at: int, points: int) -> float:
+    """Of all crests of a site."""
+    top = -math.inf
+    for p in range(points):
+        top = max(top, crest(grid, at, points, p))
+    return top
+
+
+def idle(
+    data: Any,
+    table: Any,
+    grid: Any,
+    out: Any,
+    site: int,
+    at: int,
+    points: int,
+    top: float,
+) -> float:
+    """The margin of a site that never hits, at each of its crests that may be the highest."""
+    step, least = data[LENGTH] / points, math.inf
+    for p in range(points):
+        if crest(grid, at, points, p) >= top - CLOSE * abs(top):
+            height = climbed(data, table, out, site, data[START] + p * step, step)
+            least = min(least, 1.0 - height)
+    return least
+
+
+def climbed(data: Any, table: Any, out: Any, site: int, t: float, step: float) -> float:
+    """How high a site is at the extremum of its motion within a step of t: Newton, kept in by
+    bisection."""
+    low, high = t - step, t + step
+    motion(data, table, out, site, t)
+    top = out[1] > 0.0
+    for _ in range(60):
+        u, v, w = out[1], out[2], out[3]
+        if (v > 0.0) == top:
+            low = t
+        else:
+            high = t
+        last = t
+        t = t - v / w if w != 0.0 else low
+        if not low <= t <= high:
+            t = 0.5 * (low + high)
+        if abs(t - last) <= 1e-8:  # of second order: the next step would be rounding
+            return abs(u + 0.5 * v * (t - last))
+        motion(data, table, out, site, t)
+    return float(abs(out[1]))

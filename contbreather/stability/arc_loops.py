@@ -1,0 +1,297 @@
+"""The equations of a Neimark-Sacker point of the infinite chain, as text that can be compiled.
+
+The same as `arc` without springs, in numbers and loops. `table` holds the tails of `aliases`, three
+times `POWERS` rows of `ORDERS` numbers, and after them the moments of the chain.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+POWERS, ORDERS, EXACT = 13, 11, 3  # as in `aliases`
+GRID = 64  # as in `arc`
+TAILS = 3 * POWERS * ORDERS
+ROUNDING = 4e-16
+
+# data: coupling, restitution, q, then b and the angle of `on_arc`
+GAMMA, K, Q, ENTRY, NU = range(5)
+# out: where R, B, C are left, and their slopes in nu, gamma and the spring; then tails at gamma, in
+# powers of nu^2, with their slopes; then v and nu at the latest angle
+REGULAR, IN_NU, IN_GAMMA, IN_SPRING, TAIL = 0, 3, 6, 9, 12
+WAVE = TAIL + 9 * POWERS
+VALUES = WAVE + 2  # of the equation for the angle on the grid
+FOUND = VALUES + GRID + 1  # three samples of angle, equation and b; then bend, vertex and height
+SIZE = FOUND + 12
+
+
+def tails(data: Any, table: Any, out: Any) -> None:
+    """Of R/nu, B, C at this coupling, and their slopes in gamma and the spring."""
+    x = 4.0 * data[GAMMA]
+    for row in range(3 * POWERS):
+        value = in_gamma = in_spring = 0.0
+        power = below = 1.0  # x^j, x^(j-1)
+        for j in range(ORDERS):
+            own = table[row * ORDERS + j]
+            value += own * table[TAILS + j] * power
+            if j > 0:
+                in_gamma += own * table[TAILS + j] * 4.0 * j * below
+                in_spring += own * j * table[TAILS + j - 1] * below
+            below = power
+            power = power * x
+        out[TAIL + row] = value
+        out[TAIL + 3 * POWERS + row] = in_gamma
+        out[TAIL + 6 * POWERS + row] = in_spring
+
+
+def tail(out: Any, which: int, z: float) -> float:
+    """One of the tails as a polynomial in ``z = nu^2``."""
+    total = 0.0
+    for i in range(POWERS - 1, -1, -1):
+        total = total * z + out[TAIL + which * POWERS + i]
+    return total
+
+
+def tail_slope(out: Any, which: int, z: float) -> float:
+    """Its derivative in z."""
+    total = 0.0
+    for i in range(POWERS - 1, 0, -1):
+        total = total * z + i * out[TAIL + which * POWERS + i]
+    return total
+
+
+def regular(data: Any, out: Any, nu: float) -> None:
+    """R, B, C at an angle."""
+    z, x = nu * nu, 4.0 * data[GAMMA]
+    R, B, C = nu * tail(out, 0, z), tail(out, 1, z), tail(out, 2, z) + 1.0 / math.pi
+    for m in range(-EXACT, EXACT + 1):
+        if m != 0:
+            s = nu + 2.0 * m
+            h = 1.0 / math.sqrt(1.0 - x / (s * s))
+            R -= h / s / math.pi
+            B += h / (s * s) / math.pi
+            C += (1.0 - h) / math.pi
+    out[REGULAR], out[REGULAR + 1], out[REGULAR + 2] = R, B, C
+
+
+def regular_slopes(data: Any, out: Any, nu: float) -> None:
+    """Their derivatives in nu, gamma and the spring."""
+    z, x = nu * nu, 4.0 * data[GAMMA]
+    out[IN_NU] = tail(out, 0, z) + 2.0 * z * tail_slope(out, 0, z)
+    out[IN_NU + 1] = 2.0 * nu * tail_slope(out, 1, z)
+    out[IN_NU + 2] = 2.0 * nu * tail_slope(out, 2, z)
+    for place, first in ((IN_GAMMA, 3), (IN_SPRING, 6)):
+        out[place] = nu * tail(out, first, z)
+        out[place + 1] = tail(out, first + 1, z)
+        out[place + 2] = tail(out, first + 2, z)
+    for m in range(-EXACT, EXACT + 1):
+        if m != 0:
+            s = nu + 2.0 * m
+            s2 = s * s
+            rest = 1.0 - x / s2
+            h = 1.0 / math.sqrt(rest)
+            h_s = -h * x / (s2 * s * rest)
+            out[IN_NU] -= (h_s - h / s) / s / math.pi
+            out[IN_NU + 1] += (h_s - 2.0 * h / s) / s2 / math.pi
+            out[IN_NU + 2] -= h_s / math.pi
+            by_gamma = 2.0 * h / (s2 * rest)
+            by_spring = 0.5 * h * (s2 + s2 * rest) / (s2 * s2 * rest)
+            for place, slope in ((IN_GAMMA, by_gamma), (IN_SPRING, by_spring)):
+                out[place] -= slope / s / math.pi
+                out[place + 1] += slope / s2 / math.pi
+                out[place + 2] -= slope / math.pi
+
+
+# --- the two equations and their derivatives ------------------------------------------------
+
+
+def on_arc(data: Any, table: Any, out: Any, found: Any) -> int:
+    """F at an angle, and its derivatives in nu, gamma, k, b and the spring: six pairs."""
+    gamma, nu = data[GAMMA], data[NU]
+    tails(data, table, out)
+    regular(data, out, nu)
+    regular_slopes(data, out, nu)
+    low = nu * nu
+    high = 4.0 * gamma - low
+    v = math.sqrt(low * high)
+    pair(data, out, found, v)
+    slope(data, out, found, 1, v, 1.0, nu * (high - low) / v, IN_NU, 0.0, 0.0)
+    slope(data, out, found, 2, v, 0.0, 2.0 * low / v, IN_GAMMA, 0.0, 0.0)
+    slope(data, out, found, 3, v, 0.0, 0.0, -1, 1.0, 0.0)
+    slope(data, out, found, 4, v, 0.0, 0.0, -1, 0.0, 1.0)
+    slope(data, out, found, 5, v, 0.0, 0.5 * (low - high) / v, IN_SPRING, 0.0, 0.0)
+    return 0
+
+
+def pair(data: Any, out: Any, found: Any, v: float) -> None:
+    """Real and imaginary part of F."""
+    nu, R, B, C = data[NU], out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]
+    c, d = 1.0 + data[K], 0.5 * (1.0 - data[K])
+    cc = c * c
+    beta = data[ENTRY] - cc * C
+    found[0] = v * (d * d - cc * R * R + B * beta) + 2.0 * c * d * nu / math.pi
+    found[1] = 2.0 * c * d * v * R + (cc * nu * (2.0 * R + nu * B) + beta) / math.pi
+
+
+def slope(
+    data: Any,
+    out: Any,
+    found: Any,
+    which: int,
+    v: float,
+    by_nu: float,
+    by_v: float,
+    place: int,
+    by_k: float,
+    by_b: float,
+) -> None:
+    """Their derivative in one direction: its product rule, term by term."""
+    nu, R, B, C = data[NU], out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]
+    by_R = by_B = by_C = 0.0
+    if place >= 0:
+        by_R, by_B, by_C = out[place], out[place + 1], out[place + 2]
+    c, d, by_d = 1.0 + data[K], 0.5 * (1.0 - data[K]), -0.5 * by_k
+    beta, cc, cd = data[ENTRY] - c * c * C, c * c, c * d
+    by_cc, by_cd = 2.0 * c * by_k, by_k * d + c * by_d
+    by_beta = by_b - by_cc * C - cc * by_C
+    bulk = d * d - cc * R * R + B * beta
+    by_bulk = 2.0 * d * by_d - by_cc * R * R - 2.0 * cc * R * by_R + by_B * beta + B * by_beta
+    wave = nu * (2.0 * R + nu * B)
+    by_wave = 2.0 * by_nu * (R + nu * B) + nu * (2.0 * by_R + nu * by_B)
+    imag = 2.0 * (by_cd * v * R + cd * (by_v * R + v * by_R))
+    found[2 * which] = by_v * bulk + v * by_bulk + 2.0 * (by_cd * nu + cd * by_nu) / math.pi
+    found[2 * which + 1] = imag + (by_cc * wave + cc * by_wave + by_beta) / math.pi
+
+
+# --- between which values of b a pair is outside --------------------------------------------
+
+
+def equation(data: Any, out: Any, alpha: float) -> float:
+    """The equation for the angle of a Neimark-Sacker point, ``nu = 2 sqrt(gamma) sin(alpha)``."""
+    gamma, q = data[GAMMA], data[Q]
+    sine, cosine = math.sin(alpha), math.cos(alpha)
+    edge = 2.0 * math.sqrt(gamma)
+    nu, v, root = edge * sine, 4.0 * gamma * sine * cosine, edge * cosine
+    regular(data, out, nu)
+    R, B = out[REGULAR], out[REGULAR + 1]
+    out[WAVE], out[WAVE + 1] = nu, v
+    square = (R + nu * B) * (R + nu * B) - 0.25 * q * q
+    return root * square - q * (1.0 / math.pi - math.pi * v * root * R * B)
+
+
+def needed(data: Any, out: Any) -> float:
+    """The b that brings D to zero at the angle that was looked at last."""
+    nu, v, c = out[WAVE], out[WAVE + 1], 1.0 + data[K]
+    R, B, C = out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]
+    return float(c * c * (C - nu * (2.0 * R + nu * B) - math.pi * data[Q] * v * R))
+
+
+def window(data: Any, table: Any, out: Any, found: Any) -> int:
+    """Centre and square of the `Window`."""
+    tails(data, table, out)
+    step, top = 0.5 * math.pi / GRID, 0
+    for i in range(1, GRID):
+        out[VALUES + i] = equation(data, out, i * step)
+    out[VALUES] = out[VALUES + GRID] = -data[Q] / math.pi
+    for i in range(GRID + 1):
+        if out[VALUES + i] > out[VALUES + top]:
+            top = i
+    roots = 0
+    if out[VALUES + top] > 0.0:
+        for i in range(GRID):
+            roots += bracketed(data, out, found, roots, i * step, i * step + step,
+                               out[VALUES + i], out[VALUES + i + 1])  # fmt: skip
+    else:
+        crest(data, out, top)
+        middle = out[FOUND + 3]
+        if out[FOUND + 4] > 0.0:  # a pair of roots between two nodes
+            i = int(middle / step)
+            roots += bracketed(data, out, found, roots, i * step, middle,
+                               out[VALUES + i], out[FOUND + 4])  # fmt: skip
+            roots += bracketed(data, out, found, roots, middle, i * step + step,
+                               out[FOUND + 4], out[VALUES + i + 1])  # fmt: skip
+    if roots == 2:
+        one, other = found[0], found[1]
+        found[0], found[1] = 0.5 * (one + other), 0.25 * (one - other) * (one - other)
+    else:
+        crest(data, out, top)
+        unopened(out, found)
+    return 0
+
+
+def bracketed(
+    data: Any,
+    out: Any,
+    found: Any,
+    count: int,
+    low: float,
+    high: float,
+    first: float,
+    last: float,
+) -> int:
+    """The b of the one root between two angles, of which at most two are kept; how many there
+    are: secants, kept inside."""
+    if (first > 0.0) == (last > 0.0):
+        return 0
+    rising = last > first
+    old, new, before, after = low, high, first, last
+    for _ in range(80):
+        if after == 0.0:
+            break
+        slope = (after - before) / (new - old if new != old else 1.0)
+        step = new - after / slope if slope != 0.0 else math.inf
+        old, before = new, after
+        new = step if low <= step <= high else 0.5 * (low + high)
+        if abs(new - old) <= ROUNDING:
+            break
+        after = equation(data, out, new)
+        if (after < 0.0) == rising:
+            low = new
+        else:
+            high = new
+    equation(data, out, new)
+    if count < 2:
+        found[count] = needed(data, out)
+    return 1
+
+
+def crest(data: Any, out: Any, top: int) -> None:
+    """Three samples around the one crest of the equation, closer and closer to it."""
+    step = 0.5 * math.pi / GRID
+    i = min(max(top, 1), GRID - 1)
+    around(data, out, i * step, step)
+    for place in (-1, 0, 1):
+        out[FOUND + 3 * place + 4] = out[VALUES + i + place]
+    parabola(out)
+    while step > 1e-4 and abs(out[FOUND + 11]) < out[FOUND + 9]:
+        middle = out[FOUND + 3] + step * out[FOUND + 10]
+        step *= 0.05
+        around(data, out, min(max(middle, step), 0.5 * math.pi - step), step)
+        parabola(out)
+
+
+def around(data: Any, out: Any, middle: float, step: float) -> None:
+    for place in (-1, 0, 1):
+        alpha = middle + place * step
+        at = FOUND + 3 * (place + 1)
+        out[at] = alpha
+        out[at + 1] = equation(data, out, alpha)
+        out[at + 2] = needed(data, out)
+
+
+def parabola(out: Any) -> None:
+    y0, y1, y2 = out[FOUND + 1], out[FOUND + 4], out[FOUND + 7]
+    bend, tilt = 2.0 * y1 - y0 - y2, y2 - y0
+    vertex = min(max(0.5 * tilt / bend, -1.0), 1.0) if bend > 0.0 else 0.0
+    out[FOUND + 9], out[FOUND + 10] = bend, vertex
+    out[FOUND + 11] = y1 + 0.25 * tilt * vertex
+
+
+def unopened(out: Any, found: Any) -> None:
+    """Where no b brings a pair out: how far it is from that."""
+    b0, b1, b2 = out[FOUND + 2], out[FOUND + 5], out[FOUND + 8]
+    bend, x, height = out[FOUND + 9], out[FOUND + 10], out[FOUND + 11]
+    rise = 0.5 * (b2 - b0)
+    square = 2.0 * height * rise * rise / bend if bend > 0.0 else -1.0
+    found[0] = b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2)
+    found[1] = min(square, 0.0)

@@ -1,0 +1,89 @@
+"""The least margin in numbers and loops is that of `clearance`, whatever orbit is asked about."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.breathers import clearance, clearance_loops
+from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.clearance import least_margin
+from contbreather.breathers.orbit import Orbit, orbit_of
+from contbreather.lattice.conditions import Conditions
+
+PLAIN = [
+    cb.symmetric(a, gamma, k)
+    for a, gamma, k in ((0.5, 0.12, 0.4), (0.93, 0.04, 0.8), (0.2, 0.2, 0.99), (0.99, 0.01, 0.02))
+]
+OTHERS = [
+    cb.symmetric_roots(0.9, 0.12, 0.8)[1],  # where the second neighbour climbs highest
+    cb.symmetric(0.7, 0.0, 0.0),
+    cb.symmetric(0.6, 0.07, 0.7, forcing="cos(t) + 0.3*cos(3*t)"),
+    *(cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Ring(sites)) for sites in (1, 2, 5)),
+    asymmetric(0.87, 0.04, 0.8),
+    asymmetric(0.8, 0.04, 0.8).doubled(),
+    cb.symmetric(0.5, 0.08, 0.0).unfolded(),
+]
+
+
+def two_sites() -> Orbit:
+    """On the infinite chain, with an offset for each site."""
+    found = cb.multibreather([0, 3], a=0.5, gamma=0.02, k=0.8, lattice=cb.Ring(12)).unfolded()
+    on = Conditions(0.5, 0.02, 0.8)
+    return orbit_of(on, found.section, found.times, found.impulses, (0.0, 0.0)).solved()
+
+
+OTHERS.append(two_sites())
+
+
+def by_loops(orbit: Orbit) -> float:
+    """As the text says, without compiling it."""
+    packed = orbit.watch.packed()
+    assert packed is not None
+    out, grid = [math.nan] * packed.own, [math.nan] * packed.points
+    data, table = packed.data.tolist(), packed.table.ravel().tolist()
+    assert clearance_loops.margin(data, table, grid, out) == 0
+    return out[0]
+
+
+@pytest.mark.parametrize("orbit", [*PLAIN, *OTHERS], ids=repr)
+def test_the_least_margin_by_loops_is_that_of_the_clearance(orbit: Orbit) -> None:
+    assert by_loops(orbit) == pytest.approx(orbit.admissibility().margin, abs=1e-13)
+
+
+def test_beyond_its_limits_the_margin_by_loops_is_negative_alike() -> None:
+    touching = cb.symmetric_roots(1.2, 0.1, 0.03)[0]
+    assert by_loops(touching) == pytest.approx(touching.admissibility().margin, abs=1e-13)
+    assert by_loops(touching) < 0.0
+
+
+def test_orbits_without_such_a_form_are_asked_as_before() -> None:
+    held = cb.symmetric(a=0.5, gamma=0.05, k=0.8, spring=0.2)
+    assert held.watch.packed() is None
+    assert least_margin(held.watch) == held.admissibility().margin
+
+
+def test_once_compiled_code_is_at_hand_it_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    class Counting:
+        def code(self) -> object:
+            return lambda *addresses: asked.append(len(addresses))
+
+    orbit = PLAIN[0]
+    assert least_margin(orbit.watch) == pytest.approx(orbit.admissibility().margin, abs=1e-13)
+    monkeypatch.setattr(clearance, "_MARGIN", Counting())
+    least_margin(orbit.watch)
+    assert asked == [4]
+
+
+def test_a_site_that_is_skipped_cannot_climb_highest() -> None:
+    from contbreather.lattice.periodic import wave_basis, wave_rows
+
+    rows = wave_rows(cb.InfiniteChain(), 0.2, tuple(range(14)))
+    assert rows is not None
+    answers = rows[:, :-1] @ wave_basis(np.linspace(0.0, 2.0 * math.pi, 4001))
+    assert (abs(answers).max(axis=1) <= rows[:, -1]).all()
