@@ -160,9 +160,16 @@ def outside_the_engine(found: list[Import]) -> list[str]:
     own = {
         f"contbreather.{name}"
         for name in (
-            "continuation", "checks", "columns", "display", "errors", "files", "native", "progress",
+            "continuation",
+            "checks",
+            "columns",
+            "display",
+            "errors",
+            "files",
+            "native",
+            "progress",
             "workers",
-        )  # fmt: skip
+        )
     }
     broken = []
     for one in found:

@@ -82,7 +82,8 @@ def test_what_goes_through_a_wall_is_proved_to() -> None:
 
 
 @pytest.mark.parametrize(
-    ("a", "gamma", "k"), [(0.8, 0.0, 0.017), (0.8, 0.01, 0.01), (0.99, 0.0, 0.056)],
+    ("a", "gamma", "k"),
+    [(0.8, 0.0, 0.017), (0.8, 0.01, 0.01), (0.99, 0.0, 0.056)],
 )
 def test_a_site_that_meets_its_own_wall_again_is_refused(a: float, gamma: float, k: float) -> None:
     b = cb.symmetric(a=a, gamma=gamma, k=k)
