@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from .branch import Branch, Settings
 from .extended import event_of
-from .point import Event, Point
+from .point import Event
+from .points import Points
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -42,13 +43,14 @@ def written(branch: Branch, *, recorded: bool = True) -> dict[str, Dataset]:
     recorded : bool
         Whether to ask for the recorded columns, which may take as long as the branch itself.
     """
-    groups = {"": _dataset(branch, branch.points, branch.problem.record if recorded else ())}
+    points = Points.of(branch.points)
+    groups = {"": _dataset(branch, points, branch.problem.record if recorded else ())}
     if branch.doubtful:
-        failed = _dataset(branch, branch.doubtful)
+        failed = _dataset(branch, Points.of(branch.doubtful))
         groups[DOUBTFUL] = failed.rename_dims(point=DOUBTFUL)
     if branch.origin is not None:
         alone = Branch((branch.origin,), branch.stop)
-        data = _dataset(alone, alone.points)
+        data = _dataset(alone, Points.of(alone.points))
         # xarray wants dimensions of one name to have one size in a group and in those inside it
         groups[ORIGIN] = data.rename_dims({name: f"{ORIGIN}_{name}" for name in data.sizes})
     return groups
@@ -78,12 +80,12 @@ def text(given: str) -> np.bytes_:
     return np.bytes_(image[:_TEXT].decode(errors="ignore").encode())
 
 
-def _dataset(branch: Branch, points: Sequence[Point], record: Iterable[str] = ()) -> Dataset:
+def _dataset(branch: Branch, points: Points, record: Iterable[str] = ()) -> Dataset:
     from xarray import Dataset
 
     curve, problem = branch.curve, branch.problem
-    z = np.stack([point.z for point in points])
-    variables = {name: column(name, z[:, slot], "unknown") for name, slot in curve.slots.items()}
+    slots = curve.slots.items()
+    variables = {name: column(name, points.z[:, slot], "unknown") for name, slot in slots}
     variables[curve.free[0]][2]["role"] = text("free")
     for name, value in problem.params.items():
         if name not in curve.free:
@@ -117,10 +119,9 @@ def _attributes(branch: Branch) -> dict[str, Any]:
     return {name: text(value) for name, value in said.items() if value}
 
 
-def _about(branch: Branch, points: Sequence[Point], record: Iterable[str]) -> dict[str, Any]:
+def _about(branch: Branch, points: Points, record: Iterable[str]) -> dict[str, Any]:
     problem, event = branch.problem, event_of(branch.problem)
     base = getattr(problem.residual, "problem") if event else problem  # noqa: B009
-    own = ({n: v for n, v in point.detail.items() if n not in problem.record} for point in points)
     return {
         "content": "branch",
         "label": problem.label,
@@ -135,8 +136,8 @@ def _about(branch: Branch, points: Sequence[Point], record: Iterable[str]) -> di
         "began_reason": branch.began_reason,
         "image_of": branch.image_of,
         "kinds": _kinds(points),
-        "located": [i for i, point in enumerate(points) if not point.located],
-        "detail": {i: _json(detail) for i, detail in enumerate(own) if detail},
+        "located": [i for i, point in points.made.items() if not point.located],
+        "detail": {i: _json(point.detail) for i, point in points.made.items() if point.detail},
         "parent": bool(points[0].parent),
         "point_label": points[0].label,
         "equations": base.recipe and base.recipe.said(),
@@ -176,47 +177,42 @@ def column(name: str, values: Array, role: str = "") -> Variable:
     return dimensions, values, attributes
 
 
-def _kinds(points: Sequence[Point]) -> list[str]:
-    return ["", *sorted({point.kind for point in points} - {""})]
+def _kinds(points: Points) -> list[str]:
+    return ["", *sorted({point.kind for point in points.made.values()} - {""})]
 
 
-def _of_points(points: Sequence[Point]) -> dict[str, Variable]:
+def _of_points(points: Points) -> dict[str, Variable]:
     """What every point has, and the numbers and words in `detail` of the special ones."""
-    kinds = _kinds(points)
+    kinds, made = _kinds(points), points.made
+    codes = np.zeros(len(points), dtype="i1")
+    brackets = np.full((len(points), 2), math.nan)
+    located = np.ones(len(points), dtype=bool)
+    for i, point in made.items():
+        codes[i], located[i] = kinds.index(point.kind), point.located
+        brackets[i] = point.bracket or brackets[i]
     words = ["regular", *("_".join(kind.split()) for kind in kinds[1:])]  # CF parts them at blanks
     flags = {
         "flag_values": np.arange(len(kinds), dtype="i1"),
         "flag_meanings": text(" ".join(words)),
     }
-    codes = np.array([kinds.index(point.kind) for point in points], dtype="i1")
-    nowhere = (math.nan, math.nan)
     found: dict[str, Variable] = {
-        "arclength": column("", np.array([point.arclength for point in points])),
-        "residual": column("", np.array([point.residual for point in points])),
-        "point_tangent": column("point_tangent", np.stack([_tangent(point) for point in points])),
+        "arclength": column("", points.arclength),
+        "residual": column("", points.residual),
+        "point_tangent": column("point_tangent", points.tangent),
         "point_kind": (("point",), codes, flags),
-        "point_bracket": (
-            ("point", "bracket_end"),
-            np.array([point.bracket or nowhere for point in points]),
-            {},
-        ),
-        "point_located": column("", np.array([point.located for point in points])),
+        "point_bracket": (("point", "bracket_end"), brackets, {}),
+        "point_located": column("", located),
     }
-    record = points[0].curve.problem.record
-    for name in sorted({name for point in points for name in point.detail if name not in record}):
-        values = [point.detail.get(name) for point in points]
-        given = [value for value in values if value is not None]
-        if all(isinstance(value, str) for value in given):
-            cells = np.array([text(value or "") for value in values])
-            found[f"detail_{name}"] = (("point",), cells, {"role": text("detail")})
-        elif all(isinstance(value, complex | float | int | np.number) for value in given):
-            numbers = np.array([math.nan if value is None else value for value in values])
+    for name in sorted({name for point in made.values() for name in point.detail}):
+        values = {i: point.detail[name] for i, point in made.items() if name in point.detail}
+        if all(isinstance(value, str) for value in values.values()):
+            cells = [text(values.get(i, "")) for i in range(len(points))]
+            found[f"detail_{name}"] = (("point",), np.array(cells), {"role": text("detail")})
+        elif all(isinstance(value, complex | float | int | np.number) for value in values.values()):
+            numbers = np.full(len(points), math.nan, dtype=np.result_type(*values.values(), float))
+            numbers[list(values)] = list(values.values())
             found[f"detail_{name}"] = column("", numbers, "detail")
     return found
-
-
-def _tangent(point: Point) -> Array:
-    return np.full(point.z.size, math.nan) if point.tangent is None else point.tangent
 
 
 # --- details: numbers, words, arrays, and lists and dicts of these -------------------------------

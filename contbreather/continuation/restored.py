@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from .equilibria import branch_point, fold, hopf
 from .groups import ABOUT, DOUBTFUL, ORIGIN, from_json
 from .newton import Undefined
 from .point import Event, Point
+from .points import Points
 from .problem import Problem
 from .recipes import remade
 from .scope import scope
@@ -50,9 +52,9 @@ def restored(group: DataTree, given: Problem | None = None) -> Branch:
     about, data = about_in(group), group.to_dataset()
     origin = _origin(group, given)
     curve, settings, events = _attached(about, data, given, origin)
-    points = tuple(_points(about, data, curve, events))
+    points = _points(about, data, curve, events)
     if about["parent"]:
-        points = (replace(points[0], parent=origin), *points[1:])
+        points = points.put(0, replace(points[0], parent=origin))
     began = about["began"]
     return Branch(
         labelled(points),
@@ -84,7 +86,8 @@ def _beside(group: DataTree, curve: Curve, events: Sequence[Event]) -> tuple[Poi
     if child is None:
         return ()
     data = child.to_dataset(inherit=False).rename_dims({DOUBTFUL: "point"})
-    return tuple(_points(about_in(child), data, curve, events))
+    about = about_in(child)
+    return tuple(_points(about, data, curve, events))
 
 
 def _origin(group: DataTree, given: Problem | None) -> Point | None:
@@ -115,7 +118,7 @@ def _attached(
         start, params = ({name: here[name] for name in names} for names in about["base"])
         problem = remade(about["equations"], start, params)
     if problem is None:
-        return _bare(about, here), _settings(about, ()), ()
+        return _bare(about, data, here), _settings(about, ()), ()
     absent = [name for name in problem.names if name not in here]
     if absent:
         raise BadInput(f"the problem has {absent}, which the file has not: it has {list(here)}")
@@ -125,10 +128,11 @@ def _attached(
     if about["boundary"] is None:
         asked, inadmissible = _asked(settings)
         own, events = scope(problem, asked, inadmissible=inadmissible)
-        curve = Curve(own, tuple(about["free"]))
+        curve = Curve(_remembering(own, about, data), tuple(about["free"]))
         _check_fit(curve)
         return curve, settings, (*events, *known)
-    curve, events = _of_boundary(about, problem, settings, known, origin)
+    longer, events = _of_boundary(about, problem, settings, known, origin)
+    curve = Curve(_remembering(longer, about, data), tuple(about["free"]))
     if list(curve.problem.start) != about["unknowns"] or set(curve.problem.names) != set(here):
         raise BadInput(f"the file has {list(here)}, the problem has {list(curve.problem.names)}")
     return curve, settings, (*events, *known)
@@ -144,8 +148,8 @@ def _of_boundary(
     settings: Settings | None,
     known: Sequence[Event],
     origin: Point | None,
-) -> tuple[Curve, tuple[Event, ...]]:
-    """The curve of a boundary: with the conditions that it had, which are those of its origin."""
+) -> tuple[Problem, tuple[Event, ...]]:
+    """The problem of a boundary: with the conditions that it had, which are those of its origin."""
     free, released = about["free"][0], about["unknowns"][-1]
     curve = Curve(problem, (released, free))
     _check_fit(curve)
@@ -162,7 +166,7 @@ def _of_boundary(
         boundary_problem(here, event.of(problem), (free, released), some, inadmissible=inadmissible)
         for some in (events, known)
     )
-    return Curve(longer, (free,)), (*longer.events, *more.events)
+    return longer, (*longer.events, *more.events)
 
 
 def _check_fit(curve: Curve) -> None:
@@ -182,17 +186,16 @@ def missing(*_: Any) -> Any:
     )
 
 
-def _bare(about: About, here: Mapping[str, Any]) -> Curve:
+def _bare(about: About, data: Dataset, here: Mapping[str, Any]) -> Curve:
     """A curve that has its names and numbers, but no equations."""
     problem = Problem(
         missing,
         {name: here[name] for name in about["unknowns"]},
         {name: here[name] for name in about["parameters"]},
-        record=dict.fromkeys(about["recorded"], missing),
         interpret=missing,
         label=about["label"],
     )
-    curve = Curve(problem, tuple(about["free"]))
+    curve = Curve(_remembering(problem, about, data), tuple(about["free"]))
     if about["boundary"]:
         curve.varied = (about["free"][0], about["unknowns"][-1])
     return curve
@@ -232,33 +235,62 @@ def _happened(point: Point, events: Sequence[Event]) -> Event | None:
 # --- points -------------------------------------------------------------------------------------
 
 
-def _points(about: About, data: Dataset, curve: Curve, events: Sequence[Event]) -> Iterator[Point]:
+def _points(about: About, data: Dataset, curve: Curve, events: Sequence[Event]) -> Points:
+    z, tangent = _rows(about, data), np.array(data["point_tangent"].values)
+    codes, brackets = data["point_kind"].values, data["point_bracket"].values
+    arclength, residual = (np.array(data[name].values) for name in ("arclength", "residual"))
+    points = Points(curve, z, tangent, arclength, residual)
+    astray, bare = {*about["located"]}, np.isnan(tangent).any(axis=1)
+    more = {*np.flatnonzero((codes != 0) | bare).tolist(), *map(int, about["detail"]), *astray}
+    for i in sorted(more):
+        said = about["detail"].get(str(i))
+        point = replace(
+            points[i],
+            tangent=None if bare[i] else points[i].tangent,
+            kind=about["kinds"][codes[i]],
+            bracket=None if np.isnan(brackets[i][0]) else tuple(brackets[i].tolist()),
+            located=i not in astray,
+            detail=from_json(said) if said else {},
+        )
+        points.made[i] = replace(point, event=_happened(point, events))
+    return replace(points)
+
+
+def _rows(about: About, data: Dataset) -> Array:
+    """All z."""
     count = data.sizes["point"]
     columns = [_values(data, name) for name in (*about["unknowns"], *about["free"])]
-    z = np.concatenate([column.reshape(count, -1) for column in columns], axis=1)
-    tangents = data["point_tangent"].values
-    for array in (z, tangents):
-        array.flags.writeable = False
-    known = ~np.isnan(tangents).any(axis=1)
-    recorded = {name: _values(data, name) for name in about["recorded"]}
-    rows = list(zip(*(column.tolist() if column.ndim == 1 else column
-                      for column in recorded.values()), strict=True))  # fmt: skip
-    numbers = [data[name].values.tolist() for name in ("arclength", "residual")]
-    doubtful = {*about["located"]}
-    codes, kinds = data["point_kind"].values.tolist(), about["kinds"]
-    brackets = data["point_bracket"].values.tolist()
-    for i in range(count):
-        detail = dict(zip(recorded, rows[i], strict=True)) if recorded else {}
-        said = about["detail"].get(str(i))
-        if said is not None:
-            detail |= from_json(said)
-        tangent = tangents[i] if known[i] else None
-        point = Point(curve, z[i], tangent, numbers[0][i], numbers[1][i], detail=detail)
-        if codes[i] or i in doubtful or brackets[i][0] == brackets[i][0]:
-            bracket = None if brackets[i][0] != brackets[i][0] else tuple(brackets[i])
-            point = replace(point, kind=kinds[codes[i]], bracket=bracket, located=i not in doubtful)
-            point = replace(point, event=_happened(point, events))
-        yield point
+    return np.concatenate([column.reshape(count, -1) for column in columns], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A recorded column as it is in a file; at other points the function that it was."""
+
+    function: Callable[[Point], Any]
+    z: Array  # of the original problem, on boundaries too
+    values: Array
+
+    def __call__(self, point: Point) -> Any:
+        i = self._known.get(point.z.tobytes())
+        return self.function(point) if i is None else _plain(self.values[i])
+
+    @cached_property
+    def _known(self) -> dict[bytes, int]:
+        return {row.tobytes(): i for i, row in enumerate(self.z)}
+
+
+def _remembering(problem: Problem, about: About, data: Dataset) -> Problem:
+    """The problem with the columns that the file has."""
+    z = _rows(about, data)
+    if problem.beneath is not None:
+        size = problem.residual.n  # type: ignore[attr-defined]
+        z = np.hstack([z[:, :size], z[:, -2:]])
+    record = {
+        name: Recorded(problem.record.get(name, missing), z, _values(data, name))
+        for name in about["recorded"]
+    }
+    return replace(problem, record={**problem.record, **record})
 
 
 def _values(data: Dataset, name: str) -> Array:
