@@ -7,9 +7,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
-from sphinx.util import logging
-
-LOG = logging.getLogger(__name__)
 LOADS = {"img": "src", "script": "src", "link": "href", "source": "src", "iframe": "src"}
 
 
@@ -53,9 +50,11 @@ def broken(root: Path) -> list[str]:
 
 
 def check(app: Any, failed: Exception | None) -> None:
+    from sphinx.util import logging
+
     if failed is None and app.builder.format == "html":
         for line in broken(Path(app.outdir)):
-            LOG.warning(line, type="links")
+            logging.getLogger(__name__).warning(line, type="links")
 
 
 def setup(app: Any) -> dict[str, bool]:

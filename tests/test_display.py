@@ -25,7 +25,7 @@ LINE: dict[str, Any] = {"residual": lambda x, p: x - p["mu"] * np.arange(1, x.si
 
 
 @pytest.fixture(scope="module")
-def values() -> dict[str, Any]:
+def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """One of each type, the notable ones twice."""
     b = cb.symmetric(**ON)
     branch = cb.trace(b, "a", within={"a": (0.4, 0.9)})
@@ -34,6 +34,8 @@ def values() -> dict[str, Any]:
     u, v = Axis("u", 0, [-0.9, 0.9]), Axis("v", 0, [-1.0, 1.0])
     with ThreadPoolExecutor(1) as one:
         basin = attraction(b.state(5), u, v, **ON, periods=2, executor=one)
+    kept, empty = (cb.Run(tmp_path_factory.mktemp(name)) for name in ("kept", "empty"))
+    kept.keep(branch=branch, back=branch.reversed())
     walk = {"within": {"mu": (0, 1)}, "events": ()}
     return {
         "Orbit": b,
@@ -51,7 +53,13 @@ def values() -> dict[str, Any]:
         "SmoothRun": simulate_smooth(b.state(4), m=5, **ON, periods=1),
         "Sweep": sweep(b.state(10), "a", [0.5, 0.4], periods=2, **ON),
         "Basin": basin,
+        "results on disk": kept,
+        "an empty folder": empty,
     }  # fmt: skip
+
+
+def pictures_of(shown: str) -> list[str]:
+    return re.findall(r"<svg.*?</svg>", shown, flags=re.DOTALL)
 
 
 def test_each_value_shows_a_picture_and_a_table_and_fetches_nothing(values) -> None:
@@ -59,8 +67,8 @@ def test_each_value_shows_a_picture_and_a_table_and_fetches_nothing(values) -> N
         shown = value._repr_html_()
         page = ElementTree.fromstring(re.sub(r"<svg.*?</svg>", "", shown, flags=re.DOTALL))
         assert page.find(".//table") is not None, name
-        pictures = re.findall(r"<svg.*?</svg>", shown, flags=re.DOTALL)
-        assert len(pictures) == (name != "Zones without curves"), name
+        pictures = pictures_of(shown)
+        assert len(pictures) == (name not in ("Zones without curves", "an empty folder")), name
         for picture in pictures:
             assert len(list(ElementTree.fromstring(picture).iter())) > 50, name
         fetched = re.findall(r"""(?:src|href)=["'](?!#|data:)([^"']*)""", shown)

@@ -8,6 +8,7 @@ blocks of a page run in order, in one namespace and in an empty directory.
 from __future__ import annotations
 
 import doctest
+import importlib.util
 import re
 import shlex
 from pathlib import Path
@@ -164,3 +165,46 @@ def test_the_glossary_is_about_words_that_are_used() -> None:
 def test_every_public_name_is_on_the_page_of_the_interface() -> None:
     listed = set(re.findall(r"^\s*(?:.*:: )?(\w+)$", TEXT[ROOT / "docs" / "api.md"], re.MULTILINE))
     assert set(contbreather.__all__) - {"__version__"} - listed == set()
+
+
+# --- the site ---------------------------------------------------------------------------------
+
+
+def test_a_link_that_leads_nowhere_and_a_file_from_elsewhere_are_seen(tmp_path: Path) -> None:
+    spec = importlib.util.spec_from_file_location("links", DOCS / "links.py")
+    assert spec is not None
+    assert spec.loader is not None
+    links = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(links)
+    (tmp_path / "in").mkdir()
+    (tmp_path / "one.html").write_text(
+        '<h1 id="top-of-one">One</h1><a href="in/two.html#there">a</a><a href="#top-of-one">b</a>'
+        '<a href="https://elsewhere.org/page">c</a><img src="data:image/png;base64,AA==">'
+    )
+    (tmp_path / "in" / "two.html").write_text('<p id="there">Two</p><a href="../one.html">a</a>')
+    assert links.broken(tmp_path) == []
+    (tmp_path / "three.html").write_text(
+        '<a href="in/two.html#gone">a</a><a href="four.html">b</a><a href="#nothing">c</a>'
+        '<script src="https://elsewhere.org/code.js"></script><img src="gone.png">'
+    )
+    assert [line.removeprefix("three.html ") for line in links.broken(tmp_path)] == [
+        "links to #nothing, which is not there",
+        "links to four.html, which is not there",
+        "links to gone.png, which is not there",
+        "fetches https://elsewhere.org/code.js",
+        "links to in/two.html#gone, which is not there",
+    ]
+
+
+def test_every_page_is_in_the_contents() -> None:
+    blocks = re.findall(r"```{toctree}\n(.*?)```", TEXT[DOCS / "index.md"], flags=re.DOTALL)
+    listed = {line for block in blocks for line in block.split() if not line.startswith(":")}
+    there = {str(page.relative_to(DOCS).with_suffix("")) for page in PAGES[1:]} - {"index"}
+    assert there - listed == set()
+
+
+def test_each_example_is_told_in_its_place() -> None:
+    story = re.search(r"STORY = \((.*?)\)", (DOCS / "conf.py").read_text(), flags=re.DOTALL)
+    assert story is not None
+    examples = {path.stem for path in (ROOT / "examples").glob("*.py")}
+    assert set(re.findall(r'"(\w+)"', story[1])) == examples

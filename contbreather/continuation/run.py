@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..display import Shown
 from ..errors import BadInput
 from ..files import writable
 from .contents import made_of
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 _SUFFIX = ".nc"
 
 
-class Run(Mapping[str, Any]):
+class Run(Shown, Mapping[str, Any]):
     """What is on disk under one path: read when it is asked for, and again where it has changed.
 
     Parameters

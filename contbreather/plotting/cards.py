@@ -14,6 +14,7 @@ from contbreather.breathers import Orbit
 from contbreather.breathers.zones import Zones
 from contbreather.continuation import Branch, Point
 from contbreather.continuation.diagram import Diagram
+from contbreather.continuation.run import Run as Kept
 from contbreather.dynamics import Basin, Fate, Run, SmoothRun, Sweep
 from contbreather.errors import ContbreatherError
 from contbreather.plotting.branches import plot
@@ -40,7 +41,7 @@ class Card:
     """What is shown: a sentence, the picture, and rows under a heading (or without one)."""
 
     sentence: str
-    draw: Draw
+    draw: Draw | None
     rows: Sequence[Sequence[str]]
     heading: Sequence[str] = ()
 
@@ -50,7 +51,7 @@ def card(value: object) -> str:
 
     Parameters
     ----------
-    value : Branch, Point, Orbit, Zones, Diagram, Run, SmoothRun, Sweep or Basin
+    value : Branch, Point, Orbit, Zones, Diagram, Run, SmoothRun, Sweep, Basin, or what is on disk
 
     Examples
     --------
@@ -61,7 +62,7 @@ def card(value: object) -> str:
     """
     made = _card(value)
     try:
-        picture = inline(made.draw)
+        picture = "" if made.draw is None else inline(made.draw)
     except ContbreatherError as error:  # an interrupted diagram without a curve, say
         picture = f"<p>no picture: {escape(str(error))}</p>"
     return (
@@ -174,6 +175,15 @@ def _basin(basin: Basin) -> Card:
     rows = [[fate.name.lower(), str(count)] for fate, count in counts if count]
     rows.append(["share that returned", f"{basin.share:.4g}"])
     return Card(repr(basin).strip("<>"), lambda ax: plot_basin(basin, ax=ax), rows)
+
+
+@_card.register
+def _kept(run: Kept) -> Card:
+    """Each result in a line, and the first one as a picture."""
+    rows = [[name, repr(value).strip("<>")] for name, value in run.items()]
+    first = next(iter(run.values()), None)
+    known = _card.dispatch(type(first)) is not _card.dispatch(object)
+    return Card(str(run.path), _card(first).draw if known else None, rows)
 
 
 # --- how ------------------------------------------------------------------------------------------
