@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +29,7 @@ from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import Meeting
+from contbreather.continuation.strider import Loops
 
 Array = NDArray[np.float64]
 
@@ -44,6 +45,8 @@ class Crest(NamedTuple):
     motion: Callable[[Orbit, float], Terms]
     slopes: Callable[[Curve, Orbit, float], Any]
     """Derivatives of displacement and velocity in all unknowns and free parameters, (2, n)."""
+    loops: Callable[[float, Loops, int], Loops | None] | None = None
+    """The equations of the road with a contact at a wall, as functions that can be compiled."""
 
 
 class Ends(NamedTuple):
@@ -112,10 +115,18 @@ class _Contacts:
             return self.shallow(orbit)
         there = orbit.watch.at(site, t)[0]
         place = min(orbit.walls.at(site), key=lambda wall: abs(there - wall))
-        touch, more = _Touch(self.crest(orbit, site), place), self.ends(orbit)
+        crest, more = self.crest(orbit, site), self.ends(orbit)
+        touch, loops = _Touch(crest, place), crest.loops and partial(crest.loops, place)
         other = _Rival(site, _is_mirrored(orbit, site, t), more.scale, self)
         events = (*more.events, other.event())
-        return Locus({"t": t}, touch.conditions, touch.derivative, events=events, meets=more.meets)
+        return Locus(
+            {"t": t},
+            touch.conditions,
+            touch.derivative,
+            events=events,
+            meets=more.meets,
+            loops=loops,
+        )
 
 
 @dataclass(frozen=True)

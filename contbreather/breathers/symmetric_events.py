@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import closed_loops
+from contbreather.breathers import closed_loops, pair_loops
 from contbreather.breathers.clearance import Terms, Watch
 from contbreather.breathers.closed_form import SymmetricFlight, flight_slope_of
 from contbreather.breathers.grazing import ALIKE, Crest
@@ -32,7 +32,10 @@ from contbreather.continuation.point import Always, Judged, Meeting
 from contbreather.continuation.strider import Loops
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Lattice, Ring
-from contbreather.stability.arc import OnArc, on_arc
+from contbreather.lattice.green import response_weights
+from contbreather.native import bound
+from contbreather.stability import arc_loops
+from contbreather.stability.arc import OnArc, arc_table, on_arc
 from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.half_period import HalfMap
@@ -332,7 +335,42 @@ def _arc_locus(point: Point) -> Locus:
         # two neutral multipliers meet on the circle, beyond the band, and leave it together
         raise Undefined("elastic impacts: no angle in the band, bisection has to do")
     nu = closest_approach(breather.gamma, breather.k, breather.b, breather.lattice.spring).nu
-    return Locus({"nu": nu}, _arc_conditions, _arc_derivative, domain={"k": (0.0, _ELASTIC)})
+    loops = partial(_with_pair, breather.lattice)
+    ends = {"k": (0.0, _ELASTIC)}
+    return Locus({"nu": nu}, _arc_conditions, _arc_derivative, domain=ends, loops=loops)
+
+
+def _with_pair(lattice: Lattice, closure: Loops, n: int) -> Loops | None:
+    """The closure with both equations of a pair."""
+    on_arc = bound(arc_loops.on_arc, **_ARC)
+    scratch = pair_loops.TABLE - pair_loops.ETA
+    more = [*np.zeros(scratch), *arc_table(), *lattice.expansion("eta")]
+    return _lengthened(
+        closure,
+        bound(pair_loops.pair, on_arc=on_arc),
+        bound(pair_loops.pair_slopes, on_arc=on_arc),
+        more,
+    )
+
+
+# where `pair_loops` have what `arc_loops` ask for
+_ARC = {
+    **{name: pair_loops.ARC + getattr(arc_loops, name) for name in ("GAMMA", "K", "ENTRY", "NU")},
+    **{
+        name: pair_loops.SCRATCH + getattr(arc_loops, name)
+        for name in ("REGULAR", "IN_NU", "IN_GAMMA", "IN_SPRING", "TAIL")
+    },
+    "ANSWER": pair_loops.ANSWER,
+    "TABLE": pair_loops.TABLE,
+}
+
+
+def _lengthened(closure: Loops, evaluate: Any, derive: Any, more: Sequence[float]) -> Loops | None:
+    """The closure with other equations, and what they ask for from `MORE` on; None where a forcing
+    has so many harmonics that these reach there."""
+    room = pair_loops.MORE - len(closure.data)
+    data = (*closure.data, *room * [0.0], *map(float, more))
+    return replace(closure, evaluate=evaluate, derive=derive, data=data) if room >= 0 else None
 
 
 def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
@@ -442,7 +480,20 @@ class _RingWave:
 
 
 def _crest(orbit: Orbit, site: int) -> Crest:
-    return Crest(partial(_motion, site), partial(_slopes, site))
+    loops = partial(_with_contact, orbit.lattice, orbit.lattice.distance(site))
+    return Crest(partial(_motion, site), partial(_slopes, site), loops)
+
+
+def _with_contact(
+    lattice: Lattice, distance: int, wall: float, closure: Loops, n: int
+) -> Loops | None:
+    """The closure with a contact on the infinite chain."""
+    if lattice.sites is not None:
+        return None
+    room = [0.0] * (pair_loops.MOMENTS - pair_loops.OWN)
+    weights = response_weights().ravel()
+    more = [wall, distance, *room, *lattice.moments(distance), *weights, *6 * [0.0]]
+    return _lengthened(closure, pair_loops.contact, pair_loops.contact_slopes, more)
 
 
 def _motion(site: int, orbit: Orbit, t: float) -> Terms:

@@ -229,7 +229,7 @@ class Locus:
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
     unfolding: Callable[[Array], tuple[Array, Array]] | None = None
-    loops: Callable[[Loops, int], Loops] | None = None
+    loops: Callable[[Loops, int], Loops | None] | None = None
 
 
 @dataclass(frozen=True)

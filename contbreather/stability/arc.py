@@ -153,13 +153,14 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
 def _called(code: Callable[..., int], data: tuple[float, ...]) -> Array:
     """What a function of `arc_loops` fills in."""
     given, scratch, found = np.array(data), np.empty(arc_loops.SIZE), np.zeros(12)
-    table = _table()
+    table = arc_table()
     code(given.ctypes.data, table.ctypes.data, scratch.ctypes.data, found.ctypes.data)
     return found
 
 
 @lru_cache(maxsize=1)
-def _table() -> Array:
+def arc_table() -> Array:
+    """What `arc_loops` ask for besides their data."""
     moments = InfiniteChain().moments(0)[: arc_loops.ORDERS]
     return np.concatenate([tables().ravel(), moments])
 

@@ -12,6 +12,7 @@ from typing import Any
 POWERS, ORDERS, EXACT = 13, 11, 3  # as in `aliases`
 GRID = 64  # as in `arc`
 TAILS = 3 * POWERS * ORDERS
+TABLE = ANSWER = 0  # where table and answer begin
 ROUNDING = 4e-16
 
 # data: coupling, restitution, q, then b and the angle of `on_arc`
@@ -32,11 +33,11 @@ def tails(data: Any, table: Any, out: Any) -> None:
         value = in_gamma = in_spring = 0.0
         power = below = 1.0  # x^j, x^(j-1)
         for j in range(ORDERS):
-            own = table[row * ORDERS + j]
-            value += own * table[TAILS + j] * power
+            own = table[TABLE + row * ORDERS + j]
+            value += own * table[TABLE + TAILS + j] * power
             if j > 0:
-                in_gamma += own * table[TAILS + j] * 4.0 * j * below
-                in_spring += own * j * table[TAILS + j - 1] * below
+                in_gamma += own * table[TABLE + TAILS + j] * 4.0 * j * below
+                in_spring += own * j * table[TABLE + TAILS + j - 1] * below
             below = power
             power = power * x
         out[TAIL + row] = value
@@ -129,8 +130,8 @@ def pair(data: Any, out: Any, found: Any, v: float) -> None:
     c, d = 1.0 + data[K], 0.5 * (1.0 - data[K])
     cc = c * c
     beta = data[ENTRY] - cc * C
-    found[0] = v * (d * d - cc * R * R + B * beta) + 2.0 * c * d * nu / math.pi
-    found[1] = 2.0 * c * d * v * R + (cc * nu * (2.0 * R + nu * B) + beta) / math.pi
+    found[ANSWER] = v * (d * d - cc * R * R + B * beta) + 2.0 * c * d * nu / math.pi
+    found[ANSWER + 1] = 2.0 * c * d * v * R + (cc * nu * (2.0 * R + nu * B) + beta) / math.pi
 
 
 def slope(
@@ -159,8 +160,10 @@ def slope(
     wave = nu * (2.0 * R + nu * B)
     by_wave = 2.0 * by_nu * (R + nu * B) + nu * (2.0 * by_R + nu * by_B)
     imag = 2.0 * (by_cd * v * R + cd * (by_v * R + v * by_R))
-    found[2 * which] = by_v * bulk + v * by_bulk + 2.0 * (by_cd * nu + cd * by_nu) / math.pi
-    found[2 * which + 1] = imag + (by_cc * wave + cc * by_wave + by_beta) / math.pi
+    found[ANSWER + 2 * which] = (
+        by_v * bulk + v * by_bulk + 2.0 * (by_cd * nu + cd * by_nu) / math.pi
+    )
+    found[ANSWER + 2 * which + 1] = imag + (by_cc * wave + cc * by_wave + by_beta) / math.pi
 
 
 # --- between which values of b a pair is outside --------------------------------------------

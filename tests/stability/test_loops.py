@@ -37,7 +37,7 @@ def test_both_forms_share_their_constants() -> None:
 def test_both_equations_of_a_pair_on_the_arc_and_their_slopes(gamma: float, k: float) -> None:
     b, nu = 0.7 - 3.0 * gamma, 1.3 * math.sqrt(gamma)
     data = gamma, k, 0.0, b, nu
-    found = asked(arc_loops.on_arc, data, arc._table(), arc_loops.SIZE, 12).reshape(6, 2)
+    found = asked(arc_loops.on_arc, data, arc.arc_table(), arc_loops.SIZE, 12).reshape(6, 2)
     for own, wanted in zip(found, arc.on_arc(gamma, nu, k, b), strict=True):
         assert own == pytest.approx(wanted, rel=1e-12, abs=1e-13)
 
@@ -45,7 +45,7 @@ def test_both_equations_of_a_pair_on_the_arc_and_their_slopes(gamma: float, k: f
 @pytest.mark.parametrize(("gamma", "k"), PLACES)
 def test_the_window_of_b_in_which_a_pair_is_outside(gamma: float, k: float) -> None:
     data = gamma, k, (1.0 - k) / (1.0 + k)
-    found = asked(arc_loops.window, data, arc._table(), arc_loops.SIZE, 12)[:2]
+    found = asked(arc_loops.window, data, arc.arc_table(), arc_loops.SIZE, 12)[:2]
     assert found == pytest.approx(np.array(arc.window(gamma, k)), rel=1e-9, abs=1e-11)
 
 
