@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
+from contextlib import nullcontext
 from html import escape
 from importlib import import_module
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from .display import in_notebook
 
@@ -89,6 +91,14 @@ class _Shown:
         if self.line is None:
             self.line = _Page(self.total) if self.page else _Terminal(self.total, self.unit)
         self.line.show(text, done)
+
+
+S = TypeVar("S", bound=_Shown)
+
+
+def line_of(progress: bool | S | None, make: Callable[[bool | None], S]) -> nullcontext[S] | S:
+    """What shows the progress of an outer call already, or a line of its own."""
+    return nullcontext(progress) if isinstance(progress, _Shown) else make(progress)
 
 
 class Bar(_Shown):

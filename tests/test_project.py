@@ -77,7 +77,8 @@ CALLED = {"python-flint": "flint"}  # packages that are imported by another name
 
 def test_every_package_that_is_imported_is_declared() -> None:
     project = PROJECT["project"]
-    asked = [*project["dependencies"], *project["optional-dependencies"]["certified"]]
+    extras = (project["optional-dependencies"][name] for name in ("certified", "explorer"))
+    asked = [*project["dependencies"], *(one for extra in extras for one in extra)]
     names = {re.split(r"[\[<>=~!; ]", one)[0] for one in asked}
     declared = {CALLED.get(name, name) for name in names}
     files = (ROOT / "contbreather").rglob("*.py")

@@ -29,7 +29,7 @@ from contbreather.display import Shown
 from contbreather.errors import BadInput, NoSolution, keeping, taking
 from contbreather.lattice import Forcing, Lattice, check_gamma, forcing_of, lattice_of
 from contbreather.lattice.conditions import check_amplitude, restitution_ratio
-from contbreather.progress import Counter
+from contbreather.progress import Counter, line_of
 from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
@@ -188,7 +188,7 @@ def zones(
     forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
-    progress: bool | None = None,
+    progress: bool | Counter | None = None,
     threshold: float = THRESHOLD,
     past_folds: bool | None = None,
     save: Save = None,
@@ -204,7 +204,7 @@ def zones(
     forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
-    progress: bool | None = None,
+    progress: bool | Counter | None = None,
     threshold: float = THRESHOLD,
     past_folds: bool | None = None,
     save: Save = None,
@@ -219,7 +219,7 @@ def zones(
     forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
-    progress: bool | None = None,
+    progress: bool | Counter | None = None,
     threshold: float = THRESHOLD,
     past_folds: bool | None = None,
     save: Save = None,
@@ -295,11 +295,8 @@ def zones(
         past_folds = sum(bool(c or s) for _, c, s in drive.harmonics) > 1
     chain = lattice_of(lattice)
     search = _Search(name, value, drive, chain, within or {}, threshold, past_folds)
-    with (
-        checkpoint(save, "zones") as search.kept,
-        Counter(progress, search.pair[0]) as shown,
-        keeping(search.so_far),
-    ):
+    line = line_of(progress, lambda own: Counter(own, search.pair[0]))
+    with checkpoint(save, "zones") as search.kept, line as shown, keeping(search.so_far):
         search.run(shown)
         search.kept.finish(search.zones())
     return search.zones()

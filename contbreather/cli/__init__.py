@@ -122,6 +122,7 @@ def application() -> App:
         branch,
         completion,
         diagram,
+        explore,
         figure,
         point,
         simulate,
@@ -147,6 +148,7 @@ def application() -> App:
         atlas.atlas,
         simulate.simulate,
         figure.figure,
+        explore.explore,
     )
     for command in commands:
         app.command(command)

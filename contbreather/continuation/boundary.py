@@ -13,6 +13,7 @@ import numpy as np
 
 from ..checks import check_kind
 from ..errors import BadInput, keeping, taking
+from ..progress import Counter
 from .branch import Branch, Settings
 from .branch_points import Crossings, branch_point_test, branches_cross
 from .checkpoint import Inner, Save, checkpoint
@@ -37,7 +38,7 @@ def boundary(
     towards: str = "both",
     events: Iterable[Event] | None = None,
     steps: Steps | None = None,
-    progress: bool | None = None,
+    progress: bool | Counter | None = None,
     inadmissible: bool = False,
     save: Save = None,
 ) -> Branch:

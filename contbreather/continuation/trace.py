@@ -6,7 +6,6 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput, keeping
-from ..progress import Counter
+from ..progress import Counter, line_of
 from .branch import Branch, Settings, Stop, labelled
 from .branch_points import crossing
 from .checkpoint import Save, checkpoint
@@ -147,7 +146,7 @@ def trace(
         found = _so_far(legs)
         return found and replace(found, settings=settings, origin=origin)
 
-    line = nullcontext(progress) if isinstance(progress, Counter) else Counter(progress, free)
+    line = line_of(progress, lambda own: Counter(own, free))
     with checkpoint(save, "branch") as kept, line as shown, keeping(so_far):
         for side in sides:
             problem, wanted = scope(start, events, inadmissible=inadmissible)

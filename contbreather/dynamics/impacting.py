@@ -32,6 +32,7 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite
+from contbreather.progress import Bar, line_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -262,7 +263,7 @@ def simulate(
     walls: Any = None,
     t0: float = 0.0,
     sample: Sample | None = None,
-    progress: bool | None = None,
+    progress: bool | Bar | None = None,
 ) -> Run:
     """Let a lattice of impacting sites go from any state.
 
@@ -336,7 +337,7 @@ def advance(
     periods: float,
     t0: float = 0.0,
     sample: Sample | None = None,
-    progress: bool | None = None,
+    progress: bool | Bar | None = None,
 ) -> Run:
     """`simulate`, of a state and conditions that have been checked."""
     check_sample(sample, state.u.size)
@@ -434,17 +435,15 @@ def walk(
     t0: float,
     first: int = 0,
     sample: Sample | None = None,
-    progress: bool | None = None,
+    progress: bool | Bar | None = None,
 ) -> Iterator[Stretch]:
     """Yield a run in stretches of about a fifth of a second: what `simulate` and `record` drive.
 
     Times of events are counted from t0. Where the stretches are cut has no influence on anything.
     """
-    from contbreather.progress import Bar
-
     machine = Machine(state, conditions, t0, sample)
     count, done = 4, 0
-    with Bar(progress, periods) as bar:
+    with line_of(progress, lambda own: Bar(own, periods)) as bar:
         while done < periods:
             began = time.perf_counter()
             one = machine.advance(min(count, periods - done), first + done)

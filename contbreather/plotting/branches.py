@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
@@ -193,13 +193,21 @@ def _styles(branch: Branch) -> NDArray[np.str_]:
     return styles
 
 
-def _lines(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> set[str]:
+def pieces(branch: Branch, x: str, y: str) -> Iterator[tuple[str, Array, Array]]:
+    """The stretches of a branch that are drawn alike: how, and both columns."""
     styles = _styles(branch)
     cuts = [0, *(1 + np.flatnonzero(styles[1:] != styles[:-1])), len(branch) - 1]
     for start, end in pairwise(cuts):
-        style = str(styles[start]) if styles.size else STABLE
-        ax.plot(*_curve(branch[start : end + 1], x, y), style, color=colour)
-    return set(styles.tolist())
+        curve = _curve(branch[start : end + 1], x, y)
+        yield str(styles[start]) if styles.size else STABLE, *curve
+
+
+def _lines(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> set[str]:
+    drawn = set()
+    for style, xs, ys in pieces(branch, x, y):
+        ax.plot(xs, ys, style, color=colour)
+        drawn.add(style)
+    return drawn
 
 
 def _markers(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> None:

@@ -68,7 +68,7 @@ def plot_multipliers(
     mu = np.asarray(breather.multipliers(sites=sites, half=half))
     spring = float(getattr(breather, "spring", 0.0))
     edge = math.sqrt(4.0 * breather.gamma + spring) * (1.0 if half else 2.0)
-    alone = _alone(mu, edge, sites or own or 1)
+    alone = off_the_band(mu, edge, sites or own or 1)
     with axes_or_new(ax, height=8.5) as axes:
         _circle_and_band(axes, edge)
         _dots(axes, mu, alone)
@@ -107,7 +107,7 @@ def _circle_and_band(ax: Axes, edge: float) -> None:
     ax.axvline(0.0, color=GREY, linewidth=0.3, zorder=0)
 
 
-def _alone(mu: Array, edge: float, sites: int) -> NDArray[np.bool_]:
+def off_the_band(mu: Array, edge: float, sites: int) -> NDArray[np.bool_]:
     """Multipliers that stand off the arcs of the band by more than a ring's ripple."""
     angle = np.minimum(np.abs(np.angle(mu)), math.pi * edge)
     nearest = np.exp(1j * angle)

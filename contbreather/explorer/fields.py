@@ -1,0 +1,115 @@
+"""What a person types: text fields that say beside themselves what is wrong with it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from html import escape
+from typing import Any
+
+import panel as pn
+
+from contbreather.checks import number
+from contbreather.errors import BadInput
+
+Read = Callable[[str], Any]
+
+
+def a_number(name: str, low: float = -math.inf, high: float = math.inf, wanted: str = "") -> Read:
+    """Text as a number in a range."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            raise BadInput(f"{text!r} is not a number; 0.5, say, is one.") from None
+        return number(name, value, low, high, wanted or "a value")
+
+    return read
+
+
+def a_count(name: str, least: int, most: int) -> Read:
+    """Text as a whole number in a range."""
+
+    def read(text: str) -> int:
+        if not text.strip().isdecimal() or not least <= int(text) <= most:
+            raise BadInput(f"{name} = {text}: a whole number from {least} to {most} was wanted.")
+        return int(text)
+
+    return read
+
+
+def some_sites(text: str) -> tuple[int, ...]:
+    """Numbers of sites, apart by commas or blanks; at most eight."""
+    words = text.replace(",", " ").split()
+    try:
+        found = tuple(dict.fromkeys(int(word) for word in words))
+    except ValueError:
+        found = ()
+    if not 0 < len(found) <= 8:
+        raise BadInput(f"sites = {text}: one to eight whole numbers were wanted, as in 0, 1, 2.")
+    return found
+
+
+def optional(read: Read, otherwise: Any = None) -> Read:
+    """The same, but nothing typed is an answer, too."""
+    return lambda text: read(text) if text.strip() else otherwise
+
+
+class Field:
+    """A text field with its label above and, where it is refused, the reason below."""
+
+    def __init__(self, label: str, value: str, read: Read, *, hint: str = "", **more: Any) -> None:
+        self.read = read
+        self.input = pn.widgets.TextInput(
+            label=label, value=value, placeholder=hint, sizing_mode="stretch_width",
+            margin=(2, 5), **more,
+        )  # fmt: skip
+        self.trouble = Trouble()
+        self.view = pn.Column(self.input, self.trouble.view, sizing_mode="stretch_width", margin=0)
+
+    def get(self) -> Any:
+        """What was typed, read.
+
+        Raises
+        ------
+        BadInput
+            If it cannot be read; the field says so.
+        """
+        try:
+            value = self.read(self.input.value or "")
+        except BadInput as error:
+            self.trouble.say(str(error))
+            raise
+        self.trouble.say("")
+        return value
+
+
+class Trouble:
+    """A sentence that is not there as long as nothing is wrong; screen readers say it."""
+
+    def __init__(self) -> None:
+        self.view = pn.pane.HTML("", visible=False, margin=(0, 5), sizing_mode="stretch_width")
+
+    def say(self, sentence: str) -> None:
+        """Another sentence, or none."""
+        self.view.object = f'<div class="trouble" role="alert">{escape(sentence)}</div>'
+        self.view.visible = bool(sentence)
+
+
+def read_all(fields: Mapping[str, Field]) -> dict[str, Any] | None:
+    """All fields by name; None if any was refused, each of which says so."""
+    found: dict[str, Any] = {}
+    for name, field in fields.items():
+        try:
+            found[name] = field.get()
+        except BadInput:
+            continue
+    return found if len(found) == len(fields) else None
+
+
+def in_rows(fields: Iterable[Field], across: int) -> Any:
+    """Fields in rows of so many."""
+    views = [field.view for field in fields]
+    rows = [pn.Row(*views[i : i + across], margin=0) for i in range(0, len(views), across)]
+    return pn.Column(*rows, sizing_mode="stretch_width", margin=0)

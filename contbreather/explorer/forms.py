@@ -1,0 +1,230 @@
+"""The fields and buttons beside the figures; what is refused is said below its button."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from io import BytesIO, StringIO
+from typing import Any
+
+import panel as pn
+
+from contbreather.breathers.zones import WINDOWS
+from contbreather.errors import BadInput, ContbreatherError
+from contbreather.explorer import work
+from contbreather.explorer.fields import (
+    Field,
+    Trouble,
+    a_count,
+    a_number,
+    in_rows,
+    optional,
+    read_all,
+)
+from contbreather.explorer.session import Session
+from contbreather.explorer.state import State
+from contbreather.explorer.style import CARD, FORMS, WORDS
+
+ABOUT = ("a", "gamma", "k")
+REACH = {**WINDOWS, "a": (0.01, 1.2)}  # where walks go unless a window is typed
+MANY = 100_000  # periods
+
+
+def card(title: str, *parts: Any, css: Iterable[str] = ()) -> Any:
+    """A box with a heading."""
+    head = pn.pane.HTML(f"<h2>{title}</h2>", stylesheets=[WORDS], margin=(0, 5))
+    return pn.Column(
+        head, *parts, sizing_mode="stretch_width", stylesheets=[CARD], css_classes=["card", *css]
+    )
+
+
+class Forms:
+    """All of them, below each other in `view`."""
+
+    def __init__(self, explorer: Session) -> None:
+        self.explorer = explorer
+        self.buttons: dict[str, Any] = {}
+        parts = (self._breather(), self._walks(), self._special(), self._run(), self._keep())
+        self.view = pn.Column(
+            *parts, sizing_mode="stretch_width", css_classes=["forms"], margin=0,
+            stylesheets=[FORMS],
+        )  # fmt: skip
+
+    def _button(self, name: str, do: Callable[[], object], trouble: Trouble, **more: Any) -> Any:
+        """A button that does something, or says why not."""
+
+        def pressed(_: object) -> None:
+            try:
+                do()
+            except ContbreatherError as error:
+                trouble.say(str(error))
+            else:
+                trouble.say("")
+
+        more = {"sizing_mode": "stretch_width", "margin": (3, 5), **more}
+        self.buttons[name] = pn.widgets.Button(label=name, **more)
+        self.buttons[name].on_click(pressed)
+        return self.buttons[name]
+
+    # --- one breather -----------------------------------------------------------------------------
+
+    def _breather(self) -> Any:
+        k = f"{self.explorer.state.k:g}"
+        self.breather = {
+            "a": Field("amplitude a", "0.5", a_number("a", 0.0, 1e6, "above 0")),
+            "gamma": Field("coupling γ", "0.08", a_number("gamma", 0.0, 0.25, "from 0 to 1/4")),
+            "k": Field("restitution k", k, a_number("k", 0.0, 1.0, "from 0 to 1")),
+            "sites": Field(
+                "ring of", "", optional(a_count("sites", 3, 2000)), hint="infinite chain"
+            ),
+            "forcing": Field("forcing F/a", "", str.strip, hint="-cos(t)"),
+        }
+        self.breather_trouble = Trouble()
+        button = self._button("Show", self._show, self.breather_trouble, color="primary")
+        return card("Breather", in_rows(self.breather.values(), 2), button,
+                    self.breather_trouble.view)  # fmt: skip
+
+    def _show(self) -> None:
+        found = read_all(self.breather)
+        if found is not None:
+            self.explorer.choose(work.breather(**found))
+            if (found["k"], found["forcing"]) != (
+                self.explorer.state.k,
+                self.explorer.state.forcing,
+            ):
+                self.explorer.look_at(found["k"], found["forcing"])
+
+    # --- walks ------------------------------------------------------------------------------------
+
+    def _walks(self) -> Any:
+        self.free = pn.widgets.Select(label="in", options=list(ABOUT), sizing_mode="stretch_width")
+        low, high = (f"{end:g}" for end in REACH["a"])
+        self.window = {
+            "low": Field("from", low, a_number("from")),
+            "high": Field("to", high, a_number("to")),
+        }
+        self.free.param.watch(self._usual_window, "value")
+        self.walk_trouble = Trouble()
+        button = self._button("Continue", self._walk, self.walk_trouble, color="primary")
+        fields = pn.Row(self.free, *(field.view for field in self.window.values()), margin=0)
+        return card("Continue from here", fields, button, self.walk_trouble.view)
+
+    def _usual_window(self, event: Any) -> None:
+        for field, end in zip(self.window.values(), REACH.get(event.new, (0.0, 1.0)), strict=True):
+            field.input.value = f"{end:g}"
+
+    def _walk(self) -> None:
+        chosen, found = self.explorer.chosen, read_all(self.window)
+        if found is not None:
+            window = found["low"], found["high"]
+            self.explorer.begin(work.traced(chosen, self.free.value, window))
+
+    # --- special points ---------------------------------------------------------------------------
+
+    def _special(self) -> Any:
+        self.first = pn.widgets.Select(label="in", options=list(ABOUT), value="gamma", width=120)
+        self.second = pn.widgets.Select(label="and", options=list(ABOUT), value="a", width=120)
+        self.special_trouble = Trouble()
+        return card(
+            "From a special point",
+            self._button("Switch branch here", self._switch, self.special_trouble),
+            pn.Row(self.first, self.second, margin=0),
+            self._button("Trace this boundary", self._trace, self.special_trouble),
+            self.special_trouble.view,
+        )
+
+    def _switch(self) -> None:
+        self.explorer.begin(work.switched(self.explorer.chosen))
+
+    def _trace(self) -> None:
+        pair = self.first.value, self.second.value
+        self.explorer.begin(work.bounded(self.explorer.chosen, pair, REACH))
+
+    # --- simulation -------------------------------------------------------------------------------
+
+    def _run(self) -> Any:
+        self.length = {
+            "sites": Field("ring of", "20", a_count("sites", 3, 2000)),
+            "periods": Field("periods", "100", a_count("periods", 1, MANY)),
+            "push": Field("push", "0.001", a_number("push", -10.0, 10.0, "a small velocity")),
+        }
+        self.run_trouble = Trouble()
+        button = self._button("Simulate from here", self._simulate, self.run_trouble)
+        return card("Simulation", in_rows(self.length.values(), 3), button, self.run_trouble.view)
+
+    def _simulate(self) -> None:
+        chosen, found = self.explorer.chosen, read_all(self.length)
+        if found is not None:
+            self.explorer.begin(work.simulated(chosen, **found, watched=self.explorer.state.sites))
+
+    # --- what is kept -----------------------------------------------------------------------------
+
+    def _keep(self) -> Any:
+        self.file = Field("file", "run.nc", str)
+        self.keep_trouble = Trouble()
+        self.what = pn.widgets.Select(
+            label="figure", options=["zones", "branches", "motion"], width=120
+        )
+        self.suffix = pn.widgets.Select(label="format", options=[".pdf", ".svg", ".png"], width=90)
+        self.figure = pn.widgets.FileDownload(
+            callback=self._figure, filename="zones.pdf", label="Export figure",
+            sizing_mode="stretch_width", margin=(3, 5),
+        )  # fmt: skip
+        self.script = pn.widgets.FileDownload(
+            callback=lambda: StringIO(self.explorer.script()), filename="explored.py",
+            label="Export Python code", sizing_mode="stretch_width", margin=(3, 5),
+        )  # fmt: skip
+        for select in (self.what, self.suffix):
+            select.param.watch(self._renamed, "value")
+        return card(
+            "Keep",
+            self.file.view,
+            self._button("Save all curves", self._save, self.keep_trouble),
+            pn.Row(self.what, self.suffix, margin=0),
+            self.figure,
+            self.script,
+            self.keep_trouble.view,
+        )
+
+    def _renamed(self, _: object) -> None:
+        self.figure.filename = f"{self.what.value}{self.suffix.value}"
+
+    def _figure(self) -> BytesIO:
+        try:
+            drawn = BytesIO(self.explorer.figure(self.what.value, self.suffix.value))
+        except BadInput as error:
+            self.keep_trouble.say(str(error))
+            raise
+        self.keep_trouble.say("")
+        return drawn
+
+    def _save(self) -> None:
+        path = self.explorer.save(self.file.get())
+        self.explorer.tell(f"Wrote {path}.")
+
+    # --- what can be done now ---------------------------------------------------------------------
+
+    def render(self, state: State) -> None:
+        """Buttons that can do something now, and the parameters that what is looked at has."""
+        chosen, busy = state.chosen, self.explorer.busy
+        can = {
+            "Continue": chosen is not None and chosen.orbit is not None,
+            "Switch branch here": chosen is not None and chosen.switches,
+            "Trace this boundary": chosen is not None and chosen.traces,
+            "Simulate from here": chosen is not None and chosen.orbit is not None,
+            "Save all curves": bool(state.curves),
+        }
+        for name, possible in can.items():
+            self.buttons[name].disabled = busy or not possible
+        if chosen is not None:
+            for select in (self.free, self.first, self.second):
+                offered(select, list(chosen.free))
+
+
+def offered(select: Any, names: list[str], value: str | None = None) -> None:
+    """What a select offers; what was selected stays where it can. Nothing is left unselected: a
+    browser would select the first by itself, and say so as if a person had done it."""
+    wanted = select.value if value is None else value
+    if select.options != names:
+        select.options = names
+    if names:
+        select.value = wanted if wanted in names else names[0]

@@ -1,0 +1,316 @@
+"""One page that shows an explorer: what is clicked and typed goes there, what it says is drawn.
+
+An explorer may have several pages at a time, and outlives them: a page that is loaded again shows
+what there was. Changes come from any thread, and Bokeh's models are touched by that of the page
+only, one tick later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from html import escape
+from typing import Any
+
+import panel as pn
+
+from contbreather.errors import ContbreatherError
+from contbreather.explorer import seen
+from contbreather.explorer.fields import Field, Trouble, a_count, read_all, some_sites
+from contbreather.explorer.forms import Forms, card, offered
+from contbreather.explorer.ink import DARK, LIGHT
+from contbreather.explorer.session import Session
+from contbreather.explorer.state import State
+from contbreather.explorer.style import GRID, OUTER, STUCK, WORDS
+from contbreather.explorer.views import (
+    BranchView,
+    MotionView,
+    MultipliersView,
+    ProfileView,
+    ZonesView,
+    marked,
+)
+
+STEP = 0.01  # of the slider for k
+NOWHERE = -1  # at no special point
+
+
+class Page:
+    """The figures, the fields and the buttons, and what they do."""
+
+    def __init__(self, explorer: Session) -> None:
+        self.explorer = explorer
+        self.drawn = State()  # what is drawn by now
+        self.document: Any = pn.state.curdoc
+        ink = DARK if pn.config.theme == "dark" else LIGHT
+        self.zones, self.branches = ZonesView(ink), BranchView(ink)
+        self.profile, self.multipliers = ProfileView(ink), MultipliersView(ink)
+        self.motion = MotionView(ink, "t/2π")
+        self.run = MotionView(ink, "t/2π")
+        self.forms = Forms(explorer)
+        self._zone_controls()
+        self._branch_controls()
+        self._words()
+        self.layout = self._laid_out()
+        self._quiet = self._due = False
+        forget = explorer.listen(self._heard)
+        if self._served:
+            pn.state.on_session_destroyed(lambda _: forget())
+        if explorer.state.plane is None:
+            explorer.look_at(explorer.state.k)
+        self.render()
+
+    # ------------------------------------------------------------------------------ what is there
+
+    def _zone_controls(self) -> None:
+        self.k = pn.widgets.FloatSlider(
+            label="restitution k", start=0.01, end=0.99, step=STEP, value=self.explorer.state.k,
+            sizing_mode="stretch_width",
+        )  # fmt: skip
+        self.zones_trouble = Trouble()
+        self._on(self.k, lambda k: self.explorer.look_at(round(k, 9)))
+        self.zones.figure.on_event("tap", self._zones_tapped)
+
+    def _branch_controls(self) -> None:
+        self.x, self.y = (pn.widgets.Select(label=name, width=90) for name in "xy")
+        self.curve = pn.widgets.Select(label="curve", width=120)
+        self.label = pn.widgets.Select(
+            label="special point", options={"\N{EN DASH}": NOWHERE}, value=NOWHERE, width=120
+        )
+        self.point = pn.widgets.IntSlider(label="point", start=0, end=1, width=120)
+        self.shown = pn.widgets.CheckBoxGroup(label="curves", inline=True)
+        self._on(self.x, lambda x: self._redrawn(axes=(x, self.y.value)))
+        self._on(self.y, lambda y: self._redrawn(axes=(self.x.value, y)))
+        self._on(self.curve, lambda _: self._pick(0))
+        self._on(self.point, self._pick)
+        self._on(self.label, self._pick)
+        self._on(self.shown, self._hide)
+        self.branches.figure.on_event("tap", self._branch_tapped)
+
+    def _words(self) -> None:
+        sites = ", ".join(map(str, self.explorer.state.sites))
+        self.asked = {
+            "sites": Field("motion of sites", sites, some_sites),
+            "ring": Field(
+                "judge a ring of", str(self.explorer.state.ring), a_count("ring", 3, 2000)
+            ),
+        }
+        for field in self.asked.values():
+            field.input.param.watch(lambda _: self._asked(), "value")
+        self.words = pn.pane.HTML("", stylesheets=[WORDS], sizing_mode="stretch_width")
+        self.status = pn.pane.HTML("", stylesheets=[WORDS], sizing_mode="stretch_width")
+        self.stop = pn.widgets.Button(label="Stop", color="danger", width=90, visible=False)
+        self.stop.on_click(lambda _: self.explorer.stop())
+
+    def _laid_out(self) -> Any:
+        figures = {
+            "zones": card(
+                "Zones", self.k, self.zones.figure, self.zones_trouble.view, css=["zones"]
+            ),
+            "branches": card(
+                "Branches",
+                pn.FlexBox(
+                    self.x, self.y, self.curve, self.label, self.point, sizing_mode="stretch_width"
+                ),
+                self.branches.figure,
+                self.shown,
+                css=["branches"],
+            ),
+            "profile": card("Profile", self.profile.figure, css=["profile"]),
+            "motion": card(
+                "Motion over a period",
+                pn.Row(*(field.view for field in self.asked.values()), margin=0),
+                self.motion.figure,
+                css=["motion"],
+            ),
+            "multipliers": card("Multipliers", self.multipliers.figure, css=["multipliers"]),
+            "words": card("What it is", self.words, css=["words"]),
+        }
+        self.run_card = card("Simulation", self.run.figure, css=["run"])
+        top = pn.Row(
+            self.status, self.stop, sizing_mode="stretch_width", css_classes=["status"],
+            stylesheets=[STUCK], min_height=40,
+        )  # fmt: skip
+        grid = pn.Column(
+            top, *figures.values(), self.run_card, self.forms.view,
+            sizing_mode="stretch_width", stylesheets=[GRID],
+        )  # fmt: skip
+        return pn.Column(grid, sizing_mode="stretch_width", stylesheets=[OUTER], margin=0)
+
+    # ----------------------------------------------------------------------------- what is done
+
+    def _on(self, widget: Any, do: Callable[[Any], object]) -> None:
+        """Do something when a person changes a widget, but not when the page does."""
+
+        def changed(event: Any) -> None:
+            if not self._quiet:
+                self._tried(lambda: do(event.new))
+
+        widget.param.watch(changed, "value")
+
+    def _tried(self, do: Callable[[], object], trouble: Trouble | None = None) -> None:
+        try:
+            do()
+        except ContbreatherError as error:
+            if trouble is None:
+                self.explorer.tell(str(error))
+            else:
+                trouble.say(str(error))
+        else:
+            if trouble is not None:
+                trouble.say("")
+
+    def _zones_tapped(self, event: Any) -> None:
+        self._tried(lambda: self.explorer.choose_at(a=event.y, gamma=event.x), self.zones_trouble)
+
+    def _branch_tapped(self, event: Any) -> None:
+        state = self.explorer.state
+        found = self.branches.nearest(state.shown, *state.columns, (event.x, event.y))
+        if found is not None:
+            self._tried(lambda: self.explorer.choose_point(*found))
+
+    def _pick(self, index: int) -> None:
+        if self.curve.value and index != NOWHERE:
+            self.explorer.choose_point(self.curve.value, index)
+
+    def _hide(self, shown: list[str]) -> None:
+        curves = {one.code for one in self.explorer.state.curves}
+        self._redrawn(hidden=frozenset(curves - set(shown)))
+
+    def _redrawn(self, **values: Any) -> None:
+        self.explorer.draw(**values)
+
+    def _asked(self) -> None:
+        found = read_all(self.asked)
+        if found is not None:
+            self.explorer.watch(**found)
+
+    # -------------------------------------------------------------------------------- what is seen
+
+    @property
+    def _served(self) -> bool:
+        """Whether a browser looks at it by a server, not a notebook or a test."""
+        return self.document is not None and self.document.session_context is not None
+
+    def _heard(self, _: State) -> None:
+        """Something has changed, in whatever thread: draw it as soon as this page may."""
+        if not self._served:
+            self.render()
+        elif not self._due:
+            self._due = True
+            self.document.add_next_tick_callback(self.render)
+
+    @contextmanager
+    def _quietly(self) -> Iterator[None]:
+        self._quiet = True
+        try:
+            yield
+        finally:
+            self._quiet = False
+
+    def render(self) -> None:
+        """Draw what has changed."""
+        self._due = False
+        new, old = self.explorer.state, self.drawn
+        self.drawn = new
+        with self._quietly():
+            self._render_status()
+            self.forms.render(new)
+            self._render_zones(new, old)
+            self._render_branches(new, old)
+            self._render_chosen(new, old)
+            self.run_card.visible = new.run is not None
+            if new.run is not None and new.run is not old.run:
+                self.run.run(*new.run)
+
+    def _render_status(self) -> None:
+        words, message = self.explorer.progress, self.explorer.message
+        if not words:
+            words = message or "Click into a diagram, or type the parameters of a breather."
+        self.status.object = f'<div role="status" aria-live="polite">{escape(words)}</div>'
+        self.stop.visible = self.explorer.busy
+
+    def _render_zones(self, new: State, old: State) -> None:
+        self.k.value = new.k
+        self.zones.title(new)
+        if new.plane is not None and new.plane is not old.plane:
+            self.zones.show(new.plane)
+        k = new.k if new.plane is None else new.plane.fixed[1]
+        self.zones.boundaries(new.curves, k)
+        self.zones.choose(new.chosen, k)
+
+    def _render_branches(self, new: State, old: State) -> None:
+        x, y = new.columns
+        codes = [one.code for one in new.curves]
+        offered(self.curve, codes)
+        self.shown.options = codes
+        self.shown.value = [code for code in codes if code not in new.hidden]
+        names = _common(new)
+        offered(self.x, names, x)
+        offered(self.y, names, y)
+        if (new.shown, new.columns) != (old.shown, old.columns):
+            self.branches.show(new.shown, x, y)
+        self.branches.choose(new.chosen, x, y)
+        self._render_place(new)
+
+    def _render_place(self, new: State) -> None:
+        """Which point of which curve is looked at."""
+        chosen = new.chosen if new.chosen is not None and new.chosen.curve else None
+        if chosen is not None:
+            self.curve.value = chosen.curve
+        if not self.curve.value:
+            return
+        branch = new.curve(self.curve.value)
+        labels = {point.title: i for i, point in marked(branch)}
+        self.point.end = max(len(branch) - 1, 1)
+        self.label.options = {"\N{EN DASH}": NOWHERE, **labels}
+        index = NOWHERE if chosen is None else chosen.index
+        self.point.value = max(index, 0)
+        self.label.value = index if index in labels.values() else NOWHERE
+
+    def _render_chosen(self, new: State, old: State) -> None:
+        wanted = new.chosen, new.sites, new.ring
+        if new.chosen is None or wanted == (old.chosen, old.sites, old.ring):
+            return
+        orbit = new.chosen.orbit
+        self.words.object = _described(new)
+        if orbit is None:
+            return
+        self.profile.show(seen.profile(orbit))
+        self.motion.show(seen.motion(orbit, new.sites))
+        try:
+            self.multipliers.show(seen.multipliers(orbit, new.ring))
+        except ContbreatherError as error:
+            self.multipliers.nothing(str(error))
+
+
+def _common(state: State) -> list[str]:
+    """Columns of numbers that all curves have which are drawn."""
+    curves = [one.branch for one in state.curves if one.code not in state.hidden]
+    if not curves:
+        return ["a", "p"]
+    names = [name for name in curves[0].names if all(name in other.names for other in curves)]
+    return names or list(curves[0].names)
+
+
+def _described(state: State) -> str:
+    """Numbers and verdicts of what is looked at."""
+    chosen = state.chosen
+    assert chosen is not None
+    if chosen.orbit is None:
+        values = {} if chosen.point is None else chosen.point.values
+        sentences = [("equations", "this curve has none here: only its numbers are known")]
+    else:
+        values, sentences = (
+            seen.numbers(chosen.orbit),
+            list(seen.verdicts(chosen.orbit, state.ring)),
+        )
+    rows = "".join(f"<tr><td>{escape(n)}</td><td>{v:.12g}</td></tr>" for n, v in values.items())
+    said = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)
+    return f"<h2>{escape(chosen.title)}</h2><table>{rows}</table><dl>{said}</dl>"
+
+
+def in_notebook(explorer: Session, include: Any, exclude: Any) -> Any:
+    """The page as a notebook shows it."""
+    pn.extension()
+    return Page(explorer).layout._repr_mimebundle_(include, exclude)

@@ -1,0 +1,153 @@
+"""What the panels show of an orbit, as numbers and sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers import Orbit
+from contbreather.errors import BadInput, ContbreatherError
+from contbreather.lattice import Ring
+from contbreather.plotting.multipliers import off_the_band
+
+Array = NDArray[Any]
+
+REACH = 10  # sites on either side of the one that impacts
+MOMENTS = 401  # of a period
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """All sites at an impact, and between what they move; walls are NaN where there is none."""
+
+    sites: Array
+    time: float
+    at_impact: Array
+    lowest: Array
+    highest: Array
+    walls: Array  # (sites, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Some sites over a period, in units of it, with their impacts."""
+
+    times: Array
+    by_site: dict[int, Array]
+    hits: tuple[tuple[int, float, float], ...]  # site, time, where
+    walls: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Those over a section, half a period of a symmetric orbit, on the lattice that is named;
+    `alone` are off the band, whose arcs reach to the angles +-`edge` (times pi); None where no such
+    band is known."""
+
+    mu: Array
+    alone: NDArray[np.bool_]
+    edge: float | None
+    about: str
+
+
+def profile(orbit: Orbit) -> Profile:
+    """The sites around the first that impacts, all of a small lattice."""
+    own, middle = orbit.lattice.sites, orbit.section.hit[0]
+    near = np.arange(middle - REACH, middle + REACH + 1)
+    if own is not None and (own <= near.size or not isinstance(orbit.lattice, Ring)):
+        near = np.arange(min(own, 4 * REACH + 1))
+    times = _moments(orbit)
+    u = orbit.displacement(near[:, None], times)
+    first = float(orbit.times[0])
+    walls = np.array([orbit.walls.at(n if own is None else n % own) for n in near.tolist()])
+    walls[~np.isfinite(walls)] = math.nan
+    at = orbit.displacement(near, first)
+    return Profile(near, first, at, u.min(axis=1), u.max(axis=1), walls)
+
+
+def _moments(orbit: Orbit) -> Array:
+    """Times of a period, its impacts among them: there sites turn round sharply."""
+    hits = [hit.time % orbit.period for hit in orbit.hits]
+    return np.sort(np.concatenate([np.linspace(0.0, orbit.period, MOMENTS), hits]))
+
+
+def motion(orbit: Orbit, sites: tuple[int, ...]) -> Motion:
+    """The sites that there are among those wanted."""
+    own = orbit.lattice.sites
+    there = [n for n in sites if own is None or -own <= n < own] or [orbit.section.hit[0]]
+    times = _moments(orbit)
+    u = orbit.displacement(np.array(there)[:, None], times)
+    real = {n if own is None else n % own: n for n in there}
+    hits = tuple(
+        (
+            real[hit.site],
+            (hit.time % orbit.period) / math.tau,
+            orbit.walls.at(hit.site)[hit.wall > 0],
+        )
+        for hit in orbit.hits
+        if hit.site in real
+    )
+    walls = {wall for n in real for wall in orbit.walls.at(n) if math.isfinite(wall)}
+    return Motion(times / math.tau, dict(zip(there, u, strict=True)), hits, tuple(sorted(walls)))
+
+
+def multipliers(orbit: Orbit, ring: int) -> Multipliers:
+    """On its own lattice if that is finite, otherwise on a ring of so many sites."""
+    own, half = orbit.lattice.sites, orbit.symmetric
+    mu = orbit.multipliers(sites=ring if own is None else None, half=half)
+    lattice = f"ring of {ring}" if own is None else orbit.lattice.describe()
+    about = f"over {'half a' if half else 'a'} period, {lattice}"
+    ringlike = own is None or isinstance(orbit.lattice, Ring)
+    if not ringlike or orbit.damping:
+        return Multipliers(mu, np.abs(mu) > 1.0 + 1e-9, None, about)
+    edge = math.sqrt(orbit.spring + 4.0 * orbit.gamma) * orbit.section.length / math.pi
+    return Multipliers(mu, off_the_band(mu, edge, own or ring), min(edge, 1.0), about)
+
+
+def verdicts(orbit: Orbit, ring: int) -> Iterator[tuple[str, str]]:
+    """What is said of it: a heading and a sentence each."""
+    margins = orbit.admissibility()
+    yield "admissible" if margins.ok else "not admissible", margins.reason
+    if not margins.ok and margins.margin < -1e-9:
+        yield "stability", "nothing is said of it: the lattice has no such motion"
+        return
+    yield "own lattice", _sentence(lambda: orbit.stability().describe())
+    if orbit.lattice.sites is None:
+        yield f"ring of {ring}", _sentence(lambda: orbit.stability(sites=ring).describe())
+        if orbit.symmetric and orbit.section.count == 1:
+            yield "over-reflection", _sentence(lambda: _reflection(orbit))
+
+
+def _reflection(orbit: Orbit) -> str:
+    found = orbit.stability().over_reflection
+    if not found.over_reflecting:
+        return "waves come back no larger than they were: no ring of any size is unstable by them"
+    return (
+        f"waves come back up to {math.exp(found.gain):.6g} times as large (at the angle "
+        f"{found.nu:.6g} pi); on long rings |mu| = 1 + {found.growth:.6g}/N over half a period"
+    )
+
+
+def _sentence(ask: Callable[[], str]) -> str:
+    try:
+        return ask()
+    except BadInput as error:
+        return f"not known: {error}"
+    except ContbreatherError as error:
+        return str(error)
+
+
+def numbers(orbit: Orbit) -> dict[str, float]:
+    """Its parameters, and what there is of p, phi, times, impulses."""
+    found = dict(orbit.conditions.params)
+    found = {n: v for n, v in found.items() if v or n not in ("damping", "spring")}
+    if orbit.symmetric and orbit.section.count == 1:
+        return {**found, "p": orbit.p, "phi": orbit.phi}
+    for i, one in enumerate(orbit.impacts, start=1):
+        found |= {f"t{i}": one.time, f"impulse {i}": one.impulse}
+    return {**found, "c": orbit.c} if orbit.c else found

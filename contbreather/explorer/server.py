@@ -1,0 +1,78 @@
+"""The explorer in a browser: a server on this machine that ends with Ctrl-C."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Sequence
+from typing import Any
+
+from contbreather.checks import whole
+from contbreather.errors import BadInput
+from contbreather.explorer.session import Session
+
+LOOPBACK = "127.0.0.1"
+HIGHEST = 65535
+
+
+def server_for(
+    explorer: Session, *, port: int = 0, address: str = LOOPBACK, origins: Sequence[str] = ()
+) -> tuple[Any, str]:
+    """A server that is not running yet, and where a browser finds it.
+
+    Parameters
+    ----------
+    explorer : Session
+        The one that every page shows.
+    port : int
+        Any free one unless given.
+    address : str
+        This machine alone unless given.
+    origins : sequence of str
+        ``HOST:PORT`` of pages from elsewhere that may talk to it; those of the server itself may.
+
+    Raises
+    ------
+    BadInput
+        If the port is taken or the address is not one of this machine, or Panel is missing.
+    """
+    panel = _panel()
+    if whole("port", port, 0) > HIGHEST:
+        raise BadInput(
+            f"port = {port}: ports are whole numbers up to {HIGHEST}, 0 for any free one"
+        )
+    port = _free(address, port)
+    own = [f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address))]
+    from contbreather.explorer.template import in_template
+
+    server = panel.io.server.get_server(
+        {"/": lambda: in_template(explorer)}, port=port, address=address, start=False, show=False,
+        websocket_origin=[*own, *origins], title="contbreather explorer", verbose=False,
+    )  # fmt: skip
+    return server, f"http://{LOOPBACK if address == LOOPBACK else address}:{port}/"
+
+
+def _panel() -> Any:
+    try:
+        import panel
+    except ModuleNotFoundError as error:
+        raise BadInput(
+            f"the explorer needs {error.name}, which is not installed: "
+            "pip install 'contbreather[explorer]'"
+        ) from error
+    return panel
+
+
+def _free(address: str, port: int) -> int:
+    """The port, or a free one for 0; asked before anything is loaded for it."""
+    try:
+        found = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(found[0], found[1]) as one:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            one.bind(found[4])
+            return int(one.getsockname()[1])
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise BadInput(
+            f"cannot listen at {address}, port {port}: {reason}; choose another port, or 0 for "
+            "any that is free"
+        ) from error

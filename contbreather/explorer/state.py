@@ -1,0 +1,200 @@
+"""What the explorer shows, as one frozen value, and the script that makes the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from contbreather.breathers.zones import Zones
+from contbreather.continuation import Branch, Point
+from contbreather.continuation.diagram import Diagram
+from contbreather.continuation.switching import lift_of
+from contbreather.dynamics import Run
+
+RING = 400  # sites of the ring that is judged besides, the paper's
+
+
+@dataclass(frozen=True)
+class Named:
+    """A curve, and how the script calls it."""
+
+    code: str
+    branch: Branch
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What was clicked at, and how the script makes it.
+
+    Attributes
+    ----------
+    code : str
+        ``branch1[17]``, ``cb.symmetric(a=0.5, gamma=0.08, k=0.8)``.
+    orbit : Orbit or None
+        None where a point is known by its numbers only.
+    point : Point or None
+        None where no curve goes through it.
+    curve : str
+        How the script calls that curve.
+    index : int
+        The number of the point on it.
+    """
+
+    code: str
+    orbit: Any
+    point: Point | None = None
+    curve: str = ""
+    index: int = -1
+
+    @property
+    def switches(self) -> bool:
+        """Whether other curves leave it."""
+        return self.point is not None and lift_of(self.point) is not None
+
+    @property
+    def traces(self) -> bool:
+        """Whether it is an event that can be followed in two parameters."""
+        event = None if self.point is None else self.point.event
+        event = getattr(event, "base", event)
+        return event is not None and event.locus is not None
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """The parameters that can vary."""
+        if self.point is not None:
+            return tuple(self.point.ground.curve.problem.params)
+        return tuple(self.orbit.problem.params)
+
+    @property
+    def title(self) -> str:
+        """Its label, if it has one, and where it is."""
+        label = self.point.title if self.point is not None else ""
+        return f"{label} on {self.curve}" if label else self.code.removeprefix("cb.")
+
+
+@dataclass(frozen=True)
+class State:
+    """All that is seen.
+
+    Attributes
+    ----------
+    k, forcing : float, str
+        What the zone diagram is wanted for; `plane` may still be that of another k.
+    plane : Zones or None
+    curves : tuple of Named
+        In the order in which they were made.
+    hidden : frozenset of str
+        Curves that are not drawn, by their names in the script.
+    axes : tuple of (str, str)
+        Columns of the bifurcation diagram; empty names are the first curve's own.
+    chosen : Chosen or None
+    sites, ring : tuple of int, int
+        Whose motion is drawn; which ring is judged besides.
+    run : tuple of (str, Run) or None
+        The last simulation, and how the script calls it.
+    lines : tuple of str
+        Of the script, as far as it makes curves and runs.
+    """
+
+    k: float = 0.8
+    forcing: str = ""
+    plane: Zones | None = None
+    curves: tuple[Named, ...] = ()
+    hidden: frozenset[str] = frozenset()
+    axes: tuple[str, str] = ("", "")
+    chosen: Chosen | None = None
+    sites: tuple[int, ...] = (0, 1, 2)
+    ring: int = RING
+    run: tuple[str, Run] | None = None
+    lines: tuple[str, ...] = field(default=())
+
+    @property
+    def shown(self) -> tuple[Named, ...]:
+        """The curves that are drawn: of those that are not hidden, those with both columns."""
+        columns = [name for name in self.axes if name]
+        return tuple(
+            one
+            for one in self.curves
+            if one.code not in self.hidden and set(columns) <= set(one.branch.names)
+        )
+
+    @property
+    def columns(self) -> tuple[str, str]:
+        """What the axes of the bifurcation diagram are."""
+        first = next((one.branch for one in self.curves if one.code not in self.hidden), None)
+        if first is None:
+            return "a", "p"
+        varied = first.curve.varied
+        other = varied[1] if len(varied) > 1 else next(iter(first.problem.start))
+        return self.axes[0] or first.free, self.axes[1] or other
+
+    @property
+    def title(self) -> str:
+        """What the zone diagram is about."""
+        return f"k = {self.k:g}" + (f", F = a ({self.forcing})" if self.forcing else "")
+
+    def curve(self, code: str) -> Branch:
+        """The curve that the script calls so."""
+        return next(one.branch for one in self.curves if one.code == code)
+
+    def with_result(self, name: str, lines: Iterable[str], value: Any) -> State:
+        """With one more result, whatever `save` takes or several of that, and how it came."""
+        parts = dict(leaves(name, value))
+        curves = [Named(code, one) for code, one in parts.items() if isinstance(one, Branch)]
+        runs = [(c, one) for c, one in parts.items() if isinstance(one, Run) and one.record]
+        planes = [one for one in parts.values() if isinstance(one, Zones) and one.fixed[0] == "k"]
+        plane = planes[-1] if planes else self.plane
+        return replace(
+            self,
+            lines=(*self.lines, *lines),
+            curves=(*self.curves, *curves),
+            run=runs[-1] if runs else self.run,
+            plane=plane,
+            k=plane.fixed[1] if planes and plane is not None else self.k,
+        )
+
+    def script(self) -> str:
+        """Python that computes and draws what is seen, to the last digit."""
+        return "\n".join([*self._made(), *self._asked(), *self._drawn()]) + "\n"
+
+    def _made(self) -> Iterator[str]:
+        yield "import contbreather as cb"
+        yield ""
+        more = f", forcing={self.forcing!r}" if self.forcing else ""
+        yield f"zones = cb.zones(k={self.k!r}{more})"
+        yield from self.lines
+
+    def _asked(self) -> Iterator[str]:
+        if self.chosen is None:
+            return
+        yield f"here = {self.chosen.code}"
+        if self.chosen.orbit is not None:
+            orbit = self.chosen.orbit
+            asked = [] if orbit.lattice.sites is not None else [f"sites={self.ring}"]
+            asked += ["half=True"] if orbit.symmetric else []
+            yield "print(here.admissibility().reason)"
+            yield "print(here.stability())"
+            yield f"mu = here.multipliers({', '.join(asked)})"
+
+    def _drawn(self) -> Iterator[str]:
+        yield ""
+        yield 'cb.save_figure(cb.plotting.plot_zones(zones), "zones.pdf")'
+        if self.shown:
+            x, y = self.columns
+            curves = ", ".join(one.code for one in self.shown)
+            yield f'cb.save_figure(cb.plot({curves}, x="{x}", y="{y}"), "branches.pdf")'
+        if self.run is not None:
+            yield f'cb.save_figure(cb.plotting.plot_motion({self.run[0]}), "motion.pdf")'
+
+
+def leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """What a result consists of, by what the script calls it."""
+    if isinstance(value, Mapping):
+        for key, one in value.items():
+            yield from leaves(f"{code}[{key!r}]", one)
+    elif isinstance(value, tuple | list | Diagram):
+        for i, one in enumerate(value):
+            yield from leaves(f"{code}[{i}]", one)
+    else:
+        yield code, value

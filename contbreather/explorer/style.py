@@ -1,0 +1,44 @@
+"""How a page is laid out: beside each other where there is room, below each other where not."""
+
+from __future__ import annotations
+
+GRID = """
+:host { display: grid !important; gap: 10px; padding: 8px !important; align-items: stretch;
+  grid-template-columns: 300px minmax(0, 1fr) minmax(0, 1fr);
+  grid-template-rows: repeat(4, auto) 1fr;
+  grid-template-areas: "status status status" "forms zones branches" "forms profile motion"
+    "forms multipliers words" "forms run run"; }
+.status { grid-area: status; } .forms { grid-area: forms; } .zones { grid-area: zones; }
+.branches { grid-area: branches; } .profile { grid-area: profile; }
+.motion { grid-area: motion; } .multipliers { grid-area: multipliers; }
+.words { grid-area: words; } .run { grid-area: run; }
+.card { align-self: stretch !important; height: auto !important; min-width: 0; }
+@container (max-width: 1000px) {
+  :host { grid-template-columns: minmax(0, 1fr);
+  grid-template-rows: none;
+  grid-template-areas: "status" "zones" "branches" "words" "forms" "profile" "motion"
+    "multipliers" "run"; }
+}
+"""
+FORMS = """
+:host { display: grid !important; gap: 10px; align-content: start;
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, 280px), 1fr)); }
+"""
+OUTER = ":host { container-type: inline-size; }"  # what the query above looks at
+CARD = """
+:host { border: 1px solid color-mix(in srgb, currentColor 18%, transparent); border-radius: 6px;
+  padding: 6px !important; }
+"""
+STUCK = """
+:host { position: sticky; top: 0; z-index: 5; background: var(--bs-body-bg, white); }
+"""
+WORDS = """
+.trouble { color: #c92a2a; font-size: 13px; margin: 2px 0 4px; }
+:host-context([data-bs-theme=dark]) .trouble { color: #ff8787; }
+h2 { font-size: 15px; margin: 2px 0; font-weight: 600; }
+dl { margin: 0; font-size: 13px; line-height: 1.4; } dt { font-weight: 600; }
+dd { margin: 0 0 5px 0; overflow-wrap: anywhere; }
+table { font-size: 13px; border-collapse: collapse; margin-bottom: 6px; }
+td { padding: 0 12px 0 0; font-variant-numeric: tabular-nums; }
+pre { font-size: 12px; white-space: pre-wrap; overflow-wrap: anywhere; margin: 4px 0; }
+"""

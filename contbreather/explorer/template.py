@@ -1,0 +1,37 @@
+"""The page around an explorer in a browser: its heading, and the switch between light and dark."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import panel as pn
+
+from contbreather.explorer.page import Page
+from contbreather.explorer.session import Session
+
+# the first time a page follows what the system of its reader prefers
+FOLLOW = """
+const asked = new URLSearchParams(location.search)
+if (!asked.has("theme") && matchMedia("(prefers-color-scheme: dark)").matches) {
+  asked.set("theme", "dark"); location.replace("?" + asked)
+}
+"""
+LINK = """
+a { color: inherit; font-size: 14px; }
+"""
+
+
+def in_template(explorer: Session) -> Any:
+    """A new page of an explorer."""
+    dark = pn.config.theme == "dark"
+    other = "default" if dark else "dark"
+    link = pn.pane.HTML(
+        f'<a href="?theme={other}">{"light" if dark else "dark"}</a>', stylesheets=[LINK],
+        align="end",
+    )  # fmt: skip
+    return pn.template.BootstrapTemplate(
+        title="contbreather explorer",
+        theme="dark" if dark else "default",
+        header=[link],
+        main=[Page(explorer).layout],
+    )

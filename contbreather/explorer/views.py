@@ -1,0 +1,398 @@
+"""Figures in Bokeh: each is made once, empty, and shows what `show` is given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from bokeh.models import ColumnDataSource, HoverTool, Range1d
+from bokeh.plotting import figure
+from numpy.typing import NDArray
+
+from contbreather.breathers.zones import Zones
+from contbreather.continuation import Branch, Point
+from contbreather.dynamics import Run
+from contbreather.dynamics.states import PERIOD
+from contbreather.explorer.ink import Ink
+from contbreather.explorer.seen import Motion, Multipliers, Profile
+from contbreather.explorer.state import Chosen, Named, State
+from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, pieces
+from contbreather.plotting.zones import names_of_meetings
+
+Array = NDArray[Any]
+
+GREEK = {"gamma": "γ", "phi": "φ", "mu": "μ", "nu": "ν"}
+MARKS = {
+    "LP": "square", "BP": "diamond", "PF": "triangle", "NS": "circle", "PD": "inverted_triangle",
+    "GR": "x", "HB": "star", "EP": "dot", "MX": "x", "UZ": "plus",
+}  # fmt: skip
+OTHER = "hex"
+MARGIN = 0.08
+FARTHEST = 4.0  # from 0, where multipliers are still drawn
+DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
+LINES = {"LP": "solid", "GR": "dashed", "PF": "dashdot", "NS": "solid"}
+WORDS = {"LP": "fold (LP)", "GR": "grazing (GR)", "PF": "pitchfork (PF)",
+         "NS": "Neimark\N{EN DASH}Sacker (NS)"}  # fmt: skip
+
+
+def symbol(name: str) -> str:
+    """The letter of a parameter."""
+    return GREEK.get(name, name)
+
+
+def _sheet(ink: Ink, x: str, y: str, height: int | None, **more: Any) -> Any:
+    """An empty figure."""
+    fig: Any = figure(
+        height=height, sizing_mode="stretch_width", x_axis_label=x, y_axis_label=y,
+        tools="pan,wheel_zoom,box_zoom,reset,save", toolbar_location="right",
+        x_range=Range1d(start=0.0, end=1.0), y_range=Range1d(start=0.0, end=1.0), min_border=4,
+        background_fill_color=None, border_fill_color=None, outline_line_color=ink.faint, **more,
+    )  # fmt: skip
+    fig.toolbar.logo = None
+    fig.toolbar.autohide = True
+    fig.title.text_color = ink.text
+    fig.title.text_font_size = "13px"
+    for axis in (*fig.xaxis, *fig.yaxis):
+        axis.axis_label_text_color = axis.major_label_text_color = ink.text
+        axis.axis_label_text_font_size = "14px"
+        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = ink.faint
+        axis.axis_label_standoff = 2
+    fig.grid.grid_line_color = ink.grid
+    return fig
+
+
+def _legend(fig: Any, ink: Ink, place: str = "top_right") -> None:
+    if not fig.legend:
+        return
+    legend = fig.legend[0]
+    legend.location = place
+    legend.label_text_color = ink.text
+    legend.label_text_font_size = "11px"
+    legend.background_fill_color = ink.paper
+    legend.background_fill_alpha = 0.75
+    legend.border_line_color = None
+    legend.padding, legend.spacing, legend.glyph_width = 4, 0, 26
+
+
+def _reach(axis: Range1d, values: Iterable[float], least: float = 0.0) -> None:
+    """Let an axis show all values, and a little more."""
+    known = np.array([value for value in values if np.isfinite(value)])
+    if not known.size:
+        return
+    low, high = float(known.min()), float(known.max())
+    room = max(MARGIN * (high - low), least, 1e-9 * max(abs(low), abs(high), 1.0))
+    axis.update(start=low - room, end=high + room, reset_start=low - room, reset_end=high + room)
+
+
+class ZonesView:
+    """The plane of two parameters: regions, their limits, where these meet, what is looked at."""
+
+    def __init__(self, ink: Ink) -> None:
+        self.figure = fig = _sheet(ink, "γ", "a", 470)
+        self.shades = {"S": ink.stable, "US": ink.unstable}
+        self.regions = ColumnDataSource({"xs": [], "ys": [], "colour": []})
+        fig.multi_polygons(
+            "xs", "ys", source=self.regions, fill_color="colour", line_color="colour"
+        )
+        colours = {"LP": ink.line, "GR": ink.line, "PF": ink.vermillion, "NS": ink.blue}
+        self.curves = {kind: ColumnDataSource({"xs": [], "ys": []}) for kind in LINES}
+        for kind, source in self.curves.items():
+            fig.multi_line(
+                "xs", "ys", source=source, color=colours[kind], line_width=2,
+                line_dash=LINES[kind], legend_label=WORDS[kind],
+            )  # fmt: skip
+        self.letters = ColumnDataSource({"x": [], "y": [], "text": []})
+        fig.text(
+            "x", "y", "text", source=self.letters, text_color=ink.text, text_align="center",
+            text_baseline="middle", text_font_style="bold", text_font_size="16px",
+        )  # fmt: skip
+        self.meetings = ColumnDataSource({"x": [], "y": [], "text": []})
+        fig.scatter(
+            "x", "y", source=self.meetings, marker="hex", size=9, fill_color=ink.paper,
+            line_color=ink.line,
+        )  # fmt: skip
+        fig.text(
+            "x", "y", "text", source=self.meetings, text_color=ink.text, x_offset=8, y_offset=-4,
+            text_font_size="12px",
+        )  # fmt: skip
+        self.traced = ColumnDataSource({"xs": [], "ys": []})
+        fig.multi_line("xs", "ys", source=self.traced, color=ink.cycle[2], line_width=1.5)
+        self.here = _here(fig, ink)
+        _legend(fig, ink)
+
+    def show(self, zones: Zones) -> None:
+        """Another diagram."""
+        x, y = zones.pair
+        shaded = [one for one in zones.regions if one.verdict]
+        outlines = [(one.outline, *one.holes) for one in shaded]
+        self.regions.data = {
+            "xs": [[[ring[:, 0] for ring in rings]] for rings in outlines],
+            "ys": [[[ring[:, 1] for ring in rings]] for rings in outlines],
+            "colour": [self.shades[one.verdict] for one in shaded],
+        }
+        for kind, source in self.curves.items():
+            source.data = {"xs": [b[x] for b in zones[kind]], "ys": [b[y] for b in zones[kind]]}
+        found = names_of_meetings(zones)
+        self.meetings.data = dict(zip(("x", "y", "text"), _columns(found, 3), strict=True))
+        letters = [(one.x, one.y, one.verdict) for one in shaded]
+        self.letters.data = dict(zip(("x", "y", "text"), _columns(letters, 3), strict=True))
+        (_, right), (_, top) = zones.box()
+        _reach(self.figure.x_range, [0.0, right])
+        _reach(self.figure.y_range, [0.0, 1.08 * top])
+
+    def title(self, wanted: State) -> None:
+        """Say what is shown, and what is on its way."""
+        shown = None if wanted.plane is None else wanted.plane.fixed[1]
+        words = "no diagram yet" if shown is None else f"k = {shown:g}"
+        late = "" if shown == wanted.k else f"; k = {wanted.k:g} is being computed"
+        self.figure.title.text = words + late
+
+    def boundaries(self, curves: Iterable[Named], k: float) -> None:
+        """Draw the traced curves that lie in this plane, on those of the diagram."""
+        pairs = [
+            (one.branch["gamma"], one.branch["a"])
+            for one in curves
+            if set(one.branch.curve.varied) == {"gamma", "a"}
+            and one.branch.problem.params.get("k") == k
+        ]
+        xs, ys = _columns(pairs, 2)
+        self.traced.data = {"xs": xs, "ys": ys}
+
+    def choose(self, chosen: Chosen | None, k: float) -> None:
+        """Mark what is looked at, if it lies in this plane."""
+        place: dict[str, list[float]] = {"x": [], "y": []}
+        orbit = None if chosen is None else chosen.orbit
+        if orbit is not None and abs(orbit.k - k) < 1e-9:
+            place = {"x": [orbit.gamma], "y": [orbit.a]}
+        self.here.data = place
+
+
+def _here(fig: Any, ink: Ink) -> ColumnDataSource:
+    """The mark of what is looked at."""
+    source = ColumnDataSource({"x": [], "y": []})
+    for size, colour, width in ((15, ink.paper, 5), (15, ink.vermillion, 2.5)):
+        fig.scatter(
+            "x", "y", source=source, size=size, fill_color=None, line_color=colour,
+            line_width=width, level="annotation",
+        )  # fmt: skip
+    return source
+
+
+def marked(branch: Branch) -> list[tuple[int, Point]]:
+    """The special points with their numbers; those between are not made for that."""
+    places = np.searchsorted(branch["arclength"], [p.arclength for p in branch.special])
+    return list(zip(places.tolist(), branch.special, strict=True))
+
+
+def _columns(rows: Sequence[Sequence[Any]], count: int) -> list[list[Any]]:
+    """Rows as columns, also where there are none."""
+    return [[row[i] for row in rows] for i in range(count)]
+
+
+class BranchView:
+    """The bifurcation diagram: solid where stable, special points labelled."""
+
+    def __init__(self, ink: Ink) -> None:
+        self.ink = ink
+        self.figure = fig = _sheet(ink, "a", "p", 380, title="no branch yet")
+        self.lines = {}
+        for style, dash in DASHES.items():
+            self.lines[style] = ColumnDataSource({"xs": [], "ys": [], "colour": []})
+            fig.multi_line(
+                "xs", "ys", source=self.lines[style], color="colour", line_dash=dash, line_width=2
+            )
+        names = ("x", "y", "text", "colour", "mark", "what")
+        self.special = ColumnDataSource({name: [] for name in names})
+        marks = fig.scatter(
+            "x", "y", source=self.special, marker="mark", size=9, fill_color="colour",
+            line_color="colour",
+        )  # fmt: skip
+        fig.add_tools(HoverTool(renderers=[marks], tooltips=[("", "@what")]))
+        fig.text(
+            "x", "y", "text", source=self.special, text_color=ink.text, x_offset=7, y_offset=-5,
+            text_font_size="12px",
+        )  # fmt: skip
+        self.here = _here(fig, ink)
+
+    def show(self, curves: Sequence[Named], x: str, y: str) -> None:
+        """Other curves, or other columns of them."""
+        drawn: dict[str, list[Any]] = {style: [] for style in DASHES}
+        marked = []
+        for i, one in enumerate(curves):
+            colour = self.ink.cycle[i % len(self.ink.cycle)]
+            for style, xs, ys in pieces(one.branch, x, y):
+                drawn[style].append((xs, ys, colour))
+            marked += [_mark(point, one, x, y, colour) for point in one.branch.special]
+        for style, rows in drawn.items():
+            found = dict(zip(("xs", "ys", "colour"), _columns(rows, 3), strict=True))
+            self.lines[style].data = found
+        names = ("x", "y", "text", "colour", "mark", "what")
+        self.special.data = dict(zip(names, _columns(marked, 6), strict=True))
+        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
+        self.figure.title.text = ", ".join(one.code for one in curves) or "no branch yet"
+        for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
+            _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
+
+    def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
+        """Mark the point that is looked at."""
+        place: dict[str, list[float]] = {"x": [], "y": []}
+        point = None if chosen is None else chosen.point
+        if point is not None:
+            place = {"x": [_value(point, x)], "y": [_value(point, y)]}
+        self.here.data = place
+
+    def nearest(self, curves: Iterable[Named], x: str, y: str, at: tuple[float, float]) -> Any:
+        """The curve and the number of the point next to a place of the figure; None if there is
+        none. Special points draw a little more."""
+        width = self.figure.x_range.end - self.figure.x_range.start
+        height = self.figure.y_range.end - self.figure.y_range.start
+        found = []
+        for one in curves:
+            across = (_column(one, x) - at[0]) / (width or 1.0)
+            up = (_column(one, y) - at[1]) / (height or 1.0)
+            far = np.hypot(across, up)
+            far[[i for i, _ in marked(one.branch)]] *= 0.5
+            found.append((float(far.min()), one.code, int(far.argmin())))
+        return min(found)[1:] if found else None
+
+
+def _column(one: Named, name: str) -> Array:
+    values = np.asarray(one.branch[name], dtype=float)
+    return values if values.ndim == 1 else values.max(axis=1)
+
+
+def _value(point: Any, name: str) -> float:
+    if name in ("arclength", "residual"):
+        return float(getattr(point, name))
+    try:
+        return float(np.max(point[name]))
+    except ValueError:  # of a column that this curve does not have
+        return float("nan")
+
+
+def _mark(point: Any, one: Named, x: str, y: str, colour: str) -> tuple[Any, ...]:
+    text = point.label if point.located else f"{point.label}?"
+    values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
+    what = f"{point.title} of {one.code}: {values}"
+    quiet = point.kind == "EP"
+    mark = MARKS.get(point.kind, OTHER)
+    return _value(point, x), _value(point, y), "" if quiet else text, colour, mark, what
+
+
+class ProfileView:
+    """Sites at the first impact, and the stretch each of them moves in."""
+
+    def __init__(self, ink: Ink) -> None:
+        self.figure = fig = _sheet(ink, "site n", "u", 260, title="profile")
+        self.walls = ColumnDataSource({"x0": [], "x1": [], "y": []})
+        fig.segment("x0", "y", "x1", "y", source=self.walls, line_color=ink.faint, line_width=2)
+        self.sites = ColumnDataSource({"n": [], "u": [], "low": [], "high": []})
+        fig.segment(
+            "n", "low", "n", "high", source=self.sites, line_color=ink.blue, line_alpha=0.35,
+            line_width=7,
+        )  # fmt: skip
+        fig.scatter("n", "u", source=self.sites, color=ink.vermillion, size=6)
+
+    def show(self, seen: Profile) -> None:
+        """The profile of another orbit."""
+        n = seen.sites.astype(float)
+        both, walls = np.repeat(n, 2), seen.walls.ravel()
+        self.walls.data = {"x0": both - 0.5, "x1": both + 0.5, "y": walls}
+        self.sites.data = {"n": n, "u": seen.at_impact, "low": seen.lowest, "high": seen.highest}
+        self.figure.title.text = f"profile at the impact, t = {seen.time:.4g}, and over the period"
+        _reach(self.figure.x_range, [n[0] - 0.5, n[-1] + 0.5])
+        _reach(self.figure.y_range, [*walls, *seen.lowest, *seen.highest])
+
+
+class MotionView:
+    """Some sites over a period of an orbit, or over all of a simulation."""
+
+    def __init__(self, ink: Ink, x: str) -> None:
+        self.ink = ink
+        self.figure = fig = _sheet(ink, x, "u", 260)
+        self.walls = ColumnDataSource({"xs": [], "ys": []})
+        fig.multi_line(
+            "xs", "ys", source=self.walls, color=ink.faint, line_dash="dashed", line_width=1.5
+        )
+        self.lines = ColumnDataSource({"xs": [], "ys": [], "colour": [], "site": []})
+        fig.multi_line(
+            "xs", "ys", source=self.lines, color="colour", line_width=1.8, legend_field="site"
+        )
+        self.hits = ColumnDataSource({"x": [], "y": [], "colour": []})
+        fig.scatter("x", "y", source=self.hits, color="colour", size=8)
+        _legend(fig, ink)
+        fig.legend[0].orientation = "horizontal"
+        fig.add_layout(fig.legend[0], "above")
+
+    def show(self, seen: Motion) -> None:
+        """The motion of an orbit, with its walls and impacts."""
+        colours = self._draw(seen.times, seen.by_site)
+        hits = [(time, wall, colours[site]) for site, time, wall in seen.hits]
+        self.hits.data = dict(zip(("x", "y", "colour"), _columns(hits, 3), strict=True))
+        self._bound(seen.walls)
+
+    def run(self, name: str, run: Run) -> None:
+        """The motion of a simulation."""
+        record = run.record
+        assert record is not None  # asked for by `work.simulated`
+        columns = zip(record.sites, record.u.T, strict=True)
+        self._draw(record.times / PERIOD, dict(columns))
+        self._bound([wall for n in record.sites for wall in run.conditions.walls.at(n)])
+        count = len(run.impacts)
+        self.figure.title.text = f"{name}: {run.periods} periods, {count} impacts; {run.stop.value}"
+
+    def _draw(self, times: Array, by_site: dict[int, Array]) -> dict[int, str]:
+        colours = {n: self.ink.cycle[i % len(self.ink.cycle)] for i, n in enumerate(by_site)}
+        self.lines.data = {
+            "xs": [times] * len(by_site), "ys": list(by_site.values()),
+            "colour": list(colours.values()), "site": [f"site {n}" for n in by_site],
+        }  # fmt: skip
+        _reach(self.figure.x_range, times[[0, -1]])
+        return colours
+
+    def _bound(self, walls: Iterable[float]) -> None:
+        there = sorted({wall for wall in walls if np.isfinite(wall)})
+        ends = [self.figure.x_range.start, self.figure.x_range.end]
+        self.walls.data = {"xs": [ends] * len(there), "ys": [[wall, wall] for wall in there]}
+        u = [value for line in self.lines.data["ys"] for value in (min(line), max(line))]
+        _reach(self.figure.y_range, [*there, *u])
+
+
+class MultipliersView:
+    """Multipliers: the unit circle, on it the band, and what stands alone."""
+
+    def __init__(self, ink: Ink) -> None:
+        self.figure = fig = _sheet(ink, "Re μ", "Im μ", None, title="multipliers")
+        self.ink = ink
+        fig.sizing_mode, fig.align = None, "center"
+        fig.width, fig.frame_width, fig.frame_height = 330, 250, 250  # a circle stays one
+        self.band = ColumnDataSource({"xs": [], "ys": []})
+        fig.multi_line("xs", "ys", source=self.band, color=ink.band, line_width=11)
+        angle = np.linspace(-np.pi, np.pi, 361)
+        fig.line(np.cos(angle), np.sin(angle), color=ink.faint, line_width=1)
+        self.dots = ColumnDataSource({"x": [], "y": [], "colour": [], "size": []})
+        fig.scatter("x", "y", source=self.dots, color="colour", size="size")
+
+    def show(self, seen: Multipliers) -> None:
+        """Those of another orbit."""
+        mu, out = seen.mu, seen.alone & (np.abs(seen.mu) > 1.0)
+        self.dots.data = {
+            "x": mu.real, "y": mu.imag,
+            "colour": np.where(out, self.ink.vermillion, self.ink.blue).tolist(),
+            "size": np.where(seen.alone, 8.0, 2.5),
+        }  # fmt: skip
+        arcs = [] if seen.edge is None else [np.linspace(0, s * np.pi * seen.edge) for s in (1, -1)]
+        self.band.data = {"xs": [np.cos(a) for a in arcs], "ys": [np.sin(a) for a in arcs]}
+        largest = float(np.abs(mu).max(initial=0.0))
+        beyond = f"; one at |μ| = {largest:.4g}" if largest > FARTHEST else ""
+        self.figure.title.text = f"{seen.about}{beyond}"
+        reach = 1.1 * min(max(1.15, largest), FARTHEST)
+        for axis in (self.figure.x_range, self.figure.y_range):
+            axis.update(start=-reach, end=reach, reset_start=-reach, reset_end=reach)
+
+    def nothing(self, why: str) -> None:
+        """None are known, for this reason."""
+        self.dots.data = {"x": [], "y": [], "colour": [], "size": []}
+        self.band.data = {"xs": [], "ys": []}
+        self.figure.title.text = why

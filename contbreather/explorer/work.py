@@ -1,0 +1,148 @@
+"""What the buttons do: each a computation, and the line of the script that does the same."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from contbreather.breathers import symmetric
+from contbreather.continuation import Branch, boundary, trace
+from contbreather.continuation.switching import switch
+from contbreather.dynamics import Sample, simulate
+from contbreather.errors import BadInput
+from contbreather.explorer.background import Job, Progress
+from contbreather.explorer.state import Chosen
+from contbreather.lattice import Ring
+
+Window = tuple[float, float]
+MOMENTS = 32  # in a period, at which a simulation is seen
+
+
+@dataclass(frozen=True)
+class Work:
+    """A computation.
+
+    Attributes
+    ----------
+    title : str
+        What is under way, for people.
+    name : str
+        What its result is called in the script, without its number.
+    code : str
+        The expression that gives it.
+    job : callable
+        ``job(progress)`` gives it.
+    setup : tuple of str
+        Lines of the script that come before.
+    """
+
+    title: str
+    name: str
+    code: str
+    job: Job
+    setup: tuple[str, ...] = ()
+
+
+def breather(sites: int | None = None, forcing: str = "", **values: float) -> Chosen:
+    """A breather by its parameters, typed in or clicked at: a, gamma, k, damping, spring.
+
+    Raises
+    ------
+    BadInput
+        If there is none, or a value is out of range.
+    """
+    lattice = None if sites is None else Ring(sites)
+    given: dict[str, Any] = {**values, "lattice": lattice, "forcing": forcing or None}
+    orbit = symmetric(**given)
+    words = [f"{name}={value!r}" for name, value in values.items()]
+    words += [] if sites is None else [f"lattice=cb.Ring({sites})"]
+    words += [f"forcing={forcing!r}"] if forcing else []
+    return Chosen(f"cb.symmetric({', '.join(words)})", orbit)
+
+
+def point_of(code: str, branch: Branch, index: int) -> Chosen:
+    """A point of a curve; of one that was loaded without its equations its numbers only."""
+    point = branch[index]
+    try:
+        orbit = point.solution
+    except BadInput:
+        orbit = None
+    if not hasattr(orbit, "admissibility"):  # what another problem's points are is its own
+        orbit = None
+    place = f".first({point.label!r})" if point.label else f"[{index}]"
+    return Chosen(code + place, orbit, point, code, index)
+
+
+def traced(chosen: Chosen, free: str, window: Window) -> Work:
+    """The branch through it in one parameter."""
+    start = chosen.orbit if chosen.point is None else chosen.point
+    within = {free: window}
+
+    def job(progress: Progress) -> Any:
+        return trace(start, free, within=within, progress=progress.points())
+
+    return Work(
+        f"branch in {free}", "branch", f'cb.trace({chosen.code}, "{free}", within={within})', job
+    )
+
+
+def switched(chosen: Chosen) -> Work:
+    """All that leaves a special point."""
+    point = _special(chosen, "to switch at")
+
+    def job(progress: Progress) -> Any:
+        return switch(point, progress=progress.points())
+
+    return Work(f"arms of {point.label}", "arms", f"cb.switch({chosen.code})", job)
+
+
+def bounded(chosen: Chosen, pair: tuple[str, str], within: Mapping[str, Window]) -> Work:
+    """The curve of a special point in two parameters."""
+    point = _special(chosen, "to trace")
+    windows = {name: within[name] for name in pair if name in within}
+
+    def job(progress: Progress) -> Any:
+        return boundary(point, pair, within=windows, progress=progress.points())
+
+    code = f"cb.boundary({chosen.code}, {pair}, within={windows})"
+    return Work(f"boundary of {point.label}", "line", code, job)
+
+
+def _special(chosen: Chosen, what: str) -> Any:
+    if chosen.point is None or not chosen.point.kind:
+        raise BadInput(
+            f"no special point {what}: choose one of the labelled points of a curve first."
+        )
+    return chosen.point
+
+
+def simulated(
+    chosen: Chosen, sites: int, periods: int, push: float, watched: tuple[int, ...]
+) -> Work:
+    """The lattice let go from its state, with a push to the site that impacts."""
+    if chosen.orbit is None:
+        raise BadInput("nothing to simulate: choose a breather or a point of its branch first.")
+    infinite = chosen.orbit.lattice.sites is None
+    orbit = chosen.orbit.on(Ring(sites)) if infinite else chosen.orbit
+    site, there = orbit.section.hit[0], orbit.lattice.sites
+    sample = Sample(tuple(n for n in watched if -there <= n < there) or (site,), MOMENTS)
+
+    def job(progress: Progress) -> Any:
+        u, v = (np.array(one) for one in orbit.state())
+        v[site] += push
+        shown = progress.periods(periods)
+        return simulate(
+            (u, v), **vars(orbit.conditions), periods=periods, sample=sample, progress=shown
+        )
+
+    setup = (
+        f"orbit = {chosen.code}" + f".on(cb.Ring({sites}))" * infinite,
+        "u, v = (one.copy() for one in orbit.state())",
+        f"v[{site}] += {push!r}",
+        f"sample = cb.dynamics.Sample({sample.sites}, {MOMENTS})",
+    )
+    code = f"cb.simulate((u, v), **vars(orbit.conditions), periods={periods}, sample=sample)"
+    return Work(f"{periods} periods on the {orbit.lattice.describe()}", "run", code, job, setup)

@@ -1,0 +1,195 @@
+"""A page without a browser: what it shows, what its widgets do, what it refuses and where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import contbreather as cb
+from contbreather.explorer import Explorer
+from contbreather.explorer.page import Page
+
+LONG = 60.0
+
+
+@pytest.fixture(scope="module")
+def plane() -> Any:
+    return cb.zones(k=0.8)
+
+
+@pytest.fixture
+def page(plane: Any) -> Iterator[Page]:
+    explorer = Explorer()
+    explorer._planes[0.8, ""] = plane
+    yield Page(explorer)
+    explorer.stop()
+
+
+def press(page: Page, name: str) -> None:
+    """Press a button and wait for what it began."""
+    button = page.forms.buttons[name]
+    assert not button.disabled
+    button.clicks += 1
+    assert page.explorer.wait(LONG)
+
+
+def sentence(trouble: Any) -> str:
+    assert trouble.view.visible == ('role="alert"></div>' not in trouble.view.object)
+    return str(trouble.view.object) if trouble.view.visible else ""
+
+
+def test_a_click_into_the_zones_shows_that_breather(page: Page) -> None:
+    page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    assert "<td>p</td><td>0.808749129989</td>" in page.words.object
+    assert page.zones.here.data == {"x": [0.08], "y": [0.5]}
+    assert page.profile.sites.data["n"].size == 21
+    assert page.motion.lines.data["site"] == ["site 0", "site 1", "site 2"]
+    assert page.multipliers.dots.data["x"].size == 800
+
+
+def test_a_click_where_nothing_is_says_so_below_the_figure(page: Page) -> None:
+    page._zones_tapped(SimpleNamespace(x=0.08, y=0.001))
+    assert "smallest" in sentence(page.zones_trouble)
+    page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    assert sentence(page.zones_trouble) == ""
+
+
+def test_the_diagram_has_its_curves_regions_and_meetings(page: Page) -> None:
+    assert {kind: len(one.data["xs"]) for kind, one in page.zones.curves.items()} == {
+        "LP": 1, "GR": 1, "PF": 1, "NS": 1,
+    }  # fmt: skip
+    assert set(page.zones.letters.data["text"]) == {"S", "US"}
+    assert len(page.zones.meetings.data["text"]) == 3
+    assert len(set(page.zones.regions.data["colour"])) == 2
+    assert page.zones.figure.title.text == "k = 0.8"
+
+
+@pytest.mark.parametrize(
+    ("name", "typed", "words"),
+    [
+        ("a", "half", "&#x27;half&#x27; is not a number"),
+        ("a", "nan", "a = nan"),
+        ("gamma", "0.3", "from 0 to 1/4"),
+        ("k", "", "is not a number"),
+        ("sites", "2.5", "a whole number from 3 to 2000"),
+        ("sites", "1e9", "a whole number"),
+    ],
+)
+def test_bad_input_is_refused_beside_its_field(
+    page: Page, name: str, typed: str, words: str
+) -> None:
+    page.forms.breather[name].input.value = typed
+    press(page, "Show")
+    assert words in sentence(page.forms.breather[name].trouble)
+    assert page.explorer.state.chosen is None
+    others = [field for other, field in page.forms.breather.items() if other != name]
+    assert not any(sentence(field.trouble) for field in others)
+
+
+def test_what_the_library_refuses_stands_below_the_button(page: Page) -> None:
+    for name, typed, words in (
+        ("a", "0.001", "smallest"),
+        ("forcing", "cos(t", "cos(t"),
+        ("forcing", "__import__('os')", "forcing"),
+    ):
+        page.forms.breather[name].input.value = typed
+        press(page, "Show")
+        assert words in sentence(page.forms.breather_trouble)
+        page.forms.breather[name].input.value = "0.5" if name == "a" else ""
+
+
+def test_what_is_typed_is_text_and_never_part_of_the_page(page: Page) -> None:
+    page.forms.breather["a"].input.value = "<script>alert(1)</script>"
+    press(page, "Show")
+    assert "<script>" not in sentence(page.forms.breather["a"].trouble)
+
+
+def test_a_story_with_the_buttons(page: Page) -> None:
+    off = [name for name, one in page.forms.buttons.items() if one.disabled]
+    assert set(off) == {
+        "Continue", "Switch branch here", "Trace this boundary", "Simulate from here",
+        "Save all curves",
+    }  # fmt: skip
+    for name, value in (("a", "0.7"), ("gamma", "0.04")):
+        page.forms.breather[name].input.value = value
+    press(page, "Show")
+    press(page, "Continue")
+    assert page.curve.value == "branch1"
+    assert [text for text in page.branches.special.data["text"] if text][1:] == [
+        "LP1",
+        "PF1",
+        "GR1",
+    ]
+    page.label.value = page.label.options["PF1"]
+    assert page.explorer.chosen.code == "branch1.first('PF1')"
+    assert page.branches.here.data["x"] == [pytest.approx(0.777632425944)]
+    press(page, "Switch branch here")
+    page.forms.free.value = "gamma"
+    press(page, "Trace this boundary")
+    assert page.shown.options == ["branch1", "arms2[0]", "arms2[1]", "line3"]
+    assert len(page.zones.traced.data["xs"]) == 1
+    page.forms.length["periods"].input.value = "3"
+    press(page, "Simulate from here")
+    assert page.run_card.visible
+    assert page.run.figure.title.text.startswith("run4: 3 periods, 6 impacts")
+
+
+def test_a_click_beside_a_branch_takes_its_nearest_point(page: Page) -> None:
+    press(page, "Show")
+    press(page, "Continue")
+    branch = page.explorer.state.curve("branch1")
+    wanted = next(i for i, point in enumerate(branch) if not point.kind and i > 8)
+    x, y = branch["a"][wanted], branch["p"][wanted]
+    page._branch_tapped(SimpleNamespace(x=x + 1e-4, y=y - 1e-4))
+    assert page.explorer.chosen.code == f"branch1[{wanted}]"
+    assert page.point.value == wanted
+    page.point.value = wanted + 1
+    assert page.explorer.chosen.code == f"branch1[{wanted + 1}]"
+
+
+def test_columns_and_curves_are_chosen(page: Page) -> None:
+    press(page, "Show")
+    press(page, "Continue")
+    page.y.value = "phi"
+    assert page.branches.figure.yaxis.axis_label == "φ"
+    page.shown.value = []
+    assert page.branches.figure.title.text == "no branch yet"
+
+
+def test_sites_and_ring_are_typed_and_refused_in_place(page: Page) -> None:
+    press(page, "Show")
+    page.asked["sites"].input.value = "0 5"
+    page.asked["ring"].input.value = "50"
+    assert page.motion.lines.data["site"] == ["site 0", "site 5"]
+    assert page.multipliers.dots.data["x"].size == 100
+    page.asked["sites"].input.value = "0, x"
+    assert "one to eight whole numbers" in sentence(page.asked["sites"].trouble)
+    assert page.explorer.state.sites == (0, 5)
+
+
+def test_a_page_that_is_loaded_again_shows_what_there_was(page: Page) -> None:
+    press(page, "Show")
+    press(page, "Continue")
+    page.point.value = 3
+    again = Page(page.explorer)
+    assert again.words.object == page.words.object
+    assert again.point.value == 3
+    assert again.branches.special.data["text"] == page.branches.special.data["text"]
+    assert page.explorer.chosen.code == "branch1[3]"  # the new page has chosen nothing itself
+
+
+def test_an_empty_file_name_is_refused_below_its_button(page: Page) -> None:
+    press(page, "Show")
+    press(page, "Continue")
+    page.forms.file.input.value = ""
+    press(page, "Save all curves")
+    assert "the name of the file" in sentence(page.forms.keep_trouble)
+
+
+def test_a_notebook_shows_the_same_page(page: Page) -> None:
+    bundle, _ = page.explorer._repr_mimebundle_()
+    assert "text/html" in bundle
+    assert "Neimark" in bundle["text/html"]

@@ -1,0 +1,81 @@
+"""What the panels say of an orbit is what the library says of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.explorer import seen
+
+B = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
+
+
+def test_profile_has_the_site_that_impacts_at_its_wall() -> None:
+    found = seen.profile(B)
+    centre = list(found.sites).index(0)
+    assert found.at_impact[centre] == pytest.approx(1.0, abs=1e-14)
+    assert found.highest[centre] == pytest.approx(1.0, abs=1e-12)
+    assert found.highest[centre + 1] == pytest.approx(B.admissibility().max_neighbour, abs=1e-4)
+    np.testing.assert_array_equal(found.walls, np.tile([-1.0, 1.0], (found.sites.size, 1)))
+
+
+def test_small_lattices_are_shown_whole() -> None:
+    ends = cb.symmetric(a=0.6, gamma=0.05, k=0.8, lattice=cb.OpenChain(9), site=0, damping=0.01)
+    assert list(seen.profile(ends).sites) == list(range(9))
+    assert list(seen.profile(B.on(cb.Ring(20))).sites) == list(range(20))
+
+
+def test_motion_marks_every_impact_on_its_wall() -> None:
+    found = seen.motion(B, (0, 1))
+    assert {(site, wall) for site, _, wall in found.hits} == {(0, -1.0), (0, 1.0)}
+    for site, time, wall in found.hits:
+        assert B.displacement(site, 2 * np.pi * time) == pytest.approx(wall, abs=1e-12)
+    assert found.walls == (-1.0, 1.0)
+
+
+def test_sites_that_a_lattice_lacks_are_left_out() -> None:
+    ring = B.on(cb.Ring(10))
+    assert list(seen.motion(ring, (0, 3, 40)).by_site) == [0, 3]
+    assert list(seen.motion(ring, (-1,)).by_site) == [-1]
+    assert list(seen.motion(ring, (40,)).by_site) == [0]
+
+
+def test_multipliers_of_a_symmetric_breather_are_those_of_half_a_period() -> None:
+    found = seen.multipliers(B, 100)
+    np.testing.assert_array_equal(found.mu, B.multipliers(sites=100, half=True))
+    assert found.about == "over half a period, ring of 100"
+    assert found.edge == pytest.approx(2.0 * 0.08**0.5)  # exp(+-i pi w), w up to 2 sqrt(gamma)
+    assert found.alone.sum() == 2
+
+
+def test_multipliers_of_a_finite_lattice_are_its_own() -> None:
+    damped = cb.symmetric(a=0.6, gamma=0.05, k=0.8, lattice=cb.Ring(12), damping=0.02)
+    found = seen.multipliers(damped, 400)
+    assert found.mu.size == 24
+    assert found.edge is None  # damped waves are on no circle of radius 1
+
+
+def test_verdicts_are_those_of_the_library() -> None:
+    said = dict(seen.verdicts(B, 400))
+    assert said["own lattice"] == B.stability().describe()
+    assert said["ring of 400"] == B.stability(sites=400).describe()
+    assert f"{B.stability().over_reflection.growth:.6g}/N" in said["over-reflection"]
+    assert said["admissible"] == B.admissibility().reason
+
+
+def test_nothing_is_said_of_the_stability_of_what_goes_through_a_wall() -> None:
+    through = cb.symmetric(a=0.9, gamma=0.08, k=0.8)
+    said = dict(seen.verdicts(through, 400))
+    assert said["not admissible"] == through.admissibility().reason
+    assert said["stability"].startswith("nothing is said of it")
+    assert len(said) == 2
+
+
+def test_arms_are_described_by_their_impacts() -> None:
+    arm = cb.switch(
+        cb.trace(cb.symmetric(a=0.7, gamma=0.04, k=0.8), "a", within={"a": (0.7, 0.9)}).first("PF")
+    )[0]
+    names = list(seen.numbers(arm[3].solution))
+    assert names == ["a", "gamma", "k", "t1", "impulse 1", "t2", "impulse 2", "c"]
+    assert "over-reflection" not in dict(seen.verdicts(arm[3].solution, 60))

@@ -1,0 +1,224 @@
+"""What is clicked is computed in the background, can be stopped, and a script makes it again."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.errors import BadInput, NoSolution
+from contbreather.explorer import Explorer, work
+from contbreather.explorer.background import Background, Progress
+from contbreather.explorer.work import Work
+
+WINDOWS = {"gamma": (0.02, 0.06), "a": (0.5, 1.2)}
+LONG = 60.0  # seconds: no test should ever wait as long
+
+
+def do(explorer: Explorer, one: Work) -> None:
+    """Begin work and wait for its end."""
+    explorer.begin(one)
+    assert explorer.wait(LONG)
+    assert explorer.message == ""
+
+
+@pytest.fixture(scope="module")
+def told() -> Explorer:
+    """A whole story: a breather, its branch, both arms, the pitchfork's boundary, a simulation."""
+    explorer = Explorer()
+    explorer.choose_at(a=0.7, gamma=0.04)
+    do(explorer, work.traced(explorer.chosen, "a", (0.6, 0.95)))
+    kinds = [point.kind for point in explorer.state.curve("branch1")]
+    explorer.choose_point("branch1", kinds.index("PF"))
+    do(explorer, work.switched(explorer.chosen))
+    do(explorer, work.bounded(explorer.chosen, ("gamma", "a"), WINDOWS))
+    explorer.choose_point("line3", 3)
+    do(explorer, work.traced(explorer.chosen, "k", (0.7, 0.9)))
+    explorer.choose_point("arms2[0]", 4)
+    do(explorer, work.simulated(explorer.chosen, 12, 5, 1e-3, (0, 1)))
+    return explorer
+
+
+def test_a_story_leaves_its_curves_under_the_names_of_the_script(told: Explorer) -> None:
+    codes = [one.code for one in told.state.curves]
+    assert codes == ["branch1", "arms2[0]", "arms2[1]", "line3", "branch4"]
+    assert told.state.run is not None
+    assert told.state.run[0] == "run5"
+
+
+def test_the_script_makes_what_is_seen_to_the_last_digit(told: Explorer) -> None:
+    lines = told.script().splitlines()
+    kept = [one for one in lines if not one.startswith(("cb.save_figure", "zones ="))]
+    made: dict[str, Any] = {}
+    exec("\n".join(kept), made)
+    for one in told.state.curves:
+        again = eval(one.code, made)
+        for name in ("a", "gamma", "p", "t1", "arclength"):
+            if name in one.branch.names:
+                np.testing.assert_array_equal(again[name], one.branch[name])
+        assert [p.label for p in again] == [p.label for p in one.branch]
+    assert told.state.run is not None
+    np.testing.assert_array_equal(made["run5"].record.u, told.state.run[1].record.u)
+    assert made["here"].p == told.chosen.orbit.p
+
+
+@pytest.mark.slow
+def test_the_whole_script_runs_and_leaves_its_figures(
+    told: Explorer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(told.script(), {})
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"zones.pdf", "branches.pdf", "motion.pdf"}
+
+
+def test_a_curve_that_lacks_a_column_is_not_drawn(told: Explorer) -> None:
+    told.draw(axes=("a", "phi"))
+    shown = [one.code for one in told.state.shown]
+    told.draw(axes=("", ""))
+    assert shown == ["branch1", "line3", "branch4"]  # arms have the times of two impacts
+
+
+def test_what_was_saved_begins_the_next_session(told: Explorer, tmp_path: Path) -> None:
+    path = told.save(tmp_path / "run.nc")
+    again = Explorer(run=path)
+    assert len(again.state.curves) == len(told.state.curves)
+    first = again.state.curves[0]
+    assert f"cb.load({str(path)!r})" in again.script()
+    made: dict[str, Any] = {}
+    exec(again.state.lines[0], {"cb": cb}, made)
+    np.testing.assert_array_equal(eval(first.code, made)["a"], first.branch["a"])
+
+
+def test_figures_are_exported_in_each_format(told: Explorer) -> None:
+    assert told.figure("branches", ".svg").lstrip().startswith(b"<?xml")
+    assert told.figure("motion", ".png").startswith(b"\x89PNG")
+    with pytest.raises(BadInput, match="nothing to draw as zones yet"):
+        told.figure("zones", ".pdf")
+
+
+def test_stopped_work_keeps_what_is_done_and_says_so() -> None:
+    explorer = Explorer()
+    explorer.choose_at(a=0.5, gamma=0.08)
+    whole = cb.trace(cb.symmetric(a=0.5, gamma=0.08, k=0.8), "a", within={"a": (0.05, 0.9)})
+    one = work.traced(explorer.chosen, "a", (0.05, 0.9))
+
+    def early(progress: Progress) -> Any:
+        points = progress.points()
+        advance, points.advance = points.advance, None  # type: ignore[method-assign,assignment]
+
+        def counted(point: Any, count: int = 1) -> None:
+            if points.count >= 9:
+                explorer.stop()
+            advance(point, count)
+
+        points.advance = counted  # type: ignore[method-assign]
+        progress.points = lambda: points  # type: ignore[method-assign]
+        return one.job(progress)
+
+    explorer.begin(Work(one.title, one.name, one.code, early))
+    assert explorer.wait(LONG)
+    branch = explorer.state.curves[0].branch
+    assert branch.stop is cb.Stop.INTERRUPTED
+    assert 9 <= len(branch) < len(whole)
+    assert "stopped" in explorer.message
+    assert explorer.state.lines[0].endswith("# was stopped: what is seen is a piece of it")
+    assert not explorer.busy
+
+
+def test_a_simulation_stops_with_the_periods_that_are_done() -> None:
+    explorer = Explorer()
+    explorer.choose_at(a=0.5, gamma=0.08)
+    explorer.listen(lambda _: explorer.stop() if " of " in explorer.progress else None)
+    explorer.begin(work.simulated(explorer.chosen, 10, 100_000, 0.0, (0,)))
+    assert explorer.wait(LONG)
+    assert explorer.state.run is not None
+    assert 0 < explorer.state.run[1].periods < 100_000
+
+
+@pytest.fixture
+def busy() -> Iterator[Explorer]:
+    explorer, end = Explorer(), threading.Event()
+    explorer.begin(Work("waiting", "it", "it", lambda _: end.wait(LONG)))
+    yield explorer
+    end.set()
+
+
+def test_one_long_work_at_a_time(busy: Explorer) -> None:
+    busy.choose_at(a=0.5, gamma=0.08)  # single breathers are looked at meanwhile
+    with pytest.raises(BadInput, match="something is under way"):
+        busy.begin(work.traced(busy.chosen, "a", (0.1, 0.9)))
+
+
+def test_an_error_of_the_numerics_is_a_sentence_and_the_next_work_goes_on() -> None:
+    explorer = Explorer()
+    explorer.choose_at(a=0.5, gamma=0.08)
+    for wrong, words in (
+        (work.traced(explorer.chosen, "a", (0.7, 0.9)), "outside"),
+        (Work("x", "x", "x", lambda _: 1 / 0), "an error of the program: ZeroDivisionError"),
+    ):
+        explorer.begin(wrong)
+        assert explorer.wait(LONG)
+        assert words in explorer.message
+        assert not explorer.busy
+    do(explorer, work.traced(explorer.chosen, "a", (0.4, 0.6)))
+
+
+def test_a_slider_that_moves_has_the_last_diagram_computed_and_not_every_one() -> None:
+    queue, seen, go = Background(), list[int](), threading.Event()
+
+    def job(i: int) -> Any:
+        return lambda _: (go.wait(LONG), i)[1]
+
+    for i in range(20):
+        queue.begin(job(i), say=lambda _: None, done=lambda value, *_: seen.append(value))
+    go.set()
+    assert queue.join(LONG)
+    assert seen[-1] == 19
+    assert len(seen) <= 2
+
+
+def test_a_diagram_that_is_known_comes_back_at_once() -> None:
+    explorer = Explorer(k=0.7)
+    explorer.look_at(0.7)
+    assert explorer.wait(LONG)
+    known = explorer.state.plane
+    assert known is not None
+    assert known.fixed == ("k", 0.7)
+    assert {"S", "US"} <= {one.verdict for one in known.regions}
+    explorer.look_at(0.0)  # no diagram there, and that is said
+    assert explorer.wait(LONG)
+    assert "zones need 0 < k < 1" in explorer.message
+    assert explorer.state.plane is known
+    explorer.look_at(0.7)
+    assert explorer.state.plane is known
+    assert not explorer._quick.busy
+
+
+def test_what_cannot_be_is_refused_with_a_sentence() -> None:
+    explorer = Explorer()
+    with pytest.raises(BadInput, match="choose a breather first"):
+        _ = explorer.chosen
+    with pytest.raises(NoSolution, match="smallest"):
+        explorer.choose_at(a=0.001, gamma=0.08)
+    with pytest.raises(BadInput, match="nothing to save"):
+        explorer.save("run.nc")
+    explorer.choose_at(a=0.5, gamma=0.08)
+    with pytest.raises(BadInput, match="choose one of the labelled points"):
+        work.switched(explorer.chosen)
+    with pytest.raises(BadInput, match="between 0 and 1"):
+        Explorer(k=2.0)
+
+
+def test_points_of_another_problem_are_shown_by_their_numbers(tmp_path: Path) -> None:
+    mine = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})
+    explorer = Explorer(cb.trace(mine, "mu", within={"x": (-1, 1)}, events=[cb.fold()]))
+    explorer.choose_point("given1", 2)
+    assert explorer.chosen.orbit is None
+    with pytest.raises(BadInput, match="nothing to simulate"):
+        work.simulated(explorer.chosen, 20, 5, 0.0, (0,))
