@@ -24,6 +24,7 @@ from contbreather.certified.closure import response
 HALF = math.nextafter(0.5 * math.pi, 2.0)  # a float beyond pi/2
 PIECES = 12  # balls of times to half a period of the highest harmonic, before any is halved
 DEEPEST = 26  # halvings: the last ones settle a distance of 1e-15 from a wall
+OVERLAP = 1e-13  # of neighbouring balls of times: none is lost to the rounding of their middles
 FARTHEST = 400  # sites looked at one by one
 
 
@@ -96,51 +97,48 @@ Settled = Callable[[float, float], bool | None]
 def everywhere(settled: Settled, pieces: int) -> tuple[bool | None, float]:
     """Whether something holds on all balls of times that cover the flight, halving those on which
     it is not settled; and where it does not."""
-    radius = HALF / pieces * (1.0 + 1e-12)  # neighbours overlap: no time is lost to rounding
-    stack = [(HALF * ((2 * i + 1) / pieces - 1.0), radius, 0) for i in range(pieces)]
+    stack = [
+        (HALF * ((2 * i + 1) / pieces - 1.0), HALF / pieces + OVERLAP, 0) for i in range(pieces)
+    ]
     while stack:
         middle, radius, depth = stack.pop()
         answer = settled(middle, radius)
         if answer is False or (answer is None and depth == DEEPEST):
             return answer, middle
         if answer is None:
-            half = 0.5 * radius * (1.0 + 1e-12)
-            stack += [(middle + side * 0.5 * radius, half, depth + 1) for side in (-1, 1)]
+            half = 0.5 * radius
+            stack += [(middle + side * half, half + OVERLAP, depth + 1) for side in (-1, 1)]
     return True, 0.0
 
 
 def below(path: Motion, ceiling: Ball, pieces: int) -> tuple[bool | None, float]:
     """Whether ``|u| < ceiling`` at all times."""
+    return everywhere(lambda middle, radius: _under(path, ceiling, middle, radius), pieces)
 
-    def settled(middle: float, radius: float) -> bool | None:
-        if abs(path.over(middle, radius)) < ceiling:
-            return True
-        return False if abs(path.at(arb(middle), 0)) > ceiling else None
 
-    return everywhere(settled, pieces)
+def _under(path: Motion, ceiling: Ball, middle: float, radius: float) -> bool | None:
+    if abs(path.over(middle, radius)) < ceiling:
+        return True
+    return False if abs(path.at(arb(middle), 0)) > ceiling else None
 
 
 def inside(path: Motion, pieces: int) -> tuple[bool | None, float]:
     """Whether site 0 is off both walls between the impact at +1 and the next, at -1.
 
-    At the ends of its flight it is at a wall. There it moves away from the one, towards the other:
-    on a ball of times that holds an end ``u' < 0`` does, or, after the impact, ``u'' < 0``, as it
-    leaves with ``u' = -k w <= 0``.
+    At both ends of its flight it is at a wall. On a ball of times that holds an end it is proved to
+    move from +1 towards -1: ``u' < 0`` or, after the impact, which it leaves with ``u' = -k w <= 0``
+    exactly, ``u'' < 0``. So it is off the wall of that end, and off the other because the next ball,
+    which has times in common with this one, says so.
     """
+    one = arb(1)
 
     def settled(middle: float, radius: float) -> bool | None:
-        y, end = about(middle, radius), abs(middle) + radius >= HALF
-        if path.at(y, 1) < 0 or (end and middle < 0 and path.at(y, 2) < 0):
-            return True if end else _between(path, middle, radius)
-        return None if end else _between(path, middle, radius)
+        if abs(middle) + radius < HALF:
+            return _under(path, one, middle, radius)
+        y = about(middle, radius)
+        return path.at(y, 1) < 0 or (middle < 0 and path.at(y, 2) < 0) or None
 
     return everywhere(settled, pieces)
-
-
-def _between(path: Motion, middle: float, radius: float) -> bool | None:
-    if abs(path.over(middle, radius)) < 1:
-        return True
-    return False if abs(path.at(arb(middle), 0)) > 1 else None
 
 
 # --- all sites ----------------------------------------------------------------------------------

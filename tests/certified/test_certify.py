@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import importlib
 import json
 import math
@@ -10,14 +11,16 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
+from types import ModuleType
 
 import mpmath
 import pytest
 from flint import arb
 
 import contbreather as cb
+import contbreather.certified
 from contbreather.breathers import Orbit, orbit_of
-from contbreather.certified import Interval, certify, tiles, winding
+from contbreather.certified import Interval, certificate, certify, tiles, winding
 from contbreather.certified.balls import working
 from contbreather.certified.points import certify_point
 from contbreather.certified.tiles import Sheet, certify_curve
@@ -264,6 +267,11 @@ def test_a_tile_in_k_and_in_a_harmonic_is_proved_too() -> None:
 def test_others_are_refused_in_a_sentence(make: Callable[[], object], words: str) -> None:
     with pytest.raises(cb.BadInput, match=words):
         certify(make())
+
+
+@pytest.mark.parametrize("module", [contbreather.certified, certificate])
+def test_examples_of_the_docstrings_run(module: ModuleType) -> None:
+    assert doctest.testmod(module) == (0, 4 if module is contbreather.certified else 6)
 
 
 def test_without_python_flint_a_sentence_names_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
