@@ -1,5 +1,8 @@
 """The names of the front desk and where each lives, for Python and for type checkers."""
 
+# For type checkers, which would not know cb.paper otherwise; lazy_loader skips such a line.
+import contbreather.paper  # noqa: F401
+
 from .breathers import Orbit as Orbit
 from .breathers import grazing as grazing
 from .breathers import neimark_sacker as neimark_sacker

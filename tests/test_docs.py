@@ -22,7 +22,7 @@ from sybil.parsers.myst import PythonCodeBlockParser
 import contbreather
 from contbreather.cli import main
 
-ROOT = Path(contbreather.__file__).parents[1]
+ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("how-to/*.md"))]
 TEXT = {page: page.read_text(encoding="utf-8") for page in PAGES}
@@ -157,7 +157,8 @@ def test_tests_that_a_page_names_exist(page: Path) -> None:
 def test_the_glossary_is_about_words_that_are_used() -> None:
     rows = re.findall(r"^\| ([^|]+) \|", TEXT[ROOT / "docs" / "glossary.md"], re.MULTILINE)
     named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
-    source = "\n".join(path.read_text() for path in (ROOT / "contbreather").rglob("*.py"))
+    package = Path(contbreather.__file__).parent
+    source = "\n".join(path.read_text() for path in package.rglob("*.py"))
     assert named
     assert {name for name in named if not re.search(rf"\b{name}\b", source)} == set()
 

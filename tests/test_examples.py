@@ -9,9 +9,7 @@ from types import ModuleType
 
 import pytest
 
-import contbreather
-
-EXAMPLES = sorted((Path(contbreather.__file__).parents[1] / "examples").glob("*.py"))
+EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
 
 def load(path: Path) -> ModuleType:

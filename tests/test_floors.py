@@ -17,7 +17,7 @@ import pytest
 import contbreather
 
 PACKAGE = Path(contbreather.__file__).parent
-DRAWING = PACKAGE.parent / "docs" / "architecture.md"
+DRAWING = Path(__file__).parents[1] / "docs" / "architecture.md"
 FRONT_DESK = "contbreather"
 MEANINGLESS = {"utils", "util", "helpers", "helper", "common", "core", "misc", "tools"}
 ENGINE_MAY_LOAD = {"numpy", "scipy"}

@@ -14,7 +14,8 @@ import pytest
 
 import contbreather
 
-ROOT = Path(contbreather.__file__).parents[1]
+ROOT = Path(__file__).parents[1]
+PACKAGE = Path(contbreather.__file__).parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 CHECKS = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
@@ -81,10 +82,33 @@ def test_every_package_that_is_imported_is_declared() -> None:
     asked = [*project["dependencies"], *(one for extra in extras for one in extra)]
     names = {re.split(r"[\[<>=~!; ]", one)[0] for one in asked}
     declared = {CALLED.get(name, name) for name in names}
-    files = (ROOT / "contbreather").rglob("*.py")
+    files = PACKAGE.rglob("*.py")
     used = {name for path in files for name in third_party(ast.parse(path.read_text("utf-8")))}
     assert {name.replace("_", "-") for name in used} <= declared
 
 
 def test_typed_marker_is_there() -> None:
-    assert (ROOT / "contbreather" / "py.typed").exists()
+    assert (PACKAGE / "py.typed").exists()
+
+
+def test_the_version_is_one() -> None:
+    assert PROJECT["project"]["dynamic"] == ["version"]
+    assert f"version {contbreather.__version__}.\n" in (ROOT / "docs" / "citing.md").read_text(
+        "utf-8"
+    )
+    assert "version:" not in (ROOT / "CITATION.cff").read_text("utf-8").split("\n", 1)[1]
+
+
+def test_the_release_is_tested_on_the_floors_of_the_project() -> None:
+    """`.ci/release`'s own reading of pyproject.toml pins every dependency and every extra."""
+    script = (ROOT / ".ci" / "release").read_text("utf-8")
+    reader = re.search(r"<<'PYTHON'\n(.*?)^PYTHON$", script, flags=re.MULTILINE | re.DOTALL)
+    assert reader
+    run = subprocess.run(
+        [sys.executable, "-c", reader[1]], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    pinned = run.stdout.split()
+    assert len(pinned) == len({line.split("==")[0] for line in pinned}), pinned
+    assert {re.split("[>]", one)[0] for one in PROJECT["project"]["dependencies"]} <= {
+        line.split("==")[0] for line in pinned
+    }

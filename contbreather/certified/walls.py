@@ -125,10 +125,10 @@ def _under(path: Motion, ceiling: Ball, middle: float, radius: float) -> bool | 
 def inside(path: Motion, pieces: int) -> tuple[bool | None, float]:
     """Whether site 0 is off both walls between the impact at +1 and the next, at -1.
 
-    At both ends of its flight it is at a wall. On a ball of times that holds an end it is proved to
-    move from +1 towards -1: ``u' < 0`` or, after the impact, which it leaves with ``u' = -k w <= 0``
-    exactly, ``u'' < 0``. So it is off the wall of that end, and off the other because the next ball,
-    which has times in common with this one, says so.
+    At both ends of its flight it is at a wall. On a ball of times that holds an end it is proved
+    to move from +1 towards -1: ``u' < 0`` or, after the impact, which it leaves with exactly
+    ``u' = -k w <= 0``, ``u'' < 0``. So it is off the wall of that end, and off the other because
+    the next ball, which has times in common with this one, says so.
     """
     one = arb(1)
 
