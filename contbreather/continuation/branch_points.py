@@ -18,8 +18,8 @@ from .curve import Curve
 from .loci import Singular, signed_smallest
 from .newton import Solution, Undefined, solve
 from .point import Event, Locus, Point
-from .rank import Bordered, weakest
-from .sparse import Matrix, is_sparse
+from .rank import Bordered, Weak, weakest
+from .sparse import Factors, Matrix, beside, is_sparse
 
 Array = NDArray[np.float64]
 
@@ -172,10 +172,15 @@ class Crossings:
 def branches_cross(ground: Point) -> bool:
     """Whether the derivative in unknowns and both parameters loses one rank: solutions then are
     no smooth surface, and branches cross for other values of the parameters as well."""
-    weak = weakest(balanced(ground))
-    # sparse problems have fine meshes, where even the others are small
-    small = _RANK * (min(1.0, weak.second) if is_sparse(balanced(ground)) else 1.0)
-    return weak.size < small < weak.second
+    matrix = balanced(ground)
+    weak = weakest(matrix)
+    return weak.size < _lost(matrix, weak) < weak.second
+
+
+def _lost(matrix: Matrix, weak: Weak) -> float:
+    """Below which a singular value is zero. Large problems have fine meshes, where even the others
+    are small."""
+    return _RANK * (min(1.0, weak.second) if is_sparse(matrix) else 1.0)
 
 
 def crossed(ground: Point) -> dict[str, str]:
@@ -209,29 +214,39 @@ class _LostRank:
     null: Array
     direction: Array
 
-    def _bordered(self, curve: Curve, z: Array) -> Array:
-        A = _columns(curve.jacobian(z), self.direction)
-        return np.block([[A, self.b[:, None]], [self.null, np.zeros((2, 1))]])
+    def _solved(self, curve: Curve, z: Array) -> tuple[Array, Array]:
+        """The last two columns of the inverse of A with borders, and its last row but for two."""
+        A, n = _columns(curve.jacobian(z), self.direction), curve.size
+        below, unit = np.hstack([self.null, np.zeros((2, 1))]), np.eye(n + 2)[:, -2:]
+        if is_sparse(A):
+            factors = Factors(beside(A, self.b[:, None]))
+            columns = np.stack([factors.solve(right, below) for right in unit.T], axis=1)
+            return columns, factors.transposed(unit[:, 1], below)[:n]
+        matrix = np.block([[A, self.b[:, None]], [below]])
+        return _solved(matrix, unit), _solved(matrix.T, unit[:, 1])[:n]
 
     def unfolding(self, extra: Array) -> tuple[Array, Array]:
         return extra[0] * self.b, self.b[:, None]
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return _solved(self._bordered(curve, z), np.eye(curve.size + 2)[:, -2:])[-1]
+        return np.asarray(self._solved(curve, z)[0][-1])
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        matrix, n = self._bordered(curve, z), curve.size
-        unit = np.eye(n + 2)
-        vectors, w = _solved(matrix, unit[:, -2:])[:-1].T, _solved(matrix.T, unit[-1])[:n]
+        n = curve.size
+        columns, w = self._solved(curve, z)
+        vectors = columns[:-1].T
         # - w^T A'(u) v for all u at once: second derivatives are symmetric
         rows = [w @ curve.along(z, np.append(v[:n], v[n] * self.direction)) for v in vectors]
         return -np.hstack([rows, np.zeros((2, 1))])
 
 
-def _columns(rows: Array, direction: Array) -> Array:
+def _columns(rows: Matrix, direction: Array) -> Matrix:
     """Columns of the unknowns, and of the parameters along a direction."""
-    n = rows.shape[1] - 2
-    return np.hstack([rows[:, :n], (rows[:, n:] @ direction)[:, None]])
+    n = rows.shape[0]
+    if rows.shape[1] != n + 2:
+        raise Undefined("a branch point is followed in two parameters")
+    last = (rows[:, n:] @ direction)[:, None]
+    return beside(rows[:, :n], last) if is_sparse(rows) else np.hstack([rows[:, :n], last])
 
 
 def _solved(matrix: Array, right: Array) -> Array:
@@ -242,20 +257,22 @@ def _solved(matrix: Array, right: Array) -> Array:
 
 
 def _held_together(point: Point) -> tuple[Array, Array, Array]:
-    """Left and right null vectors of A, and the direction d across the curve of branch points: to
-    first order nothing changes along the null vector of ``w^T H_zz`` in the null space of H_z."""
+    """A border of A, its right null vectors, and the direction d across the curve of branch points:
+    to first order nothing changes along the null vector of ``w^T H_zz`` in the null space of H_z.
+    """
     curve, z = point.curve, point.z
     one, other = curve.free
-    left, sizes, right = np.linalg.svd(balanced(point))
+    matrix = balanced(point)
+    weak = weakest(matrix)
     refusal = (
         f"the branches cross at these values of {one} and {other} only, and come apart beside "
         "them; a curve of such branch points needs a third parameter"
     )
-    if sizes[-1] > _RANK:
+    if weak.size > _lost(matrix, weak):
         raise Undefined(refusal)
-    null = right[-3:]
-    bent = np.stack([curve.balanced(curve.along(z, v * curve.scales)) for v in null])
-    form = left[:, -1] @ bent @ null.T
+    null = weak.plane
+    bent = [curve.balanced(curve.along(z, v * curve.scales)) for v in null]
+    form = np.stack([weak.left @ change for change in bent]) @ null.T
     values, axes = np.linalg.eigh((form + form.T) / 2)
     least = int(abs(values).argmin())
     if abs(values[least]) > _PARTING * abs(values).max():
@@ -264,19 +281,15 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     if not np.linalg.norm(tangent) > _RANK:
         raise Undefined(f"the branch point does not move with {one} and {other}")
     direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)
-    w = left[:, -1] / curve.rows
-    return (
-        w / np.linalg.norm(w),
-        np.linalg.svd(_columns(point.jacobian(), direction))[2][-2:],
-        direction,
-    )
+    # each row in its own size: what is left of the conditions is then rounding, as of equations
+    return weak.left * curve.rows, weakest(_columns(point.jacobian(), direction)).plane, direction
 
 
 def _refuse_to_part(point: Point) -> float:
     """No test: the curve is analytic, so that branches either cross all along it or nowhere else
     but at its start."""
     ground = point.ground
-    split = abs(point["split"]) / float(ground.curve.rows.max())
+    split = abs(point["split"])
     if split > _SPLIT * (1 + ground.curve.length(ground.z)) ** 2:
         values = ", ".join(f"{name} = {point[name]:.6g}" for name in ground.curve.free)
         raise NotConverged(

@@ -25,6 +25,7 @@ OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 _ROUNDED = 4 * np.finfo(float).eps
 _SHORTEST = 1e-6  # damping at which an approach gives up
 _NEAR = 1e-3  # length of a step, relative to 1 + |z|, at which it has arrived
+_THERE = 1e-10  # and one at which rounding may decide whether the next is shorter
 _LARGE = 10.0  # size of z beyond which its entries are looked at one by one
 _ROUNDING = 1e-12  # residual, relative to the terms of its row, of a solution where Newton is blind
 
@@ -152,6 +153,8 @@ def approach(
         size = length(step, None)
         if size == 0:  # a solution, or the derivative is singular and tells nothing
             return None if value.any() else z
+        if size <= _THERE * (1 + length(z, metric)):
+            return z
         while damping > _SHORTEST:
             try:
                 there = z - damping * step * weights

@@ -78,6 +78,8 @@ class Forms:
         self.scales = self.curve.scales[: self.n]
         self.A = self._matrix(self.z)
         self.reach = max(1.0, float(abs(self.z[: self.n] / self.scales).max()))
+        # a cubic term of order one: a vector of length 1 is small in each entry of a fine mesh
+        self.cubic = self.reach**-2 / (self.n if is_sparse(self.A) else 1)
 
     def _matrix(self, z: Array) -> Matrix:
         """The Jacobian between unknowns in their scales: similar to the one in plain units."""
@@ -196,7 +198,7 @@ def criticality(
 def vanishes(found: Coefficient, point: Point) -> bool:
     """Whether the real part of a cubic coefficient is zero. Its terms may all vanish at once: then
     it is small against a term of order one."""
-    return abs(found.value.real) <= 1e-6 * (found.size + Forms(point).reach ** -2)
+    return abs(found.value.real) <= 1e-6 * (found.size + Forms(point).cubic)
 
 
 # --- flows ------------------------------------------------------------------------------------
@@ -241,7 +243,7 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     size = 0.5 * float(abs(p) @ abs(jet.B) @ abs(q))
     cubic = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
     # all its terms may vanish at once: then they are small against one of order one
-    return Coefficient(quadratic, size), replace(cubic, size=cubic.size + forms.reach**-2)
+    return Coefficient(quadratic, size), replace(cubic, size=cubic.size + forms.cubic)
 
 
 def _bordered(matrix: Matrix, q: Array, p: Array, right: Array) -> Array:

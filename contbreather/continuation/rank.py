@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .sparse import Factors, Matrix, any_vector, is_sparse
+from .sparse import Factors, Matrix, any_vector, beside, is_sparse
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,9 @@ class Weak:
         The least singular value, the one before (infinite if there is none) and the largest; that
         of a sparse matrix is a bound.
     sign : int
-        Of a square matrix: that of the determinant, which `left` and `right` have as well.
+        Of a square matrix: the product of the determinants of all its left and of all its right
+        singular vectors. It belongs to `left` and `right`, and does not jump where the matrix is
+        singular; times the least singular value it is smooth there.
     rest : callable
         ``rest(value)``: the shortest solution of ``A x = value`` where neither `left` nor `right`
         take part.
@@ -44,8 +47,12 @@ class Weak:
     size: float
     second: float
     largest: float
-    sign: int
     rest: Callable[[Array], Array]
+    orientation: Callable[[], float]
+
+    @cached_property
+    def sign(self) -> int:
+        return round(self.orientation())
 
     @property
     def plane(self) -> Array:
@@ -65,8 +72,6 @@ def weakest(matrix: Matrix) -> Weak:
 def _dense(matrix: Array) -> Weak:
     left, sizes, right = np.linalg.svd(matrix)
     n = sizes.size - 1
-    square = matrix.shape[0] == matrix.shape[1]
-    sign = round(np.linalg.det(left) * np.linalg.det(right)) if square else 0
     return Weak(
         left[:, -1],
         right[n],
@@ -74,8 +79,8 @@ def _dense(matrix: Array) -> Weak:
         float(sizes[-1]),
         float(sizes[-2]) if n else math.inf,
         float(sizes[0]),
-        sign,
         lambda value: right[:n].T @ (left[:, :n].T @ value / sizes[:n]),
+        lambda: float(np.linalg.det(left) * np.linalg.det(right)),
     )
 
 
@@ -92,23 +97,30 @@ def _sparse(factors: Factors) -> Weak:
     least = int(values.argmax())
     left, sizes = vectors[:, least], 1 / np.sqrt(abs(values))
     right = factors.least(left)
-    right /= math.sqrt(right @ right)
+    size = float(left @ (matrix @ right))
+    right /= math.copysign(math.sqrt(right @ right), size)
+    size = float(left @ (matrix @ right))
 
     def rest(value: Array) -> Array:
         x = factors.least(value - (left @ value) * left)
         return np.asarray(x - (right @ x) * right)
 
     largest = abs(matrix).sum(axis=0).max() * abs(matrix).sum(axis=1).max()
-    sign = factors.sign() if matrix.shape[0] == matrix.shape[1] else 0
+
+    def orientation() -> float:
+        """By the determinant with both vectors as borders, which is far from zero."""
+        wider = Factors(beside(matrix, left[:, None]))
+        return -wider.sign(np.append(right, 0.0)[None, :])
+
     return Weak(
         left,
         right,
         factors.basis.T,
-        float(sizes[least]),
+        size,
         float(sizes[1 - least]),
         math.sqrt(largest),
-        sign,
         rest,
+        orientation,
     )
 
 

@@ -132,7 +132,7 @@ def plane_at(matrix: Matrix, square: float) -> Plane:
         lambda x: factors.solve(np.append(0 * x, x), refined=False)[:n], matrix, square
     )
     left = _iterated(lambda x: factors.transposed(np.append(x, 0 * x))[n:], matrix.T, square)
-    left = np.asarray(np.linalg.solve((left.T @ right).T, left.T).T)
+    left = np.asarray(np.linalg.solve(left.T @ right, left.T).T)
     return Plane(right, left, left.T @ (matrix @ right))
 
 

@@ -23,11 +23,15 @@ def plane(m: int) -> csc_array:
     return csc_array(kron(second(m), eye_array(m)) + kron(eye_array(m), second(m)))
 
 
+def _diagonal(matrix: csc_array) -> np.ndarray:
+    """Where the entries of the diagonal are among all that are stored."""
+    columns = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    return np.flatnonzero(matrix.indices == columns)
+
+
 def bratu(laplacian: csc_array, road: str = "sparse", lam: float = 0.1) -> cb.Problem:
     """``u'' + lambda e^u = 0``."""
-    n = laplacian.shape[0]
-    columns = np.repeat(np.arange(n), np.diff(laplacian.indptr))
-    diagonal = np.flatnonzero(laplacian.indices == columns)
+    n, diagonal = laplacian.shape[0], _diagonal(laplacian)
 
     def residual(u, p):
         return laplacian @ u + p["lam"] * np.exp(u)
@@ -39,6 +43,23 @@ def bratu(laplacian: csc_array, road: str = "sparse", lam: float = 0.1) -> cb.Pr
 
     given = {"sparsity": laplacian} if road == "pattern" else {"jacobian": jacobian}
     return cb.Problem(residual, {"u": np.zeros(n)}, {"lam": lam}, **given)
+
+
+def ignition(n: int, road: str = "sparse") -> cb.Problem:
+    """``u'' + lambda exp(u / (1 + eps u))``: its two folds meet."""
+    laplacian = second(n)
+    diagonal = _diagonal(laplacian)
+
+    def source(u, p):
+        return p["lam"] * np.exp(u / (1 + p["eps"] * u))
+
+    def jacobian(u, p):
+        matrix = laplacian.copy()
+        matrix.data[diagonal] += source(u, p) / (1 + p["eps"] * u) ** 2
+        return matrix.toarray() if road == "dense" else matrix
+
+    start, params = {"u": np.full(n, 1.5)}, {"lam": 5.0, "eps": 0.244}
+    return cb.Problem(lambda u, p: laplacian @ u + source(u, p), start, params, jacobian=jacobian)
 
 
 def brusselator(n: int, road: str = "sparse", **params: float) -> cb.Problem:
@@ -78,3 +99,27 @@ def brusselator_hopf(n: int, k: int, B: float) -> tuple[float, float]:
     length = np.sqrt((DX + DY) * mode(n, k) / (B - 1 - A**2))
     decay = DY * mode(n, k) / length**2
     return float(length), float(np.sqrt(A**2 * B - (A**2 + decay) ** 2))
+
+
+def swift_hohenberg(n: int, length: float, road: str = "sparse", **params: float) -> cb.Problem:
+    """``mu u - (1 + d^2)^2 u + nu u^2 - u^3``, on an interval at whose ends u and u'' vanish."""
+    inner = eye_array(n, format="csc") + second(n) / length**2
+    linear = csc_array(-(inner @ inner))
+    diagonal = _diagonal(linear)
+
+    def residual(u, p):
+        return linear @ u + u * (p["mu"] + u * (p["nu"] - u))
+
+    def jacobian(u, p):
+        matrix = linear.copy()
+        matrix.data[diagonal] += p["mu"] + u * (2 * p["nu"] - 3 * u)
+        return matrix.toarray() if road == "dense" else matrix
+
+    start = {"u": np.zeros(n)}
+    return cb.Problem(residual, start, {"mu": -0.1, "nu": 1.6, **params}, jacobian=jacobian)
+
+
+def swift_hohenberg_branches(n: int, length: float, most: float) -> list[float]:
+    """Where on the trivial state others set out, up to a value of mu."""
+    values = sorted((1 - mode(n, k) / length**2) ** 2 for k in range(1, n + 1))
+    return [float(value) for value in values if value < most]

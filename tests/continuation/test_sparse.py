@@ -11,14 +11,22 @@ from scipy.sparse import coo_array, csr_array
 import contbreather as cb
 from contbreather.errors import BadInput
 
-from .large import bratu, brusselator, brusselator_hopf, second
+from .large import (
+    bratu,
+    brusselator,
+    brusselator_hopf,
+    ignition,
+    second,
+    swift_hohenberg,
+    swift_hohenberg_branches,
+)
 
 FEW = [cb.fold(), cb.branch_point(), cb.hopf()]
 
 
 def folded(road: str, n: int = 50) -> cb.Branch:
-    steps, within = cb.Steps(most=45), {"lam": (0.05, 4)}
-    problem = bratu(second(n), road)
+    steps, within = cb.Steps(most=20), {"lam": (3.2, 4)}
+    problem = bratu(second(n), road, lam=3.3)
     return cb.trace(problem, "lam", within=within, towards="up", events=FEW, steps=steps)
 
 
@@ -57,6 +65,78 @@ def test_first_lyapunov_coefficients_are_those_of_the_dense_road() -> None:
     dense, sparse = first("dense"), first("sparse")
     assert sparse["l1"] == pytest.approx(dense["l1"], rel=1e-8)
     assert sparse["reach"] == np.inf  # no pair can be further up than was looked
+
+
+@pytest.mark.parametrize("road", ["dense", "sparse"])
+def test_branches_leave_the_trivial_state_where_the_discrete_symbol_vanishes(road) -> None:
+    n, length, most = 60, 8 * np.pi, 0.2
+    problem = swift_hohenberg(n, length, road)
+    events = [cb.fold(), cb.branch_point()]
+    branch = cb.trace(problem, "mu", within={"mu": (-0.1, most)}, towards="up", events=events)
+    found = [point["mu"] for point in branch.special if point.kind == "BP"]
+    np.testing.assert_allclose(found, swift_hohenberg_branches(n, length, most), atol=1e-12)
+    assert not branch.doubtful
+
+
+def test_branches_that_leave_a_large_problem_are_those_of_the_dense_road() -> None:
+    def arms(road):
+        problem = swift_hohenberg(40, 6 * np.pi, road)
+        line = cb.trace(problem, "mu", within={"mu": (-0.1, 0.1)}, events=[cb.branch_point()])
+        return cb.switch(line.first("BP"), events=[], steps=cb.Steps(most=8))
+
+    for dense, sparse in zip(arms("dense"), arms("sparse"), strict=True):
+        assert abs(sparse[-1]["u"]).max() > 0.1
+        np.testing.assert_allclose(sparse["u"], dense["u"], atol=1e-9)
+
+
+def test_two_branch_points_within_one_step_are_both_found() -> None:
+    n, length = 60, 8 * np.pi
+    problem = swift_hohenberg(n, length)
+    steps, within = cb.Steps(first=0.1, largest=0.5), {"mu": (-0.1, 0.3)}
+    branch = cb.trace(
+        problem, "mu", within=within, towards="up", events=[cb.branch_point()], steps=steps
+    )
+    wanted = swift_hohenberg_branches(n, length, 0.3)
+    assert len(branch) < len(wanted) + 8
+    assert [point.kind for point in branch.special] == ["EP", *["BP"] * len(wanted), "EP"]
+
+
+# --- in two parameters ------------------------------------------------------------------------
+
+
+def test_a_curve_of_folds_meets_the_cusp_of_the_dense_road() -> None:
+    events, within = [cb.fold()], {"lam": (4, 7)}
+    branch = cb.trace(ignition(15), "lam", within=within, towards="up", events=events)
+    line = cb.boundary(
+        branch.first("LP"),
+        ("eps", "lam"),
+        within={"lam": (5.1, 6)},
+        towards="up",
+        steps=cb.Steps(first=0.1),
+    )
+    cusp = line.first("CP")
+    assert cusp["eps"] == pytest.approx(0.245887853033, abs=1e-11)
+    assert cusp["lam"] == pytest.approx(5.217285536164, abs=1e-11)
+    assert not line.doubtful
+
+
+def test_a_curve_of_hopf_points_is_the_one_in_closed_form() -> None:
+    n, steps = 20, cb.Steps(most=6)
+    branch = cb.trace(
+        brusselator(n), "L", within={"L": (0.5, 0.7)}, towards="up", events=[cb.hopf()]
+    )
+    line = cb.boundary(branch.first("HB"), ("L", "B"), towards="up", events=[], steps=steps)
+    wanted = [brusselator_hopf(n, 2, B) for B in line["B"]]
+    np.testing.assert_allclose(np.stack([line["L"], line["omega2"] ** 0.5], 1), wanted, atol=1e-9)
+    assert np.ptp(line["B"]) > 0.1
+
+
+def test_branch_points_that_a_subspace_keeps_are_followed() -> None:
+    problem, steps = swift_hohenberg(40, 6 * np.pi), cb.Steps(most=4)
+    branch = cb.trace(problem, "mu", within={"mu": (-0.1, 0.1)}, events=[cb.branch_point()])
+    line = cb.boundary(branch.first("BP"), ("nu", "mu"), towards="up", events=[], steps=steps)
+    np.testing.assert_allclose(line["mu"], branch.first("BP")["mu"], atol=1e-12)
+    assert abs(line["split"]).max() < 1e-12
 
 
 # --- what is refused --------------------------------------------------------------------------
