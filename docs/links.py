@@ -58,5 +58,5 @@ def check(app: Any, failed: Exception | None) -> None:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    app.connect("build-finished", check)
+    app.connect("build-finished", check, priority=900)  # after those who copy files
     return {"parallel_read_safe": True}
