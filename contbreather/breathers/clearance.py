@@ -243,6 +243,7 @@ def centre_margin(orbit: Any) -> float:
 
 
 _MARGIN = Kernel(clearance_loops.margin, "pppp")
+_RIVALS = Kernel(clearance_loops.rivals, "pppp")
 
 
 def least_margin(orbit: Watch) -> float:
@@ -259,10 +260,14 @@ def least_margin(orbit: Watch) -> float:
     packed = None if code is None else orbit.packed()
     if code is None or packed is None:
         return min(orbit.far()[1], closest(orbit).margin)
-    data, table, own, points = packed
-    out = np.empty(own + points)
+    return _called(code, packed, packed.data)
+
+
+def _called(code: Callable[..., int], packed: Any, data: FloatArray) -> float:
+    """What a function of `clearance_loops` finds."""
+    out = np.empty(packed.own + packed.points)
     at = out.ctypes.data
-    code(data.ctypes.data, table.ctypes.data, at + 8 * own, at)
+    code(data.ctypes.data, packed.table.ctypes.data, at + 8 * packed.own, at)
     return float(out[0])
 
 
@@ -580,6 +585,21 @@ def rivals(orbit: Watch, site: int | None, t: float, *, mirrored: bool = False) 
         gap._replace(margin=_told_apart(gap.margin, size))
         for gap, size in zip(found, sizes, strict=True)
     ]
+
+
+def least_rival(orbit: Watch, site: int | None, t: float, *, mirrored: bool = False) -> float:
+    """The least of all `rivals`, without a word on whose it is."""
+    code = None if site in {own.site for own in orbit.flights} else _RIVALS.code()
+    packed = None if code is None else orbit.packed()
+    if code is None or packed is None or site not in packed.sites:
+        return min(rivals(orbit, site, t, mirrored=mirrored)).margin
+    return _called(code, packed, rivals_data(orbit, packed, site, t, mirrored=mirrored))
+
+
+def rivals_data(orbit: Watch, packed: Any, site: Any, t: float, *, mirrored: bool) -> FloatArray:
+    """The data of `clearance_loops.rivals`."""
+    felt = [orbit.felt(n) for n in packed.sites]
+    return np.array([*packed.data, packed.sites.index(site), t, mirrored, *felt])
 
 
 def _told_apart(margin: float, size: float) -> float:

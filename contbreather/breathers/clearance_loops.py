@@ -38,13 +38,13 @@ def margin(data: Any, table: Any, grid: Any, out: Any) -> int:
         out[site + 4] = -math.inf
         if flag(data, site) > 0.0 or reach(data, table, site) >= top - CLOSE * abs(top):
             fill(data, table, grid, site, (site - busy) * points, points)
-            out[site + 4] = highest(grid, (site - busy) * points, points)
+            out[site + 4] = highest(grid, (site - busy) * points, points, 0.0)
             top = max(top, out[site + 4])
     for site in range(busy, sites):
         own = out[site + 4]
         if own >= top - CLOSE * abs(top) or flag(data, site) > 0.0:
             at = (site - busy) * points
-            least = min(least, idle(data, table, grid, out, site, at, points, own))
+            least = min(least, idle(data, table, grid, out, site, at, points, own, 0.0))
     out[0] = least
     return 0
 
@@ -231,28 +231,33 @@ def polished(
 
 
 def fill(data: Any, table: Any, grid: Any, site: int, at: int, points: int) -> None:
-    """Heights of a site at equal steps of the section, from ``grid[at]`` on."""
+    """Displacements of a site at equal steps of the section, from ``grid[at]`` on."""
     step = data[LENGTH] / points
     for p in range(points):
-        grid[at + p] = abs(displacement(data, table, site, data[START] + step * p))
+        grid[at + p] = displacement(data, table, site, data[START] + step * p)
 
 
-def crest(grid: Any, at: int, points: int, p: int) -> float:
+def height(u: float, side: float) -> float:
+    """Towards one wall, or towards the nearer one."""
+    return side * u if side != 0.0 else abs(u)
+
+
+def crest(grid: Any, at: int, points: int, p: int, side: float) -> float:
     """The height of the crest at a point of the grid, by a parabola; nothing elsewhere."""
-    u = grid[at + p]
-    before = grid[at + (p - 1 if p > 0 else points - 1)]
-    after = grid[at + (p + 1 if p + 1 < points else 0)]
+    u = height(grid[at + p], side)
+    before = height(grid[at + (p - 1 if p > 0 else points - 1)], side)
+    after = height(grid[at + (p + 1 if p + 1 < points else 0)], side)
     if u < before or u < after:
         return -math.inf
     bend = 2.0 * u - before - after
-    return u + (after - before) ** 2 / (8.0 * bend) if bend > 0.0 else u
+    return u + (after - before) * (after - before) / (8.0 * bend) if bend > 0.0 else u
 
 
-def highest(grid: Any, at: int, points: int) -> float:
+def highest(grid: Any, at: int, points: int, side: float) -> float:
     """Of all crests of a site."""
     top = -math.inf
     for p in range(points):
-        top = max(top, crest(grid, at, points, p))
+        top = max(top, crest(grid, at, points, p, side))
     return top
 
 
@@ -265,22 +270,26 @@ def idle(
     at: int,
     points: int,
     top: float,
+    side: float,
 ) -> float:
-    """The margin of a site that never hits, at each of its crests that may be the highest."""
+    """The margin of a site that never hits, at each of its crests that may be the highest, from the
+    nearer wall or from one of them."""
     step, least = data[LENGTH] / points, math.inf
     for p in range(points):
-        if crest(grid, at, points, p) >= top - CLOSE * abs(top):
-            height = climbed(data, table, out, site, data[START] + p * step, step)
-            least = min(least, 1.0 - height)
+        if crest(grid, at, points, p, side) >= top - CLOSE * abs(top):
+            u = climbed(data, table, out, site, data[START] + p * step, step, side)
+            least = min(least, 1.0 - height(u, side))
     return least
 
 
-def climbed(data: Any, table: Any, out: Any, site: int, t: float, step: float) -> float:
-    """How high a site is at the extremum of its motion within a step of t: Newton, kept in by
+def climbed(
+    data: Any, table: Any, out: Any, site: int, t: float, step: float, side: float
+) -> float:
+    """Where a site is at the extremum of its motion within a step of t: Newton, kept in by
     bisection."""
     low, high = t - step, t + step
     motion(data, table, out, site, t)
-    top = out[1] > 0.0
+    top = side > 0.0 or (side == 0.0 and out[1] > 0.0)
     for _ in range(60):
         u, v, w = out[1], out[2], out[3]
         if (v > 0.0) == top:
@@ -292,6 +301,169 @@ def climbed(data: Any, table: Any, out: Any, site: int, t: float, step: float) -
         if not low <= t <= high:
             t = 0.5 * (low + high)
         if abs(t - last) <= 1e-8:  # of second order: the next step would be rounding
-            return abs(u + 0.5 * v * (t - last))
+            return float(u + 0.5 * v * (t - last))
         motion(data, table, out, site, t)
-    return float(abs(out[1]))
+    return float(out[1])
+
+
+# --- besides a grazing crest ----------------------------------------------------------------
+
+ALIKE, BESIDE, TELLING, MIRRORED = 1e-9, 1e-4, 1e-12, 1e-13  # as in `clearance`
+
+
+def rivals(data: Any, table: Any, grid: Any, out: Any) -> int:
+    """The least of all other margins where one crest of an idle site touches a wall, each as
+    ``m/(|m| + size)``, into ``out[0]``. Behind the sites in `data`: which one and when, whether the
+    orbit is its own mirror image; and how much each site feels the impacts."""
+    sites, busy = int(data[SITES]), int(data[BUSY])
+    more = place(data, sites)
+    own, felt = int(data[more]), more + 3
+    size = data[felt + own]
+    least = math.inf
+    for i in range(int(data[FLIGHTS])):
+        site = int(data[impact(data, i) + 2])
+        found = between(data, table, grid, out, i)
+        least = min(least, apart(found, max(size, data[felt + site])))
+    points = looks(data, data[LENGTH])
+    for site in range(busy, sites):
+        fill(data, table, grid, site, (site - busy) * points, points)
+    found = others(data, table, grid, out, own, points)
+    least = min(least, found)
+    end = (sites - busy) * points  # what follows overwrites its grid last
+    found = besides(data, table, grid, out, own, points, end)
+    out[0] = min(least, found)
+    return 0
+
+
+def apart(found: float, size: float) -> float:
+    """A margin relative to its size, where rounding does not decide its sign."""
+    return 1.0 if size < TELLING else found / (abs(found) + size)
+
+
+def others(data: Any, table: Any, grid: Any, out: Any, own: int, points: int) -> float:
+    """The least of idle sites that are not images of this one: of all that feel the impacts more,
+    and of those of the rest that may be least."""
+    sites, busy = int(data[SITES]), int(data[BUSY])
+    felt = place(data, sites) + 3
+    size, top, least = data[felt + own], -math.inf, math.inf
+    for site in range(busy, sites):
+        out[4 + site] = -math.inf
+        gap = 0.0
+        for p in range(points):
+            here, there = (site - busy) * points + p, (own - busy) * points + p
+            gap = max(gap, abs(grid[here] - grid[there]))
+        if gap > ALIKE:
+            out[4 + site] = highest(grid, (site - busy) * points, points, 0.0)
+            if data[felt + site] <= size:
+                top = max(top, out[4 + site])
+    for site in range(busy, sites):
+        mine = out[4 + site]
+        if mine == -math.inf:
+            continue
+        near = data[felt + site] > size or flag(data, site) > 0.0
+        if near or mine >= top - CLOSE * abs(top):
+            at = (site - busy) * points
+            found = idle(data, table, grid, out, site, at, points, mine, 0.0)
+            least = min(least, apart(found, max(size, data[felt + site])))
+    return least
+
+
+def besides(data: Any, table: Any, grid: Any, out: Any, own: int, points: int, end: int) -> float:
+    """The site itself: its crest divided out, and the other wall unless that is its other half."""
+    sites, busy = int(data[SITES]), int(data[BUSY])
+    more = place(data, sites)
+    size, t, at = data[more + 3 + own], data[more + 1], (own - busy) * points
+    motion(data, table, out, own, t)
+    side = 1.0 if out[1] > 0.0 else -1.0
+    least = math.inf
+    whole = data[LENGTH] > 1.5 * math.pi * data[N]  # not half a period
+    if whole:
+        top = highest(grid, at, points, -side)
+        found = idle(data, table, grid, out, own, at, points, top, -side)
+        if data[more + 2] == 0.0 or abs(found) >= MIRRORED:
+            least = apart(found, size)
+    return min(least, apart(undivided(data, table, grid, out, own, side, points, at, end), size))
+
+
+def undivided(
+    data: Any,
+    table: Any,
+    grid: Any,
+    out: Any,
+    own: int,
+    side: float,
+    points: int,
+    at: int,
+    end: int,
+) -> float:
+    """The least distance from the wall over ``1 - cos`` of the time since its crest; places and
+    ratios from ``grid[end]`` on."""
+    step, period = data[LENGTH] / points, TWO_PI * data[N]
+    crest_at = data[place(data, int(data[SITES])) + 1] - data[START]
+    crest_at -= period * math.floor(crest_at / period)
+    count, twice = 0, 2 * points + 1
+    for p in range(round(period / step)):
+        s = step * p
+        if abs(math.sin(math.pi / period * (s - crest_at))) > BESIDE:
+            u = grid[at + p] if p < points else -grid[at + p - points]
+            grid[end + count] = s
+            grid[end + twice + count] = (1.0 - side * u) / (
+                1.0 - math.cos(TWO_PI / period * (s - crest_at))
+            )
+            count += 1
+    lowest = math.inf
+    for p in range(count):
+        lowest = min(lowest, grid[end + twice + p])
+    enough = lowest + 0.1 * max(abs(lowest), 0.1 * abs(grid[end + twice + count - 1]))
+    least = math.inf
+    for p in range(count):
+        ratio = end + twice + p
+        if grid[ratio] > enough or (p > 0 and grid[ratio] > grid[ratio - 1]):
+            continue
+        if p + 1 < count and grid[ratio] > grid[ratio + 1]:
+            continue
+        low = grid[end + p - 1] if p > 0 else grid[end] - step
+        high = grid[end + p + 1] if p + 1 < count else grid[end + p] + step
+        s = grid[end + p]
+        least = min(least, undug(data, table, out, own, side, crest_at, s, grid[ratio], low, high))
+    return least
+
+
+def undug(
+    data: Any,
+    table: Any,
+    out: Any,
+    own: int,
+    side: float,
+    crest_at: float,
+    s: float,
+    best: float,
+    low: float,
+    high: float,
+) -> float:
+    """The minimum of that ratio next to s, as in `polished`."""
+    turn = 1.0 / data[N]
+    bisected = 0
+    for _ in range(60):
+        if bisected == 9:
+            break
+        motion(data, table, out, own, data[START] + s)
+        angle = turn * (s - crest_at)
+        n, n1, n2 = 1.0 - side * out[1], -side * out[2], -side * out[3]
+        bent = turn * turn * math.cos(angle)
+        d, d1, d2 = 1.0 - math.cos(angle), turn * math.sin(angle), bent
+        if abs(math.sin(0.5 * angle)) <= BESIDE:  # 0/0 but for rounding: by de l'Hospital
+            n, n1, n2, d, d1, d2 = n2, 0.0, 0.0, bent, 0.0, 0.0
+        best = min(best, n / d)
+        tilt, bend = n1 * d - n * d1, n2 * d - n * d2
+        if tilt > 0.0:
+            high = s
+        else:
+            low = s
+        last = s
+        s = s - tilt / bend if bend > 0.0 else low
+        if not low < s < high:
+            bisected, s = bisected + 1, 0.5 * (low + high)
+        if abs(s - last) <= 1e-8:
+            break
+    return best

@@ -22,6 +22,7 @@ from contbreather.breathers.clearance import (
     closest,
     gaps_of_idle,
     least_margin,
+    least_rival,
     rivals,
 )
 from contbreather.breathers.orbit import Orbit
@@ -193,7 +194,8 @@ class _Rival:
         return min(rivals(watch, self.site, point["t"], mirrored=self.mirrored))
 
     def margin(self, point: Point) -> float:
-        return self.closest(point).margin
+        watch = solution_at(point).watch
+        return least_rival(watch, self.site, point["t"], mirrored=self.mirrored)
 
     def test(self, point: Point) -> float:
         return self.margin(point) / (1.0 if self.scale is None else self.scale(point))

@@ -24,8 +24,8 @@ from contbreather.breathers.closed_loops import (
 )
 
 MORE = 512
-# for a pair: eta and its slope; coupling, k, q, b and angle for `arc_loops`, its answer, its scratch
-# and its table; then the expansion of eta
+# for a pair: eta and its slope; coupling, k, q, b and angle for `arc_loops`, its answer, its
+# scratch and its table; then the expansion of eta
 ETA, DETA, ARC = MORE, MORE + 1, MORE + 2
 ANSWER = ARC + 5
 SCRATCH = ANSWER + 12

@@ -34,6 +34,7 @@ class Packed(NamedTuple):
     """The motion of an orbit as `clearance_loops` take it."""
 
     data: FloatArray
+    sites: tuple[int, ...]  # those that hit, and the others that are looked at
     table: FloatArray
     own: int  # numbers that are filled in, apart from
     points: int  # those on the grids of all sites together
@@ -140,7 +141,7 @@ def _packed(
     hits = [entry for site, t, J in impacts for entry in (t, J, hit.index(site))]
     given = np.array([*head, f.peak(), *counts, *series, *hits], dtype=float)
     data = np.concatenate([given, places.ravel()])
-    return Packed(data, table, 4 + len(sites), (2 * n * fine + 1) * (len(sites) + 1))
+    return Packed(data, sites, table, 4 + len(sites), (2 * n * fine + 1) * (len(sites) + 4))
 
 
 @lru_cache(maxsize=256)

@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.breathers import clearance, clearance_loops
 from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.clearance import least_margin
+from contbreather.breathers.clearance import least_margin, rivals_data
 from contbreather.breathers.orbit import Orbit, orbit_of
 from contbreather.lattice.conditions import Conditions
 
@@ -52,6 +52,19 @@ def by_loops(orbit: Orbit) -> float:
 @pytest.mark.parametrize("orbit", [*PLAIN, *OTHERS], ids=repr)
 def test_the_least_margin_by_loops_is_that_of_the_clearance(orbit: Orbit) -> None:
     assert by_loops(orbit) == pytest.approx(orbit.admissibility().margin, abs=1e-13)
+
+
+@pytest.mark.parametrize("orbit", [*PLAIN, *OTHERS], ids=repr)
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_least_rival_by_loops_is_that_of_all_rivals(orbit: Orbit, mirrored: bool) -> None:
+    watch = orbit.watch
+    for gap in clearance.gaps_of_idle(watch):  # as if each of them touched
+        packed = watch.packed()
+        data = rivals_data(watch, packed, gap.site, gap.time, mirrored=mirrored).tolist()
+        out, grid = [math.nan] * packed.own, [math.nan] * packed.points
+        assert clearance_loops.rivals(data, packed.table.ravel().tolist(), grid, out) == 0
+        wanted = min(clearance.rivals(watch, gap.site, gap.time, mirrored=mirrored)).margin
+        assert out[0] == pytest.approx(wanted, abs=1e-10)
 
 
 def test_beyond_its_limits_the_margin_by_loops_is_negative_alike() -> None:
