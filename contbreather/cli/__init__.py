@@ -123,8 +123,10 @@ def application() -> App:
         completion,
         diagram,
         explore,
+        extend,
         figure,
         point,
+        show,
         simulate,
         switch,
         zones,
@@ -149,6 +151,8 @@ def application() -> App:
         simulate.simulate,
         figure.figure,
         explore.explore,
+        show.show,
+        extend.extend,
     )
     for command in commands:
         app.command(command)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contbreather.cli.branch import leave
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import PARAMETERS, Into, Span, Where, interval
+from contbreather.cli.options import PARAMETERS, Keep, Span, Where, interval
 from contbreather.errors import BadInput
 
 KINDS = ("LP", "PF", "NS", "GR")
@@ -16,7 +16,7 @@ def boundary(
     *,
     pair: tuple[str, str] = ("gamma", "a"),
     window: Span | None = None,
-    into: Into = Into(),
+    into: Keep = Keep(),
 ) -> None:
     """A curve of folds (LP), pitchforks (PF), Neimark-Sacker points (NS) or grazings (GR).
 
@@ -49,7 +49,9 @@ def boundary(
     like = {**given, **on.given, "within": within, "threshold": on.threshold}
     seed = find_event(wanted, pair, **like)
     steps = continuation.Steps(largest=0.02)
-    found, cut = kept(lambda: continuation.boundary(seed, pair, within=within, steps=steps))
+    found, cut = kept(
+        lambda: continuation.boundary(seed, pair, within=within, steps=steps, save=into.save)
+    )
     leave(found, "curve", {"curve": wanted, "pair": pair, **on.entry()}, into, cut)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Along, Into, Where, Whole
+from contbreather.cli.options import Along, Into, Keep, Where, Whole
 from contbreather.cli.output import branch_entry, branch_table, check_ends, lines_of
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def branch(
     *,
     towards: Literal["both", "up", "down"] = "both",
     root: Whole = 1,
-    into: Into = Into(),
+    into: Keep = Keep(),
 ) -> None:
     """A branch of breathers in one parameter, with its special points.
 
@@ -39,7 +39,9 @@ def branch(
     start = along.start(where, root)
     problem = start.problem
     found, cut = kept(
-        lambda: continuation.trace(problem, start.free, within=start.within, towards=towards)
+        lambda: continuation.trace(
+            problem, start.free, within=start.within, towards=towards, save=into.save
+        )
     )
     leave(found, "branch", start.entry(), into, cut)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Along, Into, Where, Whole
+from contbreather.cli.options import Along, Keep, Where, Whole
 from contbreather.cli.output import branch_entry, branch_table, point_entry
 from contbreather.errors import NotConverged
 
@@ -20,7 +20,7 @@ def diagram(
     *,
     depth: Whole = 2,
     most: Whole = 100,
-    into: Into = Into(),
+    into: Keep = Keep(),
 ) -> None:
     """Follow the breathers, switch wherever other branches leave, follow these, and so on.
 
@@ -38,7 +38,8 @@ def diagram(
     into.check()
     start = along.start(where)
     shot = start.shot
-    tree, cut = kept(lambda: diagram(shot, start.free, within=start.within, depth=depth, most=most))
+    asked: dict[str, Any] = {"within": start.within, "depth": depth, "most": most}
+    tree, cut = kept(lambda: diagram(shot, start.free, **asked, save=into.save))
     into.leave(
         lambda: {**start.entry(), **_content(tree)},
         _lines(tree, depth),

@@ -300,9 +300,11 @@ class Into:
     output: Annotated[str | None, Parameter(alias="-o")] = None
     json: bool = False
 
+    kept = None  # a file that the library has written
+
     def check(self) -> None:
         """Refuse files that cannot be written before anything is computed."""
-        check_places({"--csv": self.csv}, self.output)
+        check_places({"--csv": self.csv, "--save": self.kept}, self.output)
 
     def leave(
         self,
@@ -314,7 +316,7 @@ class Into:
         cut: bool = False,
     ) -> None:
         """Files first, then one JSON object, or lines for people; each made where it is wanted."""
-        made = []
+        made = [] if self.kept is None else [self.kept]
         if self.csv is not None:
             made.append(str(to_csv(self.csv, *table(), cut=cut)))
         if self.output is not None:
@@ -324,3 +326,21 @@ class Into:
         else:
             say(*lines, *(f"Wrote {path}." for path in made))
         end(cut)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Keep(Into):
+    """Where results go, of what can be gone on with.
+
+    Parameters
+    ----------
+    save
+        Keep the results in this file while they are computed, for show and extend.
+    """
+
+    save: str | None = None
+
+    @property
+    def kept(self) -> str | None:  # type: ignore[override]
+        return self.save

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from contbreather.cli.interrupts import computing
-from contbreather.cli.options import PARAMETERS, Into, On, Where, Whole
+from contbreather.cli.options import PARAMETERS, Keep, On, Where, Whole
 from contbreather.cli.output import check_places, note, say, to_csv, to_figure, to_json
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
 from contbreather.cli.starts import read_state, write_state
@@ -38,7 +38,7 @@ def simulate(
     stream: str | None = None,
     impacts: str | None = None,
     final: str | None = None,
-    into: Into = Into(),
+    into: Keep = Keep(),
 ) -> int | None:
     """A lattice in motion, impact by impact, and a verdict on it.
 
@@ -100,15 +100,18 @@ class Asked:
     stream: str | None
     impacts: str | None
     final: str | None
-    into: Into
+    into: Keep
 
     def check(self) -> None:
         """Refuse what cannot be, before anything is computed."""
         tables = {"--csv": self.into.csv, "--impacts": self.impacts, "--final": self.final}
+        tables["--save"] = self.into.save
         check_places(tables, self.into.output)
         if self.smooth is not None and (self.impacts or self.stream):
             which = "--impacts" if self.impacts else "--stream"
             raise BadInput(f"{which} goes with rigid walls only: leave out --smooth")
+        if self.stream is not None and self.into.save is not None:
+            raise BadInput("--save and --stream: a stream is kept in its folder; leave --save out")
         if self.stream is not None and not self.periods.is_integer():
             raise BadInput(f"--periods {self.periods:g}: a stream is of whole periods")
         if not (math.isfinite(self.perturb) and self.perturb >= 0.0):
@@ -182,6 +185,11 @@ def _files(seen: Seen, asked: Asked) -> Iterator[Any]:
     """What goes on from here first: large tables take long enough to be interrupted."""
     if asked.final is not None:
         yield write_state(asked.final, seen.run.final, seen.run.end)
+    if asked.into.save is not None:
+        from contbreather.runs import save
+
+        save(asked.into.save, run=seen.run)
+        yield asked.into.save
     if asked.into.csv is not None:
         names = [f"{name}_{n}" for name in "uv" for n in range(seen.run.sites)]
         yield to_csv(asked.into.csv, _strobes(seen), ["period", "time", *names])

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Along, Into, Where
+from contbreather.cli.options import Along, Keep, Where
 from contbreather.cli.output import (
     branch_entry,
     branch_table,
@@ -34,7 +34,7 @@ def switch(
     along: Along = Along(),
     *,
     at: tuple[str, ...] = ("PF",),
-    into: Into = Into(),
+    into: Keep = Keep(),
 ) -> None:
     """The branches that leave a branch of breathers: both arms of a pitchfork, doubled orbits.
 
@@ -56,7 +56,7 @@ def switch(
     for kind in at[:-1]:
         parent = switch(_first(kind, parent), within=within)[0]
     point = _first(at[-1], parent)
-    arms, cut = kept(lambda: switch(point, within=within))
+    arms, cut = kept(lambda: switch(point, within=within, save=into.save))
 
     def content() -> dict[str, Any]:
         about = {**start.entry(), "at": point_entry(point), "branch": branch_entry(branch)}

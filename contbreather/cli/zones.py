@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import HARMONIC, Formula, Into, Span, Where, Whole, interval
+from contbreather.cli.options import HARMONIC, Formula, Keep, Span, Where, Whole, interval
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def zones(
     set: tuple[str, ...] = (),
     sites: Whole | None = None,
     threshold: float | None = None,
-    into: Into = Into(),
+    into: Keep = Keep(),
 ) -> None:
     """Zone diagrams: limits of existence LP and GR, of stability PF and NS, where they meet.
 
@@ -64,14 +64,14 @@ def zones(
     from contbreather.breathers.zones import zones as diagram
 
     name, values = _fixed(k, gamma, a)
-    if into == Into():
-        into = Into(csv=TABLE, output=FIGURE)
+    if into == Keep():
+        into = Keep(csv=TABLE, output=FIGURE)
     into.check()
     on = Where(forcing=forcing, set=set, sites=sites, threshold=threshold).on()
     given = {"gamma": gamma_window, "a": a_window, "k": k_window}
     windows = {n: interval(n, given[n], WINDOWS) for n in given if given[n] is not None}
     asked: dict[str, Any] = {name: values, "lattice": on.lattice, "threshold": on.threshold}
-    found, cut = kept(lambda: diagram(**asked, forcing=on.forcing, within=windows))
+    found, cut = kept(lambda: diagram(**asked, forcing=on.forcing, within=windows, save=into.save))
     if not any(branches for one in found for branches in one.curves.values()):
         raise BadInput(
             "no curve passes the window: breathers exist all over it, all stable or all unstable "

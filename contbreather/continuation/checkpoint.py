@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,7 +24,7 @@ SHARE = 0.03  # of the time that a run takes, at most, goes into writing them
 class Checkpoint:
     """A file that is written anew every few seconds, and where something happens.
 
-    `name` is that of the result in it; of several they are numbered.
+    `name` is that of the result in it; those of a tuple are numbered, a dict has names.
     """
 
     def __init__(self, path: str | Path, name: str) -> None:
@@ -45,13 +45,11 @@ class Checkpoint:
 
     def finish(self, result: Any, *, recorded: bool = True) -> None:
         """Write it now."""
-        several = result if isinstance(result, tuple) else (result,)
-        names = (
-            [f"{self.name}{i}" for i in range(1, 1 + len(several))]
-            if isinstance(result, tuple)
-            else [self.name]
-        )
-        write(self.path, dict(zip(names, several, strict=True)), recorded=recorded)
+        named = result if isinstance(result, Mapping) else {self.name: result}
+        if isinstance(result, tuple):
+            named = {f"{self.name}{i}": one for i, one in enumerate(result, start=1)}
+        alone = len(named) == 1 and not isinstance(result, tuple)
+        write(self.path, named, alone=alone, recorded=recorded)
 
 
 class Inner(Checkpoint):

@@ -22,15 +22,20 @@ if TYPE_CHECKING:
 FORMAT, NUMBER = "run of contbreather", 3  # the number grows where older versions cannot read on
 
 
-def write(path: str | Path, values: Mapping[str, Any], *, recorded: bool = True) -> Path:
-    """Write all of a file at once; what was there stays until then."""
+def write(
+    path: str | Path, values: Mapping[str, Any], *, alone: bool, recorded: bool = True
+) -> Path:
+    """Write all of a file at once; what was there stays until then.
+
+    `alone` says whether its one value is what the file is, rather than the first of several.
+    """
     from xarray import Dataset, DataTree
 
     check_names("branch", values)
     groups: dict[str, Any] = {}
     for name, value in values.items():
         groups |= groups_of(f"/{name}", value, recorded=recorded)
-    tree = DataTree.from_dict({"/": Dataset(attrs=_root()), **groups})
+    tree = DataTree.from_dict({"/": Dataset(attrs={**_root(), "alone": int(alone)}), **groups})
     # in memory first: where a disk is full, HDF5 ends the interpreter
     return write_sealed(path, bytes(tree.to_netcdf(engine="h5netcdf")))
 

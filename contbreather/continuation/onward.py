@@ -106,7 +106,7 @@ def _over(branch: Branch, side: str, asked: Settings) -> str:
         return _OVER[stop]
     if stop is Stop.BOUND and (reason or asked.within == old.within):
         windows = ", ".join(f"{name} in ({a:g}, {b:g})" for name, (a, b) in old.within.items())
-        return reason or f"it is at the edge of its window, {windows}: give a wider one, within="
+        return reason or f"it is at the edge of its window, {windows}: give a wider one"
     if branch[-1 if last else 0].tangent is None:
         return "no direction is known"
     return ""

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 _SUFFIX = ".nc"
+Found = tuple[dict[str, Any], bool]
 
 
 class Run(Shown, Mapping[str, Any]):
@@ -56,7 +57,7 @@ class Run(Shown, Mapping[str, Any]):
     def __init__(self, path: str | Path, *, problem: Problem | None = None) -> None:
         self.path = Path(path)
         self.problem = problem
-        self._read: dict[Path, tuple[Any, dict[str, Any]]] = {}
+        self._read: dict[Path, tuple[Any, Found]] = {}
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -71,14 +72,13 @@ class Run(Shown, Mapping[str, Any]):
         check_names("result", [name])
         if self.path.is_file():
             raise BadInput(f"{self.path} is one file; a folder is wanted for more of them")
+        self.path.mkdir(parents=True, exist_ok=True)
         return self.path / f"{name}{_SUFFIX}"
 
     def keep(self, **results: Any) -> None:
         """Write results to files of their names, each whole or not at all."""
         for name, result in results.items():
-            path = self.file(name)
-            self.path.mkdir(parents=True, exist_ok=True)
-            write(writable(path), {name: result})
+            write(writable(self.file(name)), {name: result}, alone=True)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._all())
@@ -102,24 +102,33 @@ class Run(Shown, Mapping[str, Any]):
         labels = sorted({p.label for _, p in self.points() if p.kind not in ("", "EP")})
         raise BadInput(f"no {key!r} in {self.path}; there are {list(found)} and points {labels}")
 
+    def place(self, name: str) -> tuple[Path, str]:
+        """The file that a result is in, and its name there."""
+        return self._places()[name]
+
     def points(self) -> Iterator[tuple[str, Point]]:
         """Special points of everything that has any, with the names of what they are on."""
         for name, result in self._all().items():
             for point in getattr(result, "special", ()):
                 yield name, point
 
-    def _all(self) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+    def _places(self) -> dict[str, tuple[Path, str]]:
+        """All names of results, with the file of each and its name there."""
+        found: dict[str, tuple[Path, str]] = {}
         for path in self.files:
-            inside = self._in(path)
-            if not self.path.is_dir():
-                return inside
-            stem = path.relative_to(self.path).with_suffix("").as_posix()
-            for name, result in inside.items():
-                found[stem if len(inside) == 1 else f"{stem}/{name}"] = result
+            inside, alone = self._in(path)
+            for own in inside:
+                name = own
+                if path != self.path:
+                    stem = path.relative_to(self.path).with_suffix("").as_posix()
+                    name = stem if alone else f"{stem}/{own}"
+                found[name] = path, own
         return found
 
-    def _in(self, path: Path) -> dict[str, Any]:
+    def _all(self) -> dict[str, Any]:
+        return {name: self._in(path)[0][own] for name, (path, own) in self._places().items()}
+
+    def _in(self, path: Path) -> Found:
         """What is in a file, read once as long as it stays the same."""
         here = path.stat()
         state = (here.st_mtime_ns, here.st_size, here.st_ino)
@@ -131,11 +140,12 @@ class Run(Shown, Mapping[str, Any]):
         return f"<Run {self.path}: {', '.join(self) or 'nothing yet'}>"
 
 
-def read_file(path: str | Path, problem: Problem | None = None) -> dict[str, Any]:
-    """All values of a file by their names."""
+def read_file(path: str | Path, problem: Problem | None = None) -> Found:
+    """All values of a file by their names, and whether the only one is what the file is."""
     with read(path) as tree:
         try:
-            return {str(name): _value(group, problem) for name, group in tree.children.items()}
+            found = {str(name): _value(group, problem) for name, group in tree.children.items()}
+            return found, bool(tree.attrs["alone"])
         except BadInput as error:
             raise BadInput(f"{path}: {error}") from error
 

@@ -51,7 +51,7 @@ def save(path: str | Path, *results: Any, **named: Any) -> None:
             )
     if not every or len(every) < len(results) + len(named):
         raise BadInput(f"results with different names are wanted, got {list(every) or 'none'}")
-    write(path, every)
+    write(path, every, alone=len(every) == 1)
 
 
 def load(path: str | Path, *, problem: Problem | Startable | None = None) -> Any:
@@ -84,5 +84,5 @@ def load(path: str | Path, *, problem: Problem | Startable | None = None) -> Any
         if not run.files:
             raise BadInput(f"cannot read {path}: there is no file in it that `save` wrote")
         return run
-    found = read_file(path, own)
-    return next(iter(found.values())) if len(found) == 1 else Run(path, problem=own)
+    found, alone = read_file(path, own)
+    return next(iter(found.values())) if alone else Run(path, problem=own)

@@ -1,0 +1,77 @@
+"""`contbreather extend`: a branch that was kept, followed further."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
+
+from contbreather.cli.branch import leave
+from contbreather.cli.interrupts import kept
+from contbreather.cli.options import Keep, Span, Whole
+from contbreather.cli.show import opened
+from contbreather.errors import BadInput
+
+if TYPE_CHECKING:
+    from contbreather.continuation import Branch, Run
+
+
+def extend(
+    run: str | None = None,
+    name: str | None = None,
+    /,
+    *,
+    window: Span | None = None,
+    end: Literal["both", "last", "first"] = "both",
+    most: Whole | None = None,
+    into: Keep = Keep(),
+) -> None:
+    """Follow a branch or a boundary that was kept further, and keep it where it was.
+
+    Its equations, its events and its steps are those it was asked for with.
+
+    Parameters
+    ----------
+    run
+        The file, or the folder, that --save has kept.
+    name
+        Which of its results; needed where there are several.
+    window
+        Lowest and highest value of the free parameter, wider than before.
+    end
+        At which end to go on.
+    most
+        Number of steps after which it ends, at each end.
+    """
+    from contbreather import continuation
+    from contbreather.continuation.checkpoint import Checkpoint, Inner
+
+    found = opened(run)
+    branch, place, own = _chosen(found, name)
+    into = replace(into, save=into.save or str(place))
+    into.check()
+    settings = branch.settings or continuation.branch.Settings()
+    within = settings.within if window is None else {**settings.within, branch.free: window}
+    steps = settings.steps if most is None else replace(settings.steps, most=most)
+    others = dict(continuation.Run(place)) if into.save == str(place) else {}
+    file = Checkpoint(into.save or place, own)
+    inner = Inner(file, lambda longer: {**others, own: longer})
+    longer, cut = kept(
+        lambda: continuation.extend(branch, end=end, within=within, steps=steps, save=inner)
+    )
+    file.finish({**others, own: longer})
+    leave(longer, "branch", {"free": branch.free}, into, cut)
+
+
+def _chosen(found: Run, name: str | None) -> tuple[Branch, Any, str]:
+    """The branch, the file it is in, and its name there."""
+    from contbreather.continuation import Branch
+
+    branches = [own for own, result in found.items() if isinstance(result, Branch)]
+    if name is None and len(branches) != 1:
+        there = ", ".join(branches) or "none"
+        raise BadInput(f"which branch of {found.path}? There are {there}; give the name of one")
+    name = name or branches[0]
+    branch = found[name]
+    if not isinstance(branch, Branch):
+        raise BadInput(f"{name!r} is not a branch or a boundary; there are {', '.join(branches)}")
+    return branch, *found.place(name)

@@ -1,0 +1,125 @@
+"""`contbreather show`: what is in a file, or a folder, that was kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from contbreather.cli.options import Into
+from contbreather.cli.output import branch_entry, lines_of, point_entry
+from contbreather.errors import BadInput
+
+if TYPE_CHECKING:
+    from contbreather.continuation import Run
+
+
+def show(run: str | None = None, name: str | None = None, /, *, into: Into = Into()) -> None:
+    """What is in a file that --save has kept, or in a folder of such files.
+
+    Parameters
+    ----------
+    run
+        The file or the folder.
+    name
+        One of its results, or a special point by its label; all of them, in brief, unless given.
+    """
+    into.check()
+    found = opened(run)
+    if name is None and len(found) > 1:
+        into.leave(
+            lambda: {"path": str(found.path), "results": {n: _entry(v) for n, v in found.items()}},
+            _brief(found),
+            lambda: _table_of(found, None),
+            lambda: _drawn(found),
+        )
+        return
+    result = found[name or next(iter(found))]
+    into.leave(
+        lambda: {"path": str(found.path), **_entry(result)},
+        _lines(result),
+        lambda: _table_of(found, result),
+        lambda: _drawn({"": result}),
+    )
+
+
+def opened(path: str | None) -> Run:
+    """What is on disk; a sentence where nothing is."""
+    from contbreather.continuation import Run
+    from contbreather.runs import load
+
+    if path is None:
+        raise BadInput("RUN is missing: the file, or the folder, that --save has kept")
+    load(path)  # says what is wrong
+    return Run(path)
+
+
+def _brief(found: Mapping[str, Any]) -> Iterator[object]:
+    from contbreather.continuation.tabular import Column, Sheet
+
+    described = [_described(result) for result in found.values()]
+    labels = [", ".join(p.label for p in getattr(r, "special", ())) for r in found.values()]
+    columns = [Column("name", list(found)), Column("what", described), Column("points", labels)]
+    yield Sheet(columns)
+
+
+def _described(result: Any) -> str:
+    text = result.describe() if hasattr(result, "describe") else repr(result).strip("<>")
+    return str(text)
+
+
+def _lines(result: Any) -> Iterator[object]:
+    from contbreather.continuation import Branch, Point
+
+    if isinstance(result, Branch):
+        yield from lines_of(result)
+    elif isinstance(result, Point):
+        yield f"{result!r}"
+        yield from (f"{name} = {value}." for name, value in result.detail.items())
+    else:
+        yield result if hasattr(result, "__rich__") else f"{_described(result)}."
+        yield from (f"{point!r}" for point in getattr(result, "special", ()))
+
+
+def _entry(result: Any) -> dict[str, Any]:
+    """For JSON."""
+    from contbreather.continuation import Branch, Point
+
+    if isinstance(result, Point):
+        return point_entry(result)
+    about: dict[str, Any] = {"kind": type(result).__name__, "description": _described(result)}
+    if isinstance(result, Branch):
+        return {**about, **branch_entry(result)}
+    special = [point_entry(point) for point in getattr(result, "special", ())]
+    return {**about, "special": special} if special else about
+
+
+def _table_of(found: Mapping[str, Any], result: Any) -> Any:
+    """Rows and columns for CSV: of one result, or of all below each other."""
+    from contbreather.columns import stacked
+
+    if result is None:
+        columns = stacked(({"name": name}, one.columns()) for name, one in found.items())
+    elif hasattr(result, "columns"):
+        columns = result.columns()
+    else:
+        raise BadInput("--csv: a point has no columns; name what it is on")
+    names = [name for name, column in columns.items() if column.ndim == 1]
+    rows = zip(*(columns[name].tolist() for name in names), strict=True)
+    return (dict(zip(names, row, strict=True)) for row in rows), names
+
+
+def _drawn(found: Mapping[str, Any]) -> Any:
+    from contbreather.breathers import Zones
+    from contbreather.continuation import Branch
+    from contbreather.continuation.diagram import Diagram
+    from contbreather.plotting import plot, plot_diagram, plot_zones
+
+    values = list(found.values())
+    if all(isinstance(value, Zones) for value in values):
+        return plot_zones(values)[0]
+    if len(values) == 1 and isinstance(values[0], Diagram):
+        return plot_diagram(values[0])
+    branches = [value for value in values if isinstance(value, Branch)]
+    if not branches:
+        raise BadInput("--output: only branches, diagrams and zones are drawn here; name one")
+    return plot(*branches)

@@ -1,0 +1,112 @@
+"""The command line keeps what it computes, shows it again, and goes on with it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+
+Output = tuple[int, str, str]
+BRANCH = "branch --free a --gamma 0.04 --k 0.8 --window 0.7 0.76 --save b.nc"
+
+
+@pytest.fixture
+def kept(run: Callable[[str], Output]) -> Callable[[str], Output]:
+    """In a folder with a branch."""
+    status, out, _ = run(BRANCH)
+    assert (status, "Wrote b.nc." in out) == (0, True)
+    return run
+
+
+def test_branch_is_shown_as_when_it_was_computed(kept: Callable[[str], Output]) -> None:
+    first = json.loads(kept(f"{BRANCH} --json")[1])
+    status, out, _ = kept("show b.nc --json --csv b.csv")
+    again = json.loads(out)
+    assert status == 0
+    assert first["written"] == ["b.nc"]
+    for name in ("columns", "special", "ends"):
+        assert again[name] == first[name]
+    rows = Path("b.csv").read_text().splitlines()
+    assert (rows[0][:8], len(rows)) == ("label,p,", 1 + len(again["columns"]["a"]))
+
+
+def test_branch_goes_on_where_it_is_kept(kept: Callable[[str], Output]) -> None:
+    short = cb.load("b.nc")
+    status, out, _ = kept("extend b.nc --window 0.7 0.8 --end last")
+    assert (status, "PF1" in out) == (0, True)
+    longer = cb.load("b.nc")
+    assert np.array_equal(longer["p"][: len(short) - 1], short["p"][:-1])
+    assert longer.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-12)
+    assert "criticality = supercritical" in kept("show b.nc PF1")[1]
+
+
+def test_one_result_of_a_file_goes_on_and_others_stay(kept: Callable[[str], Output]) -> None:
+    branch = cb.load("b.nc")
+    cb.save("two.nc", one=branch, other=branch)
+    Path("b.nc").unlink()
+    assert kept("extend two.nc other --window 0.68 0.76 --end first --most 1")[0] == 0
+    run = cb.load("two.nc")
+    assert (len(run["one"]), list(run)) == (len(branch), ["one", "other"])
+    assert run["other"].began is cb.Stop.MOST
+    status, out, _ = kept("show . --json")
+    assert (status, list(json.loads(out)["results"])) == (0, ["two/one", "two/other"])
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        ("switch --free a --gamma 0.04 --k 0.8 --window 0.7 0.8", "arm1"),
+        ("diagram --free a --gamma 0.04 --k 0.8 --window 0.76 0.8 --depth 1", "diagram"),
+        ("zones --k 0.8 --gamma-window 0.03 0.04", "zones1"),
+        ("boundary LP --gamma 0.04 --k 0.8 --pair gamma a --window 0.03 0.05", "boundary"),
+        ("simulate --a 0.5 --gamma 0.04 --k 0.8 --sites 4 --periods 2", "run"),
+    ],
+)
+def test_every_command_that_computes_keeps_its_results(
+    run: Callable[[str], Output], command: str, name: str
+) -> None:
+    status, out, _ = run(f"{command} --save kept.nc")
+    assert (status, "Wrote kept.nc." in out) == (0, True)
+    assert name in cb.Run("kept.nc")
+    status, out, _ = run("show kept.nc")
+    assert (status, len(out) > 40) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("command", "sentence"),
+    [
+        ("show", "RUN is missing"),
+        ("show nothing.nc", "cannot read nothing.nc: No such file"),
+        ("show bad.nc", "cannot read bad.nc: it is not a netCDF-4 file"),
+        ("show folder", "there is no file in it that `save` wrote"),
+        ("show b.nc PF7", r"no 'PF7' in b.nc; there are \['branch'\] and points \[\]"),
+        ("extend b.nc", "goes no further: at its last point it is at the edge of its window"),
+        ("extend b.nc EP1", "'EP1' is not a branch or a boundary; there are branch"),
+        ("extend b.nc --window 0.9 1", "the start has a=0.76, outside"),
+        (f"{BRANCH[:-4]}b.nc --csv b.nc", "--csv and --save both name b.nc"),
+        (f"{BRANCH[:-4]}nowhere/b.nc", "there is no directory nowhere"),
+        ("point --a 0.5 --gamma 0.04 --k 0.8 --save x.nc", "save"),
+        (
+            "simulate --a 0.5 --gamma 0.04 --k 0.8 --periods 2 --stream s --save x.nc",
+            "--save and --stream: a stream is kept in its folder",
+        ),
+    ],
+)
+def test_what_cannot_be_is_one_sentence(
+    kept: Callable[[str], Output], command: str, sentence: str
+) -> None:
+    import re
+
+    Path("bad.nc").write_text("nothing of the kind")
+    Path("folder").mkdir()
+    before = Path("b.nc").read_bytes()
+    status, out, err = kept(command)
+    assert (status, out) == (2, "")
+    assert re.search(sentence, err)
+    assert err.count("\n") == 1
+    assert Path("b.nc").read_bytes() == before
