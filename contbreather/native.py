@@ -98,6 +98,9 @@ def address(function: Function, kinds: str) -> int:
         key = _key(function, kinds)
     except ImportError as error:
         raise NotCompiled(f"{error}; pip install numba") from error
+    if key not in _loaded and _is_foreign(function):
+        made = _made(function, kinds)
+        _loaded[key] = made.address, (made, function)
     if key not in _loaded:
         path = _file(function, kinds)
         code = _read(path)
@@ -119,11 +122,21 @@ def _key(function: Function, kinds: str) -> str:
     """A name for the present text of a function and for all else that its code depends on."""
     import llvmlite.binding as llvm
 
+    if _is_foreign(function):  # whose text is not known: good for this session
+        return f"{id(function)} {kinds}"
     modules = {__name__, *(one.__module__ for one in _called(function, {}))}
     texts = [Path(str(sys.modules[name].__file__)).read_bytes() for name in sorted(modules)]
     machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.llvm_version_info)
     about = repr((function.__qualname__, kinds, sys.version_info[:2], machine))
     return hashlib.sha256(b"\0".join([*texts, about.encode()])).hexdigest()
+
+
+def _is_foreign(function: Function) -> bool:
+    """Whether it was decorated with `numba.njit`, or calls what was."""
+    if hasattr(function, "py_func"):
+        return True
+    names = ((one, name) for one in _called(function, {}) for name in one.__code__.co_names)
+    return any(hasattr(one.__globals__.get(name), "py_func") for one, name in names)
 
 
 def _called(function: Function, done: dict[Any, None]) -> list[Function]:
@@ -174,19 +187,23 @@ def _read(path: Path) -> bytes | None:
 # --- with numba ---------------------------------------------------------------------------------
 
 
-def _compiled(function: Function, kinds: str) -> bytes:
-    """The name of its entry, a line end, and the object code."""
+def _made(function: Function, kinds: str) -> Any:
     try:
         from numba import cfunc, types
-        from numba.core.errors import NumbaError
     except ImportError as error:
         raise NotCompiled(f"{error}; pip install numba") from error
     letters = {"p": types.CPointer(types.float64), "i": types.int64, "f": types.int64}
     signature = types.int64(*(letters[kind] for kind in kinds))
+    plain = getattr(function, "py_func", None) or _twin(function, {}).py_func
     try:
-        made = cfunc(signature, error_model="numpy")(_twin(function, {}).py_func)
-    except NumbaError as error:
-        raise NotCompiled(str(error).strip().splitlines()[-1]) from error
+        return cfunc(signature, error_model="numpy")(plain)
+    except Exception as error:
+        raise NotCompiled(" ".join(str(error).split())[:300]) from error
+
+
+def _compiled(function: Function, kinds: str) -> bytes:
+    """The name of its entry, a line end, and the object code."""
+    made = _made(function, kinds)
     text = made.inspect_llvm()
     strange = set(re.findall(r'^declare [^@]*@"?([^"(]+)', text, re.MULTILINE))
     strange -= {name for name in strange if _KNOWN.fullmatch(name) or name in _NEVER}

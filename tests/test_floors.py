@@ -21,7 +21,7 @@ DRAWING = Path(__file__).parents[1] / "docs" / "architecture.md"
 FRONT_DESK = "contbreather"
 MEANINGLESS = {"utils", "util", "helpers", "helper", "common", "core", "misc", "tools"}
 ENGINE_MAY_LOAD = {"numpy", "scipy"}
-ENGINE_MAY_LOAD_LATE = ENGINE_MAY_LOAD | {"networkx", "rich", "xarray"}
+ENGINE_MAY_LOAD_LATE = ENGINE_MAY_LOAD | {"networkx", "numba", "rich", "xarray"}
 LONGEST_FUNCTION = 60
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from .sparse import (
     row_sizes,
     scaled,
 )
-from .strider import Loops
+from .strider import WIDEST, Loops
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -105,6 +104,8 @@ class Curve:
         weights = 1 / (np.repeat(counts, counts) * self.scales**2)
         self.metric = None if (weights == 1).all() else weights
         self._scheme: derivatives.Scheme | None = None
+        self._rows: Array | None = None
+        self._passed: list[Array] = []
         self._known: dict[str, list[tuple[Array, Any]]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -121,8 +122,24 @@ class Curve:
     def normalised(self, z: Array) -> Array:
         return z / length(z, self.metric)
 
-    @cached_property
+    @property
     def rows(self) -> Array:
+        if self._rows is None:
+            self._rows = self._first_rows()
+        passed, self._passed = self._passed, []
+        for z in passed:
+            self._rows = np.maximum(0.5 * self._rows, self.row_sizes(z))
+        return self._rows
+
+    @rows.setter
+    def rows(self, sizes: Array) -> None:
+        self._rows = sizes
+
+    def passes(self, z: Array) -> None:
+        """Take note of a place of a walk, for `rows`: they are wanted on few of them."""
+        self._passed = [*self._passed[-8:], z]
+
+    def _first_rows(self) -> Array:
         sizes = self.row_sizes(self.start)
         if sizes.size > 1 and sizes.min() > _VANISHED * sizes.max():
             return sizes
@@ -156,11 +173,23 @@ class Curve:
     def equations(self, z: Array) -> Array:
         return self.problem.evaluate(self.unknowns(z), self.params(z))
 
-    def loops(self) -> Loops | None:
-        """The equations as functions that can be compiled, where they can."""
-        problem = self.problem
-        found: Loops | None = problem.loops and problem.loops(self.free, self.fixed)
-        return found
+    def loops(self, params: Params | None = None) -> Loops | None:
+        """The equations as functions that can be compiled, where they can; `params` are the other
+        parameters, unless they are those of the curve."""
+        problem, params = self.problem, self.fixed if params is None else params
+        if problem.loops is not None:
+            found: Loops | None = problem.loops(self.free, params)
+            return found
+        if not problem.compiled or self.start.size > WIDEST:
+            return None
+        from .given_loops import given_loops
+
+        return given_loops(self, params)
+
+    @property
+    def finer(self) -> Any:
+        """What steps of differences are divided by."""
+        return getattr(self._scheme, "keywords", {}).get("finer", 1.0)
 
     def unknowns(self, z: Array) -> Array:
         """The first entries of z, a copy: equations that write to it do not move the point."""

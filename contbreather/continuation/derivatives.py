@@ -18,7 +18,7 @@ Function = Callable[[Array], Array]
 Scheme = Callable[..., Array]  # scheme(function, z, columns=None)
 
 _IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small as this
-_RELATIVE = np.finfo(float).eps ** 0.2  # best step of the five-point formula
+RELATIVE = np.finfo(float).eps ** 0.2  # best step of the five-point formula
 _FINER = (1.0, 64.0, 64.0**2, 64.0**3)  # what a step is divided by until it suits the function
 _GOOD = 1e-7  # differences with two steps agree this well where they can be trusted
 _NOISE = 1e-11  # rounding of the terms of a row, divided by the relative step
@@ -49,7 +49,7 @@ def differences(
     step would leave the domain, shorter ones are taken, and with `one_sided` at the rim itself
     steps to one side.
     """
-    steps = _RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer
+    steps = RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer
     chosen = range(z.size) if columns is None else columns
     column = _column_inside if one_sided else _column
     return np.stack([column(function, z, i, steps[i]) for i in chosen], axis=-1)

@@ -26,7 +26,7 @@ def separated(trail: Trail) -> Iterator[Place]:
     if event.count is None:
         return
     place = trail.place
-    counts = {u: event.count(place(u)) for u in (0.0, 1.0)}
+    counts = {u: trail.count(place(u)) for u in (0.0, 1.0)}
     size = _TOUCH * max(abs(trail.values[u]) for u in counts)
     pieces, looks = [(0.0, 1.0)], 0
     while pieces:

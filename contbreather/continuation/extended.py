@@ -64,8 +64,8 @@ class Extended:
 
     def loops(self, names: tuple[str, ...], params: Params) -> Loops | None:
         """As those of a `Problem`."""
-        longer, base = self.locus.loops, self.problem.loops
-        found = base((self.released, *names), params) if longer and base else None
+        longer = self.locus.loops
+        found = longer and Curve(self.problem, (self.released, *names)).loops(params)
         return longer(found, self.n) if longer and found else None
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:

@@ -32,6 +32,9 @@ _AT_CUT = 1e-7  # a test this small where curves cross, relative to beside it, v
 _MOST = 50  # events of one kind that are looked for on one step
 _BESIDE = 1e-2  # how far off an event, relative to the piece beside it, a tally is looked at
 _TALLIED = 1e-4  # and how closely, relative to the step, it is seen where it changes
+# A test whose last three values lie on a parabola that stays above these fractions of its largest
+# value is not looked at within the step: neither a dip nor a kink could make anything of it.
+_CALM, _FLAT = 0.6, 0.35
 _AT_END = 1e-12  # a walk that ends this close to an event, relative to 1 + |z|, ends at it
 
 
@@ -61,23 +64,31 @@ def find(
     *,
     crossing: Point | None,
     ends: Ends,
+    earlier: tuple[float, Sequence[Value]] | None = None,
 ) -> Found:
     """All events on one step of a walk.
 
-    `before` are the tests at its start, `crossing` a branch point known to lie on it.
+    `before` are the tests at its start, `earlier` arclength and tests a step before that,
+    `crossing` a branch point known to lie on it.
 
     Branch points come first. Next to them the corrector may end on the other curve, so all other
     events are looked for on the pieces of curve between them.
     """
     curve = segment.curve
-    curve.rows = np.maximum(0.5 * curve.rows, curve.row_sizes(segment.last.z))
-    middle = segment.provisional(0.5)
-    tests = zip(events, before, strict=True)
-    trails = [Trail(segment, event, {0.0: value}) for event, value in tests]
-    for trail in trails:
-        if trail.event.test is not None:  # else it is looked at last, and at few places
-            trail.values[0.5] = measure(trail.event, middle)
-        trail.values[1.0] = measure(trail.event, segment.last)
+    curve.passes(segment.last.z)
+    after = tuple(measure(event, segment.last) for event in events)
+    tests = zip(events, before, after, strict=True)
+    trails = [Trail(segment, event, {0.0: start, 1.0: end}) for event, start, end in tests]
+    calm = set[int]()
+    if earlier is not None and crossing is None and ends == Ends():
+        pace = (segment.first.arclength - earlier[0]) / segment.length
+        calm = {i for i, t in enumerate(trails) if _is_calm(t, earlier[1][i], pace)}
+    if len(calm) == len(events):
+        return Found((), (), after)
+    for i, trail in enumerate(trails):
+        # what has no test is looked at last, and at few places
+        if trail.event.test is not None and i not in calm:
+            trail.values[0.5] = measure(trail.event, segment.provisional(0.5))
     tallies = [trail for trail in trails if trail.event.test is None]
     crossings = [trail for trail in trails if trail.event.crosses]
     others = [t for t in trails if t.event.test is not None and not t.event.crosses]
@@ -98,6 +109,22 @@ def find(
     good = tuple(point for point in located if point.located)
     doubtful = _at_one_place([point for point in located if not point.located])
     return Found(good, doubtful, after)
+
+
+def _is_calm(trail: Trail, earlier: Value, pace: float) -> bool:
+    """Whether a test is so far from zero, by the parabola through its last three values, and
+    changes so little that nothing is to be looked for within the step; `pace` is the length of the
+    step before, relative to this one."""
+    start, end, event = trail.values[0.0], trail.values[1.0], trail.event
+    if event.test is None:
+        return start == end
+    if trail.jumps or isinstance(event.test, Singular) or not start * end > 0:
+        return False
+    bend = (end - start - (start - earlier) / pace) / (1 + pace)
+    middle = (0.5 * (start + end) - 0.25 * bend) * (1 if start > 0 else -1)
+    low, high = sorted((abs(start), abs(end)))
+    flat = middle > _CALM * high and low > _FLAT * max(high, middle)
+    return flat and earlier * start > 0 and not trail.counts_apart()
 
 
 def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
@@ -167,7 +194,7 @@ def _events_on(trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
 
 
 def _dipped(trail: Trail) -> Iterator[Point]:
-    if trail.jumps or trail.changes():
+    if 0.5 not in trail.values or trail.jumps or trail.changes():
         return
     if not probe(trail):
         for low, high, point in bottom(trail):

@@ -81,6 +81,10 @@ class Problem:
         Where this problem is a shorter one and the locus of an event, as on a boundary:
         ``beneath(x, params, names) -> (curve, z)``, the curve of the shorter one and the point on
         it, while the named parameters are free.
+    compiled : bool
+        Whether numba can compile `residual`, and `jacobian` if given: then steps are taken by
+        compiled code, up to a dozen unknowns. So they are where these functions are decorated with
+        ``numba.njit``. Parameters are asked for by names that stand there, ``params["mu"]``.
     loops : callable, optional
         ``loops(names, params) -> Loops or None``: the equations with these parameters free as
         functions that can be compiled, where they can.
@@ -122,9 +126,15 @@ class Problem:
     beneath: Callable[[Array, Params, tuple[str, ...]], tuple[Curve, Array]] | None = field(
         default=None, kw_only=True
     )
+    compiled: bool = field(default=False, kw_only=True)
     loops: Compilable | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        for what in ("residual", "jacobian"):
+            plain = getattr(getattr(self, what), "py_func", None)  # of what numba.njit decorated
+            if plain is not None:
+                object.__setattr__(self, what, plain)
+                object.__setattr__(self, "compiled", True)
         for what in ("start", "params", "scales", "domain", "record", "lifts"):
             given = getattr(self, what)
             if not isinstance(given, Mapping):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +28,18 @@ class Segment:
         self.first, self.last = first, last
         self.length = last.arclength - first.arclength
         self.tolerance = tolerance
-        chord = last.z - first.z
-        dual = self.curve.dual(chord)
-        self._row = dual / dual.dot(chord)  # row . (z - z_first) is u, on the cubic too
-        self._slopes = [p.direction / self._row.dot(p.direction) for p in (first, last)]
         self._known: dict[float, Point] = {0.0: first, 1.0: last}
+
+    @cached_property
+    def _row(self) -> Array:
+        """row . (z - z_first) is u, on the cubic too."""
+        chord = self.last.z - self.first.z
+        dual = self.curve.dual(chord)
+        return np.asarray(dual / dual.dot(chord))
+
+    @cached_property
+    def _slopes(self) -> list[Array]:
+        return [p.direction / self._row.dot(p.direction) for p in (self.first, self.last)]
 
     def guess(self, u: float) -> tuple[Array, Array]:
         """Position and unit tangent on the cubic through both ends."""

@@ -299,6 +299,7 @@ class Walker:
             )
             self.tests = self._first_tests()
         self.longest, self.tiny = 0.0, 0
+        self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
         self.ahead: deque[Point] = deque()  # plain steps that were taken but not looked at yet
 
     def run(self) -> Generator[Point, None, End]:
@@ -598,7 +599,9 @@ class Walker:
         segment = Segment(point, step.point, self.steps.tolerance)
         ends = Ends(first, step.stop is Stop.BOUND, step.stop is Stop.CLOSED)
         try:
-            return find(segment, self.events, tests, crossing=step.crossing, ends=ends)
+            earlier, self.earlier = self.earlier, (point.arclength, tests)
+            crossing = step.crossing
+            return find(segment, self.events, tests, crossing=crossing, ends=ends, earlier=earlier)
         except Undefined as error:
             raise Failed(Stop.RIM, f"while locating an event: {error}") from error
 

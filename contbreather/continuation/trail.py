@@ -77,6 +77,22 @@ class Trail:
         self.values[u] = measure(self.event, self.segment.provisional(u))
         return self.values[u]
 
+    def count(self, point: Point) -> int | float:
+        """The number beside the test, asked once at each end of a step."""
+        event = self.event
+        assert event.count is not None
+        count: int | float = point.curve.once(
+            f"count {id(event)}", point.z, lambda z: event.count and event.count(point)
+        )
+        return count
+
+    def counts_apart(self) -> bool:
+        """Whether the number beside the test tells of two zeros within the step."""
+        ends = self.segment.first, self.segment.last
+        if self.event.count is None:
+            return False
+        return abs(self.count(ends[0]) - self.count(ends[1])) >= 2
+
     def changes(self) -> list[tuple[float, float]]:
         """Neighbouring places between which the test changes sign, or jumps."""
         known = sorted(u for u, value in self.values.items() if not math.isnan(value))

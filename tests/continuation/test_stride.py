@@ -13,7 +13,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import native
-from contbreather.continuation import strider
+from contbreather.continuation import given_loops, strider
 
 NEVER = 10**9
 WITHIN = {"a": (0.06, 0.9)}
@@ -177,3 +177,68 @@ def test_code_is_kept_where_the_user_may_write(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(native.os, "access", lambda *_: False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert native._place() == tmp_path / "contbreather"
+
+
+# --- functions that a user gave -----------------------------------------------------------------
+
+
+def cusp(x: Any, p: Any) -> Any:
+    return [p["h"] + p["mu"] * x[0] - x[0] ** 3]
+
+
+def cusp_problem(**given: Any) -> cb.Problem:
+    return cb.Problem(cusp, {"x": 1.0}, {"mu": 1.0, "h": 0.0}, **given)
+
+
+def test_a_decorated_function_is_one_that_can_be_compiled() -> None:
+    numba = pytest.importorskip("numba")
+    problem = cb.Problem(numba.njit(cusp), {"x": 1.0}, {"mu": 1.0, "h": 0.0})
+    assert problem.compiled
+    assert problem.residual is cusp
+    assert not cusp_problem().compiled
+
+
+def test_compiled_functions_of_a_user_give_the_points_of_plain_ones() -> None:
+    lines = []
+    for compiled in (False, True):
+        problem = cusp_problem(compiled=compiled)
+        branch = cb.trace(problem, "h", within={"x": (-2.0, 2.0)}, events=[cb.fold()])
+        within = {"mu": (-1.0, 2.0)}
+        lines.append((branch, cb.boundary(branch.first("LP"), ("mu", "h"), within=within)))
+    for plain, own in zip(*lines, strict=True):
+        assert len(plain) == len(own)
+        assert [point.label for point in plain.special] == [point.label for point in own.special]
+        assert np.allclose(plain["x"], own["x"], rtol=0, atol=1e-9)
+        assert abs(own["residual"]).max() < 1e-12
+    folds = lines[1][1]
+    assert np.allclose(4 * folds["mu"] ** 3, 27 * folds["h"] ** 2, rtol=0, atol=1e-13)
+    assert any(
+        known and function.__name__ == "evaluate" for function, known in strider._known.items()
+    )
+
+
+def test_a_function_that_numba_refuses_is_taken_as_it_is_and_that_is_said_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def field(x: Any, p: Any) -> Any:
+        return [x[0] - {**p}["mu"]]
+
+    caplog.set_level(logging.INFO, "contbreather")
+    problem = cb.Problem(field, {"x": 0.0}, {"mu": 0.0}, compiled=True)
+    for _ in range(2):
+        branch = cb.trace(problem, "mu", within={"mu": (0.0, 1.0)}, events=())
+        assert branch[-1]["x"] == 1.0
+    said = [one.getMessage() for one in caplog.records if "without compiled" in one.getMessage()]
+    assert len(said) == 1
+
+
+def test_a_function_that_means_something_else_when_it_is_compiled_is_refused(monkeypatch) -> None:
+    def wrong(function: Any, kinds: str) -> Any:
+        return lambda *addresses: 0  # and leaves zeros
+
+    monkeypatch.setattr(native, "function", wrong)
+    loops = strider.Loops(len, len, ())
+    with pytest.raises(
+        cb.BadInput, match=r"compiled, the residual .* \[0.0\]; as it is .* \[1.0\]"
+    ):
+        given_loops._check(loops, np.zeros(2), np.ones(1), np.ones((1, 2)))

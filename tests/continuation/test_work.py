@@ -51,6 +51,13 @@ def test_each_test_is_asked_at_the_ends_and_in_the_middle_of_a_step(jacobian: bo
         assert calls[kind] <= 2 * steps + 4, kind
 
 
+def test_a_test_that_is_far_from_zero_is_asked_once_a_step() -> None:
+    calls: Counter[str] = Counter()
+    events = [watched(calls, cb.user("m", 5.0))]
+    branch = cb.trace(counted(calls), "m", within=WITHIN, events=events)
+    assert calls["UZ"] <= len(branch) + 8  # more at both ends of each side
+
+
 def test_an_event_that_is_found_costs_a_few_looks_more() -> None:
     calls: Counter[str] = Counter()
     events = [watched(calls, cb.user("m", 0.31))]

@@ -1,0 +1,214 @@
+"""Functions that a user gave, compiled by numba for `stride`.
+
+They are written for an array and a dict; compiled they get an array and a record, which is indexed
+by the names of its fields like a dict.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import native
+from ..errors import BadInput
+from . import derivatives
+from .strider import Loops
+
+Array = NDArray[np.float64]
+
+_LOG = logging.getLogger(__name__)
+_AGREE = 1e-10  # relative; what is compiled may round otherwise
+_DERIVED = 1e-5  # and derivatives by differences at a rim or a fine feature may be this bad
+
+
+def given_loops(curve: Any, params: Mapping[str, float]) -> Loops | None:
+    """The equations of a problem whose functions can be compiled, checked at its start; None where
+    they cannot, with the reason as a message of the logger, once."""
+    problem, free, start = curve.problem, curve.free, curve.start
+    names = (*problem.params,)
+    known = curve.jacobian(start)  # by then it is known how derivatives are to be taken
+    scalar = np.ndim(problem.residual(curve.unknowns(start), curve.params(start))) == 0
+    slots = tuple(names.index(name) for name in free)
+    made = _functions(problem.residual, problem.jacobian, names, curve.size, slots, scalar)
+    if made is None:
+        return None
+    steps = derivatives.RELATIVE * np.maximum(curve.scales, abs(start)) / curve.finer
+    data = (*(float(params.get(name, 0.0)) for name in names), *steps.tolist())
+    loops = Loops(*made, data, at_once=True)
+    _check(loops, start, curve.equations(start), known)
+    return loops
+
+
+def _check(loops: Loops, z: Array, value: Array, slopes: Array) -> None:
+    """Refuse functions that mean something else when they are compiled."""
+    for function, wanted, close in (
+        (loops.evaluate, value, _AGREE),
+        (loops.derive, slopes, _DERIVED),
+    ):
+        found = np.zeros(wanted.shape)
+        arrays = z.copy(), np.array(loops.data), found
+        status = native.function(function, "ppp")(*(array.ctypes.data for array in arrays))
+        if status or not np.allclose(
+            found, wanted, rtol=close, atol=close * (1 + abs(wanted).max())
+        ):
+            what = "residual" if function is loops.evaluate else "derivative"
+            raise BadInput(
+                f"compiled, the {what} at the start is {found.tolist()}; as it is it gives "
+                f"{wanted.tolist()}: numba takes it otherwise; leave out compiled=True"
+            )
+
+
+@lru_cache(maxsize=64)
+def _functions(
+    residual: Callable[..., Any],
+    jacobian: Callable[..., Any] | None,
+    names: tuple[str, ...],
+    n: int,
+    slots: tuple[int, ...],
+    scalar: bool,
+) -> tuple[Any, Any] | None:
+    """Both functions for `stride`, or None where numba refuses them."""
+    try:
+        made = _compiled(residual, jacobian, names, n, slots, scalar)
+        for function in made:
+            native.address(function, "ppp")
+    except (native.NotCompiled, ImportError) as reason:
+        _LOG.info("steps are taken without compiled code: %s", reason)
+        return None
+    return made
+
+
+def _compiled(
+    residual: Callable[..., Any],
+    jacobian: Callable[..., Any] | None,
+    names: tuple[str, ...],
+    n: int,
+    slots: tuple[int, ...],
+    scalar: bool,
+) -> tuple[Any, Any]:
+    njit = _compiler().njit(error_model="numpy")
+    m, width, by_hand = len(slots), n + len(slots), 0 if jacobian is None else n
+    record = _as_record(names)
+    put = njit(_put(njit(residual), n, _entry(scalar), record))
+    column = njit(_column(put, len(names), n, slots))
+    rows = njit(_rows(njit(jacobian), n, width, record) if jacobian else lambda x, data, out: 0)
+
+    def unpack(z: Any, data: Any) -> Any:
+        x = np.empty(n)
+        for i in range(n):
+            x[i] = z[i]
+        for j in range(m):
+            data[slots[j]] = z[n + j]
+        return x
+
+    unpacked = njit(unpack)
+
+    def evaluate(z: Any, data: Any, out: Any) -> Any:
+        return put(unpacked(z, data), data, out)
+
+    def derive(z: Any, data: Any, out: Any) -> Any:
+        x, own = unpacked(z, data), np.empty(n)
+        status = rows(x, data, out)
+        for c in range(by_hand, width):
+            status += column(c, x, data, own)
+            for i in range(n):
+                out[i * width + c] = own[i]
+        return status
+
+    return njit(evaluate), njit(derive)
+
+
+def _compiler() -> Any:
+    import numba
+
+    return numba
+
+
+def _entry(scalar: bool) -> Any:
+    """An entry of what a residual gave: of a single equation a number will do."""
+    return _compiler().njit((lambda value, i: value) if scalar else (lambda value, i: value[i]))
+
+
+def _put(function: Any, n: int, entry: Any, record: Any) -> Callable[..., int]:
+    """Fill in the values of a function at x and data; 1 where it raises."""
+
+    def put(x: Any, data: Any, out: Any) -> int:
+        try:
+            value = function(x, record(data))
+        except Exception:  # noqa: BLE001 - numba knows no others
+            return 1
+        for i in range(n):
+            out[i] = entry(value, i)
+        return 0
+
+    return put
+
+
+def _rows(slopes: Any, n: int, width: int, record: Any) -> Callable[..., int]:
+    """Fill in the derivative that was given."""
+
+    def rows(x: Any, data: Any, out: Any) -> int:
+        try:
+            value = slopes(x, record(data))
+        except Exception:  # noqa: BLE001 - numba knows no others
+            return 1
+        for i in range(n):
+            for k in range(n):
+                out[i * width + k] = value[i][k]
+        return 0
+
+    return rows
+
+
+def _column(put: Any, count: int, n: int, slots: tuple[int, ...]) -> Callable[..., Any]:
+    """A column of the derivative by the five-point formula, with steps from behind the parameters:
+    powers of complex numbers are not exact to the last digit of a complex step."""
+
+    def column(c: int, x: Any, data: Any, own: Any) -> Any:
+        h, there, status = data[count + c], np.empty(n), 0
+        for i in range(n):
+            own[i] = 0.0
+        for step in (-2, -1, 1, 2):
+            weight = (8.0 if abs(step) == 1 else -0.5) * step / (12.0 * h)
+            if c < n:
+                kept = x[c]
+                x[c] = kept + step * h
+                status += put(x, data, there)
+                x[c] = kept
+            else:
+                kept = data[slots[c - n]]
+                data[slots[c - n]] = kept + step * h
+                status += put(x, data, there)
+                data[slots[c - n]] = kept
+            for i in range(n):
+                own[i] += weight * there[i]
+        return status
+
+    return column
+
+
+def _as_record(names: tuple[str, ...]) -> Any:
+    """The parameters at a pointer as a record, which is indexed by their names."""
+    from numba.extending import intrinsic
+
+    numba, types = _compiler(), _compiler().types
+    carray = numba.carray
+    pointer = types.CPointer(numba.from_dtype(np.dtype([(name, float) for name in names])))
+
+    def pointed(_: Any, where: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            return builder.bitcast(args[0], context.get_value_type(pointer))
+
+        return pointer(where), generate
+
+    there: Any = intrinsic(pointed)
+
+    def record(where: Any) -> Any:
+        return carray(there(where), 1)[0]
+
+    return numba.njit(record)
