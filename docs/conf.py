@@ -60,7 +60,7 @@ def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -
 
 
 STORY = (
-    "breather", "branch", "zones", "switching", "shooting", "simulate", "smooth_walls",
+    "breather", "branch", "zones", "switching", "lattice", "shooting", "simulate", "smooth_walls",
     "your_own_problem", "henon",
 )  # fmt: skip
 
