@@ -34,9 +34,11 @@ class Certificate:
     admissible : bool or None
         True: no site, however far, is at a wall at any time, except site 0 at its impacts. False:
         one goes through a wall. None: neither is proved.
+    reason : str
+        Which site goes through a wall, and when.
     unstable : int or None
         Isolated multipliers of the half map outside the unit circle, a pair counting two; None
-        where their number is not proved.
+        where their number is not proved, or where the chain has no such motion.
     unproved : tuple of str
         Each says what is not proved, and why.
     """
@@ -49,6 +51,7 @@ class Certificate:
     alone: float = 0.0
     enclosure: Mapping[str, Interval] = field(default_factory=dict)
     admissible: bool | None = None
+    reason: str = ""
     unstable: int | None = None
     unproved: tuple[str, ...] = ()
 
@@ -61,7 +64,8 @@ class Certificate:
         return " ".join([*self._proved(), *(f"Not proved: {why}." for why in self.unproved)])
 
     def _proved(self) -> Iterator[str]:
-        what = "a breather" if not self.kind else f"{NAMES[self.kind]} of breathers"
+        breather = "a solution of (11)" if self.admissible is False else "a breather"
+        what = f"{NAMES[self.kind]} of breathers" if self.kind else breather
         if self.exists:
             yield f"Proved: {what} exists, the only one within {self.alone:g}."
         elif self.exists is False:
@@ -69,7 +73,7 @@ class Certificate:
         if self.admissible:
             yield "It keeps off all walls except at its impacts."
         elif self.admissible is False:
-            yield "It goes through a wall: the chain has no such motion."
+            yield f"{self.reason[0].upper()}{self.reason[1:]}: the chain has no such motion."
         if self.unstable is not None:
             several = f"{self.unstable or 'No'} isolated multiplier{'s' * (self.unstable > 1)}"
             yield f"{several} of the half map outside the unit circle."

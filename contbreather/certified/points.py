@@ -120,24 +120,29 @@ def certify_point(
             why = () if none else (f"that there is a breather within {within:g} of this point",)
             return replace(found, exists=False if none else None, unproved=why)
         values = {**fixed, **dict(zip(names, zero, strict=True))}
-        own, count = admissible(values), None
-        unproved = [] if own.holds is not None else [f"whether it is admissible: {own.reason}"]
-        if kind:
-            unproved.append("a number of multipliers outside: one is on the circle")
-        else:
-            count = unstable_count(values)
-            if count.unstable is None:
-                unproved.append(f"how many multipliers are outside the circle: {count.reason}")
         return replace(
             found,
             exists=True,
             unique=True,
             alone=alone_within(system, zero),
             enclosure=_enclosure(values, names),
-            admissible=own.holds,
-            unstable=count and count.unstable,
-            unproved=tuple(unproved),
+            **_judged(values, kind),
         )
+
+
+def _judged(values: Mapping[str, Ball], kind: str) -> dict[str, Any]:
+    """Whether it keeps off the walls; if it may, its multipliers."""
+    own = admissible(values)
+    found: dict[str, Any] = {"admissible": own.holds}
+    if own.holds is False:
+        return {**found, "reason": own.reason}
+    missing = [] if own.holds else [f"whether it is admissible: {own.reason}"]
+    if kind:
+        missing.append("how many multipliers are outside the circle: one is on it")
+    else:
+        found["unstable"], why = unstable_count(values)
+        missing += [f"how many multipliers are outside the circle: {why}"] if why else []
+    return {**found, "unproved": tuple(missing)}
 
 
 def _enclosure(values: Mapping[str, Ball], names: Sequence[str]) -> dict[str, Interval]:

@@ -92,7 +92,10 @@ def test_a_site_that_meets_its_own_wall_again_is_refused(a: float, gamma: float,
     b = cb.symmetric(a=a, gamma=gamma, k=k)
     margins = b.admissibility()
     assert (margins.ok, margins.site) == (False, 0)
-    assert certify(b).admissible is False
+    proof = certify(b)
+    assert proof.admissible is False
+    assert proof.reason.startswith("site 0 between its impacts")
+    assert proof.unstable is None
 
 
 @pytest.mark.parametrize(("a", "k"), [(0.8, 0.019), (0.99, 0.0563), (0.6, 0.0)])
@@ -102,7 +105,9 @@ def test_a_site_that_just_leaves_its_wall_is_proved_to(a: float, k: float) -> No
 
 def test_a_far_field_beyond_the_walls_is_refused() -> None:
     b = cb.symmetric(a=1.02, gamma=0.02, k=0.8)
-    assert certify(b).admissible is False
+    proof = certify(b)
+    assert proof.admissible is False
+    assert "the far field goes through a wall" in proof.describe().lower()
 
 
 def test_a_random_number_of_multipliers_is_that_of_the_signs() -> None:
