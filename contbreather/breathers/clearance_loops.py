@@ -20,31 +20,24 @@ FIRST = 13
 # even powers of y in a row of the table; after them cos y, cos 2y, and the largest value of all
 EVEN, WIDTH = 16, 19
 
+ROUNDING = 1e-15  # of a margin
 CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
 STEEP = 12  # points of a grid that lie closer together, at the start of a flight
 TWO_PI = 2.0 * math.pi
 
 
 def margin(data: Any, table: Any, grid: Any, out: Any) -> int:
-    """The least of all margins into ``out[0]``; `grid` is scratch, a number for each point of each
-    idle site, and so is `out`, four and one for each site."""
+    """The least of all margins into ``out[0]``; `grid` is scratch, a number for each point, and so
+    is `out`, four numbers."""
     least = data[FAR]
     for i in range(int(data[FLIGHTS])):
         least = min(least, between(data, table, grid, out, i))
-    sites, busy = int(data[SITES]), int(data[BUSY])
     points = looks(data, data[LENGTH])
-    top = -math.inf
-    for site in range(busy, sites):
-        out[site + 4] = -math.inf
-        if flag(data, site) > 0.0 or reach(data, table, site) >= top - CLOSE * abs(top):
-            fill(data, table, grid, site, (site - busy) * points, points)
-            out[site + 4] = highest(grid, (site - busy) * points, points, 0.0)
-            top = max(top, out[site + 4])
-    for site in range(busy, sites):
-        own = out[site + 4]
-        if own >= top - CLOSE * abs(top) or flag(data, site) > 0.0:
-            at = (site - busy) * points
-            least = min(least, idle(data, table, grid, out, site, at, points, own, 0.0))
+    for site in range(int(data[BUSY]), int(data[SITES])):
+        if 1.0 - reach(data, table, site) < least - ROUNDING:  # else it cannot be closer
+            fill(data, table, grid, site, 0, points)
+            top = highest(grid, 0, points, 0.0)
+            least = min(least, idle(data, table, grid, out, site, 0, points, top, 0.0))
     out[0] = least
     return 0
 

@@ -19,7 +19,7 @@ multi-site and period-n breathers, on rings and on the infinite chain, are all t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
@@ -29,9 +29,10 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.breathers.closure import EPS
 from contbreather.breathers.section import Impact, Section, Sequenced, check_both_walls
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.kernel import Kernel
+from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, wave_loops
 from contbreather.lattice.conditions import Conditions, check_amplitude, restitution_ratio
-from contbreather.lattice.periodic import check_coupling, wave, wave_slope
+from contbreather.lattice.periodic import check_coupling, wave, wave_slope, wave_table
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.saltation import Kick
 
@@ -39,6 +40,7 @@ FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 
 FEW = 8  # up to so many pairs of impacts a loop over floats beats numpy
+_MEETINGS = Kernel(wave_loops.meetings, "ppp")
 _EVEN_ODD = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
 
 
@@ -125,12 +127,25 @@ class OrbitEquations:
                 pairs.setdefault(self.lattice.distance(site - other), []).append((i, j))
         return pairs
 
+    @cached_property
+    def _rows(self) -> tuple[tuple[int, ...], list[int]]:
+        """Distances between impacts, and which of them each pair has."""
+        sites = [site for site, _ in self.sequence]
+        apart = [self.lattice.distance(one - other) for one in sites for other in sites]
+        distances = tuple(sorted(set(apart)))
+        return distances, [distances.index(one) for one in apart]
+
     def meetings(self, gamma: float, times: FloatArray, *, slope: bool = False) -> FloatArray:
         """``h_ij`` and its first three derivatives at t_i - t_j, shape (4, m, m).
 
         On the diagonal the first derivative is left out: its jump is in the reset law.
         """
         m = len(self.sequence)
+        code = None if slope else _MEETINGS.code()
+        distances, rows = self._rows
+        table = None if code is None else wave_table(self.lattice, gamma, distances, self.turns)
+        if code is not None and table is not None:
+            return _called(code, np.array([m, self.turns, *times, *rows], dtype=float), table)
         out = np.zeros((4, m, m))
         make = wave_slope if slope else wave
         for distance, pairs in self._pairs.items():
@@ -380,3 +395,10 @@ class GreenFlight:
 
     def multipliers(self) -> NDArray[np.complex128]:
         return self.map.multipliers()
+
+
+def _called(code: Callable[..., int], data: FloatArray, table: FloatArray) -> FloatArray:
+    m = int(data[0])
+    out = np.empty((4, m, m))
+    code(data.ctypes.data, table.ctypes.data, out.ctypes.data)
+    return out

@@ -333,7 +333,8 @@ def wave_table(
     first = np.asarray(lattice.first_harmonic(scaled, n)) - moments.sum(axis=1)
     second = 0.25 * np.asarray(lattice.first_harmonic(0.25 * scaled, n)) - moments @ _QUARTERS
     ends = np.stack([first, -second], axis=1) / math.pi
-    return periods * np.concatenate([moments @ _bernoulli().T, ends], axis=1)
+    table = np.concatenate([moments @ _bernoulli().T, ends], axis=1)
+    return np.ascontiguousarray(periods * table)
 
 
 @lru_cache(maxsize=64)

@@ -336,7 +336,7 @@ class OrbitMap:
 
     def _told(self, *, whole: bool) -> Array | None:
         single = self.lattice.sites is None and not self._sites[0].any()
-        code = _ORBIT.code() if single and self.gamma > 0.0 else None
+        code = _ORBIT.code() if single and (self.gamma > 0.0 or not whole) else None
         if code is None:
             return None
         n = self.periods
@@ -432,8 +432,12 @@ class OrbitMap:
         """gamma = 0: every impacting site for itself."""
         found = []
         for site in sorted({kick.site for kick in self.kicks}):
-            own = [kick._replace(site=0) for kick in self.kicks if kick.site == site]
-            found.append(OrbitMap(0.0, self.k, tuple(own), self.periods, Ring(1)).multipliers())
+            own = [kick for kick in self.kicks if kick.site == site]
+            M, ends = np.eye(2), [*own[1:], own[0]._replace(time=own[0].time + self.period)]
+            for kick, later in zip(own, ends, strict=True):
+                free = np.array([[1.0, later.time - kick.time], [0.0, 1.0]])
+                M = free @ saltation(self.k, kick.b) @ M
+            found.append(np.linalg.eigvals(M).astype(complex))
         return np.concatenate(found)
 
     @cached_property

@@ -12,7 +12,11 @@ from contbreather.breathers import clearance, clearance_loops
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.clearance import least_margin, rivals_data
 from contbreather.breathers.orbit import Orbit, orbit_of
+from contbreather.breathers.section import Section
+from contbreather.breathers.waves import equations_of
+from contbreather.lattice import wave_loops
 from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.periodic import wave_table
 
 PLAIN = [
     cb.symmetric(a, gamma, k)
@@ -91,6 +95,24 @@ def test_once_compiled_code_is_at_hand_it_is_asked(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(clearance, "_MARGIN", Counting())
     least_margin(orbit.watch)
     assert asked == [4]
+
+
+@pytest.mark.parametrize(
+    ("section", "times"),
+    [
+        (Section(((0, 1), (0, -1))), [0.3, 3.2]),
+        (Section(((0, 1), (3, 1), (0, -1), (3, -1)), turns=2), [0.1, 0.1, 7.0, 12.4]),
+    ],
+)
+def test_what_impacts_do_to_each_other_by_loops(section: Section, times: list[float]) -> None:
+    equations = equations_of(section, cb.Harmonic(), cb.InfiniteChain())
+    gamma, m = 0.05, len(times)
+    distances, rows = equations._rows
+    table = wave_table(cb.InfiniteChain(), gamma, distances, section.turns).ravel().tolist()
+    out = [math.nan] * (4 * m * m)
+    assert wave_loops.meetings([m, section.turns, *times, *rows], table, out) == 0
+    wanted = equations.meetings(gamma, np.array(times))
+    assert np.reshape(out, (4, m, m)) == pytest.approx(wanted, rel=1e-12, abs=1e-13)
 
 
 def test_a_site_that_is_skipped_cannot_climb_highest() -> None:
