@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
 import sys
 from importlib.metadata import version as installed
@@ -11,6 +12,8 @@ from typing import Any
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
 sys.path.insert(0, str(HERE))
+# a theme's package has all loggers speak: the examples print what is worth it
+logging.getLogger("contbreather").setLevel(logging.WARNING)
 
 project = "contbreather"
 author = "the contbreather authors"

@@ -97,6 +97,7 @@ def test_representations_are_one_short_line(values) -> None:
         "strobe": values["Run"].strobe,
         "Localisation": localisation(*values["Run"].strobe, values["Run"].times, a=0.5, gamma=0.08),
         "Curve": values["Branch"].curve,
+        "Points": values["Branch"].points,
         "Lattice": cb.Lattice(np.diag(np.full(40, 2.0))),
     }
     for name, value in (values | more).items():

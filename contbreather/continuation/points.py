@@ -15,7 +15,7 @@ from .point import Point
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Points(Sequence[Point]):
     """Neighbouring points of a walk.
 
@@ -93,6 +93,9 @@ class Points(Sequence[Point]):
         return self.made == other.made and all(same)
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"<Points {len(self)} along {self.curve!r}>"
 
     def __len__(self) -> int:
         return len(self.arclength)
