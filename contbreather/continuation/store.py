@@ -24,8 +24,8 @@ def save(path: str | Path, *results: Any, **named: Any) -> None:
         what was there before; its last line is the checksum of the rest.
     *results, **named
         Branches and boundaries, diagrams, zones, simulated runs: each is a group, ``branch1``,
-        ``branch2``, ..., or the name it is given here. What is in a group says `the page on files
-        <files.md>`_.
+        ``branch2``, ..., or the name it is given here. The page on files of the documentation says
+        what is in a group.
 
     Raises
     ------
