@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.zones import KINDS, Zones
 from contbreather.breathers.zones_many import Diagram, Slice, slices_of
+from contbreather.continuation.netcdf import image
 from contbreather.errors import BadInput, keeping, taking
 from contbreather.files import write_whole
 from contbreather.lattice import Forcing, Lattice
@@ -178,5 +179,5 @@ def words(atlas: Dataset, name: str) -> list[str]:
 def save_atlas(path: str | Path, atlas: Dataset) -> Path:
     """Write an atlas to a netCDF-4 file, whole or not at all; anything that reads netCDF or HDF5
     reads it, ``xarray.open_dataset(path, decode_cf=False)`` for instance."""
-    image = bytes(atlas.to_netcdf(engine="h5netcdf"))
-    return write_whole(path, lambda file: file.write(image))
+    content = image(atlas)
+    return write_whole(path, lambda file: file.write(content))

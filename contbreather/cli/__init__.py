@@ -126,6 +126,7 @@ def application() -> App:
         extend,
         figure,
         point,
+        run,
         show,
         simulate,
         switch,
@@ -153,6 +154,7 @@ def application() -> App:
         explore.explore,
         show.show,
         extend.extend,
+        run.run,
     )
     for command in commands:
         app.command(command)

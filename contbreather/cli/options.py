@@ -11,9 +11,9 @@ from unicodedata import normalize
 from cyclopts import Parameter
 
 from contbreather.cli.interrupts import end
-from contbreather.cli.lattices import lattice_by, walls_by
 from contbreather.cli.output import check_places, note, say, to_csv, to_figure, to_json
 from contbreather.errors import BadInput
+from contbreather.lattice.typed import lattice_by, walls_by
 
 if TYPE_CHECKING:
     from cyclopts import Token

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import platform
+import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,7 +18,7 @@ from .groups import check_names, text
 from .sealed import read_sealed, write_sealed
 
 if TYPE_CHECKING:
-    from xarray import DataTree
+    from xarray import Dataset, DataTree
 
 FORMAT, NUMBER = "run of contbreather", 3  # the number grows where older versions cannot read on
 
@@ -37,7 +38,17 @@ def write(
         groups |= groups_of(f"/{name}", value, recorded=recorded)
     tree = DataTree.from_dict({"/": Dataset(attrs={**_root(), "alone": int(alone)}), **groups})
     # in memory first: where a disk is full, HDF5 ends the interpreter
-    return write_sealed(path, bytes(tree.to_netcdf(engine="h5netcdf")))
+    return write_sealed(path, image(tree))
+
+
+def image(data: Dataset | DataTree) -> bytes:
+    """The bytes of a netCDF-4 file.
+
+    Where Dask has a cluster, xarray would have that lock a file, and there is none.
+    """
+    dask = sys.modules.get("dask")
+    with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
+        return bytes(data.to_netcdf(engine="h5netcdf"))
 
 
 def _root() -> dict[str, Any]:

@@ -1,0 +1,90 @@
+"""`contbreather run`: a whole study out of its file, or the rest of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Any
+
+from contbreather.cli.interrupts import end, kept
+from contbreather.cli.options import Whole
+from contbreather.cli.output import say, to_json
+from contbreather.errors import BadInput, NotConverged
+
+if TYPE_CHECKING:
+    from contbreather.studies import Report
+
+
+def run(
+    study: str | None = None,
+    /,
+    *,
+    folder: str | None = None,
+    workers: Whole | None = None,
+    cluster: str | None = None,
+    again: bool = False,
+    json: bool = False,
+) -> None:
+    """A study: everything that a TOML file asks for, over all cores, or what is left of it.
+
+    What is finished is on disk; after an interruption the same command goes on.
+
+    Parameters
+    ----------
+    study
+        The file.
+    folder
+        Where results go, a file for each part; a folder of the name of the study unless given.
+    workers
+        Number of processes, all cores unless given.
+    cluster
+        Address of the scheduler of a Dask cluster, tcp://HOST:PORT, in place of this machine. Its
+        workers have to see the folder.
+    again
+        Replace results of other settings, and try again what failed.
+    json
+        Print one JSON object.
+    """
+    from contbreather.studies import run as conduct
+
+    if study is None:
+        raise BadInput("which study? Name its file: contbreather run study.toml")
+    if cluster is not None and workers is not None:
+        raise BadInput(f"--workers {workers} and --cluster {cluster}: give one of the two")
+    with nullcontext(workers) if cluster is None else _cluster(cluster) as executor:
+        report, cut = kept(lambda: conduct(study, folder=folder, executor=executor, again=again))
+    if json:
+        to_json(_content(report))
+    else:
+        say(*_lines(report))
+    end(cut)
+    if report.failed:
+        raise NotConverged(f"{len(report.failed)} of the study failed: {', '.join(report.failed)}")
+
+
+def _cluster(address: str) -> Any:
+    from contbreather.studies.cluster import cluster
+
+    return cluster(address)
+
+
+def _content(report: Report) -> dict[str, Any]:
+    return {
+        "folder": str(report.folder),
+        "computed": report.computed,
+        "kept": report.kept,
+        "failed": report.failed,
+        "written": [str(path) for path in report.written],
+        "interrupted": report.interrupted,
+    }
+
+
+def _lines(report: Report) -> Iterator[str]:
+    there = f", {len(report.kept)} were there" if report.kept else ""
+    yield f"{len(report.computed)} results computed{there}, in {report.folder}."
+    for name, reason in report.failed.items():
+        yield f"No {name}: {reason.rstrip('.')}."
+    for path in report.written:
+        yield f"Wrote {path}."
+    if report.interrupted:
+        yield "Interrupted: the same command goes on."

@@ -1,0 +1,13 @@
+"""Studies: one TOML file says what is computed and drawn, and it is, over all cores there are.
+
+What is finished is on disk, a file for each part; a study that was interrupted, or killed, goes on
+with the rest.
+"""
+
+from __future__ import annotations
+
+from contbreather.studies.conduct import run
+from contbreather.studies.mistakes import read
+from contbreather.studies.report import Report
+
+__all__ = ["Report", "read", "run"]

@@ -1,0 +1,82 @@
+"""What a study draws, and the atlases of it, from what is on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from contbreather.breathers.atlas import save_atlas, surfaces
+from contbreather.breathers.zones_many import slices_of
+from contbreather.continuation import Branch
+from contbreather.errors import BadInput
+from contbreather.plotting import plot, plot_atlas, plot_zones, save_figure
+from contbreather.runs import Run, load
+from contbreather.studies.parts import Part
+from contbreather.studies.plan import Figure, Study
+from contbreather.studies.report import Report
+from contbreather.workers import Failed
+
+ATLAS = ".nc4"  # beside the results that `load` reads
+
+
+def drawn(study: Study, parts: Sequence[Part], report: Report) -> None:
+    """All figures of which everything is there, and all atlases."""
+    shown = _Shown(study, parts, report)
+    for name in study.atlas:
+        if shown.there(name):
+            path = report.folder / f"{name}{ATLAS}"
+            report.written.append(save_atlas(path, shown.atlas(name)))
+    for name, figure in study.figure.items():
+        missing = [one for one in figure.draws if not shown.there(one.partition("/")[0])]
+        if missing:
+            report.failed[f"figure {name}"] = f"there is nothing of {', '.join(missing)} to draw"
+            continue
+        path = report.folder / (figure.file or f"{name}.png")
+        report.written.append(save_figure(shown.drawn(figure), path))
+
+
+class _Shown:
+    """The results of a study, read for drawing."""
+
+    def __init__(self, study: Study, parts: Sequence[Part], report: Report) -> None:
+        self.study, self.report = study, report
+        self.families: dict[str, list[Part]] = {}
+        for part in parts:
+            self.families.setdefault(part.family, []).append(part)
+
+    def there(self, name: str) -> bool:
+        return any(part.name not in self.report.failed for part in self.families[name])
+
+    def results(self, name: str) -> list[Any]:
+        """All of a family, as far as they are there; arms one by one."""
+        family, _, member = name.partition("/")
+        found: list[Any] = []
+        for part in self.families[family]:
+            if part.name in self.report.failed:
+                continue
+            one = load(part.file(self.report.folder))
+            several = one.values() if isinstance(one, Run) else [one]
+            found += [one[member]] if member and isinstance(one, Run) else several
+        return found
+
+    def atlas(self, name: str) -> Any:
+        table, drive = self.study.atlas[name], self.study.chain.drive
+        slices = slices_of({table.fixed: getattr(table, table.fixed)}, table.over, drive)
+        diagrams = [
+            Failed(part.name, BadInput(self.report.failed[part.name]))
+            if part.name in self.report.failed
+            else load(part.file(self.report.folder))
+            for part in self.families[name]
+        ]
+        return surfaces(slices, diagrams)
+
+    def drawn(self, figure: Figure) -> Any:
+        first = figure.draws[0]
+        if first in self.study.atlas:
+            return plot_atlas(self.atlas(first), over=figure.over, at=figure.at)
+        results = [one for name in figure.draws for one in self.results(name)]
+        if not isinstance(results[0], Branch):
+            return plot_zones(results)
+        axes = {"x": figure.x, "y": figure.y}
+        given: dict[str, Any] = {name: value for name, value in axes.items() if value is not None}
+        return plot(*results, **given)

@@ -1,0 +1,165 @@
+"""A study out of its file: everything that is wrong with it at once, each with its line."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from contbreather.errors import BadInput
+from contbreather.files import read_text
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+
+    from contbreather.studies.plan import Study
+
+Place = tuple[str, ...]
+ONE_BY_ONE = ("branch", "arms", "boundary", "zones", "atlas", "figure")  # tables of tables
+_HEADER = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(?:#.*)?$")
+_KEY = re.compile(r"""\s*([\w.\-"' ]+?)\s*=""")
+
+
+def read(path: str | Path) -> Study:
+    """What a study file says.
+
+    Raises
+    ------
+    BadInput
+        If it cannot be read, or is no study: all mistakes at once, each with its line and what is
+        wanted.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "study.toml"
+    >>> _ = path.write_text("[zones.paper]\\nk = [0.8, 0.4]\\n")
+    >>> read(path).zones["paper"].k
+    [0.8, 0.4]
+    """
+    text = read_text(path)
+    try:
+        said = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{path} is not TOML: {error}") from error
+    _beside(Path(path), said)
+    study, wrong = _checked(said)
+    if wrong:
+        lines = dict(_lines(text))
+        raise BadInput(_listed(Path(path).name, [(_line(lines, at), at, why) for at, why in wrong]))
+    return study
+
+
+def _beside(path: Path, said: dict[str, Any]) -> None:
+    """The file of a lattice is looked for where the study is."""
+    chain = said.get("chain")
+    lattice = chain.get("lattice") if isinstance(chain, dict) else None
+    if isinstance(chain, dict) and str(lattice).lower().endswith((".csv", ".graphml")):
+        chain["lattice"] = str(path.resolve().parent / str(lattice))
+
+
+def _checked(said: Mapping[str, Any]) -> tuple[Study, list[tuple[Place, str]]]:
+    """The study, as far as its tables have no mistakes of their own, and all mistakes."""
+    try:
+        from pydantic import ValidationError
+    except ImportError as error:
+        raise BadInput("studies need pydantic; install it: pip install pydantic") from error
+    from contbreather.studies.fitting import faults
+    from contbreather.studies.plan import Study
+
+    unread: set[str] = set()
+    wrong: list[tuple[Place, str]] = []
+    while True:
+        try:
+            study = Study.model_validate(said)
+        except ValidationError as error:
+            wrong += _sentences(error, Study)
+            places = {one["loc"][:2] for one in error.errors()}
+            unread |= {str(place[-1]) for place in places} | {str(place[0]) for place in places}
+            said = _without(said, places)
+        else:
+            return study, [*wrong, *faults(study, unread)]
+
+
+def _without(said: Mapping[str, Any], places: set[Any]) -> dict[str, Any]:
+    """The rest, so that all of its mistakes are found as well."""
+    left = {name: table for name, table in said.items() if (name,) not in places}
+    for first, *second in places:
+        if first in ONE_BY_ONE and second:
+            left[first] = {name: one for name, one in left[first].items() if name not in second}
+        else:
+            left.pop(first, None)
+    return left
+
+
+def _sentences(error: ValidationError, study: Any) -> Iterator[tuple[Place, str]]:
+    """What pydantic found, in our words."""
+    for one in error.errors(include_url=False):
+        place = tuple(str(part) for part in one["loc"])
+        given = one["input"]
+        match one["type"]:
+            case "missing":
+                yield place[:-1], f"{place[-1]} is missing"
+            case "extra_forbidden":
+                yield place, f"unknown here{_guess(place, study)}"
+            case "value_error":
+                yield place, str(one["ctx"]["error"])
+            case _:
+                wanted = one["msg"][0].lower() + one["msg"][1:]
+                yield place, f"{wanted.replace('input should', 'it should')}, got {given!r}"
+
+
+def _guess(place: Place, study: Any) -> str:
+    """The keys that are known where an unknown one is."""
+    model = study
+    for part in place[:-1]:
+        field = getattr(model, "model_fields", {}).get(part)
+        if field is not None:
+            inner = getattr(field.annotation, "__args__", (None, field.annotation))
+            model = inner[-1]
+    known = list(getattr(model, "model_fields", {}))
+    near = get_close_matches(place[-1], known, 1)
+    return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(known)}"
+
+
+# --- lines ------------------------------------------------------------------------------------
+
+
+def _lines(text: str) -> Iterator[tuple[Place, int]]:
+    """Where tables and keys begin: what tomllib does not keep."""
+    table: Place = ()
+    for line, content in enumerate(text.splitlines(), start=1):
+        header = _HEADER.match(content)
+        if header:
+            table = _dotted(header.group(1))
+            yield table, line
+            continue
+        key = _KEY.match(content)
+        if key:
+            yield (*table, *_dotted(key.group(1))), line
+
+
+def _dotted(name: str) -> Place:
+    return tuple(part.strip().strip("\"'") for part in name.split("."))
+
+
+def _line(lines: Mapping[Place, int], place: Place) -> int:
+    """That of the key or of what is in it, or of the innermost table that is there."""
+    for size in range(len(place), 0, -1):
+        inside = [line for at, line in lines.items() if at[:size] == place[:size]]
+        if inside:
+            return min(inside)
+    return 1
+
+
+def _listed(name: str, faults: Sequence[tuple[int, Place, str]]) -> str:
+    found = [
+        f"line {line}{', ' + '.'.join(place) if place else ''}: {why}"
+        for line, place, why in sorted(faults, key=lambda fault: fault[0])
+    ]
+    if len(found) == 1:
+        return f"{name}, {found[0]}"
+    return "\n  ".join([f"{name} has {len(found)} mistakes:", *found])

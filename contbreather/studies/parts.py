@@ -1,0 +1,211 @@
+"""The parts of a study: each computed by itself, kept in a file of its own, and never again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from contbreather.breathers.search import find_symmetric, problem_with, window_of
+from contbreather.breathers.zones_many import Diagram, Slice
+from contbreather.continuation import Branch, Point, Steps, boundary, trace
+from contbreather.continuation.switching import switch
+from contbreather.errors import BadInput, ContbreatherError
+from contbreather.files import write_whole
+from contbreather.runs import load, save
+from contbreather.studies.plan import Chain, Study, Table
+
+MARKS = ".study"  # the folder of what is known of the parts
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one process computes: plain data, so that it goes anywhere.
+
+    Attributes
+    ----------
+    family : str
+        The name in the study.
+    label : str
+        Which of its family, ``"k=0.8"``; empty where it is alone.
+    kind : str
+        Branch, arms, boundary or zones.
+    asked : dict
+        All that its result depends on, but for the part it starts from.
+    needs : Part, optional
+        That part.
+    """
+
+    family: str
+    label: str
+    kind: str
+    asked: Mapping[str, Any]
+    needs: Part | None = None
+
+    @property
+    def name(self) -> str:
+        return f"{self.family}/{self.label}" if self.label else self.family
+
+    @property
+    def level(self) -> int:
+        return 0 if self.needs is None else 1 + self.needs.level
+
+    @property
+    def fingerprint(self) -> str:
+        """Of everything that the result depends on."""
+        before = None if self.needs is None else self.needs.fingerprint
+        said = json.dumps([self.kind, self.asked, before], sort_keys=True)
+        return hashlib.sha256(said.encode()).hexdigest()
+
+    def file(self, folder: Path) -> Path:
+        return folder / f"{self.name}.nc"
+
+    def _mark(self, folder: Path) -> Path:
+        return folder / MARKS / f"{self.name.replace('/', '@')}.json"
+
+    def known(self, folder: Path) -> dict[str, Any] | None:
+        """What is known of it: of which settings its result is, and why there is none."""
+        try:
+            mark: dict[str, Any] = json.loads(self._mark(folder).read_text(encoding="utf-8"))
+        except (FileNotFoundError, ValueError):
+            return None
+        return mark if mark["failed"] or self.file(folder).exists() else None
+
+    def mark(self, folder: Path, failed: str = "") -> None:
+        """Say that it is finished; last of all, so that what is said is there."""
+        text = json.dumps({"settings": self.fingerprint, "failed": failed})
+        self._mark(folder).parent.mkdir(parents=True, exist_ok=True)
+        write_whole(self._mark(folder), lambda file: file.write(text.encode()))
+
+
+def parts_of(study: Study) -> list[Part]:
+    """All parts, those that others start from first."""
+    chain = study.chain.plain
+    found: dict[str, list[Part]] = {}
+    for name, branch in study.branch.items():
+        found[name] = _over(name, "branch", branch.grid, {**branch.plain, "chain": chain})
+    for name, zones in {**study.zones, **study.atlas}.items():
+        found[name] = _over(name, "zones", zones.grid, {**zones.plain, "chain": chain})
+    rest: dict[str, Table] = {**study.arms, **study.boundary}
+    while rest:
+        for name, table in list(rest.items()):
+            source = table.source
+            if source in found:
+                kind = "arms" if name in study.arms else "boundary"
+                found[name] = [
+                    Part(name, one.label, kind, table.plain, one) for one in found[source]
+                ]
+                del rest[name]
+    return sorted((one for family in found.values() for one in family), key=lambda one: one.level)
+
+
+def _over(
+    name: str, kind: str, grid: Mapping[str, list[float]], asked: Mapping[str, Any]
+) -> list[Part]:
+    """A part for each combination of values."""
+    several = [one for one in grid if len(grid[one]) > 1]
+    family = []
+    for combination in product(*grid.values()):
+        at = dict(zip(grid, combination, strict=True))
+        label = ",".join(f"{one}={at[one]!r}" for one in several)
+        family.append(Part(name, label, kind, {**asked, "at": at}))
+    return family
+
+
+@dataclass(frozen=True)
+class Worker:
+    """Computes parts, and keeps them in a folder that all workers see."""
+
+    folder: Path
+
+    def __call__(self, part: Part) -> Part:
+        """The part, once its result is on disk.
+
+        Raises
+        ------
+        ContbreatherError
+            Where there is none; the folder knows why, so that it is not tried again.
+        """
+        try:
+            result = _COMPUTED[part.kind](part, self.folder)
+        except ContbreatherError as error:
+            part.mark(self.folder, str(error))
+            raise
+        path = part.file(self.folder)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if isinstance(result, tuple):
+            save(path, **{f"arm{i}": arm for i, arm in enumerate(result, start=1)})
+        else:
+            save(path, **{part.kind: result})
+        part.mark(self.folder)
+        return part
+
+
+# --- what is computed -------------------------------------------------------------------------
+
+
+def _chain(asked: Mapping[str, Any]) -> tuple[Chain, Any]:
+    """What it lives on, and the forcing with the values of this part."""
+    chain = Chain.model_validate(asked["chain"])
+    drive = chain.drive
+    own = {name: value for name, value in asked["at"].items() if name in drive.params}
+    return chain, drive.at(**own) if own else drive
+
+
+def _branch(part: Part, folder: Path) -> Branch:
+    asked, free = part.asked, part.asked["free"]
+    chain, drive = _chain(asked)
+    span = tuple(asked.get("window") or window_of(free))
+    at = {name: value for name, value in asked["at"].items() if name in ("a", "gamma", "k")}
+    near = (at[free], at[free]) if free in at else span
+    start = find_symmetric(free, near, root=asked["root"], **{**at, **chain.on, "forcing": drive})
+    problem = problem_with(start, free, threshold=chain.verge)
+    return trace(problem, free, within={free: span}, steps=_steps(asked), progress=False)
+
+
+def _arms(part: Part, folder: Path) -> tuple[Branch, ...]:
+    return switch(_source(part, folder), within=_within(part), progress=False)
+
+
+def _boundary(part: Part, folder: Path) -> Branch:
+    one, other = part.asked["pair"]
+    steps, point = _steps(part.asked), _source(part, folder)
+    return boundary(point, (one, other), within=_within(part), steps=steps, progress=False)
+
+
+def _zones(part: Part, folder: Path) -> Any:
+    asked = part.asked
+    chain, drive = _chain(asked)
+    name = next(name for name in asked["at"] if name not in drive.params)
+    draw = Diagram(chain.place, _within(part), chain.verge, asked.get("past_folds"))
+    return draw(Slice(name, asked["at"][name], drive))
+
+
+_COMPUTED: Mapping[str, Callable[[Part, Path], Any]] = {
+    "branch": _branch,
+    "arms": _arms,
+    "boundary": _boundary,
+    "zones": _zones,
+}
+
+
+def _steps(asked: Mapping[str, Any]) -> Steps | None:
+    return Steps(largest=asked["largest"]) if "largest" in asked else None
+
+
+def _within(part: Part) -> dict[str, tuple[float, float]]:
+    return {name: (low, high) for name, (low, high) in part.asked.get("within", {}).items()}
+
+
+def _source(part: Part, folder: Path) -> Point:
+    """The special point that it starts from."""
+    assert part.needs is not None
+    found, member = load(part.needs.file(folder)), part.asked["of"].partition("/")[2]
+    branch: Branch = found[member] if member and not isinstance(found, Branch) else found
+    if not isinstance(branch, Branch):
+        raise BadInput(f"{part.name}: no {member!r} in {part.needs.name}; it has {list(found)}")
+    return branch.first(part.asked["at"])

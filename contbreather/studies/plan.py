@@ -1,0 +1,242 @@
+"""What a study may say: the tables of its file, each key with its kind and its range."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, model_validator
+
+from contbreather.breathers.zones import PAIRS
+from contbreather.checks import number
+from contbreather.lattice import Forcing, Harmonic, Symbolic, check_gamma
+from contbreather.lattice.conditions import check_amplitude, restitution_ratio
+from contbreather.lattice.typed import lattice_by, walls_by
+from contbreather.stability.verdict import THRESHOLD
+
+SPREAD = {"from", "to", "count"}
+HARMONIC = "-cos(t)"
+WANTED = "a number"
+
+
+def values(given: Any) -> list[float]:
+    """A number, a list of numbers, or so many from one to another."""
+    if isinstance(given, Mapping):
+        if set(given) != SPREAD or not isinstance(given["count"], int) or given["count"] < 1:
+            raise ValueError(
+                f"{given}: from, to and count were wanted, {{from=0.3, to=0.9, count=7}}"
+            )
+        low, high = (number(name, given[name], -1e300, 1e300, WANTED) for name in ("from", "to"))
+        found: list[float] = np.linspace(low, high, given["count"]).tolist()
+        return found
+    several = given if isinstance(given, list) else [given]
+    if not several:
+        raise ValueError("an empty list: at least one number was wanted")
+    return [number("value", one, -1e300, 1e300, WANTED) for one in several]
+
+
+def window(given: Any) -> list[float]:
+    """Two numbers, the smaller first; the second may be inf."""
+    good = isinstance(given, list) and len(given) == 2
+    numbers = [one for one in given if isinstance(one, float | int)] if good else []
+    if len(numbers) < 2 or not numbers[0] < numbers[1] or math.isinf(numbers[0]):
+        raise ValueError(f"{given}: two numbers were wanted, the smaller first, [0.0, 0.2]")
+    return [float(one) for one in numbers]
+
+
+def within(check: Callable[[float], object]) -> AfterValidator:
+    """Each of several values in the range that a check knows."""
+
+    def checked(several: list[float]) -> list[float]:
+        for one in several:
+            check(one)
+        return several
+
+    return AfterValidator(checked)
+
+
+Values = Annotated[list[float], PlainValidator(values)]
+Gamma = Annotated[list[float], PlainValidator(values), within(check_gamma)]
+K = Annotated[list[float], PlainValidator(values), within(restitution_ratio)]
+Amplitude = Annotated[list[float], PlainValidator(values), within(check_amplitude)]
+Window = Annotated[list[float], PlainValidator(window)]
+Least = Annotated[float, Field(ge=0.0)]
+
+
+class Table(BaseModel):
+    """One table of the file; keys that it does not know are mistakes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    @property
+    def source(self) -> str:
+        """What it starts from, empty if that is nothing."""
+        return str(getattr(self, "of", "")).partition("/")[0]
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """What was said, without what was not."""
+        return self.model_dump(exclude_none=True)
+
+
+class Chain(Table):
+    """What breathers live on, and what drives it."""
+
+    lattice: str | None = None
+    forcing: str = HARMONIC
+    parameters: dict[str, float] = Field(default_factory=dict)
+    threshold: float | None = None
+    damping: Least = 0.0
+    spring: Least | None = None
+    site: int = 0
+    walls: list[str] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def possible(self) -> Chain:
+        """The lattice and the forcing can be made."""
+        lattice = self.place
+        if self.threshold is not None and lattice.sites is None:
+            raise ValueError("threshold: only finite lattices have one; name a lattice, 'ring:400'")
+        _ = self.drive, self.on
+        return self
+
+    @property
+    def place(self) -> Any:
+        try:
+            return lattice_by(self.lattice, None)
+        except ValueError as error:
+            raise ValueError(str(error).removeprefix("--")) from error
+
+    @property
+    def drive(self) -> Forcing:
+        if self.forcing.replace(" ", "") == HARMONIC and not self.parameters:
+            return Harmonic()
+        return Symbolic(self.forcing, **self.parameters)
+
+    @property
+    def verge(self) -> float:
+        """The threshold, the paper's unless given."""
+        return THRESHOLD if self.threshold is None else self.threshold
+
+    @property
+    def on(self) -> dict[str, Any]:
+        """As `symmetric` takes it, but for the forcing."""
+        more = {"site": self.site, "walls": walls_by(self.walls, self.place.sites)}
+        given = {"damping": self.damping, "spring": self.spring, **more}
+        return {"lattice": self.place, **{n: v for n, v in given.items() if v not in (None, 0)}}
+
+
+class Branch(Table):
+    """Breathers along one parameter; of several values a branch each."""
+
+    free: str
+    a: Amplitude | None = None
+    gamma: Gamma | None = None
+    k: K | None = None
+    over: dict[str, Values] = Field(default_factory=dict)
+    window: Window | None = None
+    root: Annotated[int, Field(ge=1)] = 1
+    largest: Annotated[float, Field(gt=0.0)] | None = None
+
+    @model_validator(mode="after")
+    def complete(self) -> Branch:
+        """Each parameter but the free one has a value."""
+        missing = [name for name in PAIRS if name != self.free and getattr(self, name) is None]
+        if missing:
+            raise ValueError(
+                f"{' and '.join(missing)} missing: only the free parameter needs no value"
+            )
+        return self
+
+    @property
+    def grid(self) -> dict[str, list[float]]:
+        given = {name: getattr(self, name) for name in PAIRS}
+        return {**{name: several for name, several in given.items() if several}, **self.over}
+
+
+class Arms(Table):
+    """What leaves a branch at a special point."""
+
+    of: str
+    at: str
+    within: dict[str, Window] = Field(default_factory=dict)
+
+
+class Boundary(Table):
+    """A special point as a curve in two parameters."""
+
+    of: str
+    at: str
+    pair: list[str] = Field(min_length=2, max_length=2)
+    within: dict[str, Window] = Field(default_factory=dict)
+    largest: Annotated[float, Field(gt=0.0)] | None = None
+
+
+class Zones(Table):
+    """Zone diagrams, one for each value."""
+
+    a: Amplitude | None = None
+    gamma: Gamma | None = None
+    k: K | None = None
+    over: dict[str, Values] = Field(default_factory=dict)
+    within: dict[str, Window] = Field(default_factory=dict)
+    past_folds: bool | None = None
+
+    @model_validator(mode="after")
+    def one_fixed(self) -> Zones:
+        """Exactly one of the three has values."""
+        given = [name for name in PAIRS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(
+                f"values of exactly one of k, gamma and a are wanted, got {given or 'none'}"
+            )
+        wrong = sorted(set(self.within) - set(PAIRS[given[0]]))
+        if wrong:
+            raise ValueError(
+                f"within: the plane is that of {PAIRS[given[0]]}, which has no {wrong[0]}"
+            )
+        return self
+
+    @property
+    def fixed(self) -> str:
+        return next(name for name in PAIRS if getattr(self, name) is not None)
+
+    @property
+    def grid(self) -> dict[str, list[float]]:
+        return {self.fixed: getattr(self, self.fixed), **self.over}
+
+
+class Atlas(Zones):
+    """Zone diagrams whose curves make surfaces: all their points in one file, too."""
+
+
+class Figure(Table):
+    """What is drawn together."""
+
+    draws: list[str] = Field(min_length=1)
+    file: str | None = None
+    x: str | None = None
+    y: str | None = None
+    over: str | None = None
+    at: dict[str, float] = Field(default_factory=dict)
+
+
+class Study(Table):
+    """All of it."""
+
+    title: str = ""
+    chain: Chain = Chain()
+    branch: dict[str, Branch] = Field(default_factory=dict)
+    arms: dict[str, Arms] = Field(default_factory=dict)
+    boundary: dict[str, Boundary] = Field(default_factory=dict)
+    zones: dict[str, Zones] = Field(default_factory=dict)
+    atlas: dict[str, Atlas] = Field(default_factory=dict)
+    figure: dict[str, Figure] = Field(default_factory=dict)
+
+    @property
+    def results(self) -> dict[str, Table]:
+        """Everything that is computed, by its name."""
+        families = (self.branch, self.arms, self.boundary, self.zones, self.atlas)
+        return {name: table for family in families for name, table in family.items()}

@@ -1,0 +1,324 @@
+"""Studies: what their files may say, what is done of it, once, and what an interruption leaves."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.studies import Report, read
+from contbreather.studies import run as conduct
+from contbreather.studies.cluster import cluster
+from contbreather.studies.parts import Worker, parts_of
+
+Command = Callable[[str], tuple[int, str, str]]
+
+SMALL = """
+[branch.symmetric]
+free = "a"
+gamma = [0.02, 0.04]
+k = 0.8
+window = [0.6, 0.9]
+
+[arms.arms]
+of = "symmetric"
+at = "PF1"
+within = {a = [0.6, 0.82]}
+
+[boundary.pitchforks]
+of = "symmetric"
+at = "PF1"
+pair = ["gamma", "a"]
+within = {gamma = [0.01, 0.05], a = [0.0, 1.0]}
+
+[figure.tree]
+draws = ["symmetric", "arms"]
+x = "a"
+"""
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("study") / "small.toml"
+    path.write_text(SMALL)
+    return path
+
+
+@pytest.fixture(scope="module")
+def done(study: Path) -> Report:
+    return conduct(study, executor=1)
+
+
+def test_everything_that_is_asked_for_is_in_a_file_of_its_own(done: Report) -> None:
+    assert done.computed == [
+        f"{name}/gamma={gamma}"
+        for name in ("symmetric", "arms", "pitchforks")
+        for gamma in (0.02, 0.04)
+    ]
+    kept = cb.load(done.folder)
+    branch = kept["symmetric/gamma=0.04"]
+    alone = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.6, 0.9)})
+    assert branch.first("PF")["a"] == pytest.approx(alone.first("PF")["a"], abs=1e-13)
+    arm = kept["arms/gamma=0.04/arm1"]
+    assert arm[0]["asymmetry"] == pytest.approx(0.0, abs=1e-9)
+    assert "asymmetry" in arm.names
+    line = kept["pitchforks/gamma=0.02"]
+    assert line.free == "gamma"
+    assert [path.name for path in done.written] == ["tree.png"]
+    assert done.written[0].stat().st_size > 5_000
+
+
+def test_what_is_finished_is_not_computed_again(
+    study: Path, done: Report, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Worker, "__call__", None)
+    again = conduct(study, executor=1)
+    assert (again.computed, again.kept) == ([], done.computed)
+
+
+def test_a_part_that_is_lost_is_computed_again_to_the_last_digit(study: Path, done: Report) -> None:
+    path = done.folder / "pitchforks" / "gamma=0.04.nc"
+    before = cb.load(path)
+    path.unlink()
+    assert conduct(study, executor=1).computed == ["pitchforks/gamma=0.04"]
+    after = cb.load(path)
+    assert all(np.array_equal(before[name], after[name], equal_nan=True) for name in before.names)
+
+
+def test_results_of_other_settings_are_replaced_only_on_demand(done: Report) -> None:
+    other = done.folder.parent / "other.toml"
+    other.write_text(SMALL.replace("[0.01, 0.05]", "[0.01, 0.06]"))
+    with pytest.raises(cb.BadInput, match=r"other settings: pitchforks/gamma=0\.02, .*--again"):
+        conduct(other, folder=done.folder, executor=1)
+    copied = shutil.copytree(done.folder, other.with_suffix(""))
+    report = conduct(other, executor=1, again=True)
+    assert report.computed == ["pitchforks/gamma=0.02", "pitchforks/gamma=0.04"]
+    assert max(cb.load(copied)["pitchforks/gamma=0.02"]["gamma"]) == 0.06
+
+
+def test_what_fails_says_why_and_the_others_go_on(run: Command) -> None:
+    text = SMALL.replace("k = 0.8", "k = 0.8\nroot = 5", 1).replace("[0.02, 0.04]", "0.04")
+    Path("small.toml").write_text(
+        text + '\n[branch.good]\nfree = "a"\ngamma = 0.0\nk = 0.8\nwindow = [0.6, 0.62]\n'
+    )
+    status, out, err = run("run small.toml --workers 1 --json")
+    report = json.loads(out)
+    assert status == 1
+    assert report["computed"] == ["good"]
+    assert "root 5: the solutions of (11) are" in report["failed"]["symmetric"]
+    assert report["failed"]["arms"] == "there is no symmetric to start from"
+    assert report["failed"]["figure tree"] == "there is nothing of symmetric, arms to draw"
+    assert "4 of the study failed: symmetric, arms, pitchforks, figure tree" in err
+    status, out, _ = run("run small.toml --workers 1")
+    assert status == 1
+    assert "0 results computed, 1 were there" in out
+    assert "No symmetric: root 5" in out
+
+
+# --- mistakes -------------------------------------------------------------------------------------
+
+WRONG = """
+[chain]
+forcing = "cos(t) + c3*cos(3*t)"
+parameters = {c3 = 0.1}
+
+[branch.one]
+free = "a"
+gama = 0.04
+k = 1.8
+
+[zones.two]
+k = []
+within = {a = [0.5, 0.2]}
+
+[atlas.three]
+k = 0.8
+over.c4 = [0.1]
+
+[arms.four]
+of = "none"
+
+[figure.five]
+draws = ["nix"]
+file = "x.gif"
+"""
+
+
+def test_all_mistakes_are_said_at_once_each_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(WRONG)
+    with pytest.raises(cb.BadInput) as refused:
+        read(path)
+    first, *lines = str(refused.value).splitlines()
+    assert first == "wrong.toml has 8 mistakes:"
+    wanted = {
+        8: "branch.one.gama: unknown here; did you mean gamma?",
+        9: "branch.one.k: k = 1.8: the restitution coefficient",
+        12: "zones.two.k: an empty list",
+        13: "zones.two.within.a: [0.5, 0.2]: two numbers were wanted, the smaller first",
+        17: "atlas.three.over: the forcing has no 'c4'; it has c3",
+        19: "arms.four: at is missing",
+        23: "figure.five.draws: nothing is called 'nix'",
+        24: "figure.five.file: one of .png, .pdf, .svg was wanted, got 'x.gif'",
+    }
+    for (number, reason), line in zip(wanted.items(), lines, strict=True):
+        assert line.strip().startswith(f"line {number}, {reason}")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "nothing is asked for"),
+        ("[branch", "is not TOML"),
+        ("[zones.z]\nk = 0.8\ngamma = 0.1", "values of exactly one of k, gamma and a"),
+        ("[zones.z]\nk = 0.8\nwithin = {k = [0, 1]}", "which has no k"),
+        ("[zones.z]\nk = {from = 0.3, to = 0.9}", "from, to and count were wanted"),
+        ("[zones.z]\nk = 'high'", "a number"),
+        ("[zones.'a b']\nk = 0.8", "a name of letters"),
+        ("[zones.z]\nk = 0.8\n[atlas.z]\nk = 0.8", "'z' is there already, as zones"),
+        ("[branch.b]\nfree = 'a'", "k and gamma missing"),
+        ("[branch.b]\nfree = 'q'\na = 1\ngamma = 0\nk = 0.8", "'q' is none"),
+        ("[branch.b]\nfree = 'a'\ngamma = 0\nk = 0.8\nroot = 0", "greater than or equal to 1"),
+        ("[chain]\nthreshold = 1.01\n[zones.z]\nk = 0.8", "only finite lattices have one"),
+        ("[chain]\nlattice = 'rong:3'\n[zones.z]\nk = 0.8", "lattice rong:3: wanted is ring:20"),
+        ("[chain]\nforcing = 'cos(t'\n[zones.z]\nk = 0.8", "line 1, chain"),
+        ("[arms.x]\nof = 'y'\nat = 'PF1'", "no branch, arms or boundary 'y'"),
+        ("[arms.x]\nof = 'y/arm1'\nat = 'PD1'\n[arms.y]\nof = 'x/arm1'\nat = 'PD1'", "itself"),
+        ("[zones.z]\nk = 0.8\n[arms.y]\nof = 'z'\nat = 'PF1'", "no branch, arms or boundary 'z'"),
+        ("[zones.z]\nk=0.8\n[atlas.y]\nk=0.8\n[figure.f]\ndraws=['z','y']", "not some of each"),
+        ("[colours]\nred = 1\n[zones.z]\nk = 0.8", "colours: unknown here; there are title"),
+    ],
+)
+def test_a_study_with_a_mistake_is_refused(text: str, reason: str, tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(text)
+    with pytest.raises(cb.BadInput) as refused:
+        read(path)
+    assert reason in str(refused.value)
+
+
+def test_a_study_that_is_not_there_is_refused(run: Command) -> None:
+    assert run("run")[0] == 2
+    status, _, err = run("run nowhere.toml")
+    assert (status, "nowhere.toml" in err) == (2, True)
+    assert run("run x.toml --workers 1 --cluster tcp://a:1")[0] == 2
+
+
+def test_the_file_of_a_lattice_is_looked_for_beside_the_study(tmp_path: Path) -> None:
+    (tmp_path / "spring.csv").write_text("1, -1\n-1, 1\n")
+    path = tmp_path / "study.toml"
+    path.write_text('[chain]\nlattice = "spring.csv"\n[zones.z]\nk = 0.8\n')
+    assert read(path).chain.place.sites == 2
+
+
+def test_values_are_a_grid(tmp_path: Path) -> None:
+    path = tmp_path / "grid.toml"
+    path.write_text(
+        '[chain]\nforcing = "cos(t) + c3*cos(3*t)"\nparameters = {c3 = 0.0}\n'
+        "[atlas.all]\nk = {from = 0.5, to = 0.9, count = 3}\nover = {c3 = [0.0, 0.1]}\n"
+    )
+    labels = [part.label for part in parts_of(read(path))]
+    assert labels[:3] == ["k=0.5,c3=0.0", "k=0.5,c3=0.1", "k=0.7,c3=0.0"]
+
+
+# --- interruptions and clusters -------------------------------------------------------------------
+
+
+def test_an_interrupted_study_says_what_is_done_and_goes_on(
+    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain, count = Worker.__call__, iter([0, 0])
+
+    def twice(self: Worker, part: Any) -> Any:
+        if next(count, None) is None:
+            raise KeyboardInterrupt
+        return plain(self, part)
+
+    monkeypatch.setattr(Worker, "__call__", twice)
+    with pytest.raises(cb.Interrupted) as stopped:
+        conduct(study, folder=tmp_path, executor=1)
+    partial: Any = stopped.value.partial
+    assert (partial.interrupted, len(partial.computed)) == (True, 2)
+    monkeypatch.setattr(Worker, "__call__", plain)
+    report = conduct(study, folder=tmp_path, executor=1)
+    assert (len(report.kept), len(report.computed)) == (2, 4)
+
+
+class Killing(Executor):
+    """Another executor, and a worker of it that is killed once it has work."""
+
+    def __init__(self, inner: Executor, victim: int) -> None:
+        self.inner, self.sent = inner, 0
+        self.blow = threading.Timer(0.3, os.kill, (victim, signal.SIGKILL))
+
+    def submit(self, call: Callable[..., Any], *given: Any, **more: Any) -> Any:
+        self.sent += 1
+        if self.sent == 2:
+            self.blow.start()
+        return self.inner.submit(call, *given, **more)
+
+
+@pytest.mark.slow
+def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(
+    study: Path, done: Report, tmp_path: Path
+) -> None:
+    """Two local workers, one of them killed in the middle: the same results to the last digit."""
+    distributed = pytest.importorskip("distributed")
+    local = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**local) as two, cluster(two.scheduler_address) as executor:
+        with distributed.Client(two) as client:
+            victim = next(iter(client.run(os.getpid).values()))
+        killing = Killing(executor, victim)
+        report = conduct(study, folder=tmp_path / "far", executor=killing)
+        killing.blow.join()
+    assert (report.failed, report.computed) == ({}, done.computed)
+    here, there = cb.load(done.folder), cb.load(report.folder)
+    for name in here:
+        assert np.array_equal(here[name]["a"], there[name]["a"])
+        assert np.array_equal(here[name]["p"], there[name]["p"], equal_nan=True)
+
+
+def test_a_cluster_that_does_not_answer_is_refused() -> None:
+    pytest.importorskip("distributed")
+    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
+        with pytest.raises(cb.BadInput, match="no cluster answers at"), cluster(address):
+            pass
+
+
+def test_a_cluster_without_its_extra_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with (
+        pytest.raises(cb.BadInput, match=r"pip install 'contbreather\[cluster\]'"),
+        cluster("tcp://x:1"),
+    ):
+        pass
+
+
+# --- examples -------------------------------------------------------------------------------------
+
+EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_the_studies_that_are_shipped_are_without_mistakes(path: Path) -> None:
+    assert len(EXAMPLES) == 3
+    assert read(path).figure
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_the_studies_that_are_shipped_run(path: Path, tmp_path: Path) -> None:
+    report = conduct(path, folder=tmp_path, executor=1)
+    assert report.failed == {}
+    assert all(made.stat().st_size > 10_000 for made in report.written)
