@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -178,8 +179,8 @@ class Curve:
         parameters, unless they are those of the curve."""
         problem, params = self.problem, self.fixed if params is None else params
         if problem.loops is not None:
-            found: Loops | None = problem.loops(self.free, params)
-            return found
+            found = problem.loops(self.free, params)
+            return replace(found, at_once=True) if found and problem.compiled else found
         if not problem.compiled or self.start.size > WIDEST:
             return None
         from .given_loops import given_loops

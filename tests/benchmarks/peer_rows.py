@@ -6,6 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,8 @@ def sessions(peers_python: str) -> dict[str, Callable[[], dict[str, Any]]]:
 def rows(peers_python: str) -> list[Row]:
     table = []
     own = None
+    with suppress(Absent):
+        script(sys.executable, "own_session.py")  # what numba compiles is on disk from here on
     for name, session in sessions(peers_python).items():
         try:
             found = session()
@@ -75,7 +78,22 @@ def rows(peers_python: str) -> list[Row]:
         what = f"closure branch and fold curve: {found['name']}"
         beside = f"time a branch point of {own['name']}"
         table.append(Row(what, figures(found), beside, ratio, note=note(found)))
+        if found["name"].startswith("AUTO"):
+            table += promised(own, found)
     return table
+
+
+def promised(own: dict[str, Any], auto: dict[str, Any]) -> list[Row]:
+    """A point of a branch and of a fold curve, beside AUTO-07p."""
+    what = ("a point of the closure branch, events off", "a point of its fold curve")
+    mine, theirs = per_point(own), per_point(auto)
+    return [
+        Row(
+            what[i], micro(mine[i]), f"{auto['name']}: {micro(theirs[i])}",
+            mine[i] / theirs[i], f"≤ {most}", mine[i] <= most * theirs[i],
+        )
+        for i, most in enumerate((1.5, 3.0))
+    ]  # fmt: skip
 
 
 def default_python() -> str:

@@ -1,14 +1,17 @@
-"""AUTO-07p (Debian package auto-07p, with gfortran): equations in Fortran, driven by its script.
+"""AUTO-07p, with gfortran: equations in Fortran, driven by its script.
 
-Its own command-line interface runs the session, with Debian's Python: under a recent numpy the
-packaged interface fails when it reads a solution back (an array compared with an empty list).
+The one that is built in $AUTO_DIR, or the Debian package auto-07p. Its own command-line interface
+runs the session, with Debian's Python: under a recent numpy the packaged interface fails when it
+reads a solution back (an array compared with an empty list).
 """
 
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -95,24 +98,29 @@ def write(folder: Path) -> None:
     (folder / "session.auto").write_text(session, encoding="ascii")
 
 
-def version() -> str:
+def program() -> tuple[str, dict[str, str], str]:
+    """What runs the session, its environment, and its version."""
+    built = os.environ.get("AUTO_DIR")
+    path = {"PATH": "/usr/bin:/bin"}
+    if built:
+        python = f"{Path(sys.executable).parent}:{path['PATH']}"
+        return f"{built}/bin/auto", {"PATH": python, "AUTO_DIR": built}, "built here"
     _, out = process(["dpkg-query", "-W", "-f", "${Version}", "auto-07p"])
-    return out.strip()
+    return "auto-07p", path, out.strip()
 
 
 def session() -> dict[str, Any]:
     """Compile, branch, fold, fold curve; times a point are those that AUTO itself prints."""
-    for program in ("auto-07p", "gfortran"):
-        if shutil.which(program) is None:
-            raise Absent(f"no {program} here (Debian: apt install auto-07p gfortran)")
+    if shutil.which("gfortran") is None:
+        raise Absent("no gfortran here (Debian: apt install auto-07p gfortran)")
+    run, env, version = program()
     with tempfile.TemporaryDirectory() as name:
         write(Path(name))
-        path = {"PATH": "/usr/bin:/bin"}
-        seconds, out = process(["auto-07p", "session.auto"], cwd=Path(name), env=path)
+        seconds, out = process([run, "session.auto"], cwd=Path(name), env=env)
     printed = [float(value) for value in re.findall(r"Total Time\s+(\S+)", out)]
     data = json.loads(re.findall(r"^RESULT (.*)$", out, flags=re.MULTILINE)[0])
     return {
-        "name": f"AUTO-07p {version()}",
+        "name": f"AUTO-07p {version}",
         "branch_points": data["points"],
         "branch_seconds": printed[0],
         "fold": data["lp"],
