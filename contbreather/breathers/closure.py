@@ -28,6 +28,7 @@ from contbreather.lattice import (
     Harmonic,
     InfiniteChain,
     Lattice,
+    Ring,
     forcing_of,
     lattice_of,
 )
@@ -102,11 +103,12 @@ class Closure:
 
     def loops(self, names: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
         """The equations with these parameters free, as functions that can be compiled; None with
-        springs, and for the coupling of a ring."""
+        springs, for the coupling of a ring, and on lattices of somebody else."""
         own = self.forcing.params
         places = {**PLAIN, **_coefficients(self.forcing)}
         ring = self.lattice.sites is not None and "gamma" in names
-        if self._held or ring or any(name not in places for name in names):  # type: ignore[attr-defined]
+        known = type(self.lattice) in (InfiniteChain, Ring) and not isinstance(self.forcing, Held)
+        if not known or ring or any(name not in places for name in names):
             return None
         f = self.forcing.at(**{name: params[name] for name in own if name in params})
         freed = [float(entry) for name in names for entry in places[name]]

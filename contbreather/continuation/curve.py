@@ -24,11 +24,12 @@ from .sparse import (
     row_sizes,
     scaled,
 )
-from .strider import WIDEST, Loops
+from .strider import WIDEST, Loops, Settler
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
 
+_UNKNOWN = "not asked yet"
 _VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
 _ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
 
@@ -105,13 +106,14 @@ class Curve:
         weights = 1 / (np.repeat(counts, counts) * self.scales**2)
         self.metric = None if (weights == 1).all() else weights
         self._scheme: derivatives.Scheme | None = None
+        self._settler: Any = _UNKNOWN
         self._rows: Array | None = None
         self._passed: list[Array] = []
         self._known: dict[str, list[tuple[Array, Any]]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was made of the latest points: quickly made again, and large."""
-        return {**self.__dict__, "_known": {}}
+        return {**self.__dict__, "_known": {}, "_settler": _UNKNOWN}
 
     def dual(self, tangent: Array) -> Array:
         """The row whose product with z is the inner product of the arclength."""
@@ -173,6 +175,15 @@ class Curve:
 
     def equations(self, z: Array) -> Array:
         return self.problem.evaluate(self.unknowns(z), self.params(z))
+
+    @property
+    def settler(self) -> Settler | None:
+        """Who solves for single points, where the equations can be compiled."""
+        if self._settler is _UNKNOWN:
+            loops = self.loops() if self.start.size <= WIDEST else None
+            metric = np.ones(self.start.size) if self.metric is None else self.metric
+            self._settler = None if loops is None else Settler(loops, metric)
+        return self._settler
 
     def loops(self, params: Params | None = None) -> Loops | None:
         """The equations as functions that can be compiled, where they can; `params` are the other

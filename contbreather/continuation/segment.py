@@ -61,6 +61,11 @@ class Segment:
         """The point of the curve at u, solved for."""
         if u not in self._known:
             curve, (guess, slope) = self.curve, self.guess(u)
+            settled = self._settled(guess, slope)
+            if settled is not None:
+                z, tangent, residual = settled
+                self._near(guess, z)
+                return self._known.setdefault(u, self._point(u, z, tangent, residual))
             found = newton(
                 curve.equations,
                 curve.jacobian,
@@ -75,6 +80,17 @@ class Segment:
             tangent, _ = tangent_at(curve, found.z, slope)
             self._known[u] = self._point(u, found.z, tangent, found.residual)
         return self._known[u]
+
+    def _settled(self, guess: Array, slope: Array) -> tuple[Array, Array, float] | None:
+        """The point solved for and its tangent, where the equations can be compiled."""
+        settler = self.curve.settler
+        if settler is None:
+            return None
+        return settler.settled(guess, self._across, slope, self.tolerance)
+
+    @cached_property
+    def _across(self) -> Array:
+        return self.curve.normalised(self.last.z - self.first.z)
 
     def settled(self, found: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
         """A polished solution and its u. Where curves cross, their tangents are known; elsewhere

@@ -29,6 +29,7 @@ LARGEST_STEP, RELATIVE = 0.1, 0.01  # unless the rules say how long a step may b
 CAME, FAILED, LOOK = 0, -1, -2  # an attempt: it came off, is to be halved, is for the walker
 
 KINDS = "ffpii" + 14 * "p"  # of the arguments of `stride`, for `native`
+SETTLING = "ffpi" + 10 * "p"  # and of `settle`
 TOLERANCE, SMALLEST, LARGEST, GROWTH, BOUNDS, FIRST = range(6)  # of its rules
 ARCLENGTH, SIZE, SIDE, LONGEST, RESIDUAL = range(5)  # of its state
 
@@ -151,6 +152,33 @@ def attempt(
     state[SIDE] = side
     go(state, length, z, tangent, bend, there, ahead, d)
     return CAME
+
+
+def settle(
+    evaluate: Any,
+    derive: Any,
+    data: Any,
+    d: int,
+    rules: Any,
+    metric: Any,
+    state: Any,
+    across: Any,
+    slope: Any,
+    there: Any,
+    ahead: Any,
+    value: Any,
+    matrix: Any,
+    right: Any,
+) -> int:
+    """The point of the curve in the plane across a vector, from `there` on, and its tangent on the
+    side of `slope`; what failed, or the number of iterations."""
+    iterations = newton(
+        evaluate, derive, data, d, rules, metric, state, across, there, value, matrix, right
+    )
+    if iterations < 0:
+        return iterations
+    side = look_along(derive, data, d, metric, slope, there, ahead, matrix, right)
+    return iterations if side != 0 else LOOK
 
 
 def next_size(iterations: int, turn: float, growth: float) -> float:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,12 +20,13 @@ Array = NDArray[np.float64]
 WIDEST = 13  # entries of z: beyond a dozen unknowns LAPACK is faster than loops
 _AT_ONCE = 256  # steps in one call of compiled code
 _AS_IT_IS = 16  # and of plain text, after each of which a signal is seen
-# Code is loaded, 0.05 s, and compiled, some seconds, once as many steps were taken without as would
-# have paid for it: so no call takes more than twice the time it needs.
-_LOADING = 500
-_COMPILING = 60_000
+# Code is loaded, and compiled where it is not kept, once steps have taken as long without, in
+# seconds: so no call takes more than twice the time it needs.
+_LOADING = 0.05
+_COMPILING = 3.0
 
 _stride: Callable[..., int] = plain.stride
+_settle: Callable[..., int] = plain.settle
 _log = logging.getLogger(__name__)
 
 
@@ -125,50 +128,112 @@ class Strider:
         out = [0.0] * (most * (2 * self.d + 2))
         data = self.data.tolist()
         try:
-            count = _stride(loops.evaluate, loops.derive, data, self.d, most, *lists, out)
+            with _timed(loops.evaluate):
+                count = _stride(loops.evaluate, loops.derive, data, self.d, most, *lists, out)
         except ArithmeticError:  # an overflow, where compiled code goes on with an infinity
             return 0
         for array, values in zip((self.state, *self.moving), lists[3:7], strict=True):
             array[:] = values
         self.out.reshape(-1)[: len(out)] = out
-        _taken[loops.evaluate] = _taken.get(loops.evaluate, 0) + count
         return count
 
     def _compiled(self) -> Callable[[int], int] | None:
         """A call of compiled code for this walk, where that is at hand or has to be."""
-        addresses = machine(self.loops)
-        if addresses is None:
+        known = machine(self.loops)
+        if known is None:
             return None
         arrays = [self.data, *self.fixed, self.state, *self.moving, *self.scratch, self.out]
         at = [array.ctypes.data for array in arrays]
-        code, evaluate, derive = addresses
-        return lambda most: code(evaluate, derive, at[0], self.d, most, *at[1:])
+        both = known.evaluate, known.derive
+        return lambda most: known.stride(*both, at[0], self.d, most, *at[1:])
 
 
-_taken: dict[Any, int] = {}  # steps without code, by equations
-_known: dict[Any, tuple[Any, int, int] | None] = {}
+class Settler:
+    """Solves for single points of a curve."""
+
+    def __init__(self, loops: Loops, metric: Array) -> None:
+        d = metric.size
+        self.loops, self.d, self.metric = loops, d, metric
+        self.data, self.rules, self.state = np.array(loops.data), np.zeros(1), np.zeros(5)
+        self.own = [np.zeros(d) for _ in range(4)]  # across, slope, there, ahead
+        self.scratch = [*np.zeros((3, 3 * d * d))]
+        self.call: Callable[[], int] | None = None
+
+    def settled(
+        self, guess: Array, across: Array, slope: Array, tolerance: float
+    ) -> tuple[Array, Array, float] | None:
+        """The point in the plane across a vector, its tangent on the side of another, and the
+        residual; None where the walker's own solvers have to do."""
+        self.rules[plain.TOLERANCE] = tolerance
+        for mine, given in zip(self.own, (across, slope, guess), strict=False):
+            mine[:] = given
+        self.call = self.call or self._compiled()
+        if (self._as_it_is() if self.call is None else self.call()) < 0:
+            return None
+        return self.own[2].copy(), self.own[3].copy(), float(self.state[plain.RESIDUAL])
+
+    def _arrays(self) -> list[Array]:
+        return [self.data, self.rules, self.metric, self.state, *self.own, *self.scratch]
+
+    def _as_it_is(self) -> int:
+        data, *lists = [array.tolist() for array in self._arrays()]
+        loops = self.loops
+        try:
+            with _timed(loops.evaluate):
+                status = _settle(loops.evaluate, loops.derive, data, self.d, *lists)
+        except ArithmeticError:  # an overflow, where compiled code goes on with an infinity
+            return plain.LOOK
+        self.state[:], self.own[2][:], self.own[3][:] = lists[2], lists[5], lists[6]
+        return status
+
+    def _compiled(self) -> Callable[[], int] | None:
+        known = machine(self.loops)
+        if known is None:
+            return None
+        data, *others = [array.ctypes.data for array in self._arrays()]
+        return lambda: known.settle(known.evaluate, known.derive, data, self.d, *others)
 
 
-def machine(loops: Loops) -> tuple[Any, int, int] | None:
-    """`stride` and both functions of a problem in machine code, None where it does not pay yet or
+@dataclass(frozen=True)
+class Machine:
+    """Machine code: two functions to call, and where those of the problem are."""
+
+    stride: Callable[..., int]
+    settle: Callable[..., int]
+    evaluate: int
+    derive: int
+
+
+_spent: dict[Any, float] = {}  # seconds without code, by equations
+_known: dict[Any, Machine | None] = {}
+
+
+@contextmanager
+def _timed(equations: Any) -> Iterator[None]:
+    start = time.perf_counter()
+    try:
+        yield
+    finally:
+        _spent[equations] = _spent.get(equations, 0.0) + time.perf_counter() - start
+
+
+def machine(loops: Loops) -> Machine | None:
+    """Both texts and both functions of a problem in machine code, None where it does not pay yet or
     cannot be had."""
     evaluate, derive = loops.evaluate, loops.derive
     if evaluate in _known:
         return _known[evaluate]
-    parts: tuple[tuple[Any, str], ...] = (
-        (plain.stride, plain.KINDS),
-        (evaluate, "ppp"),
-        (derive, "ppp"),
-    )
+    texts = (plain.stride, plain.KINDS), (plain.settle, plain.SETTLING)
+    functions = (evaluate, "ppp"), (derive, "ppp")
     if not loops.at_once:
-        if sum(_taken.values()) < _LOADING:
+        if sum(_spent.values()) < _LOADING:
             return None
-        paid = _taken.get(evaluate, 0) >= _COMPILING
-        if not (paid or all(native.is_kept(*part) for part in parts)):
+        paid = _spent.get(evaluate, 0.0) >= _COMPILING
+        if not (paid or all(native.is_kept(*part) for part in (*texts, *functions))):
             return None
     try:
-        code, one, other = native.function(*parts[0]), *(native.address(*p) for p in parts[1:])
-        _known[evaluate] = code, one, other
+        calls, at = [native.function(*t) for t in texts], [native.address(*f) for f in functions]
+        _known[evaluate] = Machine(calls[0], calls[1], at[0], at[1])
     except native.NotCompiled as reason:
         _log.info("steps are taken without compiled code: %s", reason)
         _known[evaluate] = None
