@@ -15,6 +15,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.breathers.clearance import least_margin
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.regions import PROBES, Box, Region, regions
 from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
@@ -430,7 +431,7 @@ class _Search:
             return []
         if not self.past_folds:
             found = found[:1]
-        return [breather for breather in found if breather.admissibility().ok]
+        return [breather for breather in found if least_margin(breather.watch) > 0.0]
 
     def _follow(self, point: Point) -> None:
         """Trace an event as a boundary unless it lies on one already, and what takes over at its
