@@ -87,7 +87,70 @@ def guess(sites: int) -> Any:
 
 
 def rows() -> list[Row]:
-    return [shooting_row(100), arm_row()]
+    compiled()
+    return [
+        shooting_row(100),
+        branch_row(100, 5.0),
+        branch_row(400, 60.0),
+        arm_row(),
+        cascade_row(),
+    ]
+
+
+def compiled() -> None:
+    """From now on all that can be compiled is, whether it has paid or not."""
+    from contbreather import kernel
+    from contbreather.continuation import strider
+
+    strider._LOADING = strider._COMPILING = 0
+    kernel.LOADING = kernel.COMPILING = 1
+
+
+def branch_row(sites: int, aim: float) -> Row:
+    """A branch of symmetric breathers of a ring by shooting, with all events; aim in ms a point."""
+    import contbreather as cb
+    from contbreather.breathers.modal_road import _flown
+
+    start = cb.shooting(cb.symmetric(a=0.7, gamma=GAMMA, k=K), sites=sites)
+
+    def walk() -> Any:
+        _flown.cache_clear()
+        return cb.trace(start, "a", within={"a": (0.5, 0.95)})
+
+    branch = walk()
+    seconds = best_of(walk, clock=time.process_time) / len(branch)
+    return Row(
+        what=f"shooting branch with events, N = {sites}, a point of {len(branch)}",
+        figure=span(seconds),
+        compares_with="-",
+        aim=f"< {aim:g} ms",
+        met=seconds < 1e-3 * aim,
+        note=", ".join(f"{point.label} at {point['a']:.9f}" for point in branch.special),
+    )
+
+
+def cascade_row() -> Row:
+    """The diagram of the single oscillator to its third doubling, by both roads."""
+    import contbreather as cb
+
+    start = cb.symmetric(a=0.6, gamma=0.0, k=K)
+    within = {"a": (0.5, 0.9905)}
+
+    def grow(start: Any) -> Any:
+        return cb.diagram(start, "a", within=within, depth=5)
+
+    grow(start)
+    green = best_of(lambda: grow(start), clock=time.process_time)
+    shot = cb.shooting(start, sites=1)
+    modes = best_of(lambda: grow(shot), clock=time.process_time)
+    return Row(
+        what="diagram of the single oscillator to three doublings, by the Green's function",
+        figure=span(green),
+        compares_with=f"the same by shooting: {span(modes)}",
+        ratio=modes / green,
+        aim="no slower than by shooting",
+        met=green <= modes,
+    )
 
 
 def arm_row(points: int = 200) -> Row:

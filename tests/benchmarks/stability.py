@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
 
 from .measure import Row, best_of, each, span
 from .paper_route import Breather, furthest
+from .shooting import compiled
 
 AT = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 
@@ -95,10 +97,43 @@ def row_growth() -> Row:
     )
 
 
+def boundary_row(kind: str, branch: Any, steps: int = 100) -> Row:
+    """A boundary in gamma and a with all its events, a point of many."""
+    import contbreather as cb
+
+    point = branch.first(kind)
+    within = {"gamma": (0.0, 0.2499), "a": (0.0, 1.0)}
+
+    def walk() -> Any:
+        return cb.boundary(point, ("gamma", "a"), within=within, steps=cb.Steps(largest=1 / steps))
+
+    line = walk()
+    seconds = best_of(walk, clock=time.process_time) / len(line)
+    return Row(
+        what=f"{kind} boundary with events, a point of {len(line)}",
+        figure=span(seconds),
+        compares_with="-",
+        aim="< 0.2 ms",
+        met=seconds < 2e-4,
+        note=", ".join(f"{point.label} at a = {point['a']:.9f}" for point in line.special),
+    )
+
+
+def boundary_rows() -> list[Row]:
+    import contbreather as cb
+
+    compiled()
+    lost = cb.trace(cb.symmetric(a=0.2, gamma=0.05, k=0.8), "gamma", within={"gamma": (0, 0.2)})
+    forked = cb.trace(cb.symmetric(a=0.7, gamma=0.04, k=0.8), "a", within={"a": (0.5, 1)})
+    touched = cb.trace(cb.symmetric(a=0.5, gamma=0.1, k=0.8), "a", within={"a": (0.3, 1)})
+    kinds = {"NS": lost, "PF": forked, "GR": touched}
+    return [boundary_row(kind, branch) for kind, branch in kinds.items()]
+
+
 def rows(long: bool) -> list[Row]:
     paper = baseline(400, repeat=5)
     table = [Row("the paper's route, N = 400", span(paper), "baseline of the rows below")]
-    table += [*rows_at_400(paper), row_growth()]
+    table += [*rows_at_400(paper), row_growth(), *boundary_rows()]
     if long:
         table.append(row_at_1600())
     else:
