@@ -65,7 +65,8 @@ class Settings:
 class Branch(Columns, Shown):
     """Points along a curve, in order, with the special ones among them.
 
-    ``branch["a"]`` is a column (an unknown, a parameter, a recorded number, or ``"arclength"``),
+    ``branch["a"]`` is a column (an unknown, a parameter, a recorded number, or ``"arclength"``; of
+    an array u also its Euclidean norm, ``"norm(u)"``),
     ``branch[17]`` a `Point`, ``branch[2:5]`` the branch of these points, ``branch.special`` the
     labelled points, ``branch.first("PF")`` one of them. ``stop`` says why it ended where it does,
     ``began`` why where it starts (None where the walk set out); ``reason`` and ``began_reason`` add
@@ -173,6 +174,9 @@ class Branch(Columns, Shown):
             return np.full(len(self.points), float(problem.params[name]))
         if name in problem.record:
             return np.array([point[name] for point in self.points])
+        array = problem.normed(name)
+        if array is not None:
+            return np.asarray(np.linalg.norm(self[array], axis=1))
         raise BadInput(f"no column {name!r}; this branch has {list(self.names)}")
 
     def columns(self) -> dict[str, NDArray[Any]]:

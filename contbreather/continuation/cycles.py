@@ -10,9 +10,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import BadInput
 from .curve import Params
 from .point import Point
 from .problem import Problem
+from .sparse import is_sparse
 
 Array = NDArray[np.float64]
 Map = Callable[[Array, Params], Array]
@@ -54,7 +56,10 @@ class Iterate:
         assert self.derivative is not None
         product = np.eye(x.size)
         for _ in range(self.period):
-            product = np.asarray(self.derivative(x.copy(), params)) @ product
+            own = self.derivative(x.copy(), params)
+            if is_sparse(own):
+                raise BadInput("the Jacobian of a map is sparse; give its toarray() instead")
+            product = np.asarray(own) @ product
             x = np.array(self.map(x.copy(), params))
         return product - np.eye(x.size)
 

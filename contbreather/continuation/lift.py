@@ -16,6 +16,7 @@ from .curve import Curve
 from .newton import Undefined, newton
 from .point import Point
 from .problem import Problem
+from .rank import weakest
 
 Array = NDArray[np.float64]
 
@@ -82,9 +83,9 @@ class Lift:
     def tangents(self) -> tuple[Array, Array | None]:
         """The tangent of the first arm, and that of the branch where it solves the problem, too."""
         curve = Curve(self.problem, (self.free,))
-        _, sizes, right = np.linalg.svd(curve.balanced(curve.jacobian(curve.start)))
-        plane = right[-2:] * curve.scales
-        if sizes[-1] > _SINGULAR * max(1.0, sizes[0]):
+        weak = weakest(curve.balanced(curve.jacobian(curve.start)))
+        plane = weak.plane * curve.scales
+        if weak.size > _SINGULAR * max(1.0, weak.largest):
             return self._oriented(plane[1], curve), None
         one, other = plane[:, -1]
         if not math.hypot(one, other) > _SINGULAR * np.linalg.norm(plane):

@@ -60,7 +60,7 @@ def FixedPoint(
     period : int
         Number of iterates after which the orbit closes.
     jacobian : callable, optional
-        ``jacobian(x, params) -> (n, n) array``, the derivative of the map itself.
+        ``jacobian(x, params) -> (n, n) array``, the derivative of the map itself, dense.
     events : iterable of Event, optional
         LP, BP, PD and NS by default.
     record, domain, scales, label

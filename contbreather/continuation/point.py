@@ -93,6 +93,9 @@ class Point(Shown):
             return self.detail[name]
         if name in problem.record:
             return problem.record[name](self.ground)
+        array = problem.normed(name)
+        if array is not None:
+            return float(np.linalg.norm(self[array]))
         own = name.removesuffix(f" of {self.kind}")
         if own != name and own in self.detail:
             return self.detail[own]

@@ -213,6 +213,12 @@ class Problem:
             if name not in self.start and name not in self.params:
                 raise BadInput(f"no {name!r} in this problem; it has {list(self.names)}")
 
+    def normed(self, name: str) -> str | None:
+        """The array unknown whose Euclidean norm a name stands for: u for ``norm(u)``."""
+        inner = name[len("norm(") : -1]
+        array = np.ndim(self.start.get(inner, 0.0)) > 0
+        return inner if array and name == f"norm({inner})" else None
+
     def evaluate(self, x: Array, params: Params) -> Array:
         """The residual, or `Undefined` where it has none."""
         try:  # np.array copies: the same array may come back each time, written anew

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 Matrix = Any  # an array, or a scipy.sparse.csc_array
 
 _STEEP = 1e3  # an unknown that moves this much with the last ones is kept fixed in their place
+_PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
 _TURNS = 4  # steps of inverse iteration next to a null vector
 _SHIFT = 1e-14  # relative size of what is added where a matrix is singular to the last digit
 
@@ -88,16 +89,16 @@ def _with(matrix: Matrix, data: Array) -> Matrix:
 class Factors:
     """A sparse matrix of n rows and n + k columns, factorised so as to solve all it is asked for.
 
-    Below the matrix go k rows that each keep one unknown fixed. They leave the matrix as sparse as
-    it is, and any other k rows follow from them by the null vectors: no system is solved through
-    another that is closer to being singular. Which unknowns are kept is chosen by the null vectors
-    themselves: the last ones, unless others move much more, as beside a fold.
+    What is factorised are n of its columns, which leaves them as sparse as they are. The others
+    give the null vectors, and with these follow the solutions for any k rows below: no system is
+    solved through another that is closer to being singular. Which unknowns are set apart is chosen
+    by the null vectors themselves: the last ones, unless others move much more, as beside a fold.
 
     Attributes
     ----------
     matrix : csc_array, shape (n, n + k)
     null : ndarray, shape (n + k, k)
-        Its null vectors, an identity matrix in the unknowns that are kept.
+        Its null vectors, an identity matrix in the unknowns that are set apart.
     """
 
     def __init__(self, matrix: Matrix) -> None:
@@ -105,36 +106,33 @@ class Factors:
         n, width = matrix.shape
         sizes = row_sizes(matrix, np.ones(width))
         self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
-        kept: NDArray[Any] = np.arange(n, width)
-        self.exact = self._factorise(kept)
-        if kept.size and (not self.exact or abs(self.null).max() > _STEEP):
-            self.exact = self._factorise(_most_moving(self.null))
+        self._factorise(np.arange(width))
+        if width > n and (not self.exact or abs(self.null).max() > _STEEP):
+            apart = _most_moving(self.null)
+            self._factorise(np.concatenate([np.setdiff1d(np.arange(width), apart), apart]))
 
-    def _factorise(self, kept: NDArray[np.intp]) -> bool:
-        """Whether the matrix could be factorised as it is, or only beside it, being singular."""
-        from scipy.sparse.linalg import splu
-
+    def _factorise(self, order: NDArray[Any]) -> None:
+        """Take the first n columns of an order; `exact` says whether that is possible, or only
+        beside them, as they are singular."""
         n, width = self.matrix.shape
-        whole, exact = self._whole(kept), True
+        self._order, self._inside = order, order[:n]
+        self._in_order = bool((order[:n] == np.arange(n)).all())
+        core = self.matrix[:, :n] if self._in_order else self.matrix[:, self._inside]
+        core.data *= self._rows[core.indices]
+        self.exact = True
         try:
-            self._lu = splu(whole)
+            self._lu = factorised(core)
         except RuntimeError:  # a pivot that is exactly zero
-            exact = False
-            self._lu = splu(_shifted(whole))
-        self._solve: Callable[..., Array] = self._lu.solve
-        self.null = self._lu.solve(np.eye(width, kept.size, -n)) if kept.size else np.empty((n, 0))
-        return exact
+            self.exact = False
+            self._lu = factorised(_shifted(core))
+        self.null = np.zeros((width, width - n))
+        for i, column in enumerate(order[n:]):
+            self.null[column, i] = 1.0
+            self.null[self._inside, i] = -self._inner(_column(self.matrix, column))
 
-    def _whole(self, kept: NDArray[np.intp]) -> Matrix:
-        """The matrix with balanced rows, and a one below for each unknown that is kept."""
-        from scipy.sparse import csc_array
-
-        matrix, (n, width) = self.matrix, self.matrix.shape
-        ends = matrix.indptr[kept + 1]
-        data = np.insert(matrix.data * self._rows[matrix.indices], ends, 1.0)
-        rows = np.insert(matrix.indices, ends, n + np.arange(kept.size))
-        more = np.searchsorted(kept, np.arange(width + 1)).astype(matrix.indptr.dtype)
-        return csc_array((data, rows, matrix.indptr + more), shape=(width, width))
+    def _inner(self, right: Array) -> Array:
+        found: Array = self._lu.solve(right * self._rows)
+        return found
 
     def solve(self, right: Array, rows: Array | None = None, *, refined: bool = True) -> Array:
         """The solution of the equations and of as many conditions as unknowns are left: `right`
@@ -148,19 +146,18 @@ class Factors:
         return np.asarray(x + self.null @ _small(rows @ self.null, right[n:] - rows @ x))
 
     def _particular(self, right: Array) -> Array:
-        padded = np.zeros(self.matrix.shape[1], dtype=right.dtype)
-        padded[: right.size] = right * self._rows
-        return self._solve(padded)
+        x = np.zeros(self.matrix.shape[1])
+        x[self._inside] = self._inner(right)
+        return x
 
     def transposed(self, right: Array, rows: Array | None = None) -> Array:
         """As `solve`, for the transpose of the matrix with `rows` below. Without rows, the right
         side must be orthogonal to the null vectors."""
-        n = self.matrix.shape[0]
         weights = np.empty(0)
         if rows is not None and len(rows):
             weights = _small((rows @ self.null).T, self.null.T @ right)
             right = right - weights @ rows
-        y = self._solve(right, "T")[:n] * self._rows
+        y = self._lu.solve(right[self._inside], "T") * self._rows
         return np.concatenate([y, weights])
 
     def least(self, right: Array, *, refined: bool = True) -> Array:
@@ -176,8 +173,10 @@ class Factors:
     @cached_property
     def _own_sign(self) -> int:
         lu = self._lu
-        negative = np.count_nonzero(lu.U.diagonal() < 0) + _odd(lu.perm_r) + _odd(lu.perm_c)
-        return -1 if negative % 2 else 1
+        turns = _odd(lu.perm_r) + _odd(lu.perm_c)
+        if not self._in_order:
+            turns += _odd(self._order)
+        return -1 if (np.count_nonzero(lu.U.diagonal() < 0) + turns) % 2 else 1
 
     def sign(self, rows: Array | None = None) -> int:
         """Sign of the determinant of the matrix with `rows` below; 0 where it is singular."""
@@ -186,6 +185,36 @@ class Factors:
         if rows is None or not len(rows):
             return self._own_sign
         return self._own_sign * int(np.sign(np.linalg.det(rows @ self.null)))
+
+
+def factorised(matrix: Matrix) -> Any:
+    """The factors of a square sparse matrix, `scipy.sparse.linalg.SuperLU`.
+
+    Where the diagonal leads in every column and no row or column is long, pivots are taken from
+    it, in the order that suits a symmetric pattern: a third of the time for a chain, two thirds
+    for a square.
+
+    Raises `RuntimeError` where a pivot is exactly zero.
+    """
+    from scipy.sparse.linalg import splu
+
+    order: Any = "MMD_AT_PLUS_A" if _diagonal_leads(matrix) else "COLAMD"
+    return splu(matrix, permc_spec=order, diag_pivot_thresh=_PIVOT)
+
+
+def _diagonal_leads(matrix: Matrix) -> bool:
+    n, counts = matrix.shape[0], np.diff(matrix.indptr)
+    most = max(16, 10 * math.sqrt(n))
+    if not counts.all() or counts.max() > most or np.bincount(matrix.indices).max() > most:
+        return False
+    largest = np.maximum.reduceat(abs(matrix.data), matrix.indptr[:-1])
+    return bool((abs(matrix.diagonal()) >= _PIVOT * largest).all())
+
+
+def _column(matrix: Matrix, number: int) -> Array:
+    column, entries = np.zeros(matrix.shape[0]), slice(*matrix.indptr[number : number + 2])
+    column[matrix.indices[entries]] = matrix.data[entries]
+    return column
 
 
 def _small(matrix: Array, right: Array) -> Array:
@@ -256,22 +285,16 @@ def shifted(matrix: Matrix, value: complex) -> Matrix:
 
 def solved(matrix: Matrix, right: NDArray[Any]) -> NDArray[Any]:
     """The solution of one sparse system, real or complex."""
-    from scipy.sparse.linalg import splu
-
     dtype = np.result_type(matrix.dtype, right.dtype)
-    factors: Any = splu(matrix.astype(dtype))
-    return np.asarray(factors.solve(right.astype(dtype)))
+    return np.asarray(factorised(matrix.astype(dtype)).solve(right.astype(dtype)))
 
 
 def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
     """Unit null vectors (q, p) of a sparse matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
-    from scipy.sparse.linalg import splu
-
-    lu: Any
     try:
-        lu = splu(matrix)
+        lu = factorised(matrix)
     except RuntimeError:
-        lu = splu(_shifted(matrix))
+        lu = factorised(_shifted(matrix))
     q = p = any_vector(matrix.shape[0]).astype(matrix.dtype)
     for _ in range(_TURNS):
         q, p = lu.solve(q), lu.solve(p, "H")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .curve import Curve
 from .newton import Undefined
 from .point import Locus
-from .sparse import Factors, Matrix, any_vector, scaled, shifted
+from .sparse import Factors, Matrix, any_vector, factorised, scaled, shifted
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -88,14 +88,14 @@ def _near(matrix: Matrix) -> Near:
 
 def _disk(matrix: Matrix, height: float) -> tuple[Any, float]:
     """The eigenvalues around a place of the upper half of the axis, and how far they reach."""
-    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
     n = matrix.shape[0]
     moved = matrix if height == 0 else shifted(matrix, -1j * height)
     try:
-        lu = splu(moved)
+        lu = factorised(moved)
     except RuntimeError:  # an eigenvalue is there to the last digit
-        lu = splu(shifted(moved, _EXACT * abs(matrix).max()))
+        lu = factorised(shifted(moved, _EXACT * abs(matrix).max()))
     operator = LinearOperator((n, n), matvec=lu.solve, dtype=moved.dtype)
     wanted = min(_IN_A_DISK, n - 2)
     try:

@@ -212,7 +212,7 @@ def _size(value: ArrayLike) -> float:
 def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
     """The window and the domain of the problem, of all that can change."""
     problem = curve.problem
-    given = windows(within)
+    given = {problem.normed(name) or name: window for name, window in windows(within).items()}
     problem.check_names(given)
     bounds = []
     for name in {**problem.domain, **given}:

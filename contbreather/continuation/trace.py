@@ -89,7 +89,7 @@ def trace(
         Name of the free parameter. Folds in it are passed without notice.
     within : dict, optional
         ``{name: (low, high)}`` for any unknown or parameter: the branch ends exactly there. The
-        window of an array is one of its Euclidean norm, ``{"u": (0, 10)}``.
+        window of an array is one of its Euclidean norm, ``{"norm(u)": (0, 10)}``.
     towards : {'both', 'up', 'down'}
         Direction in which `free` changes at first.
     events : Event or iterable of Event, optional

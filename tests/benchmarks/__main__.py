@@ -61,6 +61,11 @@ def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:
 
         return dynamics.rows()
 
+    def large() -> list[Row]:
+        from . import large
+
+        return large.rows()
+
     return {
         "stability": stability,
         "branch": branch,
@@ -70,6 +75,7 @@ def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:
         "first-run": first_run,
         "shooting": shooting,
         "dynamics": dynamics,
+        "large": large,
     }
 
 

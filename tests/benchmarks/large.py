@@ -1,0 +1,72 @@
+"""Large problems with LP, BP and HB looked for, beside one factorisation of their derivative."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tests.continuation.large import bratu, plane, second, swift_hohenberg
+
+from .measure import Row, best_of, micro
+
+
+@dataclass(frozen=True)
+class Case:
+    """A branch to walk, and how many seconds a point of it may take."""
+
+    what: str
+    problem: Any
+    free: str
+    most: int
+    aim: float
+
+
+def cases() -> list[Case]:
+    length = 40 * np.pi
+    return [
+        Case("Bratu 1-D, n = 1000", bratu(second(1000), lam=3.0), "lam", 40, 5e-3),
+        Case("Bratu 1-D, n = 10 000", bratu(second(10_000), lam=3.0), "lam", 40, 40e-3),
+        Case("Bratu 2-D, 100 x 100", bratu(plane(100), lam=6.0), "lam", 30, 200e-3),
+        Case("Swift-Hohenberg, n = 2000", swift_hohenberg(2000, length), "mu", 20, 30e-3),
+    ]
+
+
+def rows() -> list[Row]:
+    return [_row(case) for case in cases()]
+
+
+def _row(case: Case) -> Row:
+    import contbreather as cb
+
+    events = [cb.fold(), cb.branch_point(), cb.hopf()]
+    steps = cb.Steps(first=0.05, most=case.most)
+    branches: list[Any] = []
+
+    def walk() -> None:
+        found = cb.trace(
+            case.problem, case.free, towards="up", within={}, events=events, steps=steps
+        )
+        branches.append(found)
+
+    walk()
+    each = best_of(walk, 3, time.process_time) / len(branches[0])
+    one = best_of(lambda: _factorised(case.problem), 5, time.process_time)
+    special = ", ".join(point.title for point in branches[0].special)
+    return Row(
+        f"{case.what}: a point, LP, BP and HB looked for",
+        micro(each),
+        f"one sparse LU: {micro(one)}",
+        each / one,
+        f"{1e3 * case.aim:.0f} ms",
+        each <= case.aim,
+        special,
+    )
+
+
+def _factorised(problem: Any) -> None:
+    from scipy.sparse.linalg import splu
+
+    splu(problem.jacobian(problem.x, problem.params))
