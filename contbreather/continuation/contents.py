@@ -70,7 +70,8 @@ def groups_of(name: str, value: Any, *, recorded: bool = True) -> dict[str, Data
 
     said = known.said(value)
     json = {"content": known.kind, "parts": list(said.parts), **said.about}
-    groups = {name: Dataset({ABOUT: about(json), **said.columns}, {"content": text(known.kind)})}
+    attributes = {"content": text(known.kind)}
+    groups = {name: Dataset({ABOUT: about(json), **said.columns}, attrs=attributes)}
     for part, inner in said.parts.items():
         groups |= groups_of(f"{name}/{part}", inner, recorded=recorded)
     return groups

@@ -1,0 +1,261 @@
+"""Results on disk while they are computed: whole at any moment, and at little cost."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contbreather.continuation import (
+    Branch,
+    Problem,
+    Run,
+    Steps,
+    boundary,
+    branch_point,
+    checkpoint,
+    extend,
+    fold,
+    load,
+    save,
+    trace,
+)
+from contbreather.continuation.diagram import diagram
+from contbreather.continuation.switching import switch
+from contbreather.errors import BadInput, Interrupted
+
+from .zoo import CUSP
+
+FEW = Steps(first=0.1, largest=0.3)
+
+
+class Clock:
+    """Time that goes on by `tick` whenever it is asked for."""
+
+    def __init__(self) -> None:
+        self.now, self.tick = 0.0, 1.0
+
+    def monotonic(self) -> float:
+        self.now += self.tick
+        return self.now
+
+
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[], list[Any]]:
+    """What is in the file after some of the writings, the first and the last among them, with a
+    clock on which seconds are short."""
+    monkeypatch.setattr(checkpoint, "time", Clock())
+    monkeypatch.setattr(checkpoint, "EVERY", 5.0)
+    monkeypatch.setattr(checkpoint, "SHARE", 1e9)
+    images: list[bytes] = []
+    write = checkpoint.write
+
+    def looked(path: Path, named: Any, **how: Any) -> Path:
+        images.append(write(path, named, **how).read_bytes())
+        return path
+
+    monkeypatch.setattr(checkpoint, "write", looked)
+
+    def some() -> list[Any]:
+        found: list[Any] = []
+        for i in sorted({*range(0, len(images), 2), len(images) - 1}):
+            (tmp_path / "then.nc").write_bytes(images[i])
+            one = load(tmp_path / "then.nc")
+            found.append(dict(one) if isinstance(one, Run) else one)
+        images.clear()
+        return found
+
+    return some
+
+
+def parabola(**more: Any) -> Problem:
+    return Problem(lambda x, p: x**2 - p["mu"], {"x": 1.0}, {"mu": 1.0}, **more)
+
+
+def test_file_is_a_beginning_of_the_branch_at_any_moment(
+    written: Callable[[], list[Any]], tmp_path: Path
+) -> None:
+    path = tmp_path / "run.nc"
+    branch = trace(parabola(), "mu", within={"x": (-1, 1.5)}, events=[fold()], steps=FEW, save=path)
+    found = written()
+    assert len(found) > 3
+    known = {point.z.tobytes() for point in branch}
+    lengths = [len(one) for one in found]
+    assert lengths == sorted(lengths)
+    for one in found[:-1]:
+        assert one.stop.name == "INTERRUPTED"
+        assert {point.z.tobytes() for point in one} <= known
+    assert repr(found[-1]) == repr(branch) == repr(load(path))
+
+
+def test_longer_work_keeps_all_of_it(written: Callable[[], list[Any]], tmp_path: Path) -> None:
+    """Arms beside each other, boundaries with where they come from, diagrams with their tree."""
+    mine = Problem(lambda x, p: x * (p["mu"] - x**2), {"x": 0.0}, {"mu": -1.0})
+    asked: dict[str, Any] = {"within": {"mu": (-0.3, 0.3)}, "steps": FEW}
+    axis = trace(mine, "mu", within={"mu": (-1, 0.3)}, events=[branch_point()])
+    arms = switch(axis.first("BP"), **asked, save=tmp_path / "arms.nc")
+    found = written()
+    assert [list(one) for one in (found[0], found[-1])] == [["arm1"], ["arm1", "arm2"]]
+    assert all(one["arm1"][0].parent.label == "BP1" for one in found)
+    assert repr(found[-1]["arm2"]) == repr(arms[1])
+    first = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
+    asked = {"within": {"mu": (0.9, 1.1)}, "steps": FEW}
+    line = boundary(first, ("mu", "h"), **asked, save=tmp_path / "line.nc")
+    found = written()
+    assert all(one.origin.label == "LP1" for one in found)
+    assert repr(found[-1]) == repr(line)
+    asked = {"within": {"mu": (-1, 0.3)}, "steps": FEW, "events": [branch_point()]}
+    tree = diagram(mine, "mu", **asked, save=tmp_path / "tree.nc")
+    found = written()
+    counts = [len(one) for one in found]
+    assert (counts[0], counts[-1], counts) == (1, len(tree), sorted(counts))
+    assert all(one.interrupted for one in found[:-1])
+
+
+def test_extended_branch_keeps_its_beginning(
+    written: Callable[[], list[Any]], tmp_path: Path
+) -> None:
+    short = trace(parabola(), "mu", within={"x": (0.9, 1.1)})
+    longer = extend(short, within={"x": (0.5, 1.5)}, save=tmp_path / "run.nc")
+    found = written()
+    assert all(len(one) >= len(short) for one in found)
+    assert repr(found[-1]) == repr(longer)
+
+
+def test_interrupted_work_is_kept(tmp_path: Path) -> None:
+    def residual(x: Any, p: Any) -> Any:
+        if p["mu"] > 1.3:
+            raise KeyboardInterrupt
+        return x**2 - p["mu"]
+
+    own = Problem(residual, {"x": 1.0}, {"mu": 1.0})
+    with pytest.raises(Interrupted) as caught:
+        trace(own, "mu", within={"mu": (0.5, 2.0)}, save=tmp_path / "run.nc")
+    assert repr(load(tmp_path / "run.nc")) == repr(caught.value.partial)
+
+
+def test_place_that_cannot_be_written_is_refused_before_anything_is_computed(
+    tmp_path: Path,
+) -> None:
+    def never(x: Any, p: Any) -> Any:
+        raise AssertionError
+
+    own = Problem(never, {"x": 1.0}, {"mu": 1.0})
+    for place, sentence in (
+        (tmp_path / "nowhere" / "run.nc", "there is no directory"),
+        (tmp_path, "it is a directory"),
+        (3, "save takes the name of a file, 'run.nc' for instance; got 3|a number|an int"),
+    ):
+        with pytest.raises(BadInput, match=sentence):
+            trace(own, "mu", save=place)  # type: ignore[arg-type]
+
+
+def test_writing_takes_its_share_of_the_time_and_no_more(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A file that takes a second to write is written every 33 seconds; special points hurry it, but
+    not beyond its share."""
+    clock, times = Clock(), list[float]()
+    clock.tick = 0.0
+    monkeypatch.setattr(checkpoint, "time", clock)
+
+    def slow(path: Path, named: Any, **how: Any) -> None:
+        times.append(clock.now)
+        clock.now += 1.0
+
+    monkeypatch.setattr(checkpoint, "write", slow)
+    kept = checkpoint.Checkpoint(tmp_path / "run.nc", "branch")
+    for i in range(10_000):
+        clock.now += 0.01
+        kept.look(i % 7 == 0, lambda: "a piece")
+    assert times[0] == pytest.approx(checkpoint.EVERY, abs=0.02)
+    assert min(np.diff(times)) >= 1.0 / checkpoint.SHARE
+    assert len(times) == 3
+
+
+def test_quick_files_are_written_every_few_seconds_and_at_special_points(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    clock, times = Clock(), list[float]()
+    clock.tick = 0.0
+    monkeypatch.setattr(checkpoint, "time", clock)
+    monkeypatch.setattr(checkpoint, "write", lambda *_, **__: times.append(clock.now))
+    kept = checkpoint.Checkpoint(tmp_path / "run.nc", "branch")
+    for i in range(1, 1000):
+        clock.now = 0.01 * i
+        kept.look(i == 450, lambda: "a piece")
+    assert times == pytest.approx([3.0, 4.5, 7.5], abs=0.02)
+
+
+KILLED = """
+import sys
+import numpy as np
+from contbreather.continuation import Problem, Steps, checkpoint, trace
+checkpoint.EVERY, checkpoint.SHARE = 0.0, 1.0
+circle = Problem(lambda x, p: x**2 - p["mu"], {"x": 1.0}, {"mu": 1.0})
+steps = Steps(largest=1e-2, most=10**6)
+trace(circle, "mu", within={"mu": (0.5, 1e6)}, towards="up", steps=steps, save=sys.argv[1])
+"""
+
+
+@pytest.mark.slow
+def test_killed_process_leaves_a_file_that_loads(tmp_path: Path) -> None:
+    """Fifty times and with more work: tests/campaigns/killed.py."""
+    path = tmp_path / "run.nc"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    sizes, command = set[int](), [sys.executable, "-c", KILLED, str(path)]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as process:
+        while len(sizes) < 4 and process.poll() is None:
+            sizes |= {path.stat().st_size} if path.exists() else set()
+        os.kill(process.pid, signal.SIGKILL)
+    branch = load(path, problem=parabola())
+    assert isinstance(branch, Branch)
+    assert np.abs(branch["x"] ** 2 - branch["mu"]).max() < 1e-12
+    longer = extend(branch, within={"mu": (0.5, branch["mu"].max() + 0.1)}, steps=Steps())
+    assert longer["mu"].max() == branch["mu"].max() + 0.1
+
+
+# --- folders ------------------------------------------------------------------------------------
+
+
+def test_folder_has_what_is_in_its_files_by_name(tmp_path: Path) -> None:
+    curve = trace(parabola(), "mu", within={"x": (0.5, 1.5)})
+    run = Run(tmp_path / "study")
+    assert (list(run), repr(run)) == ([], f"<Run {tmp_path / 'study'}: nothing yet>")
+    run.keep(curve=curve)
+    (tmp_path / "study" / "inner").mkdir()
+    save(tmp_path / "study" / "inner" / "two.nc", curve, other=curve)
+    (tmp_path / "study" / "notes.txt").write_text("not a result")
+    assert list(run) == ["curve", "inner/two/branch1", "inner/two/other"]
+    assert repr(run["inner/two/other"]) == repr(curve)
+    assert "curve" in run
+    with pytest.raises(BadInput, match=r"no 'LP9' in .*study; there are \['curve', 'inner"):
+        run["LP9"]
+    with pytest.raises(BadInput, match=r"'EP1' is a point of several: curve, inner/two/branch1"):
+        Run(tmp_path / "study")["EP1"]
+    run.keep(curve=trace(parabola(), "mu", within={"x": (0.9, 1.1)}))
+    assert run["curve"]["x"].max() == 1.1  # read anew, for the file has changed
+    with pytest.raises(BadInput, match="is one file; a folder is wanted"):
+        Run(tmp_path / "study" / "curve.nc").keep(more=curve)
+
+
+def test_file_of_a_later_version_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from contbreather.continuation import netcdf
+
+    branch = trace(parabola(), "mu", within={"x": (0.9, 1.1)})
+    with monkeypatch.context() as patch:
+        patch.setattr(netcdf, "NUMBER", netcdf.NUMBER + 1)
+        save(tmp_path / "new.nc", branch)
+    with pytest.raises(BadInput, match=r"new.nc was written by a later version \(Python 3.*update"):
+        load(tmp_path / "new.nc")
+    with pytest.raises(BadInput, match="a later version"):
+        dict(Run(tmp_path))
