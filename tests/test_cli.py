@@ -802,6 +802,10 @@ def test_zones_print_for_programs_without_writing(run: Callable[..., Output]) ->
     assert meeting["meeting"] == "PF-GR"
     assert DEFINING["PF"](meeting)
     assert DEFINING["GR"](meeting)
+    verdicts = {region["verdict"]: region["unstable"] for region in diagram["regions"]}
+    assert verdicts["S"] == [0, 0, 0, 0, 0]
+    assert all(count >= 1 for count in verdicts["US"])
+    assert all(len(corner) == 2 for corner in diagram["regions"][0]["outline"])
     pf = next(curve for curve in diagram["curves"] if curve["curve"] == "PF")
     for gamma, a in zip(pf["gamma"], pf["a"], strict=True):
         assert pitchfork({"gamma": gamma, "a": a, "k": 0.8})

@@ -130,8 +130,12 @@ def _entry(diagram: Zones) -> dict[str, Any]:
         for kind, branches in diagram.curves.items()
         for branch in branches
     ]
+    regions = [
+        {"verdict": one.verdict, "unstable": one.counts, "outline": one.outline}
+        for one in diagram.regions
+    ]
     return {"fixed": dict([diagram.fixed]), "pair": diagram.pair, "curves": curves,
-            "points": list(_points(diagram))}  # fmt: skip
+            "points": list(_points(diagram)), "regions": regions}  # fmt: skip
 
 
 def _points(diagram: Zones) -> Iterator[dict[str, Any]]:
