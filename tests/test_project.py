@@ -35,7 +35,7 @@ def test_each_set_up_is_one_line_that_makes_its_environment() -> None:
 
 def test_first_command_draws_the_zones_and_second_runs_the_tests() -> None:
     assert command("zones").endswith("&& .venv/bin/contbreather zones")
-    assert command("test").endswith('-e ".[test]" && .venv/bin/python -m pytest')
+    assert command("test").endswith('-e ".[test]" && .venv/bin/python -m pytest -n auto')
 
 
 def test_the_readme_s_command_runs_slow_tests_too() -> None:
