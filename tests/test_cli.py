@@ -872,6 +872,18 @@ def test_help_fills_its_lines(command: list[str], tmp_path: Path) -> None:
 # --- figure and the rest ------------------------------------------------------------------------
 
 
+def test_warm_says_how_much_is_compiled(run: Callable[..., Output], monkeypatch) -> None:
+    from contbreather.breathers import ahead
+
+    monkeypatch.setattr(ahead, "compile_ahead", lambda: 6)
+    status, out, _ = run("warm")
+    assert (status, out.strip()) == (0, "The steps of 6 sets of equations are compiled and kept.")
+    monkeypatch.setattr(ahead, "compile_ahead", lambda: 0)
+    status, _, said = run("warm")
+    assert status == 1
+    assert "--verbose" in said
+
+
 def test_figure_writes_its_picture_and_says_what_is_exact(run: Callable[..., Output]) -> None:
     status, out, _ = run("figure", "4")
     assert status == DONE

@@ -130,6 +130,7 @@ def application() -> App:
         show,
         simulate,
         switch,
+        warm,
         zones,
     )
 
@@ -155,6 +156,7 @@ def application() -> App:
         show.show,
         extend.extend,
         run.run,
+        warm.warm,
     )
     for command in commands:
         app.command(command)

@@ -59,10 +59,10 @@ def trace_many(
     Examples
     --------
     >>> import contbreather as cb
-    >>> starts = [cb.symmetric(0.5, gamma, 0.8) for gamma in (0.04, 0.08)]
+    >>> starts = [cb.symmetric(0.5, gamma, 0.8) for gamma in (0.04, 0.03)]
     >>> branches = list(trace_many(starts, "a", within={"a": (0.5, 0.9)}, executor=1))
     >>> [round(branch.first("PF")["a"], 9) for branch in branches]
-    [0.777632426, 0.733866083]
+    [0.777632426, 0.753654232]
     """
     if isinstance(starts, Problem | str) or not isinstance(starts, Iterable):
         raise BadInput(f"trace_many takes several starts, a list of them; got {starts!r}")

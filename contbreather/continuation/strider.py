@@ -208,6 +208,24 @@ _spent: dict[Any, float] = {}  # seconds without code, by equations
 _known: dict[Any, Machine | None] = {}
 
 
+_eager: list[bool] = []  # not empty where everything is compiled at once
+
+
+@contextmanager
+def eagerly() -> Iterator[None]:
+    """Compile all that steps use at once within a block, whatever it takes."""
+    _eager.append(True)
+    try:
+        yield
+    finally:
+        _eager.pop()
+
+
+def compiled() -> int:
+    """Of how many sets of equations machine code is at hand in this session."""
+    return sum(known is not None for known in _known.values())
+
+
 @contextmanager
 def _timed(equations: Any) -> Iterator[None]:
     start = time.perf_counter()
@@ -225,7 +243,7 @@ def machine(loops: Loops) -> Machine | None:
         return _known[evaluate]
     texts = (plain.stride, plain.KINDS), (plain.settle, plain.SETTLING)
     functions = (evaluate, "ppp"), (derive, "ppp")
-    if not loops.at_once:
+    if not (loops.at_once or _eager):
         if sum(_spent.values()) < _LOADING:
             return None
         paid = _spent.get(evaluate, 0.0) >= _COMPILING

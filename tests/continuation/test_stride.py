@@ -143,6 +143,23 @@ def test_a_point_of_a_stretch_is_made_when_it_is_asked_for_and_stays_the_same(wh
     assert pickle.loads(pickle.dumps(line)).points[7]["a"] == line[7]["a"]
 
 
+def test_within_a_block_code_is_wanted_at_once(when: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    when(NEVER)
+    asked = []
+
+    def refuse(function: Any, kinds: str) -> int:
+        asked.append(function.__name__)
+        raise native.NotCompiled("not now")
+
+    monkeypatch.setattr(native, "address", refuse)
+    branch()
+    assert not asked
+    with strider.eagerly():
+        branch()
+    assert asked == ["stride"]
+    assert strider.compiled() == 0
+
+
 # --- machine code -------------------------------------------------------------------------------
 
 
