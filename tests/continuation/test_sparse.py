@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from scipy.sparse import coo_array, csr_array
 
 import contbreather as cb
+from contbreather.continuation import sparse
 from contbreather.errors import BadInput
 
 from .large import (
@@ -16,6 +18,7 @@ from .large import (
     brusselator,
     brusselator_hopf,
     ignition,
+    plane,
     second,
     swift_hohenberg,
     swift_hohenberg_branches,
@@ -40,6 +43,28 @@ def test_dense_sparse_and_coloured_derivatives_give_the_same_points() -> None:
         assert other.first("LP")["lam"] == pytest.approx(dense.first("LP")["lam"], abs=1e-13)
 
 
+def test_a_jacobian_may_come_back_in_the_same_arrays_in_any_order() -> None:
+    plain = bratu(second(12), lam=1.0)
+    matrix = second(12)
+    for column in range(12):  # rows from below
+        entries = slice(*matrix.indptr[column : column + 2])
+        matrix.indices[entries] = matrix.indices[entries][::-1]
+        matrix.data[entries] = matrix.data[entries][::-1]
+    matrix.has_sorted_indices = matrix.has_canonical_format = False
+    diagonal = np.flatnonzero(matrix.indices == np.repeat(np.arange(12), np.diff(matrix.indptr)))
+
+    def again(u, p):
+        matrix.data[diagonal] = p["lam"] * np.exp(u) - 2 * 13.0**2
+        return matrix
+
+    steps, within = cb.Steps(most=4), {"lam": (0, 4)}
+    one, other = (
+        cb.trace(problem, "lam", towards="up", within=within, steps=steps)
+        for problem in (plain, replace(plain, jacobian=again))
+    )
+    np.testing.assert_allclose(other["u"], one["u"], rtol=0, atol=1e-13)
+
+
 def test_the_fold_of_bratu_s_problem_is_the_known_one_but_for_the_mesh() -> None:
     coarse, fine = (folded("sparse", n).first("LP")["lam"] for n in (49, 99))
     assert (4 * fine - coarse) / 3 == pytest.approx(3.513830719, abs=2e-7)
@@ -62,9 +87,9 @@ def test_first_lyapunov_coefficients_are_those_of_the_dense_road() -> None:
         branch = cb.trace(problem, "L", within={"L": (0.5, 0.7)}, towards="up", events=FEW)
         return branch.first("HB").detail
 
-    dense, sparse = first("dense"), first("sparse")
-    assert sparse["l1"] == pytest.approx(dense["l1"], rel=1e-8)
-    assert sparse["reach"] == np.inf  # no pair can be further up than was looked
+    dense, few = first("dense"), first("sparse")
+    assert few["l1"] == pytest.approx(dense["l1"], rel=1e-8)
+    assert few["reach"] == np.inf  # no pair can be further up than was looked
 
 
 @pytest.mark.parametrize("road", ["dense", "sparse"])
@@ -84,9 +109,9 @@ def test_branches_that_leave_a_large_problem_are_those_of_the_dense_road() -> No
         line = cb.trace(problem, "mu", within={"mu": (-0.1, 0.1)}, events=[cb.branch_point()])
         return cb.switch(line.first("BP"), events=[], steps=cb.Steps(most=8))
 
-    for dense, sparse in zip(arms("dense"), arms("sparse"), strict=True):
-        assert abs(sparse[-1]["u"]).max() > 0.1
-        np.testing.assert_allclose(sparse["u"], dense["u"], atol=1e-9)
+    for dense, other in zip(arms("dense"), arms("sparse"), strict=True):
+        assert abs(other[-1]["u"]).max() > 0.1
+        np.testing.assert_allclose(other["u"], dense["u"], atol=1e-9)
 
 
 def test_two_branch_points_within_one_step_are_both_found() -> None:
@@ -99,6 +124,65 @@ def test_two_branch_points_within_one_step_are_both_found() -> None:
     wanted = swift_hohenberg_branches(n, length, 0.3)
     assert len(branch) < len(wanted) + 8
     assert [point.kind for point in branch.special] == ["EP", *["BP"] * len(wanted), "EP"]
+
+
+# --- what it takes ----------------------------------------------------------------------------
+
+
+def test_a_step_takes_few_factorisations_of_the_size_of_the_derivative(monkeypatch) -> None:
+    sizes, factorised = [], sparse.factorised
+
+    def counted(matrix):
+        sizes.append(matrix.shape[0])
+        return factorised(matrix)
+
+    monkeypatch.setattr(sparse, "factorised", counted)
+    steps = cb.Steps(most=12)
+    branch = cb.trace(bratu(second(300)), "lam", towards="up", events=FEW, steps=steps)
+    assert len(branch) == 13
+    assert len(sizes) < 8 * len(branch)
+    assert max(sizes) == 300
+
+
+def test_memory_is_linear_in_the_entries_that_are_not_zero() -> None:
+    def peak(n: int) -> int:
+        problem = bratu(second(n))
+        tracemalloc.start()
+        cb.trace(problem, "lam", towards="up", events=FEW, steps=cb.Steps(most=3))
+        found = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return found
+
+    peak(500)  # what is imported and kept counts once
+    small, large = peak(2000), peak(8000)
+    assert large < 4.4 * small
+    assert large < 500 * second(8000).nnz  # bytes
+
+
+@pytest.mark.slow
+def test_the_fold_on_a_square_is_the_known_one_but_for_the_mesh() -> None:
+    def fold(m: int) -> float:
+        problem, steps = bratu(plane(m), lam=6.7), cb.Steps(first=0.1)
+        within = {"lam": (6.6, 7)}
+        branch = cb.trace(problem, "lam", within=within, towards="up", events=FEW, steps=steps)
+        return branch.first("LP")["lam"]
+
+    assert (4 * fold(49) - fold(24)) / 3 == pytest.approx(6.808124, abs=1e-5)
+
+
+# --- norms of arrays --------------------------------------------------------------------------
+
+
+def test_the_norm_of_an_array_is_a_column_a_window_and_an_event() -> None:
+    problem = bratu(second(20), lam=1.0)
+    level = cb.user("norm(u)", 1.0)
+    branch = cb.trace(problem, "lam", within={"norm(u)": (0.25, 2.0)}, events=[level])
+    np.testing.assert_allclose(branch["norm(u)"], np.linalg.norm(branch["u"], axis=1), rtol=1e-15)
+    assert branch[0]["norm(u)"] == pytest.approx(0.25, abs=1e-13)
+    assert branch[-1]["norm(u)"] == pytest.approx(2.0, abs=1e-13)
+    assert branch.first("UZ")["norm(u)"] == pytest.approx(1.0, abs=1e-12)
+    with pytest.raises(BadInput, match=r"no column 'norm\(v\)'"):
+        branch["norm(v)"]
 
 
 # --- in two parameters ------------------------------------------------------------------------
