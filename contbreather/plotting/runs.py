@@ -53,7 +53,7 @@ def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> 
 
     Parameters
     ----------
-    record : Record, Run or SmoothRun
+    record : Record, dynamics.Run or SmoothRun
         A run that was asked for ``sample=Sample(sites)``, or its ``record``.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
@@ -101,7 +101,7 @@ def plot_section(
 
     Parameters
     ----------
-    run : Run or SmoothRun
+    run : dynamics.Run or SmoothRun
     site : int
     skip : int
         Periods to leave out at the beginning, as a transient.
@@ -131,7 +131,14 @@ def _not_finer(axes: Axes, u: Array, v: Array) -> None:
 
 
 def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Axes:
-    """The participation ratio once in a period: about 1 in a breather, N where all share."""
+    """The participation ratio once in a period: about 1 in a breather, N where all share.
+
+    Parameters
+    ----------
+    run : dynamics.Run or SmoothRun
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+    """
     check_kind(run, RUNS, "a run")
     seen = localised(*run.strobe, run.times, run.conditions)
     with axes_or_new(ax) as axes:

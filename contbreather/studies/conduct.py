@@ -27,7 +27,7 @@ def run(
     Parameters
     ----------
     path : str or Path
-        The file, TOML; what may stand in it says `the page on studies <studies.md>`_.
+        The file, TOML; the page on studies of the documentation says what may stand in it.
     folder : str or Path, optional
         Where results go, a file for each part; beside the study, by its name, unless given. Workers
         on other machines have to see it under the same path.
