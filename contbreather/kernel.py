@@ -15,6 +15,9 @@ COMPILING = 40_000
 _log = logging.getLogger("contbreather")
 
 
+KERNELS: list[Kernel] = []  # all there are, for those who want them compiled at once
+
+
 class Kernel:
     """A function in the words of `native`, which has a slower twin.
 
@@ -33,6 +36,7 @@ class Kernel:
 
     def __init__(self, function: Callable[..., int], kinds: str) -> None:
         self.function, self.kinds = function, kinds
+        KERNELS.append(self)
         self._asked = 0
         self._code: Callable[..., int] | None = None
 

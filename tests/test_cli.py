@@ -877,7 +877,7 @@ def test_warm_says_how_much_is_compiled(run: Callable[..., Output], monkeypatch)
 
     monkeypatch.setattr(ahead, "compile_ahead", lambda: 6)
     status, out, _ = run("warm")
-    assert (status, out.strip()) == (0, "The steps of 6 sets of equations are compiled and kept.")
+    assert (status, out.strip()) == (0, "6 sets of equations are compiled and kept.")
     monkeypatch.setattr(ahead, "compile_ahead", lambda: 0)
     status, _, said = run("warm")
     assert status == 1

@@ -6,6 +6,7 @@ from contbreather.breathers.symmetric import symmetric
 from contbreather.breathers.zones import zones
 from contbreather.continuation import boundary, fold, trace
 from contbreather.continuation.strider import compiled, eagerly
+from contbreather.kernel import KERNELS
 
 
 def compile_ahead() -> int:
@@ -15,7 +16,8 @@ def compile_ahead() -> int:
     Returns
     -------
     int
-        Of how many sets of equations there is machine code now; 0 without numba.
+        Of how many sets of equations, and functions beside them, there is machine code now; 0
+        without numba.
     """
     with eagerly():
         zones(k=0.8, within={"gamma": (0.03, 0.1)})
@@ -23,4 +25,4 @@ def compile_ahead() -> int:
         folds = trace(start, "a", within=window, events=[fold()], inadmissible=True)
         pair = {"gamma": (0.03, 0.05)}
         boundary(folds.first("LP"), ("gamma", "a"), within=pair, events=(), inadmissible=True)
-    return compiled()
+    return compiled() + sum([kernel.ready() for kernel in KERNELS])

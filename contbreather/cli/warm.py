@@ -18,4 +18,4 @@ def warm() -> None:
         sets = compile_ahead()
     if not sets:
         raise NotConverged("nothing could be compiled; run it with --verbose to see why")
-    say(f"The steps of {sets} sets of equations are compiled and kept.")
+    say(f"{sets} sets of equations are compiled and kept.")

@@ -57,7 +57,9 @@ def one_by_one(closure: Closure, a: Array, x: Array) -> Array:
 
 def all_events() -> Row:
     import contbreather as cb
+    from contbreather.breathers.ahead import compile_ahead
 
+    compile_ahead()
     start = replace(cb.symmetric(0.5, 0.04, 0.8).problem, compiled=True)
     steps = cb.Steps(largest=0.01)
     walk = partial(cb.trace, start, "a", within={"a": (0.07, 0.9)}, steps=steps)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import pickle
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -141,6 +143,29 @@ def test_a_point_of_a_stretch_is_made_when_it_is_asked_for_and_stays_the_same(wh
     assert np.array_equal(back["a"], line["a"][::-1])
     assert np.array_equal(back[3].tangent, -line[-4].tangent)
     assert pickle.loads(pickle.dumps(line)).points[7]["a"] == line[7]["a"]
+
+
+SHORT = """
+import sys
+import contbreather as cb
+plain = cb.Problem(lambda x, p: [x[0] - p["m"]], {"x": 0.0}, {"m": 0.0})
+cb.trace(plain, "m", within={"m": (0, 1)})
+cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.4, 0.6)})
+assert not {"numba", "llvmlite"} & set(sys.modules)
+sys.modules["numba"] = sys.modules["llvmlite"] = None  # as where they are not installed
+from contbreather.continuation import strider
+with strider.eagerly():
+    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.4, 0.6)})
+mine = cb.Problem(lambda x, p: [x[0] - p["m"]], {"x": 0.0}, {"m": 0.0}, compiled=True)
+print(len(branch) > 5, cb.trace(mine, "m", within={"m": (0, 1)})[-1]["x"])
+"""
+
+
+def test_what_is_short_imports_no_compiler_and_without_one_all_works_too() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", SHORT], capture_output=True, text=True, check=False
+    )
+    assert done.stdout == "True 1.0\n", done.stderr
 
 
 def test_within_a_block_code_is_wanted_at_once(when: Any, monkeypatch: pytest.MonkeyPatch) -> None:
