@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import time
@@ -21,6 +22,14 @@ EVERY = 3.0  # seconds between two files
 SHARE = 0.03  # of the time that a run takes, at most, goes into writing them
 
 
+class NotKept(BadInput):
+    """What was computed could not be written; it is the `result` of this."""
+
+    def __init__(self, message: str, result: Any) -> None:
+        super().__init__(message)
+        self.result = result
+
+
 class Checkpoint:
     """A file that is written anew every few seconds, and where something happens.
 
@@ -38,13 +47,32 @@ class Checkpoint:
             return
         found = piece()
         if found is not None:
-            self.finish(found, recorded=False)  # these columns may take as long as the run
+            self._try(found)
         end = time.monotonic()
         self.soonest = end + (end - now) / SHARE
         self.due = max(self.soonest, end + EVERY)
 
-    def finish(self, result: Any, *, recorded: bool = True) -> None:
-        """Write it now."""
+    def _try(self, result: Any) -> None:
+        """Write it, or say that this was not possible: a disk that is full now may not be later."""
+        try:
+            self._write(result, recorded=False)  # these columns may take as long as the run
+        except BadInput as error:
+            logging.getLogger("contbreather").warning("%s; the run goes on", error)
+
+    def finish(self, result: Any) -> None:
+        """Write it now.
+
+        Raises
+        ------
+        NotKept
+            With the result, which is not lost where there is no room for it.
+        """
+        try:
+            self._write(result, recorded=True)
+        except BadInput as error:
+            raise NotKept(str(error), result) from error
+
+    def _write(self, result: Any, *, recorded: bool) -> None:
         named = result if isinstance(result, Mapping) else {self.name: result}
         if isinstance(result, tuple):
             named = {f"{self.name}{i}": one for i, one in enumerate(result, start=1)}
@@ -65,7 +93,7 @@ class Inner(Checkpoint):
 
         self.outer.look(special, all_of_it)
 
-    def finish(self, result: Any, *, recorded: bool = True) -> None:
+    def finish(self, result: Any) -> None:
         """Nothing: the outermost call does."""
 
 
@@ -75,7 +103,7 @@ class Nowhere(Checkpoint):
     def __init__(self) -> None:
         self.soonest = self.due = math.inf
 
-    def finish(self, result: Any, *, recorded: bool = True) -> None:
+    def finish(self, result: Any) -> None:
         """Nothing."""
 
 

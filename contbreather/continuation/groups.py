@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from .branch import Branch, Settings
+from .cycles import Iterate
 from .extended import event_of
 from .point import Event
 from .points import Points
@@ -140,6 +141,7 @@ def _about(branch: Branch, points: Points, record: Iterable[str]) -> dict[str, A
         "detail": {i: _json(point.detail) for i, point in points.made.items() if point.detail},
         "parent": bool(points[0].parent),
         "point_label": points[0].label,
+        "period": base.residual.period if isinstance(base.residual, Iterate) else None,
         "equations": base.recipe and base.recipe.said(),
         "base": [list(base.start), list(base.params)],
         "settings": _settings(branch.settings),

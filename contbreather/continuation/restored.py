@@ -15,6 +15,7 @@ from ..errors import BadInput
 from .boundary import boundary_problem
 from .branch import Branch, Settings, Stop, labelled
 from .curve import Curve
+from .cycles import Iterate, with_period
 from .equilibria import branch_point, fold, hopf
 from .groups import ABOUT, DOUBTFUL, ORIGIN, from_json
 from .newton import Undefined
@@ -119,6 +120,10 @@ def _attached(
         problem = remade(about["equations"], start, params)
     if problem is None:
         return _bare(about, data, here), _settings(about, ()), ()
+    if about["period"] is not None and isinstance(problem.residual, Iterate):
+        problem = with_period(
+            problem, about["period"]
+        )  # of the map that was given, another iterate
     absent = [name for name in problem.names if name not in here]
     if absent:
         raise BadInput(f"the problem has {absent}, which the file has not: it has {list(here)}")

@@ -28,6 +28,7 @@ from contbreather.continuation import (
     trace,
 )
 from contbreather.continuation.diagram import diagram
+from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, Interrupted
 
@@ -259,3 +260,35 @@ def test_file_of_a_later_version_is_refused(
         load(tmp_path / "new.nc")
     with pytest.raises(BadInput, match="a later version"):
         dict(Run(tmp_path))
+
+
+def test_full_disk_ends_no_run_and_loses_no_result(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nor does it touch what was there."""
+    path = tmp_path / "run.nc"
+    save(path, trace(parabola(), "mu", within={"x": (0.9, 1.1)}))
+    before = path.read_bytes()
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    clock = Clock()
+    monkeypatch.setattr(checkpoint, "time", clock)
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(checkpoint.NotKept, match="No space left on device") as caught:
+        trace(parabola(), "mu", within={"x": (0.5, 1.5)}, save=path)
+    assert caught.value.result["x"].max() == 1.5
+    assert "No space left on device; choose another place; the run goes on" in caplog.text
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_cycles_of_a_map_come_back_from_the_map(tmp_path: Path) -> None:
+    """The arms of a doubling solve the equations of an iterate, which the map has."""
+    start = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
+    tree = diagram(start, "r", within={"r": (2.4, 3.5)}, depth=2, save=tmp_path / "tree.nc")
+    again = load(tmp_path / "tree.nc", problem=start)
+    assert [repr(branch) for branch in again] == [repr(branch) for branch in tree]
+    longer = extend(again[2], within={"r": (2.4, 3.55)})
+    assert longer.first("PD")["r"] == pytest.approx(3.5440903596, abs=1e-9)
