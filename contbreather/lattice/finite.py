@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 ALIKE = 1e-9  # eigenvalues closer than this, relative to the largest, are one eigenspace
+LARGE = 0.999  # of the largest entry: as large, but for rounding
 UNSEEN = 1e-10  # a mode this small at every impacting site is not seen by them
 
 
@@ -258,6 +259,14 @@ class Lattice:
         return _seen(self, tuple(sorted(set(hit))))
 
 
+def _upright(shapes: FloatArray, hit: list[int]) -> FloatArray:
+    """With the sign that makes them largest upwards at a site that is hit: orbits in files are told
+    by their modes, whatever sign another machine gives these."""
+    there = shapes[hit]
+    top = (abs(there) > LARGE * abs(there).max(axis=0)).argmax(axis=0)
+    return np.asarray(shapes * np.sign(there[top, np.arange(top.size)]))
+
+
 @lru_cache(maxsize=64)
 def _seen(lattice: Lattice, hit: tuple[int, ...]) -> Modes:
     lam, vectors = lattice.spectrum
@@ -269,7 +278,7 @@ def _seen(lattice: Lattice, hit: tuple[int, ...]) -> Modes:
         seen = int(np.count_nonzero(sizes > UNSEEN))
         values += [lam[space].mean()] * seen
         unseen += [lam[space].mean()] * (space.size - seen)
-        shapes.append(own @ turned[:seen].T)
+        shapes.append(_upright(own @ turned[:seen].T, list(hit)))
     return Modes(np.array(values), np.array(unseen), np.hstack(shapes), lattice.masses)
 
 
