@@ -29,12 +29,12 @@ SMALL = """
 free = "a"
 gamma = [0.02, 0.04]
 k = 0.8
-window = [0.6, 0.9]
+window = [0.7, 0.8]
 
 [arms.arms]
 of = "symmetric"
 at = "PF1"
-within = {a = [0.6, 0.82]}
+within = {a = [0.7, 0.79]}
 
 [boundary.pitchforks]
 of = "symmetric"
@@ -68,7 +68,7 @@ def test_everything_that_is_asked_for_is_in_a_file_of_its_own(done: Report) -> N
     ]
     kept = cb.load(done.folder)
     branch = kept["symmetric/gamma=0.04"]
-    alone = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.6, 0.9)})
+    alone = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.7, 0.8)})
     assert branch.first("PF")["a"] == pytest.approx(alone.first("PF")["a"], abs=1e-13)
     arm = kept["arms/gamma=0.04/arm1"]
     assert arm[0]["asymmetry"] == pytest.approx(0.0, abs=1e-9)
