@@ -36,7 +36,8 @@ def counted(event: Event, value: Any) -> Value:
     if isinstance(value, int | np.integer | np.bool_):
         return int(value)
     try:
-        return float(value)
+        alone = isinstance(value, float) or np.ndim(value) == 0
+        return float(value if alone else "")  # older versions of numpy take arrays of one, too
     except (TypeError, ValueError) as error:
         raise BadInput(
             f"the test of {event.kind} gave {value!r}; one real number was wanted, or NaN where "

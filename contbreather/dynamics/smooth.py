@@ -233,10 +233,11 @@ class Explicit:
         settings: dict[str, Any] = {"rtol": self.tolerance, "atol": self.tolerance, "max_step": CAP}
         for i, t in enumerate(times):
             step = min(CAP, 0.5 * (t - t0))
-            solver: Any = ode(rhs).set_integrator(
+            # scipy's older, Fortran one cannot count the arguments of what numba compiled
+            solver: Any = ode(lambda t, x: rhs(t, x, *args)).set_integrator(
                 "dop853", nsteps=MOST, first_step=step, **settings
             )
-            solver.set_f_params(*args).set_initial_value(y, t0)
+            solver.set_initial_value(y, t0)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # its failure is an error, below
                 with held():
