@@ -92,6 +92,11 @@ class Background:
         """Whether a job runs or waits."""
         return self._now is not None or self._next is not None
 
+    @property
+    def waiting(self) -> bool:
+        """Whether a job waits for the one that runs."""
+        return self._next is not None
+
     def begin(self, job: Job, *, say: Say, done: Done) -> None:
         """Do a job as soon as the one before has ended."""
         with self._turn:

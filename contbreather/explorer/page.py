@@ -56,6 +56,7 @@ class Page:
         forget = explorer.listen(self._heard)
         if self._served:
             pn.state.on_session_destroyed(lambda _: forget())
+            explorer.look_ahead()
         if explorer.state.plane is None:
             explorer.look_at(explorer.state.k)
         self.render()
@@ -233,9 +234,9 @@ class Page:
     def _render_zones(self, new: State, old: State) -> None:
         self.k.value = new.k
         self.zones.title(new)
-        if new.plane is not None and new.plane is not old.plane:
-            self.zones.show(new.plane)
-        k = new.k if new.plane is None else new.plane.fixed[1]
+        if new.sketch is not None and new.sketch is not old.sketch:
+            self.zones.show(new.sketch)
+        k = new.k if new.sketch is None else new.sketch.k
         self.zones.boundaries(new.curves, k)
         self.zones.choose(new.chosen, k)
 

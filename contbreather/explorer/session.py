@@ -15,6 +15,7 @@ from contbreather.checks import number, whole
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
 from contbreather.explorer.background import Background, Progress
+from contbreather.explorer.sketch import LADDER, Sketch, between, sketch_of
 from contbreather.explorer.state import Chosen, State
 from contbreather.explorer.work import Work, breather, point_of
 from contbreather.plotting import plot, plot_motion, plot_zones, save_figure
@@ -22,6 +23,7 @@ from contbreather.runs import load, save
 
 Listener = Callable[[State], object]
 KEPT = 200  # zone diagrams that are remembered
+WIDEST = 0.06  # distance of two restitutions between which a diagram may be carried on
 DIGITS = 6  # of what is clicked at: a pixel has no more
 
 
@@ -35,6 +37,7 @@ class Session:
         self._changing = threading.RLock()
         self._long, self._quick = Background(), Background()
         self._planes: dict[tuple[float, str], Zones] = {}
+        self._looks_ahead = self._ahead = False
         self._count = 0
         if run is not None:
             self._take("run", (f"{{}} = cb.load({str(run)!r})",), load(run))
@@ -65,35 +68,70 @@ class Session:
     # --------------------------------------------------------------------------------- the zones
 
     def look_at(self, k: float, forcing: str | None = None) -> None:
-        """Have the zone diagram of another restitution; the last one stays until it is there."""
+        """Have the zone diagram of another restitution: until it is computed what lies between
+        known neighbours is shown, or the last one stays."""
         forcing = self.state.forcing if forcing is None else forcing
-        self._change(k=number("k", k, 0.0, 1.0, "a restitution between 0 and 1"), forcing=forcing)
-        wanted = self.state.k, forcing
-        known = self._planes.get(wanted)
+        k = number("k", k, 0.0, 1.0, "a restitution between 0 and 1")
+        known = self._planes.get((k, forcing))
         if known is not None:
-            self._change(plane=known)
+            self._change(k=k, forcing=forcing, plane=known, sketch=sketch_of(known))
             return
+        rough = self._rough(k, forcing)
+        self._change(k=k, forcing=forcing, sketch=rough or self.state.sketch)
+        with self._changing:
+            if self._ahead:
+                self._quick.stop()  # what is computed ahead can wait
+            self._ahead = False
+            self._compute(k, forcing, self._arrived)
 
-        def done(plane: Zones | None, cut: bool, trouble: str) -> None:
-            if plane is not None:
-                self._remember(wanted, plane)
-            self._zones_are(plane, trouble)
+    def look_ahead(self) -> None:
+        """From now on compute diagrams of other restitutions while nothing else is asked for."""
+        self._looks_ahead = True
+        if not self._quick.busy:
+            self._next_ahead()
 
+    def _rough(self, k: float, forcing: str) -> Sketch | None:
+        known = [known for known, drive in self._planes if drive == forcing]
+        below = max((one for one in known if one < k), default=None)
+        above = min((one for one in known if one > k), default=None)
+        if below is None or above is None or above - below > WIDEST:
+            return None
+        return between(self._planes[below, forcing], self._planes[above, forcing], k)
+
+    def _compute(self, k: float, forcing: str, then: Callable[[Zones | None, str], object]) -> None:
         def job(progress: Progress) -> Zones:
-            found = zones(k=wanted[0], forcing=forcing or None, progress=progress.points())
+            found = zones(k=k, forcing=forcing or None, progress=progress.points())
             _ = found.regions  # here, not where pages are drawn
             return found
 
+        def done(found: Zones | None, cut: bool, trouble: str) -> None:
+            whole = None if cut else found
+            if whole is not None:
+                self._planes[k, forcing] = whole
+                while len(self._planes) > KEPT:
+                    del self._planes[next(iter(self._planes))]
+            then(whole, trouble)
+            self._next_ahead()
+
         self._quick.begin(job, say=lambda _: None, done=done)
 
-    def _remember(self, wanted: tuple[float, str], plane: Zones) -> None:
-        self._planes[wanted] = plane
-        while len(self._planes) > KEPT:
-            del self._planes[next(iter(self._planes))]
+    def _arrived(self, plane: Zones | None, trouble: str) -> None:
+        if plane is None:
+            self.tell(trouble)
+            return
+        state = self.state
+        if plane.fixed[1] == state.k or state.sketch is None or state.sketch.exact:
+            self._change(plane=plane, sketch=sketch_of(plane))
 
-    def _zones_are(self, plane: Zones | None, trouble: str) -> None:
-        self.message = trouble or self.message
-        self._change(plane=plane or self.state.plane)
+    def _next_ahead(self) -> None:
+        """Begin with the nearest diagram that is not known yet, unless another one waits."""
+        with self._changing:
+            k, forcing = self.state.k, self.state.forcing
+            left = [one for one in LADDER if (one, forcing) not in self._planes]
+            if not self._looks_ahead or forcing or not left or self._quick.waiting:
+                return
+            self._ahead = True
+            self._compute(min(left, key=lambda one: abs(one - k)), forcing, lambda *_: None)
 
     # ------------------------------------------------------------------------- what is looked at
 
@@ -222,6 +260,8 @@ class Session:
     def _drawn(self, what: str) -> Any:
         state = self.state
         if what == "zones" and state.plane is not None:
+            if state.plane.fixed[1] != state.k:
+                raise BadInput(f"the zones at k = {state.k:g} are being computed; wait a moment.")
             return plot_zones(state.plane)
         if what == "branches" and state.shown:
             x, y = state.columns

@@ -11,6 +11,7 @@ from contbreather.continuation import Branch, Point
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.switching import lift_of
 from contbreather.dynamics import Run
+from contbreather.explorer.sketch import Sketch, sketch_of
 
 RING = 400  # sites of the ring that is judged besides, the paper's
 
@@ -82,6 +83,9 @@ class State:
     k, forcing : float, str
         What the zone diagram is wanted for; `plane` may still be that of another k.
     plane : Zones or None
+        The last diagram that was computed.
+    sketch : Sketch or None
+        What is drawn: that one, or until there is one for this k, what lies between neighbours.
     curves : tuple of Named
         In the order in which they were made.
     hidden : frozenset of str
@@ -100,6 +104,7 @@ class State:
     k: float = 0.8
     forcing: str = ""
     plane: Zones | None = None
+    sketch: Sketch | None = None
     curves: tuple[Named, ...] = ()
     hidden: frozenset[str] = frozenset()
     axes: tuple[str, str] = ("", "")
@@ -151,6 +156,7 @@ class State:
             curves=(*self.curves, *curves),
             run=runs[-1] if runs else self.run,
             plane=plane,
+            sketch=sketch_of(plane) if planes and plane is not None else self.sketch,
             k=plane.fixed[1] if planes and plane is not None else self.k,
         )
 

@@ -10,15 +10,14 @@ from bokeh.models import ColumnDataSource, HoverTool, Range1d
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from contbreather.breathers.zones import Zones
 from contbreather.continuation import Branch, Point
 from contbreather.dynamics import Run
 from contbreather.dynamics.states import PERIOD
 from contbreather.explorer.ink import Ink
 from contbreather.explorer.seen import Motion, Multipliers, Profile
+from contbreather.explorer.sketch import Sketch
 from contbreather.explorer.state import Chosen, Named, State
 from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, pieces
-from contbreather.plotting.zones import names_of_meetings
 
 Array = NDArray[Any]
 
@@ -121,10 +120,9 @@ class ZonesView:
         self.here = _here(fig, ink)
         _legend(fig, ink)
 
-    def show(self, zones: Zones) -> None:
+    def show(self, drawn: Sketch) -> None:
         """Another diagram."""
-        x, y = zones.pair
-        shaded = [one for one in zones.regions if one.verdict]
+        shaded = [one for one in drawn.regions if one.verdict]
         outlines = [(one.outline, *one.holes) for one in shaded]
         self.regions.data = {
             "xs": [[[ring[:, 0] for ring in rings]] for rings in outlines],
@@ -132,21 +130,25 @@ class ZonesView:
             "colour": [self.shades[one.verdict] for one in shaded],
         }
         for kind, source in self.curves.items():
-            source.data = {"xs": [b[x] for b in zones[kind]], "ys": [b[y] for b in zones[kind]]}
-        found = names_of_meetings(zones)
-        self.meetings.data = dict(zip(("x", "y", "text"), _columns(found, 3), strict=True))
+            lines = drawn.curves[kind]
+            source.data = {"xs": [one[:, 0] for one in lines], "ys": [one[:, 1] for one in lines]}
+        met = _columns(drawn.meetings, 3)
+        self.meetings.data = dict(zip(("x", "y", "text"), met, strict=True))
         letters = [(one.x, one.y, one.verdict) for one in shaded]
         self.letters.data = dict(zip(("x", "y", "text"), _columns(letters, 3), strict=True))
-        (_, right), (_, top) = zones.box()
-        _reach(self.figure.x_range, [0.0, right])
-        _reach(self.figure.y_range, [0.0, 1.08 * top])
+        every = np.vstack([line for lines in drawn.curves.values() for line in lines])
+        _reach(self.figure.x_range, [0.0, every[:, 0].max()])
+        _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
 
     def title(self, wanted: State) -> None:
         """Say what is shown, and what is on its way."""
-        shown = None if wanted.plane is None else wanted.plane.fixed[1]
-        words = "no diagram yet" if shown is None else f"k = {shown:g}"
-        late = "" if shown == wanted.k else f"; k = {wanted.k:g} is being computed"
-        self.figure.title.text = words + late
+        drawn = wanted.sketch
+        words = "no diagram yet" if drawn is None else f"k = {drawn.k:g}"
+        if drawn is None or drawn.k != wanted.k:
+            words += f"; k = {wanted.k:g} is being computed"
+        elif not drawn.exact:
+            words += ", between its neighbours; the exact one is being computed"
+        self.figure.title.text = words
 
     def boundaries(self, curves: Iterable[Named], k: float) -> None:
         """Draw the traced curves that lie in this plane, on those of the diagram."""

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shapely import LineString
 
 import contbreather as cb
 from contbreather.errors import BadInput, NoSolution
 from contbreather.explorer import Explorer, work
 from contbreather.explorer.background import Background, Progress
+from contbreather.explorer.sketch import between
 from contbreather.explorer.work import Work
 
 WINDOWS = {"gamma": (0.02, 0.06), "a": (0.5, 1.2)}
@@ -198,6 +200,46 @@ def test_a_diagram_that_is_known_comes_back_at_once() -> None:
     explorer.look_at(0.7)
     assert explorer.state.plane is known
     assert not explorer._quick.busy
+
+
+def test_between_neighbours_a_diagram_is_drawn_at_once_and_says_that_it_is_no_exact_one() -> None:
+    left, right = cb.zones(k=[0.75, 0.8])
+    explorer = Explorer(k=0.8)
+    explorer._planes |= {(0.75, ""): left, (0.8, ""): right}
+    explorer.look_at(0.77)
+    rough = explorer.state.sketch
+    assert rough is not None
+    assert (rough.k, rough.exact) == (0.77, False)
+    assert explorer.wait(LONG)
+    exact = explorer.state.sketch
+    assert exact is not None
+    assert (exact.k, exact.exact) == (0.77, True)
+    for kind in ("LP", "GR", "PF", "NS"):
+        for guess, line in zip(rough.curves[kind], exact.curves[kind], strict=True):
+            far = LineString(guess).hausdorff_distance(LineString(line))
+            assert 0.0 < far < 2e-3
+    for one, other in zip(sorted(rough.meetings), sorted(exact.meetings), strict=True):
+        assert one[2] == other[2]
+        np.testing.assert_allclose(one[:2], other[:2], atol=1e-3)
+    verdicts = [sorted(r.verdict for r in one.regions if r.verdict) for one in (rough, exact)]
+    assert verdicts[0] == verdicts[1]
+
+
+def test_diagrams_with_other_curves_have_nothing_between_them() -> None:
+    assert between(*cb.zones(k=[0.15, 0.2]), 0.17) is None  # the pitchfork sets in
+
+
+def test_looking_ahead_gives_way_to_what_is_asked_for() -> None:
+    explorer = Explorer(k=0.8)
+    explorer.look_ahead()
+    explorer.look_at(0.81)
+    arrived = threading.Event()
+    explorer.listen(lambda state: arrived.set() if state.plane else None)
+    assert arrived.wait(LONG)
+    assert explorer.state.plane is not None
+    assert explorer.state.plane.fixed[1] == 0.81
+    assert next(iter(explorer._planes)) == (0.81, "")
+    explorer._looks_ahead = False
 
 
 def test_what_cannot_be_is_refused_with_a_sentence() -> None:

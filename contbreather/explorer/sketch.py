@@ -1,0 +1,123 @@
+"""A zone diagram as it is drawn: its curves, or until these are computed those of its neighbours
+carried on to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.regions import Region, regions
+from contbreather.breathers.zones import KINDS, Zones
+from contbreather.plotting.zones import names_of_meetings
+
+Array = NDArray[np.float64]
+Meeting = tuple[float, float, str]
+
+FINE = 80  # points of a curve between two others
+# Restitutions at which diagrams are computed ahead: halfway between two of them curves are
+# off by 2e-3 at most, about as wide as a line.
+LADDER = (0.02, 0.05, *(round(0.05 * i, 2) for i in range(2, 20)), 0.98)
+
+
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """What is drawn of a diagram.
+
+    Attributes
+    ----------
+    k : float
+    exact : bool
+        False for what is between two neighbours.
+    curves : dict
+        By kind, arrays of shape (n, 2).
+    regions : tuple of Region
+        Their verdicts are those of breathers at this k in any case.
+    meetings : tuple of (x, y, name)
+    """
+
+    k: float
+    exact: bool
+    curves: dict[str, tuple[Array, ...]]
+    regions: tuple[Region, ...]
+    meetings: tuple[Meeting, ...]
+
+
+def sketch_of(zones: Zones) -> Sketch:
+    """A diagram that is computed."""
+    curves = {kind: tuple(_line(zones, branch) for branch in zones[kind]) for kind in KINDS}
+    return Sketch(zones.fixed[1], True, curves, zones.regions, tuple(names_of_meetings(zones)))
+
+
+def between(one: Zones, other: Zones, k: float) -> Sketch | None:
+    """The diagram at k by those at two values beside it; None where these have not the same curves
+    and meetings, for then something happens between them.
+
+    Examples
+    --------
+    >>> from contbreather.breathers import zones
+    >>> left, right = zones(k=[0.75, 0.8])
+    >>> between(left, right, 0.78).exact
+    False
+    """
+    if _shape(one) != _shape(other):
+        return None
+    share = (k - one.fixed[1]) / (other.fixed[1] - one.fixed[1])
+    curves = {
+        kind: tuple(
+            _mixed(_line(one, a), _line(other, b), share)
+            for a, b in zip(one[kind], other[kind], strict=True)
+        )
+        for kind in KINDS
+    }
+    meetings = tuple(
+        (x0 + share * (x1 - x0), y0 + share * (y1 - y0), name)
+        for (x0, y0, name), (x1, y1, _) in zip(_sorted(one), _sorted(other), strict=True)
+    )
+    there = replace(one, fixed=("k", k))
+    lines = [line for kind in KINDS for line in curves[kind]]
+    box = _spans(lines)
+    return Sketch(k, False, curves, regions(lines, box, there.unstable), meetings)
+
+
+def _line(zones: Zones, branch: Any) -> Array:
+    return np.column_stack([branch[name] for name in zones.pair])
+
+
+def _sorted(zones: Zones) -> list[Meeting]:
+    return sorted(names_of_meetings(zones), key=lambda met: (met[2], met[0]))
+
+
+def _shape(zones: Zones) -> Any:
+    """Which curves and meetings there are."""
+    return [len(zones[kind]) for kind in KINDS], [name for *_, name in _sorted(zones)]
+
+
+def _mixed(one: Array, other: Array, share: float) -> Array:
+    """Between two curves, point by point at the same part of their lengths."""
+    if _crosswise(one, other):
+        other = other[::-1]
+    first, last = _evenly(one), _evenly(other)
+    return first + share * (last - first)
+
+
+def _crosswise(one: Array, other: Array) -> bool:
+    """Whether they were walked in opposite directions."""
+    ends, turned = other[[0, -1]], other[[-1, 0]]
+    return float(np.abs(one[[0, -1]] - turned).sum()) < float(np.abs(one[[0, -1]] - ends).sum())
+
+
+def _evenly(line: Array) -> Array:
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    at = np.linspace(0.0, along[-1], FINE)
+    return np.column_stack([np.interp(at, along, column) for column in line.T])
+
+
+def _spans(lines: Iterable[Array]) -> Any:
+    places = np.vstack(list(lines))
+    low, high = places.min(axis=0), places.max(axis=0)
+    return tuple(zip(low.tolist(), high.tolist(), strict=True))
