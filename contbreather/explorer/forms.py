@@ -198,8 +198,7 @@ class Forms:
         return drawn
 
     def _save(self) -> None:
-        path = self.explorer.save(self.file.get())
-        self.explorer.tell(f"Wrote {path}.")
+        self.explorer.keep(self.file.get())
 
     # --- what can be done now ---------------------------------------------------------------------
 

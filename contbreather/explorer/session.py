@@ -14,10 +14,11 @@ from contbreather.breathers.zones import Zones
 from contbreather.checks import number, whole
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
-from contbreather.explorer.background import Background, Progress
+from contbreather.explorer.background import Background, Job, Progress
 from contbreather.explorer.sketch import LADDER, Sketch, between, sketch_of
 from contbreather.explorer.state import Chosen, State
 from contbreather.explorer.work import Work, breather, point_of
+from contbreather.files import writable
 from contbreather.plotting import plot, plot_motion, plot_zones, save_figure
 from contbreather.runs import load, save
 
@@ -175,25 +176,33 @@ class Session:
         BadInput
             If something is under way.
         """
+
+        def taken(value: Any, cut: bool) -> None:
+            note = "  # was stopped: what is seen is a piece of it" if cut else ""
+            if cut:
+                self.message = f"{work.title}: stopped; what was done is kept."
+            self._take(work.name, (*work.setup, f"{{}} = {work.code}{note}"), value)
+
+        self._run(work.title, work.job, taken)
+
+    def _run(self, title: str, job: Job, taken: Callable[[Any, bool], object]) -> None:
         if self.busy:
             raise BadInput("something is under way; stop it, or wait for its end.")
 
         def say(how_far: str) -> None:
-            self.progress = f"{work.title}: {how_far}"
+            self.progress = f"{title}: {how_far}"
             self._say()
 
         def done(value: Any, cut: bool, trouble: str) -> None:
             self.progress = ""
             if value is None:
-                self.tell(trouble or f"{work.title}: stopped, nothing was done by then.")
-                return
-            note = "  # was stopped: what is seen is a piece of it" if cut else ""
-            self.message = f"{work.title}: stopped; what was done is kept." if cut else ""
-            self._take(work.name, (*work.setup, f"{{}} = {work.code}{note}"), value)
+                self.tell(trouble or f"{title}: stopped, nothing was done by then.")
+            else:
+                taken(value, cut)
 
         self.message = ""
-        say("begins")
-        self._long.begin(work.job, say=say, done=done)
+        say("under way")
+        self._long.begin(job, say=say, done=done)
 
     def _take(self, name: str, lines: tuple[str, ...], value: Any) -> None:
         """One more result, under a name of its own; `{}` in its lines stands for that."""
@@ -231,14 +240,27 @@ class Session:
         BadInput
             If there are none, or the file cannot be written.
         """
-        state = self.state
-        results: dict[str, Any] = {} if state.plane is None else {"zones": state.plane}
-        results |= {one.code.translate(PLAIN): one.branch for one in state.curves}
-        results |= {} if state.run is None else {state.run[0].translate(PLAIN): state.run[1]}
+        results = self._results()
         if not results:
             raise BadInput("there is nothing to save yet: trace a branch first.")
         save(path, **results)
         return Path(path).absolute()
+
+    def keep(self, path: str | Path) -> None:
+        """`save` in the background; what is wrong with the path is refused at once."""
+        target = writable(path)
+        self._run(
+            f"saving {target}",
+            lambda _: self.save(target),
+            lambda made, _: self.tell(f"Wrote {made}."),
+        )
+
+    def _results(self) -> dict[str, Any]:
+        state = self.state
+        results: dict[str, Any] = {} if state.plane is None else {"zones": state.plane}
+        results |= {one.code.translate(PLAIN): one.branch for one in state.curves}
+        results |= {} if state.run is None else {state.run[0].translate(PLAIN): state.run[1]}
+        return results
 
     def figure(self, what: str, suffix: str) -> bytes:
         """The zones, the branches or the simulation as a figure for a journal.

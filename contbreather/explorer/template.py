@@ -11,10 +11,8 @@ from contbreather.explorer.session import Session
 
 # the first time a page follows what the system of its reader prefers
 FOLLOW = """
-const asked = new URLSearchParams(location.search)
-if (!asked.has("theme") && matchMedia("(prefers-color-scheme: dark)").matches) {
-  asked.set("theme", "dark"); location.replace("?" + asked)
-}
+if (!location.search.includes("theme=") && matchMedia("(prefers-color-scheme: dark)").matches)
+  location.replace("?theme=dark")
 """
 LINK = """
 a { color: inherit; font-size: 14px; }
@@ -26,7 +24,8 @@ def in_template(explorer: Session) -> Any:
     dark = pn.config.theme == "dark"
     other = "default" if dark else "dark"
     link = pn.pane.HTML(
-        f'<a href="?theme={other}">{"light" if dark else "dark"}</a>', stylesheets=[LINK],
+        f'<a href="?theme={other}">{"light" if dark else "dark"}</a><script>{FOLLOW}</script>',
+        stylesheets=[LINK],
         align="end",
     )  # fmt: skip
     return pn.template.BootstrapTemplate(

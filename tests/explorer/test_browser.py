@@ -1,0 +1,224 @@
+"""The explorer in a real browser, clicked and typed through as a person would."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+
+pytestmark = pytest.mark.slow
+FLAGS = [
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
+    "--disable-background-networking", "--disable-component-update",
+]  # fmt: skip
+PATIENCE = 20_000  # milliseconds: the machine may have other things to do
+
+
+def chromium() -> str:
+    """Where it is, or why these tests are left out."""
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+    if found is None:
+        pytest.skip("no chromium is installed (apt-get install chromium)")
+    return found
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A server of its own."""
+    chromium()
+    command = [sys.executable, "-m", "contbreather", "explore", "--headless"]
+    folder = tmp_path_factory.mktemp("explored")
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder) as process:
+        assert process.stdout is not None
+        yield process.stdout.readline().split()[4]
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 130
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    path = chromium()
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        one = play.chromium.launch(executable_path=path, args=FLAGS)
+        yield one
+        one.close()
+
+
+WIDE = {"width": 1280, "height": 1000}
+MAIN = "(document.querySelector('#main'))"
+# of the zone diagram, which is drawn on a canvas
+TITLE = """() => {
+  for (const one of Bokeh?.documents ?? [])
+    for (const model of one._all_models.values())
+      if (model.type == "Title" && /^(k = |no diagram)/.test(model.text)) return model.text
+  return ""
+}"""
+# what has the focus, inside of shadow roots too
+FOCUSED = """() => {
+  let one = document.activeElement
+  while (one?.shadowRoot?.activeElement) one = one.shadowRoot.activeElement
+  return one ? (one.innerText || one.name || one.tagName).trim() : ""
+}"""
+
+
+class Tab:
+    """A page of the browser, with all that it asked for and complained of."""
+
+    def __init__(self, browser: Any, address: str, **more: Any) -> None:
+        self.page = browser.new_page(**more)
+        self.page.set_default_timeout(PATIENCE)
+        self.asked: list[str] = []
+        self.complaints: list[str] = []
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("console", self._heard)
+        self.page.goto(address)
+        self.page.wait_for_function(f"({TITLE})().startsWith('k = ')")
+        self.page.wait_for_function("Bokeh.documents[0].is_idle")
+
+    def _heard(self, message: Any) -> None:
+        if message.type == "error":
+            self.complaints.append(message.text)
+
+    def press(self, name: str) -> None:
+        """Press a button as soon as it can be."""
+        self.page.get_by_role("button", name=name, exact=True).click()
+
+    def field(self, label: str) -> Any:
+        return self.page.get_by_label(label, exact=True).first
+
+    def reads(self, words: str) -> None:
+        """Wait until it is somewhere on the page."""
+        self.page.get_by_text(words).first.wait_for()
+
+    def curve(self, name: str) -> None:
+        """Wait until there is a curve of that name."""
+        self.page.get_by_role("checkbox", name=name, exact=True).wait_for()
+
+    def tap(self, card: str, x: float, y: float) -> None:
+        """Click into a figure, by parts of its box."""
+        box = self.page.locator(f".{card} .bk-Figure").bounding_box()
+        self.page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+
+
+@pytest.fixture(scope="module")
+def tab(browser: Any, address: str) -> Iterator[Tab]:
+    """One page for all tests: they may come in any order."""
+    one = Tab(browser, address + "?theme=default", viewport=WIDE)
+    yield one
+    assert one.complaints == []
+    one.page.close()
+
+
+def test_nothing_is_asked_for_elsewhere(tab: Tab, address: str) -> None:
+    tab.reads("Zones")
+    own = (address, address.replace("http", "ws"), "data:", "blob:")
+    assert [url for url in tab.asked if not url.startswith(own)] == []
+
+
+def test_a_whole_story(tab: Tab, tmp_path: Path) -> None:
+    tab.tap("zones", 0.35, 0.4)
+    tab.reads("own lattice")
+    tab.field("amplitude a").fill("0.7")
+    tab.field("coupling γ").fill("0.04")
+    tab.press("Show")
+    tab.reads("symmetric(a=0.7, gamma=0.04, k=0.8)")
+    tab.press("Continue")
+    label = tab.field("special point")
+    label.locator("option", has_text="PF1").wait_for(state="attached")
+    label.select_option("PF1")
+    tab.reads("PF1 on branch1")
+    tab.press("Switch branch here")
+    tab.curve("arms2[1]")
+    tab.press("Trace this boundary")
+    tab.curve("line3")
+    tab.tap("branches", 0.9, 0.35)
+    tab.press("Simulate from here")
+    tab.page.locator(".run").wait_for()
+    tab.press("Save all curves")
+    tab.reads("Wrote /")
+    with tab.page.expect_download() as one:
+        tab.page.get_by_text("Export Python code").click()
+    script = tmp_path / "explored.py"
+    one.value.save_as(script)
+    lines = [line for line in script.read_text("utf-8").splitlines() if "save_figure" not in line]
+    made: dict[str, Any] = {}
+    exec("\n".join(line for line in lines if not line.startswith("zones =")), made)
+    found = re.search(r"Wrote (/\S+)\.", tab.page.get_by_text("Wrote /").inner_text())
+    assert found
+    saved = cb.load(found[1])
+    np.testing.assert_array_equal(saved["branch1"]["p"], made["branch1"]["p"])
+    np.testing.assert_array_equal(saved["arms2_1"]["t1"], made["arms2"][1]["t1"])
+    with tab.page.expect_download() as one:
+        tab.page.get_by_text("Export figure").click()
+    assert one.value.suggested_filename == "zones.pdf"
+
+
+def test_long_work_shows_how_far_it_is_and_is_stopped(tab: Tab) -> None:
+    tab.press("Show")
+    tab.field("periods").fill("90000")
+    tab.page.get_by_label("ring of", exact=True).last.fill("2000")
+    tab.press("Simulate from here")
+    tab.reads("of 90000 periods")
+    tab.press("Stop")
+    tab.reads("stopped; what was done is kept")
+
+
+def test_bad_input_is_refused_beside_the_field(tab: Tab) -> None:
+    tab.field("amplitude a").fill("much")
+    tab.press("Show")
+    tab.reads("'much' is not a number")
+    tab.field("amplitude a").fill("0.5")
+    tab.press("Show")
+    tab.page.get_by_text("'much' is not a number").wait_for(state="hidden")
+
+
+def test_all_is_done_without_a_mouse(tab: Tab) -> None:
+    keys = tab.page.keyboard
+    tab.page.get_by_role("slider").first.focus()
+    before = tab.page.evaluate(TITLE)
+    keys.press("ArrowLeft")
+    tab.page.wait_for_function(f"before => ({TITLE})() != before", arg=before)
+    tab.field("amplitude a").focus()
+    names = []
+    for _ in range(60):
+        keys.press("Tab")
+        names.append(tab.page.evaluate(FOCUSED))
+    for wanted in ("Show", "Continue", "Simulate from here", "Save all curves"):
+        assert wanted in names, names
+
+
+def fits(tab: Tab) -> bool:
+    """Whether nothing is cut off at the side."""
+    return bool(tab.page.evaluate("(one => one.scrollWidth <= one.clientWidth)" + MAIN))
+
+
+def test_it_fits_its_window_wide_and_narrow(tab: Tab) -> None:
+    assert fits(tab)
+    tab.page.set_viewport_size({"width": 700, "height": 1000})
+    tab.page.wait_for_function(f"(one => one.scrollHeight > 2000){MAIN}")  # below each other
+    assert fits(tab)
+    tab.page.set_viewport_size(WIDE)
+
+
+def test_who_prefers_the_dark_is_given_it(browser: Any, address: str) -> None:
+    tab = Tab(browser, address, color_scheme="dark", viewport={"width": 700, "height": 1000})
+    tab.page.wait_for_url("**/?theme=dark")
+    tab.page.get_by_role("link", name="light").wait_for()
+    assert fits(tab)
+    colour = tab.page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert sum(map(int, re.findall(r"\d+", colour)[:3])) < 3 * 64
+    tab.page.close()
