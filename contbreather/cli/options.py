@@ -13,7 +13,6 @@ from cyclopts import Parameter
 from contbreather.cli.interrupts import end
 from contbreather.cli.output import check_places, note, say, to_csv, to_figure, to_json
 from contbreather.errors import BadInput
-from contbreather.lattice.typed import lattice_by, walls_by
 
 if TYPE_CHECKING:
     from cyclopts import Token
@@ -123,6 +122,7 @@ class Where:
 
     def on(self, *free: str) -> On:
         """What it lives on, and is judged by."""
+        from contbreather.lattice.typed import lattice_by, walls_by
         from contbreather.stability.verdict import THRESHOLD
 
         lattice = lattice_by(self.lattice, self.sites)
