@@ -33,7 +33,7 @@ Array = NDArray[Any]
 EVEN = 32  # places on half a circle besides those next to the poles
 STARTS = 12  # of Newton's method: the places at which a zero looks nearest
 STEPS = 6  # of Newton's method
-WIDER = 12  # circles, each twice as far out, where too many are beyond the first
+WIDER = 12  # circles farther out that are tried where too many are beyond the first
 SLOPE = 1e-6  # half the step of a difference in mu
 ROUGH = 1e-10  # Newton's last step in mu
 APART = 1e-8  # zeros closer than that are one
@@ -99,16 +99,22 @@ class Secular:
         """By how much the first pair has left a circle around all poles, negative where none has;
         if they are far inside, where the poles are. None where that cannot be told."""
         floor = float(abs(self.poles).max()) / radius - 1.0
-        gap = radius - 1.0
+        gap = low = radius - 1.0
+        high, beyond = 0.0, 0  # nothing is beyond the one, so many pairs are beyond the other
         for _ in range(WIDER):
             here = self.around(1.0 + gap)
             if here is None:
                 return None
             found = abs(here.zeros)
-            outside = here.outside - self.beyond(1.0 + gap) if here.outside else 0
-            if 2 * np.count_nonzero(found > 1.0 + gap) == outside:
+            pairs = (here.outside - self.beyond(1.0 + gap)) // 2 if here.outside else 0
+            wanted, place = (pairs, gap) if pairs or not beyond else (beyond, low)
+            if np.count_nonzero(found > 1.0 + place) == wanted:
                 return max(float(found.max(initial=0.0)) / radius - 1.0, floor)
-            gap *= 2.0  # so many are outside that not all were found
+            if pairs:  # so many that not all were found
+                low, beyond = gap, pairs
+            else:
+                high = gap
+            gap = math.sqrt(low * high) if high else 2.0 * gap
         return None
 
     def around(self, radius: float) -> Near | None:
@@ -142,7 +148,7 @@ class Secular:
                 step = 2.0 * SLOPE * at / (after - before)
             size = abs(step)
             found += (mu - step)[size < ROUGH].tolist()
-            going = (size >= ROUGH) & (size < 0.1)
+            going = (size >= ROUGH) & (size < 1.0)
             mu = mu[going] - step[going]
             if not mu.size:
                 break

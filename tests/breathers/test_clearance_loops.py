@@ -14,6 +14,7 @@ from contbreather.breathers.clearance import least_margin, rivals_data
 from contbreather.breathers.orbit import Orbit, orbit_of
 from contbreather.breathers.section import Section
 from contbreather.breathers.waves import equations_of
+from contbreather.kernel import Kernel
 from contbreather.lattice import wave_loops
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.periodic import wave_table
@@ -41,6 +42,12 @@ def two_sites() -> Orbit:
 
 
 OTHERS.append(two_sites())
+
+
+@pytest.fixture(autouse=True)
+def arrays_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the loops are held against is not compiled from them."""
+    monkeypatch.setattr(Kernel, "code", lambda kernel: None)
 
 
 def by_loops(orbit: Orbit) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contbreather.kernel import Kernel
 from contbreather.stability import arc, arc_loops, orbit, orbit_loops
 from contbreather.stability.aliases import EXACT, ORDERS, POWERS
 from contbreather.stability.orbit import OrbitMap
@@ -17,6 +18,13 @@ RANDOM = np.random.default_rng(3)
 PLACES = [(0.24 * x + 1e-3, y) for x, y in RANDOM.random((12, 2))]
 # a pair of roots just opened, or not yet, between two nodes of the grid
 PLACES += [(0.0969, 0.8), (0.09514, 0.8), (0.0951, 0.8), (1e-6, 0.9), (0.2499, 0.5)]
+
+
+@pytest.fixture(autouse=True)
+def arrays_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the loops are held against is not compiled from them."""
+    monkeypatch.setattr(Kernel, "code", lambda kernel: None)
+    arc.window.cache_clear()
 
 
 def asked(function: Any, data: Any, table: np.ndarray, scratch: int, found: int) -> np.ndarray:

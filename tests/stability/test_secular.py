@@ -31,7 +31,9 @@ def grid_map(damping: float) -> ModalMap:
     return cb.symmetric(**on, lattice=Grid(6, 6), site=14).flight.map
 
 
+FAR = [(3, 3.2, -2.2)]  # a pair of modulus 2, and eight more just outside
 MAPS = {
+    "far outside": OrbitMap(0.0916, 0.378, FAR, lattice=Ring(109)).modal,
     "one impact": ring_map(ONE, 0.04),
     "many outside": ring_map(ONE, 0.12),
     "two impacts": ring_map(ARM, 0.08),
