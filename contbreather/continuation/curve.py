@@ -215,7 +215,7 @@ class Curve:
             if known is z:
                 return value
         value = make(z)
-        self._known[what] = [(z, value), *recent[:2]]
+        self._known[what] = [(z, value), *recent[:3]]
         return value
 
     def jacobian(self, z: Array) -> Matrix:
