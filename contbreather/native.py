@@ -12,6 +12,7 @@ import hashlib
 import os
 import re
 import sys
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
@@ -36,6 +37,7 @@ _NEVER = (
     "NRT_Free",
 )
 
+_ONE_AT_A_TIME = threading.RLock()  # neither compiler nor loader likes company of other threads
 _loaded: dict[str, tuple[int, Any]] = {}  # by key: the address, and what keeps it alive
 
 
@@ -98,17 +100,24 @@ def address(function: Function, kinds: str) -> int:
         key = _key(function, kinds)
     except ImportError as error:
         raise NotCompiled(f"{error}; pip install numba") from error
-    if key not in _loaded and _is_foreign(function):
-        made = _made(function, kinds)
-        _loaded[key] = made.address, (made, function)
-    if key not in _loaded:
-        path = _file(function, kinds)
-        code = _read(path)
-        if code is None:
-            code = _compiled(function, kinds)
-            _keep(path, hashlib.sha256(code).digest() + code)
-        _loaded[key] = _load(code)
+    with _ONE_AT_A_TIME:
+        if key not in _loaded:
+            _loaded[key] = _had(function, kinds)
     return _loaded[key][0]
+
+
+def _had(function: Function, kinds: str) -> tuple[int, Any]:
+    """The address, and what keeps it alive: compiled for this session, loaded, or compiled and
+    kept."""
+    if _is_foreign(function):
+        made = _made(function, kinds)
+        return made.address, (made, function)
+    path = _file(function, kinds)
+    code = _read(path)
+    if code is None:
+        code = _compiled(function, kinds)
+        _keep(path, hashlib.sha256(code).digest() + code)
+    return _load(code)
 
 
 def function(function: Function, kinds: str) -> Callable[..., int]:
