@@ -101,7 +101,7 @@ def _replace(target: Path, write: Callable[[BinaryIO], object]) -> None:
 
 def writable(path: str | Path) -> Path:
     """The path, or what is wrong with it: better before a long computation than after it."""
-    target = _named("write", path)
+    target = named("write", path)
     if str(target) in STREAMS:
         return target
     mode = _mode("write", target)
@@ -131,7 +131,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     BadInput
         If there is none, or it cannot be read, with the system's reason.
     """
-    source = _named("read", path)
+    source = named("read", path)
     mode = _mode("read", source)
     if mode and not stat.S_ISREG(mode):
         what = "a directory" if stat.S_ISDIR(mode) else "not an ordinary file"
@@ -153,7 +153,8 @@ def read_text(path: str | Path) -> str:
         raise BadInput(f"cannot read {path}: it is not text") from error
 
 
-def _named(verb: str, path: object) -> Path:
+def named(verb: str, path: object) -> Path:
+    """The name of a file, or what is wrong with it."""
     if not isinstance(path, str | os.PathLike):
         raise BadInput(
             f"{path!r} is not the name of a file; give one as text, for instance 'run.nc'"

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..display import Shown
 from ..errors import BadInput
-from ..files import writable
+from ..files import named, writable
 from .contents import made_of
 from .groups import check_names
 from .netcdf import read, write
@@ -55,22 +57,22 @@ class Run(Shown, Mapping[str, Any]):
     """
 
     def __init__(self, path: str | Path, *, problem: Problem | None = None) -> None:
-        self.path = Path(path)
+        self.path = named("read", path)
         self.problem = problem
         self._read: dict[Path, tuple[Any, Found]] = {}
 
     @property
     def files(self) -> tuple[Path, ...]:
         """The files it consists of."""
-        if not self.path.is_dir():
-            return (self.path,) if self.path.exists() else ()
+        if not os.path.isdir(self.path):
+            return (self.path,) if os.path.exists(self.path) else ()
         found = (*self.path.glob(f"*{_SUFFIX}"), *self.path.glob(f"*/*{_SUFFIX}"))
         return tuple(sorted(path for path in found if not path.name.startswith(".")))
 
     def file(self, name: str) -> Path:
         """Where a result of that name is, or will be, in a folder."""
         check_names("result", [name])
-        if self.path.is_file():
+        if os.path.isfile(self.path):
             raise BadInput(f"{self.path} is one file; a folder is wanted for more of them")
         self.path.mkdir(parents=True, exist_ok=True)
         return self.path / f"{name}{_SUFFIX}"
@@ -116,7 +118,7 @@ class Run(Shown, Mapping[str, Any]):
         """All names of results, with the file of each and its name there."""
         found: dict[str, tuple[Path, str]] = {}
         for path in self.files:
-            inside, alone = self._in(path)
+            inside, alone = self.inside(path)
             for own in inside:
                 name = own
                 if path != self.path:
@@ -126,12 +128,14 @@ class Run(Shown, Mapping[str, Any]):
         return found
 
     def _all(self) -> dict[str, Any]:
-        return {name: self._in(path)[0][own] for name, (path, own) in self._places().items()}
+        return {name: self.inside(path)[0][own] for name, (path, own) in self._places().items()}
 
-    def _in(self, path: Path) -> Found:
+    def inside(self, path: Path) -> Found:
         """What is in a file, read once as long as it stays the same."""
-        here = path.stat()
-        state = (here.st_mtime_ns, here.st_size, here.st_ino)
+        state = None
+        with suppress(OSError, ValueError):  # reading says what is wrong
+            here = path.stat()
+            state = (here.st_mtime_ns, here.st_size, here.st_ino)
         if path not in self._read or self._read[path][0] != state:
             self._read[path] = state, read_file(path, self.problem)
         return self._read[path][1]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import BadInput
 from .netcdf import write
 from .problem import Problem, problem_in
-from .run import Run, read_file
+from .run import Run
 
 if TYPE_CHECKING:
     from .trace import Startable
@@ -79,10 +80,10 @@ def load(path: str | Path, *, problem: Problem | Startable | None = None) -> Any
         `problem` has other names or is not solved by the points.
     """
     own = None if problem is None else problem_in(problem)
-    if Path(path).is_dir():
-        run = Run(path, problem=own)
+    run = Run(path, problem=own)
+    if os.path.isdir(run.path):
         if not run.files:
             raise BadInput(f"cannot read {path}: there is no file in it that `save` wrote")
         return run
-    found, alone = read_file(path, own)
-    return next(iter(found.values())) if alone else Run(path, problem=own)
+    found, alone = run.inside(run.path)
+    return next(iter(found.values())) if alone else run

@@ -453,6 +453,12 @@ def test_hdf5_of_others_is_refused(path: Path) -> None:
         load(path)
 
 
+@pytest.mark.parametrize("given", [3, "", None, "\0", "x" * 300])
+def test_what_is_no_name_of_a_file_is_refused(given: Any) -> None:
+    with pytest.raises(BadInput, match=r"name of|cannot read"):
+        load(given)
+
+
 @pytest.mark.parametrize("place", ["/dev/zero", "/dev/null", "/"])
 def test_only_ordinary_files_are_read(place: str) -> None:
     with pytest.raises(
