@@ -23,7 +23,8 @@ Lines = Mapping[str, Mapping[float, Sequence[Array]]]  # of a kind, at each valu
 
 NODES = 60  # along a curve, on its surface
 FAINT = 0.25
-ZOOM = 0.9
+ZOOM = 0.82
+PADS = {"x": 4.0, "y": 4.0, "z": 0.0}  # points from the numbers to the name
 
 
 def plot_atlas(
@@ -78,7 +79,7 @@ def plot_atlas(
         for kind, own in lines.items():
             _draw(panel, kind, own)
         for name, axis in zip((plane[0], over, plane[1]), "xyz", strict=True):
-            getattr(panel, f"set_{axis}label")(symbol(name))
+            getattr(panel, f"set_{axis}label")(symbol(name), labelpad=PADS[axis])
             panel.locator_params(axis=axis, nbins=5)
         panel.set_box_aspect(None, zoom=ZOOM)  # the layout does not know of the labels
         panel.legend(loc="lower center", bbox_to_anchor=(0.5, 0.93), ncols=2, fontsize="small")

@@ -29,8 +29,8 @@ def values(given: Any) -> list[float]:
                 f"{given}: from, to and count were wanted, {{from=0.3, to=0.9, count=7}}"
             )
         low, high = (number(name, given[name], -1e300, 1e300, WANTED) for name in ("from", "to"))
-        found: list[float] = np.linspace(low, high, given["count"]).tolist()
-        return found
+        several = np.linspace(low, high, given["count"]).tolist()
+        return [float(f"{one:.12g}") for one in several]  # as one would write them: 0.05
     several = given if isinstance(given, list) else [given]
     if not several:
         raise ValueError("an empty list: at least one number was wanted")
