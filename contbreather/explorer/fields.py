@@ -11,6 +11,7 @@ import panel as pn
 
 from contbreather.checks import number
 from contbreather.errors import BadInput
+from contbreather.explorer.style import WORDS
 
 Read = Callable[[str], Any]
 
@@ -89,7 +90,9 @@ class Trouble:
     """A sentence that is not there as long as nothing is wrong; screen readers say it."""
 
     def __init__(self) -> None:
-        self.view = pn.pane.HTML("", visible=False, margin=(0, 5), sizing_mode="stretch_width")
+        self.view = pn.pane.HTML(
+            "", visible=False, margin=(0, 5), sizing_mode="stretch_width", stylesheets=[WORDS]
+        )
 
     def say(self, sentence: str) -> None:
         """Another sentence, or none."""

@@ -367,8 +367,9 @@ class MultipliersView:
     def __init__(self, ink: Ink) -> None:
         self.figure = fig = _sheet(ink, "Re μ", "Im μ", None, title="multipliers")
         self.ink = ink
-        fig.sizing_mode, fig.align = None, "center"
-        fig.width, fig.frame_width, fig.frame_height = 330, 250, 250  # a circle stays one
+        fig.update(sizing_mode="fixed", align="center", width=340, height=340)
+        # what the axes and the title need, so that the frame is a square and a circle one
+        fig.update(min_border_left=65, min_border_right=35, min_border_top=40, min_border_bottom=60)
         self.band = ColumnDataSource({"xs": [], "ys": []})
         fig.multi_line("xs", "ys", source=self.band, color=ink.band, line_width=11)
         angle = np.linspace(-np.pi, np.pi, 361)
