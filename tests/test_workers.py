@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -243,3 +245,20 @@ def test_what_many_zones_are_over_is_checked_first() -> None:
         cb.zones_many([0.8], over={"c3": [0.1]})
     with pytest.raises(cb.BadInput, match="finite real numbers"):
         cb.zones_many([0.8, float("nan")])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        "workers",
+        "breathers.zones_many",
+        "breathers.atlas",
+        "plotting.atlas",
+        "studies.conduct",
+        "studies.mistakes",
+    ],
+)
+def test_examples_give_what_they_show(name: str) -> None:
+    found = doctest.testmod(import_module(f"contbreather.{name}"))
+    assert (found.failed, found.attempted > 0) == (0, True)

@@ -85,7 +85,7 @@ def atlas(
     (True, b'LP GR PF NS')
     >>> fold = found.where(found.kind == 0, drop=True)
     >>> round(float(fold.a.sel(point=(fold.k == 0.8) & (fold.gamma == 0.0)).item()), 9)
-    0.070559227
+    0.070559228
     """
     slices = slices_of({"k": k, "gamma": gamma, "a": a}, over, forcing)
     draw = Diagram(lattice, within, threshold, past_folds)
