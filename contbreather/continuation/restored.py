@@ -134,13 +134,19 @@ def _attached(
         asked, inadmissible = _asked(settings)
         own, events = scope(problem, asked, inadmissible=inadmissible)
         curve = Curve(_remembering(own, about, data), tuple(about["free"]))
+        _check_names(curve, about, here)
         _check_fit(curve)
         return curve, settings, (*events, *known)
     longer, events = _of_boundary(about, problem, settings, known, origin)
     curve = Curve(_remembering(longer, about, data), tuple(about["free"]))
-    if list(curve.problem.start) != about["unknowns"] or set(curve.problem.names) != set(here):
-        raise BadInput(f"the file has {list(here)}, the problem has {list(curve.problem.names)}")
+    _check_names(curve, about, here)
     return curve, settings, (*events, *known)
+
+
+def _check_names(curve: Curve, about: About, here: dict[str, Any]) -> None:
+    problem = curve.problem
+    if list(problem.start) != about["unknowns"] or set(problem.names) != set(here):
+        raise BadInput(f"the file has {list(here)}, the problem has {list(problem.names)}")
 
 
 def _asked(settings: Settings | None) -> tuple[tuple[Event, ...] | None, bool]:

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 import contbreather as cb
-from contbreather.continuation import Stop, store
+from contbreather.continuation import Stop, sealed
 from contbreather.errors import BadInput, NoSolution, NotConverged
 
 Array = NDArray[np.float64]
@@ -71,8 +71,8 @@ def test_netcdf_of_others_with_a_sound_end_is_refused(tmp_path: Path) -> None:
     buffer.write(tree.to_netcdf(None, engine="h5netcdf"))
     image = buffer.getvalue()
     path = tmp_path / "other.nc"
-    path.write_bytes(image + store._SEAL % store._checksum(image))
-    with pytest.raises(BadInput, match=r"other\.nc holds no branches that `save` wrote$"):
+    path.write_bytes(image + sealed._SEAL % sealed._checksum(image))
+    with pytest.raises(BadInput, match=r"other\.nc holds nothing that this version's `save` wrote$"):
         cb.load(path)
 
 
