@@ -68,11 +68,11 @@ class Checkpoint:
             With the result, which is not lost where there is no room for it.
         """
         try:
-            self._write(result, recorded=True)
+            self._write(result, recorded=None)
         except BadInput as error:
             raise NotKept(str(error), result) from error
 
-    def _write(self, result: Any, *, recorded: bool) -> None:
+    def _write(self, result: Any, *, recorded: bool | None) -> None:
         named = result if isinstance(result, Mapping) else {self.name: result}
         if isinstance(result, tuple):
             named = {f"{self.name}{i}": one for i, one in enumerate(result, start=1)}

@@ -56,7 +56,7 @@ def keepable() -> str:
     return ", ".join(["branches", *(f"{one.kind}s" for one in _OF_TYPE.values())])
 
 
-def groups_of(name: str, value: Any, *, recorded: bool = True) -> dict[str, Dataset]:
+def groups_of(name: str, value: Any, *, recorded: bool | None = True) -> dict[str, Dataset]:
     """The groups of a value by their paths in the file."""
     if isinstance(value, Branch):
         own = written(value, recorded=recorded)

@@ -22,6 +22,7 @@ from .cycles import Iterate
 from .extended import event_of
 from .point import Event
 from .points import Points
+from .problem import Problem
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -35,16 +36,19 @@ LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
 _TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
 
 
-def written(branch: Branch, *, recorded: bool = True) -> dict[str, Dataset]:
+def written(branch: Branch, *, recorded: bool | None = True) -> dict[str, Dataset]:
     """The group of a branch, with those of its doubtful points and of the point it was born from.
 
     Parameters
     ----------
     branch : Branch
-    recorded : bool
-        Whether to ask for the recorded columns, which may take as long as the branch itself.
+    recorded : bool or None
+        Whether to ask for the recorded columns, which may take as long as the branch itself; None
+        where the file has no equations that give them later.
     """
     points = Points.of(branch.points)
+    if recorded is None:
+        recorded = _equations(branch.problem) is None
     groups = {"": _dataset(branch, points, branch.problem.record if recorded else ())}
     if branch.doubtful:
         failed = _dataset(branch, Points.of(branch.doubtful))
@@ -122,7 +126,7 @@ def _attributes(branch: Branch) -> dict[str, Any]:
 
 def _about(branch: Branch, points: Points, record: Iterable[str]) -> dict[str, Any]:
     problem, event = branch.problem, event_of(branch.problem)
-    base = getattr(problem.residual, "problem") if event else problem  # noqa: B009
+    base = _base(problem)
     return {
         "content": "branch",
         "label": problem.label,
@@ -142,10 +146,22 @@ def _about(branch: Branch, points: Points, record: Iterable[str]) -> dict[str, A
         "parent": bool(points[0].parent),
         "point_label": points[0].label,
         "period": base.residual.period if isinstance(base.residual, Iterate) else None,
-        "equations": base.recipe and base.recipe.said(),
+        "equations": _equations(problem),
         "base": [list(base.start), list(base.params)],
         "settings": _settings(branch.settings),
     }
+
+
+def _base(problem: Problem) -> Problem:
+    """Of a boundary the original problem."""
+    found: Problem = getattr(problem.residual, "problem", problem) if event_of(problem) else problem
+    return found
+
+
+def _equations(problem: Problem) -> dict[str, Any] | None:
+    """What they are made of, if that can be said."""
+    recipe = _base(problem).recipe
+    return None if recipe is None else recipe.said()
 
 
 def _settings(given: Settings | None) -> dict[str, Any] | None:

@@ -24,7 +24,7 @@ FORMAT, NUMBER = "run of contbreather", 3  # the number grows where older versio
 
 
 def write(
-    path: str | Path, values: Mapping[str, Any], *, alone: bool, recorded: bool = True
+    path: str | Path, values: Mapping[str, Any], *, alone: bool, recorded: bool | None = True
 ) -> Path:
     """Write all of a file at once; what was there stays until then.
 
