@@ -32,6 +32,7 @@ from contbreather.explorer.views import (
 )
 
 STEP = 0.01  # of the slider for k
+TAPS = ("tap", "doubletap")  # the second of two quick clicks comes as the latter alone
 NOWHERE = -1  # at no special point
 
 
@@ -70,7 +71,8 @@ class Page:
         )  # fmt: skip
         self.zones_trouble = Trouble()
         self._on(self.k, lambda k: self.explorer.look_at(round(k, 9)))
-        self.zones.figure.on_event("tap", self._zones_tapped)
+        for tap in TAPS:
+            self.zones.figure.on_event(tap, self._zones_tapped)
 
     def _branch_controls(self) -> None:
         self.x, self.y = (pn.widgets.Select(label=name, width=90) for name in "xy")
@@ -86,7 +88,8 @@ class Page:
         self._on(self.point, self._pick)
         self._on(self.label, self._pick)
         self._on(self.shown, self._hide)
-        self.branches.figure.on_event("tap", self._branch_tapped)
+        for tap in TAPS:
+            self.branches.figure.on_event(tap, self._branch_tapped)
 
     def _words(self) -> None:
         sites = ", ".join(map(str, self.explorer.state.sites))

@@ -193,3 +193,8 @@ def test_a_notebook_shows_the_same_page(page: Page) -> None:
     bundle, _ = page.explorer._repr_mimebundle_()
     assert "text/html" in bundle
     assert "Neimark" in bundle["text/html"]
+
+
+def test_the_second_of_two_quick_clicks_counts_too(page: Page) -> None:
+    for view in (page.zones, page.branches):
+        assert {"tap", "doubletap"} <= set(view.figure._event_callbacks)
