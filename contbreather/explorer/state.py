@@ -95,7 +95,7 @@ class State:
     chosen : Chosen or None
     sites, ring : tuple of int, int
         Whose motion is drawn; which ring is judged besides.
-    run : tuple of (str, Run) or None
+    run : tuple of (str, dynamics.Run) or None
         The last simulation, and how the script calls it.
     lines : tuple of str
         Of the script, as far as it makes curves and runs.
