@@ -53,7 +53,7 @@ def content(type_: type, kind: str, said: Callable[[Any], Said]) -> Callable[...
 
 def keepable() -> str:
     """What can be kept, in words."""
-    return ", ".join(["branches", *(f"{one.kind}s" for one in _OF_TYPE.values())])
+    return ", ".join(["branches", *(f"{one.kind.removesuffix('s')}s" for one in _OF_TYPE.values())])
 
 
 def groups_of(name: str, value: Any, *, recorded: bool | None = True) -> dict[str, Dataset]:
