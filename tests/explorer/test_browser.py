@@ -61,7 +61,7 @@ WIDE = {"width": 1280, "height": 1000}
 MAIN = "(document.querySelector('#main'))"
 # of the zone diagram, which is drawn on a canvas
 TITLE = """() => {
-  for (const one of Bokeh?.documents ?? [])
+  for (const one of globalThis.Bokeh?.documents ?? [])
     for (const model of one._all_models.values())
       if (model.type == "Title" && /^(k = |no diagram)/.test(model.text)) return model.text
   return ""
@@ -87,7 +87,7 @@ class Tab:
         self.page.on("console", self._heard)
         self.page.goto(address)
         self.page.wait_for_function(f"({TITLE})().startsWith('k = ')")
-        self.page.wait_for_function("Bokeh.documents[0].is_idle")
+        self.page.wait_for_function("globalThis.Bokeh?.documents?.[0]?.is_idle")
 
     def _heard(self, message: Any) -> None:
         if message.type == "error":
