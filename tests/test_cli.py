@@ -178,7 +178,10 @@ REFUSED = {
         "point --a 0.5 --gamma 0.12 --k 0.4 --amplitude 3",
         r"Unknown option.*--amplitude",
     ),
-    "unknown command": ("zone", r'Unknown command "zone"'),
+    "unknown command": (
+        "zone",
+        r'Unknown command "zone"\. Did you mean "zones"\?; see contbreather --help',
+    ),
     "stray word": ("point --a 0.5 --gamma 0.12 --k 0.4 more", r"more"),
     "no free parameter": ("branch --gamma 0.1 --k 0.8", r"--free is missing"),
     "unknown free parameter": (

@@ -107,6 +107,24 @@ def test_results_of_other_settings_are_replaced_only_on_demand(done: Report) -> 
     assert max(cb.load(copied)["pitchforks/gamma=0.02"]["gamma"]) == 0.06
 
 
+def test_another_value_in_a_list_leaves_the_results_of_the_others(done: Report) -> None:
+    more = done.folder.parent / "more.toml"
+    shutil.copytree(done.folder, more.with_suffix(""))
+    more.write_text(SMALL.replace("[0.02, 0.04]", "[0.02, 0.03, 0.04]"))
+    report = conduct(more, executor=1)
+    assert report.computed == [f"{name}/gamma=0.03" for name in ("symmetric", "arms", "pitchforks")]
+    assert report.kept == done.computed
+
+
+def test_a_figure_that_cannot_be_drawn_leaves_the_others(done: Report) -> None:
+    text = '[figure.other]\ndraws = ["symmetric"]\ny = "height"\n\n[figure.tree]'
+    path = done.folder.parent / "figures.toml"
+    path.write_text(SMALL.replace("[figure.tree]", text))
+    report = conduct(path, folder=done.folder, executor=1)
+    assert report.failed["figure other"].startswith("no column 'height'")
+    assert [one.name for one in report.written] == ["tree.png"]
+
+
 def test_what_fails_says_why_and_the_others_go_on(run: Command) -> None:
     text = SMALL.replace("k = 0.8", "k = 0.8\nroot = 5", 1).replace("[0.02, 0.04]", "0.04")
     Path("small.toml").write_text(
@@ -184,7 +202,7 @@ def test_all_mistakes_are_said_at_once_each_with_its_line(tmp_path: Path) -> Non
         ("[zones.z]\nk = 0.8\ngamma = 0.1", "values of exactly one of k, gamma and a"),
         ("[zones.z]\nk = 0.8\nwithin = {k = [0, 1]}", "which has no k"),
         ("[zones.z]\nk = {from = 0.3, to = 0.9}", "from, to and count were wanted"),
-        ("[zones.z]\nk = 'high'", "a number"),
+        ("[zones.z]\nk = 'high'", "a finite number, was wanted"),
         ("[zones.'a b']\nk = 0.8", "a name of letters"),
         ("[zones.z]\nk = 0.8\n[atlas.z]\nk = 0.8", "'z' is there already, as zones"),
         ("[branch.b]\nfree = 'a'", "k and gamma missing"),
@@ -197,6 +215,7 @@ def test_all_mistakes_are_said_at_once_each_with_its_line(tmp_path: Path) -> Non
         ("[arms.x]\nof = 'y/arm1'\nat = 'PD1'\n[arms.y]\nof = 'x/arm1'\nat = 'PD1'", "itself"),
         ("[zones.z]\nk = 0.8\n[arms.y]\nof = 'z'\nat = 'PF1'", "no branch, arms or boundary 'z'"),
         ("[zones.z]\nk=0.8\n[atlas.y]\nk=0.8\n[figure.f]\ndraws=['z','y']", "not some of each"),
+        ("[zones.z]\nk=2\n[figure.f]\ndraws=['y']", "nothing is called 'y'; there are z"),
         ("[colours]\nred = 1\n[zones.z]\nk = 0.8", "colours: unknown here; there are title"),
     ],
 )

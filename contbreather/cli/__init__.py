@@ -79,7 +79,7 @@ def _run(tokens: list[str]) -> int:
 
 def _sentence(error: Exception) -> str:
     """What the parser has to say, on one line, with the way on."""
-    from cyclopts import UnknownOptionError, UnusedCliTokensError
+    from cyclopts import UnknownCommandError, UnknownOptionError, UnusedCliTokensError
 
     if isinstance(error, UnknownOptionError) and error.token.keyword in LATTICES:
         for command, reason in CHAINS_ONLY.items():
@@ -91,7 +91,10 @@ def _sentence(error: Exception) -> str:
             f"{extra!r} belongs to no option; values follow the name of theirs, as in --a 0.2; "
             "see contbreather --help"
         )
-    return f"{' '.join(str(error).split()).rstrip('.')}; see contbreather --help"
+    text = " ".join(str(error).split())
+    if isinstance(error, UnknownCommandError):  # its list of commands stops after eight
+        text = text.partition(" Available commands")[0]
+    return f"{text.rstrip('.')}; see contbreather --help"
 
 
 def _refused(reason: object, status: int) -> int:

@@ -159,7 +159,8 @@ def _lines(found: Dataset) -> Iterator[object]:
     """How many there are, and what is missing."""
     kinds = _columns(found)["kind"]
     counts = ", ".join(f"{kinds.count(kind)} points of {kind}" for kind in dict.fromkeys(kinds))
-    yield f"{int(found.slice.max()) + 1} diagrams: {counts}."
+    count = int(found.slice.max()) + 1
+    yield f"{count} diagram{'s' if count > 1 else ''}: {counts}."
     for one in _failed(found):
         at = ", ".join(
             f"{n.removeprefix('failed_')} = {v:g}" for n, v in one.items() if n != "reason"

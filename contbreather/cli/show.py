@@ -21,7 +21,8 @@ def show(run: str | None = None, name: str | None = None, /, *, into: Into = Int
     run
         The file or the folder.
     name
-        One of its results, or a special point by its label; all of them, in brief, unless given.
+        One of its results, or a special point by its label, PF1 or branch/PF1; all results, in
+        brief, unless given.
     """
     into.check()
     found = opened(run)

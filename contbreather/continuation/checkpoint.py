@@ -13,8 +13,7 @@ from typing import Any, TypeVar
 
 from ..checks import kind_of
 from ..errors import BadInput, Interrupted
-from ..files import writable
-from .netcdf import write
+from .netcdf import target_of, write
 
 T = TypeVar("T")
 
@@ -37,7 +36,7 @@ class Checkpoint:
     """
 
     def __init__(self, path: str | Path, name: str) -> None:
-        self.path, self.name = writable(path), name
+        self.path, self.name = target_of(path), name
         self.soonest = self.due = time.monotonic() + EVERY
 
     def look(self, special: bool, piece: Callable[[], Any]) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import BadInput
+from ..files import writable
 from .contents import groups_of
 from .groups import check_names, text
 from .sealed import read_sealed, write_sealed
@@ -21,6 +22,17 @@ if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
 FORMAT, NUMBER = "run of contbreather", 3  # the number grows where older versions cannot read on
+
+
+def target_of(path: str | Path) -> Path:
+    """Where a file is to be, or what is wrong with that: a table is something else."""
+    target = writable(path)
+    if target.suffix.lower() == ".csv":
+        raise BadInput(
+            f"cannot write {target}: what is kept is a netCDF-4 file, call it {target.stem}.nc; "
+            "tables are written by to_csv, or by --csv"
+        )
+    return target
 
 
 def write(
@@ -32,13 +44,14 @@ def write(
     """
     from xarray import Dataset, DataTree
 
+    target = target_of(path)
     check_names("branch", values)
     groups: dict[str, Any] = {}
     for name, value in values.items():
         groups |= groups_of(f"/{name}", value, recorded=recorded)
     tree = DataTree.from_dict({"/": Dataset(attrs={**_root(), "alone": int(alone)}), **groups})
     # in memory first: where a disk is full, HDF5 ends the interpreter
-    return write_sealed(path, image(tree))
+    return write_sealed(target, image(tree))
 
 
 def image(data: Dataset | DataTree) -> bytes:

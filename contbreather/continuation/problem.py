@@ -284,7 +284,8 @@ class Problem:
 
     def __repr__(self) -> str:
         events = f"; events {[event.kind for event in self.events]}" if self.events else ""
-        return f"<Problem {self.label or f'of {self.x.size} equations'}: {self.shown()}{events}>"
+        counted = "1 equation" if self.x.size == 1 else f"{self.x.size} equations"
+        return f"<Problem {self.label or f'of {counted}'}: {self.shown()}{events}>"
 
     def shown(self) -> str:
         """The start and the parameters, as far as they are numbers."""

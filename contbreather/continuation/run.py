@@ -37,9 +37,9 @@ class Run(Shown, Mapping[str, Any]):
         numbers.
 
     ``run["arms"]`` is a result: of a folder by the name of its file, ``"arms/arm2"`` one of several
-    in a file. ``run["PF2"]`` is a special point, if it is on one of the branches only. ``run.keep``
-    adds results to a folder, ``run.file("arms")`` is the path of one, as ``save=`` of `trace` takes
-    it.
+    in a file. ``run["PF2"]`` is a special point, if it is on one of the branches only, and
+    ``run["arms/arm2/PF2"]`` that on a branch. ``run.keep`` adds results to a folder,
+    ``run.file("arms")`` is the path of one, as ``save=`` of `trace` takes it.
 
     Raises
     ------
@@ -92,14 +92,15 @@ class Run(Shown, Mapping[str, Any]):
         found = self._all()
         if key in found:
             return found[key]
-        places = [(name, p) for name, p in self.points() if p.label == key]
+        on, _, label = key.rpartition("/")
+        places = [(name, p) for name, p in self.points() if p.label == label and on in ("", name)]
         if len(places) == 1:
             return places[0][1]
         if places:
             where = ", ".join(name for name, _ in places)
             raise BadInput(
-                f"{key!r} is a point of several: {where}; say which, run[{places[0][0]!r}]"
-                f".first({key!r})"
+                f"{key!r} is a point of several: {where}; say which, "
+                f"{places[0][0] + '/' + label!r} for instance"
             )
         labels = sorted({p.label for _, p in self.points() if p.kind not in ("", "EP")})
         raise BadInput(f"no {key!r} in {self.path}; there are {list(found)} and points {labels}")

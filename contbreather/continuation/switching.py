@@ -147,7 +147,7 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
     """Where curves set out from a point, or why none do."""
     why, lift = _nothing(point), lift_of(point)
     if not why and lift is None:
-        why = f": no other branch is known to leave a {point.kind}"
+        why = f": no other branch is known to leave points of kind {point.kind}"
     if why or lift is None:
         raise NothingToSwitch(f"{point!r}{why}", point)
     try:

@@ -43,6 +43,7 @@ class Forms:
     def __init__(self, explorer: Session) -> None:
         self.explorer = explorer
         self.buttons: dict[str, Any] = {}
+        self.orbit: Any = None  # the one whose parameters the fields show
         parts = (self._breather(), self._walks(), self._special(), self._run(), self._keep())
         self.view = pn.Column(
             *parts, sizing_mode="stretch_width", css_classes=["forms"], margin=0,
@@ -217,6 +218,15 @@ class Forms:
         if chosen is not None:
             for select in (self.free, self.first, self.second):
                 offered(select, list(chosen.free))
+            self._say_where(chosen.orbit)
+
+    def _say_where(self, orbit: Any) -> None:
+        """In the fields are the parameters of what is looked at, however it was chosen."""
+        if orbit is None or orbit is self.orbit:
+            return
+        self.orbit = orbit
+        for name in ABOUT:
+            self.breather[name].input.value = f"{getattr(orbit, name):.10g}"
 
 
 def offered(select: Any, names: list[str], value: str | None = None) -> None:

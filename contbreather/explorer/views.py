@@ -324,7 +324,7 @@ class MotionView:
         self.hits = ColumnDataSource({"x": [], "y": [], "colour": []})
         fig.scatter("x", "y", source=self.hits, color="colour", size=8)
         _legend(fig, ink)
-        fig.legend[0].orientation = "horizontal"
+        fig.legend[0].orientation, fig.legend[0].spacing = "horizontal", 12
         fig.add_layout(fig.legend[0], "above")
 
     def show(self, seen: Motion) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from contbreather.breathers.atlas import save_atlas, surfaces
 from contbreather.breathers.zones_many import slices_of
 from contbreather.continuation import Branch
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, ContbreatherError
 from contbreather.plotting import plot, plot_atlas, plot_zones, save_figure
 from contbreather.runs import Run, load
 from contbreather.studies.parts import Part
@@ -32,7 +32,10 @@ def drawn(study: Study, parts: Sequence[Part], report: Report) -> None:
             report.failed[f"figure {name}"] = f"there is nothing of {', '.join(missing)} to draw"
             continue
         path = report.folder / (figure.file or f"{name}.png")
-        report.written.append(save_figure(shown.drawn(figure), path))
+        try:
+            report.written.append(save_figure(shown.drawn(figure), path))
+        except ContbreatherError as error:  # a column that is not there: the others are drawn
+            report.failed[f"figure {name}"] = str(error)
 
 
 class _Shown:

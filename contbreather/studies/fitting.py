@@ -46,7 +46,7 @@ def _references(study: Study, unread: Collection[str]) -> Iterator[Fault]:
             if source in unread:
                 continue
             if source not in sources:
-                have = ", ".join(sources) or "none"
+                have = _names_there(sources, unread)
                 yield (
                     (kind, name, "of"),
                     f"no branch, arms or boundary {source!r}; there are {have}",
@@ -56,6 +56,10 @@ def _references(study: Study, unread: Collection[str]) -> Iterator[Fault]:
                 yield (kind, name, "of"), f"{wanted!r} was wanted, got {table.of!r}"
             elif name in _origins(study, source):
                 yield (kind, name, "of"), f"it comes from itself, by way of {source!r}"
+
+
+def _names_there(read: Collection[str], unread: Collection[str]) -> str:
+    return ", ".join([*read, *sorted({*unread} - {*KINDS, "chain", "figure"})]) or "none"
 
 
 def _origins(study: Study, name: str) -> list[str]:
@@ -103,7 +107,7 @@ def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> 
         return
     for one in draws:
         if one not in study.results:
-            have = ", ".join(study.results) or "none"
+            have = _names_there(study.results, unread)
             yield ("figure", name, "draws"), f"nothing is called {one!r}; there are {have}"
             return
     kinds = {type(study.results[one]).__name__ for one in draws}

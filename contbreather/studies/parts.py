@@ -108,11 +108,13 @@ def _over(
 ) -> list[Part]:
     """A part for each combination of values."""
     several = [one for one in grid if len(grid[one]) > 1]
+    # a result depends on its own values only, so that more of them may be asked for later
+    alike = {key: value for key, value in asked.items() if key not in (*grid, "over")}
     family = []
     for combination in product(*grid.values()):
         at = dict(zip(grid, combination, strict=True))
         label = ",".join(f"{one}={at[one]!r}" for one in several)
-        family.append(Part(name, label, kind, {**asked, "at": at}))
+        family.append(Part(name, label, kind, {**alike, "at": at}))
     return family
 
 

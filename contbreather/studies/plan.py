@@ -18,7 +18,7 @@ from contbreather.stability.verdict import THRESHOLD
 
 SPREAD = {"from", "to", "count"}
 HARMONIC = "-cos(t)"
-WANTED = "a number"
+WANTED = "a value"
 
 
 def values(given: Any) -> list[float]:

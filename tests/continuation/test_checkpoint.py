@@ -226,6 +226,17 @@ def test_killed_process_leaves_a_file_that_loads(tmp_path: Path) -> None:
 # --- folders ------------------------------------------------------------------------------------
 
 
+def test_what_is_kept_is_not_called_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    for wrong in (
+        lambda: trace(parabola(), "mu", within={"x": (0.9, 1.1)}, save=path),
+        lambda: save(path, trace(parabola(), "mu", within={"x": (0.9, 1.1)})),
+    ):
+        with pytest.raises(BadInput, match=r"netCDF-4 file, call it run\.nc; tables are .* to_csv"):
+            wrong()
+    assert not path.exists()
+
+
 def test_folder_has_what_is_in_its_files_by_name(tmp_path: Path) -> None:
     curve = trace(parabola(), "mu", within={"x": (0.5, 1.5)})
     run = Run(tmp_path / "study")
@@ -241,6 +252,7 @@ def test_folder_has_what_is_in_its_files_by_name(tmp_path: Path) -> None:
         run["LP9"]
     with pytest.raises(BadInput, match=r"'EP1' is a point of several: curve, inner/two/branch1"):
         Run(tmp_path / "study")["EP1"]
+    assert run["inner/two/other/EP1"].arclength == run["inner/two/other"].first("EP1").arclength
     run.keep(curve=trace(parabola(), "mu", within={"x": (0.9, 1.1)}))
     assert run["curve"]["x"].max() == 1.1  # read anew, for the file has changed
     with pytest.raises(BadInput, match="is one file; a folder is wanted"):

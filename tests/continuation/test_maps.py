@@ -442,7 +442,7 @@ def test_a_period_that_is_no_positive_integer_is_refused(period: object) -> None
 
 def test_neimark_sacker_points_have_no_arms_that_are_solutions() -> None:
     curve = trace(henon(1.0, 0.5, 0.5), "beta", within={"beta": (0.0, 2.0)})
-    with pytest.raises(NothingToSwitch, match="leave a NS"):
+    with pytest.raises(NothingToSwitch, match="leave points of kind NS"):
         switch(curve.first("NS"))
 
 

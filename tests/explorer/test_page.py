@@ -126,6 +126,7 @@ def test_a_story_with_the_buttons(page: Page) -> None:
     page.label.value = page.label.options["PF1"]
     assert page.explorer.chosen.code == "branch1.first('PF1')"
     assert page.branches.here.data["x"] == [pytest.approx(0.777632425944)]
+    assert page.forms.breather["a"].input.value == "0.7776324259"
     press(page, "Switch branch here")
     page.forms.free.value = "gamma"
     press(page, "Trace this boundary")
