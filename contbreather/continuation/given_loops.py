@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -37,11 +38,27 @@ def given_loops(curve: Any, params: Mapping[str, float]) -> Loops | None:
     made = _functions(problem.residual, problem.jacobian, names, curve.size, slots, scalar)
     if made is None:
         return None
-    steps = derivatives.RELATIVE * np.maximum(curve.scales, abs(start)) / curve.finer
-    data = (*(float(params.get(name, 0.0)) for name in names), *steps.tolist())
-    loops = Loops(*made, data, at_once=True)
+    values = [float(params.get(name, 0.0)) for name in names]
+    longest = derivatives.RELATIVE * np.maximum(curve.scales, abs(start))
+    loops = Loops(*made, (*values, *(longest / curve.finer).tolist()), at_once=True)
+    if not _agrees(_found(loops, loops.derive, start, known), known, _DERIVED):
+        finer = derivatives.estimate(curve.equations, start, curve.scales)[2]
+        loops = replace(loops, data=(*values, *(longest / finer).tolist()))
     _check(loops, start, curve.equations(start), known)
     return loops
+
+
+def _found(loops: Loops, function: Any, z: Array, wanted: Array) -> Array | None:
+    """What one of them fills in, None where it has no values."""
+    found = np.zeros(wanted.shape)
+    arrays = z.copy(), np.array(loops.data), found
+    status = native.function(function, "ppp")(*(array.ctypes.data for array in arrays))
+    return None if status else found
+
+
+def _agrees(found: Array | None, wanted: Array, close: float) -> bool:
+    atol = close * (1 + abs(wanted).max())
+    return found is not None and np.allclose(found, wanted, rtol=close, atol=atol)
 
 
 def _check(loops: Loops, z: Array, value: Array, slopes: Array) -> None:
@@ -50,15 +67,12 @@ def _check(loops: Loops, z: Array, value: Array, slopes: Array) -> None:
         (loops.evaluate, value, _AGREE),
         (loops.derive, slopes, _DERIVED),
     ):
-        found = np.zeros(wanted.shape)
-        arrays = z.copy(), np.array(loops.data), found
-        status = native.function(function, "ppp")(*(array.ctypes.data for array in arrays))
-        if status or not np.allclose(
-            found, wanted, rtol=close, atol=close * (1 + abs(wanted).max())
-        ):
+        found = _found(loops, function, z, wanted)
+        if not _agrees(found, wanted, close):
             what = "residual" if function is loops.evaluate else "derivative"
+            has = "not to be had" if found is None else found.tolist()
             raise BadInput(
-                f"compiled, the {what} at the start is {found.tolist()}; as it is it gives "
+                f"compiled, the {what} at the start is {has}; as it is it gives "
                 f"{wanted.tolist()}: numba takes it otherwise; leave out compiled=True"
             )
 

@@ -43,6 +43,7 @@ _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a wo
 _LANDINGS = 6  # how often a step is landed on a curved bound; its error is squared each time
 _EXACT = 1e-14  # a landing this close, relative to 1 + |z|, is exact
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
+_SAME_SLOPE = 1e-5  # relative: between what a compiled derivative has for a tangent and what is one
 _PATIENCE = 200  # so many tiny steps in a row lead nowhere
 
 
@@ -367,9 +368,23 @@ class Walker:
             return (), size, bend
         state = (point.arclength, size, float(self.side), self.longest)
         stretch = strider.go(point.z, point.direction, bend, state, most)
+        if len(stretch[0]) and strider.loops.at_once and self._strayed(stretch[0], stretch[1]):
+            self.strider = None
+            return (), size, bend
         if len(stretch[0]):
             self.side, self.longest, self.tiny = strider.side, strider.longest, 0
         return Points(self.curve, *stretch), strider.size, strider.bend
+
+    def _strayed(self, zs: Array, tangents: Array) -> bool:
+        """Whether the derivative of compiled functions, differences with the steps that suited the
+        start, is another than the curve's at the end of a stretch."""
+        try:
+            with _quiet():
+                slopes = self.curve.jacobian(zs[-1])
+        except Undefined:
+            return True
+        off = abs(slopes @ tangents[-1])
+        return not bool((off <= _SAME_SLOPE * (abs(slopes) @ abs(tangents[-1]))).all())
 
     @cached_property
     def strider(self) -> Strider | None:

@@ -259,6 +259,36 @@ def test_compiled_functions_of_a_user_give_the_points_of_plain_ones() -> None:
     )
 
 
+def logarithm(x: Any, p: Any) -> Any:
+    return [x[0] - np.log(p["mu"])]
+
+
+def ripple(x: Any, p: Any) -> Any:
+    return [p["mu"] - np.sin(400 * x[0]) / 400]
+
+
+@pytest.mark.parametrize(
+    ("function", "start", "mu", "within"),
+    [(logarithm, 0.0, 1.0, {"mu": (1e-6, 1.0)}), (ripple, 0.0, 0.0, {"x": (-0.01, 0.01)})],
+)
+def test_compiled_functions_go_where_plain_ones_go_though_differences_do_not_hold(
+    function: Any, start: float, mu: float, within: Any
+) -> None:
+    plain, own = (
+        cb.trace(
+            cb.Problem(function, {"x": start}, {"mu": mu}, compiled=compiled),
+            "mu",
+            within=within,
+            events=[cb.fold()],
+        )
+        for compiled in (False, True)
+    )
+    assert (own.stop, own.began, len(own)) == (plain.stop, plain.began, len(plain))
+    assert [point.label for point in own.special] == [point.label for point in plain.special]
+    assert np.allclose(own["x"], plain["x"], rtol=0, atol=1e-9)
+    assert np.allclose(own["mu"], plain["mu"], rtol=0, atol=1e-9)
+
+
 def test_a_function_that_numba_refuses_is_taken_as_it_is_and_that_is_said_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
