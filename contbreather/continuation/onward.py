@@ -12,6 +12,7 @@ from .branch import Branch, Settings, Stop
 from .checkpoint import Checkpoint, Inner, Save, checkpoint
 from .extended import event_of
 from .point import Event
+from .restored import missing
 from .starts import Within, all_of, windows
 from .steps import Steps
 from .trace import trace
@@ -69,6 +70,8 @@ def extend(
     check_kind(branch, Branch, "a Branch")
     if end not in ("both", "last", "first"):
         raise BadInput(f"end must be 'both', 'last' or 'first', got {end!r}")
+    if branch.problem.residual is missing:
+        missing()
     if event_of(branch.problem) and events is not None:
         raise BadInput("a boundary goes on with the events it was asked for; leave events out")
     asked = _asked(branch, within, events, steps)

@@ -203,6 +203,10 @@ class Problem:
     def at(self, **values: Any) -> Problem:
         """The same problem with other start values or parameters."""
         self.check_names(values)
+        for name in self.start.keys() & values.keys():
+            if np.ndim(values[name]) != np.ndim(self.start[name]):
+                wanted = "an array" if np.ndim(self.start[name]) else "a number"
+                raise BadInput(f"{name} = {values[name]!r}: {wanted} was wanted, as it was before")
         start = {name: values.get(name, value) for name, value in self.start.items()}
         params = {name: values.get(name, value) for name, value in self.params.items()}
         return replace(self, start=start, params=params)

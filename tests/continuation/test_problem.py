@@ -58,6 +58,10 @@ def test_problems_that_make_no_sense_are_refused(given, sentence: str) -> None:
 def test_unknown_names_are_refused_with_the_known_ones() -> None:
     with pytest.raises(BadInput, match=r"no 'nu' in this problem; it has \['x', 'mu'\]"):
         LINE.problem.at(nu=1.0)
+    with pytest.raises(BadInput, match=r"x = \[1\.0, 2\.0\]: a number was wanted"):
+        LINE.problem.at(x=[1.0, 2.0])
+    with pytest.raises(BadInput, match=r"u = 1\.0: an array was wanted, as it was before"):
+        Problem(lambda u, _: u, {"u": np.ones(3)}, {"mu": 0.0}).at(u=1.0)
     for name in ("nu", "x"):
         with pytest.raises(BadInput, match=rf"{name!r} is not a parameter of this problem"):
             trace(LINE.problem, name)
