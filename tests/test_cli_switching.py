@@ -112,7 +112,7 @@ REFUSED = {
     "no free parameter": ("switch --gamma 0.04 --k 0.8", r"--free is missing"),
     "no such point": (f"{SWITCH} --at NS", r"--at NS: there is none.* It has VI1, LP1, PF1, GR1"),
     "none on the arm": (f"{SWITCH} --at PF --at PD", r"asymmetric breather.* It has EP1, GR1"),
-    "a fold": (f"{SWITCH} --at LP", r"LP1.*no other branch is known to leave a LP"),
+    "a fold": (f"{SWITCH} --at LP", r"LP1.*no other branch is known to leave points of kind LP"),
     "an end": (f"{SWITCH} --window 0.5 0.9 --at EP", r"EP1.* is where a branch ends"),
     "not in the window": (f"{SWITCH} --window 0.5 0.7", r"--at PF: there is none"),
     "ring without coupling": (
