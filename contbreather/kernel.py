@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 
 from contbreather import native
 
-# Code is loaded, 0.02 s, and compiled, some seconds, once as many calls were made without as would
-# have paid for it: so nothing takes more than twice the time it needs.
+# Code that is kept is loaded, 0.02 s, once as many calls were made without as would have paid for
+# it. It is compiled, which takes some seconds, on request only.
 LOADING = 200
-COMPILING = 40_000
+COMPILING = math.inf
 
 _log = logging.getLogger("contbreather")
 

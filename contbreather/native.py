@@ -123,7 +123,8 @@ def _had(function: Function, kinds: str) -> tuple[int, Any]:
 def function(function: Function, kinds: str) -> Callable[..., int]:
     """The machine code of a function to be called with addresses and whole numbers."""
     numbers = [ctypes.c_int64 if kind == "i" else ctypes.c_void_p for kind in kinds]
-    return ctypes.CFUNCTYPE(ctypes.c_int64, *numbers)(address(function, kinds))
+    # not CFUNCTYPE: such a call is too short to be worth handing the interpreter to other threads
+    return ctypes.PYFUNCTYPE(ctypes.c_int64, *numbers)(address(function, kinds))
 
 
 @lru_cache(maxsize=64)

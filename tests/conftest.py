@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from contbreather import native
 from contbreather.cli import main
 
 
@@ -17,6 +20,20 @@ def pytest_configure() -> None:
     """A shell that starts the tests in the background has them ignore Ctrl-C, children included."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def code_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Machine code that tests ask for is kept where no other process looks for it."""
+    own, usual = tmp_path_factory.getbasetemp() / "code", native._file
+
+    def file(*given: Any) -> Path:
+        named = usual(*given)
+        return named if "NUMBA_CACHE_DIR" in os.environ else own / named.name
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(native, "_file", file)
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,10 +21,10 @@ Array = NDArray[np.float64]
 WIDEST = 13  # entries of z: beyond a dozen unknowns LAPACK is faster than loops
 _AT_ONCE = 256  # steps in one call of compiled code
 _AS_IT_IS = 16  # and of plain text, after each of which a signal is seen
-# Code is loaded, and compiled where it is not kept, once steps have taken as long without, in
-# seconds: so no call takes more than twice the time it needs.
+# Code that is kept is loaded once steps have taken as long without, in seconds; it is compiled on
+# request only, by `eagerly` or ``compiled=True``.
 _LOADING = 0.05
-_COMPILING = 3.0
+_COMPILING = math.inf
 
 _stride: Callable[..., int] = plain.stride
 _settle: Callable[..., int] = plain.settle
