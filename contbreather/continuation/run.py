@@ -28,6 +28,11 @@ Found = tuple[dict[str, Any], bool]
 class Run(Shown, Mapping[str, Any]):
     """What is on disk under one path: read when it is asked for, and again where it has changed.
 
+    ``run["arms"]`` is a result: of a folder by the name of its file, ``"arms/arm2"`` one of several
+    in a file. ``run["PF2"]`` is a special point, if it is on one of the branches only, and
+    ``run["arms/arm2/PF2"]`` that on a branch. ``run.keep`` adds results to a folder,
+    ``run.file("arms")`` is the path of one, as ``save=`` of `trace` takes it.
+
     Parameters
     ----------
     path : str or Path
@@ -35,11 +40,6 @@ class Run(Shown, Mapping[str, Any]):
     problem : Problem, optional
         The equations of branches of your own problem: files hold those alone that are made of
         numbers.
-
-    ``run["arms"]`` is a result: of a folder by the name of its file, ``"arms/arm2"`` one of several
-    in a file. ``run["PF2"]`` is a special point, if it is on one of the branches only, and
-    ``run["arms/arm2/PF2"]`` that on a branch. ``run.keep`` adds results to a folder,
-    ``run.file("arms")`` is the path of one, as ``save=`` of `trace` takes it.
 
     Raises
     ------
