@@ -1,9 +1,8 @@
-"""Functions whose machine code is taken once it pays."""
+"""Functions whose machine code is loaded, where it is kept, once that pays."""
 
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable
 
 from contbreather import native
@@ -11,7 +10,6 @@ from contbreather import native
 # Code that is kept is loaded, 0.02 s, once as many calls were made without as would have paid for
 # it. It is compiled, which takes some seconds, on request only.
 LOADING = 200
-COMPILING = math.inf
 
 _log = logging.getLogger("contbreather")
 
@@ -47,8 +45,7 @@ class Kernel:
         if self._code is not None:
             return self._code
         self._asked += 1
-        due = self._asked == LOADING and native.is_kept(self.function, self.kinds)
-        if due or self._asked == COMPILING:
+        if self._asked == LOADING and native.is_kept(self.function, self.kinds):
             self.ready()
         return self._code
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -24,7 +23,6 @@ _AS_IT_IS = 16  # and of plain text, after each of which a signal is seen
 # Code that is kept is loaded once steps have taken as long without, in seconds; it is compiled on
 # request only, by `eagerly` or ``compiled=True``.
 _LOADING = 0.05
-_COMPILING = math.inf
 
 _stride: Callable[..., int] = plain.stride
 _settle: Callable[..., int] = plain.settle
@@ -237,8 +235,8 @@ def _timed(equations: Any) -> Iterator[None]:
 
 
 def machine(loops: Loops) -> Machine | None:
-    """Both texts and both functions of a problem in machine code, None where it does not pay yet or
-    cannot be had."""
+    """Both texts and both functions of a problem in machine code, None where it is not kept, does
+    not pay yet or cannot be had."""
     evaluate, derive = loops.evaluate, loops.derive
     if evaluate in _known:
         return _known[evaluate]
@@ -247,8 +245,7 @@ def machine(loops: Loops) -> Machine | None:
     if not (loops.at_once or _eager):
         if sum(_spent.values()) < _LOADING:
             return None
-        paid = _spent.get(evaluate, 0.0) >= _COMPILING
-        if not (paid or all(native.is_kept(*part) for part in (*texts, *functions))):
+        if not all(native.is_kept(*part) for part in (*texts, *functions)):
             return None
     try:
         calls, at = [native.function(*t) for t in texts], [native.address(*f) for f in functions]

@@ -23,11 +23,11 @@ WITHIN = {"a": (0.06, 0.9)}
 
 @pytest.fixture
 def when(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """Set after how many seconds code is loaded, and compiled where it is not kept."""
+    """Set after how many seconds code is loaded; 0: it is compiled where it is not kept."""
 
     def set_(seconds: float) -> None:
         monkeypatch.setattr(strider, "_LOADING", seconds)
-        monkeypatch.setattr(strider, "_COMPILING", seconds)
+        monkeypatch.setattr(strider, "_eager", [] if seconds else [True])
         monkeypatch.setattr(strider, "_known", {})
         monkeypatch.setattr(strider, "_spent", {})
 
