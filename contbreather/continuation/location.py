@@ -83,6 +83,8 @@ def find(
     if earlier is not None and crossing is None and ends == Ends():
         pace = (segment.first.arclength - earlier[0]) / segment.length
         calm = {i for i, t in enumerate(trails) if _is_calm(t, earlier[1][i], pace)}
+        # those with a matrix say more of what is between than their values do
+        calm -= {i for i in calm if trails[i].foresee()}
     if len(calm) == len(events):
         return Found((), (), after)
     for i, trail in enumerate(trails):
@@ -118,7 +120,9 @@ def _is_calm(trail: Trail, earlier: Value, pace: float) -> bool:
     start, end, event = trail.values[0.0], trail.values[1.0], trail.event
     if event.test is None:
         return start == end
-    if trail.jumps or isinstance(event.test, Singular) or not start * end > 0:
+    if math.isnan(start) and math.isnan(end):  # what is between has nothing to change from
+        return not trail.counts_apart()
+    if trail.jumps or not start * end > 0:
         return False
     bend = (end - start - (start - earlier) / pace) / (1 + pace)
     middle = (0.5 * (start + end) - 0.25 * bend) * (1 if start > 0 else -1)

@@ -24,6 +24,8 @@ OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 # Sums of terms that round once each, by eps/2: what is left of them was never seen to be more.
 _ROUNDED = 4 * np.finfo(float).eps
 _SHORTEST = 1e-6  # damping at which an approach gives up
+_LASTING = 1e-5  # of a step this short, relative to 1 + |z|, the square is rounding
+_SHRUNK = 1e-2  # and no curvature is in the way where it is this much shorter than the one before
 _NEAR = 1e-3  # length of a step, relative to 1 + |z|, at which it has arrived
 _THERE = 1e-10  # and one at which rounding may decide whether the next is shorter
 _LARGE = 10.0  # size of z beyond which its entries are looked at one by one
@@ -88,12 +90,17 @@ def newton(
     iteration unconverged, unless all that is left of the equations is rounding: of stiff ones,
     or beside a branch point, that may be more than `tolerance`. Where the matrix is singular
     a correction may be short far from any solution: there the residual has to be rounding.
+    The factors of a large derivative serve the last steps, too, which it no longer changes.
     """
-    previous = math.inf
-    bound = tolerance * (1 + length(z, metric))
+    previous, factors, lasting = math.inf, None, False
+    size = 1 + length(z, metric)
+    bound = tolerance * size
     for iteration in range(1, most + 1):
-        value, matrix = equations(z), jacobian(z)
-        step, singular = correction(matrix, value, row)
+        value = equations(z)
+        if factors is None or not lasting:
+            matrix = jacobian(z)
+            factors = sparse.Factors(matrix) if sparse.is_sparse(matrix) else None
+        step, singular = correction(factors or matrix, value, row)
         moved = length(step, metric)
         if not moved < math.inf:
             raise Undefined("the Newton correction is not finite")
@@ -108,14 +115,17 @@ def newton(
             value = equations(z)
             solved = not singular or _is_rounding(value, matrix, z, metric)
             return Solution(z, solved, iteration, _largest(value), moved)
+        lasting = moved <= min(_LASTING * size, _SHRUNK * previous)
         previous = moved
     return Solution(z, False, most, _largest(equations(z)), previous)
 
 
-def correction(matrix: Matrix, value: Array, row: Array | None) -> tuple[Array, bool]:
+def correction(
+    matrix: Array | sparse.Factors, value: Array, row: Array | None
+) -> tuple[Array, bool]:
     """The step, and whether the matrix is singular, as at a branch point: there the shortest
     correction is as good as any."""
-    if sparse.is_sparse(matrix):
+    if isinstance(matrix, sparse.Factors):
         return sparse.correction(matrix, value, row)
     # the linear condition holds at every iterate, its residual stays 0
     whole, right = (matrix, value) if row is None else bordered(matrix, row, value, 0.0)

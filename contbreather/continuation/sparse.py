@@ -20,6 +20,7 @@ Matrix = Any  # an array, or a scipy.sparse.csc_array
 
 _STEEP = 1e3  # an unknown that moves this much with the last ones is kept fixed in their place
 _PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
+_BAND = 8  # entries no farther off the diagonal fill no more than their band
 _TURNS = 4  # steps of inverse iteration next to a null vector
 _SHIFT = 1e-14  # relative size of what is added where a matrix is singular to the last digit
 
@@ -56,6 +57,17 @@ def above(matrix: Matrix, rows: Any) -> Matrix:
     from scipy.sparse import csc_array, vstack
 
     return vstack([matrix, csc_array(rows)], format="csc")
+
+
+def first_columns(matrix: Matrix, n: int) -> Matrix:
+    """The first n columns of a matrix, dense or sparse; what they hold is not to be written to."""
+    if not is_sparse(matrix):
+        return matrix[:, :n]
+    from scipy.sparse import csc_array
+
+    end = matrix.indptr[n]
+    parts = (matrix.data[:end], matrix.indices[:end], matrix.indptr[: n + 1])
+    return csc_array(parts, shape=(matrix.shape[0], n))
 
 
 def columns_of(matrix: Matrix) -> NDArray[np.intp]:
@@ -117,8 +129,8 @@ class Factors:
         n, width = self.matrix.shape
         self._order, self._inside = order, order[:n]
         self._in_order = bool((order[:n] == np.arange(n)).all())
-        core = self.matrix[:, :n] if self._in_order else self.matrix[:, self._inside]
-        core.data *= self._rows[core.indices]
+        core = first_columns(self.matrix, n) if self._in_order else self.matrix[:, self._inside]
+        core = _with(core, core.data * self._rows[core.indices])
         self.exact = True
         try:
             self._lu = factorised(core)
@@ -173,9 +185,9 @@ class Factors:
     @cached_property
     def _own_sign(self) -> int:
         lu = self._lu
-        turns = _odd(lu.perm_r) + _odd(lu.perm_c)
-        if not self._in_order:
-            turns += _odd(self._order)
+        turns = 0 if self._in_order else _odd(self._order)
+        if (lu.perm_r != lu.perm_c).any():
+            turns += _odd(lu.perm_r) + _odd(lu.perm_c)
         return -1 if (np.count_nonzero(lu.U.diagonal() < 0) + turns) % 2 else 1
 
     def sign(self, rows: Array | None = None) -> int:
@@ -190,15 +202,19 @@ class Factors:
 def factorised(matrix: Matrix) -> Any:
     """The factors of a square sparse matrix, `scipy.sparse.linalg.SuperLU`.
 
-    Where the diagonal leads in every column and no row or column is long, pivots are taken from
-    it, in the order that suits a symmetric pattern: a third of the time for a chain, two thirds
-    for a square.
+    A narrow band is taken as it is. Elsewhere, where the diagonal leads in every column and no
+    row or column is long, pivots are taken from it, in the order that suits a symmetric pattern:
+    two thirds of the time for a square.
 
     Raises `RuntimeError` where a pivot is exactly zero.
     """
     from scipy.sparse.linalg import splu
 
-    order: Any = "MMD_AT_PLUS_A" if _diagonal_leads(matrix) else "COLAMD"
+    order: Any = "COLAMD"
+    if abs(matrix.indices - columns_of(matrix)).max(initial=0) <= _BAND:
+        order = "NATURAL"
+    elif _diagonal_leads(matrix):
+        order = "MMD_AT_PLUS_A"
     return splu(matrix, permc_spec=order, diag_pivot_thresh=_PIVOT)
 
 
@@ -249,16 +265,15 @@ def _odd(permutation: NDArray[np.intp]) -> bool:
     return bool((n - cycles) % 2)
 
 
-def correction(matrix: Matrix, right: Array, row: Array | None) -> tuple[Array, bool]:
+def correction(factors: Factors, right: Array, row: Array | None) -> tuple[Array, bool]:
     """The solution of a bordered system whose last right side is zero, and whether its matrix is
     singular to the last digit: then of those that nearly solve it one that is short."""
     below = None if row is None else row[None, :]
     full = right if row is None else np.append(right, 0.0)
-    factors = Factors(matrix)
     if factors.exact:
         return factors.solve(full, below), False
-    n, width = matrix.shape
-    wider = Factors(beside(matrix, any_vector(n)[:, None]))
+    n, width = factors.matrix.shape
+    wider = Factors(beside(factors.matrix, any_vector(n)[:, None]))
     rows = np.zeros((width + 1 - n, width + 1))
     rows[0, :width] = any_vector(width)
     if row is not None:

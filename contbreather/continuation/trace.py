@@ -26,6 +26,7 @@ from .points import Points
 from .problem import Problem, problem_in
 from .scope import scope
 from .segment import Segment, tangent_at
+from .sparse import is_sparse
 from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, settled, windows
 from .steps import Steps
 from .stride import ITERATIONS, STRAY, TINY, TURN, next_size
@@ -551,8 +552,11 @@ class Walker:
         residual tells. (Halfway, tangents that are wrong alike would cancel.)"""
         between = 20 * point.z + 7 * last.z + (4 * point.direction - 2 * last.direction) * length
         between /= 27
-        value, row = self.curve.equations(between), self.curve.dual(point.direction)
-        off, singular = correction(self.curve.jacobian(between), value, row)
+        curve, row = self.curve, self.curve.dual(point.direction)
+        value, slopes = curve.equations(between), curve.jacobian(last.z)
+        # of large problems the factors at hand: no more than the size of the answer is asked for
+        slopes = curve.factors(last.z) if is_sparse(slopes) else curve.jacobian(between)
+        off, singular = correction(slopes, value, row)
         if singular:
             return False  # a branch point: the residual says nothing there
         return self.curve.length(off) > STRAY * length

@@ -154,10 +154,11 @@ class Trail:
         if u not in self.values and not any(low <= u <= high for low, high in self.done):
             self.values[u] = value
 
-    def foresee(self) -> None:
+    def foresee(self) -> bool:
         """Look between the places where a test should have its zeros, so that each leaves its
-        change of sign; and beside an event at the start, where the sign is not known."""
-        test, segment, look = self.event.test, self.segment, list[float]()
+        change of sign; and beside an event at the start, where the sign is not known. Whether
+        there are any."""
+        test, segment, look, places = self.event.test, self.segment, list[float](), np.empty(0)
         if isinstance(test, Singular) and segment.last.tangent is not None:
             sizes = [abs(value) for value in self.values.values()]
             near = min(sizes) < _LOW * max(sizes)
@@ -171,3 +172,4 @@ class Trail:
             look.append(ASIDE + 1e-12 * size / segment.length)
         for u in look:
             self.glance(u)
+        return bool(places.size or look)

@@ -140,7 +140,7 @@ def test_a_step_takes_few_factorisations_of_the_size_of_the_derivative(monkeypat
     steps = cb.Steps(most=12)
     branch = cb.trace(bratu(second(300)), "lam", towards="up", events=FEW, steps=steps)
     assert len(branch) == 13
-    assert len(sizes) < 7 * len(branch)
+    assert len(sizes) < 3 * len(branch)
     assert max(sizes) == 300
 
 
