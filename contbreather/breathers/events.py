@@ -16,11 +16,11 @@ from contbreather.breathers import symmetric_events
 from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.orbit import Orbit, orbit_at, plain
 from contbreather.continuation import Event, Locus, Point, Problem
-from contbreather.continuation.point import Judged
+from contbreather.continuation.point import Counting, Judged
 from contbreather.continuation.recipes import Recipe
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability.verdict import THRESHOLD
+from contbreather.stability.verdict import THRESHOLD, beyond
 
 WHY: Mapping[str, str] = {
     "PF": "only a symmetric orbit, known by half its period, has a pitchfork",
@@ -183,12 +183,10 @@ def _judged(event: Event, threshold: float) -> Event:
         count=event.count,
         locus=event.locus,
         examine=event.examine,
-        record={"unstable": partial(_unstable, threshold)},
+        record={"unstable": Counting(partial(_unstable, threshold))},
         about=f"threshold {threshold:g}",
     )
 
 
 def _unstable(threshold: float, point: Point) -> float:
-    orbit: Orbit = point.solution
-    chain = orbit.lattice.sites is None
-    return orbit.stability(threshold=None if chain else threshold).unstable
+    return beyond(point.solution.map, threshold)

@@ -26,10 +26,11 @@ from contbreather.breathers.orbit import Orbit, plain, road
 from contbreather.breathers.section import WEAK, Impact, Section, check_order, check_possible
 from contbreather.breathers.watched import ModalWatch
 from contbreather.continuation import Event, Point, Problem
+from contbreather.continuation.point import Counting
 from contbreather.continuation.recipes import Recipe
 from contbreather.lattice import Ring
 from contbreather.lattice.conditions import Conditions
-from contbreather.stability.verdict import THRESHOLD
+from contbreather.stability.verdict import THRESHOLD, beyond
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -218,7 +219,7 @@ def _columns(section: Section, threshold: float) -> dict[str, Any]:
         columns["c"] = attrgetter("solution.c")
     if same and count == 2:
         columns["asymmetry"] = partial(_asymmetry, section.period)
-    columns["unstable"] = partial(_unstable, threshold)
+    columns["unstable"] = Counting(partial(_unstable, threshold))
     return {**columns, "condition": attrgetter("solution.flight.condition")}
 
 
@@ -231,5 +232,4 @@ def _asymmetry(period: float, point: Point) -> float:
 
 
 def _unstable(threshold: float, point: Point) -> float:
-    orbit: Orbit = point.solution
-    return orbit.stability(threshold=threshold).unstable
+    return beyond(point.solution.map, threshold)

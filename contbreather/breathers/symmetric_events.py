@@ -28,7 +28,8 @@ from contbreather.checks import check_kind, real
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import Always, Judged, Meeting
+from contbreather.continuation.point import Always, Counting, Judged, Meeting
+from contbreather.continuation.points import Points
 from contbreather.continuation.strider import Loops
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Lattice, Ring
@@ -43,7 +44,7 @@ from contbreather.stability.isolated import closest_approach
 from contbreather.stability.normal_form import PitchforkForm, pitchfork_form
 from contbreather.stability.pairs import outermost
 from contbreather.stability.verdict import THRESHOLD
-from contbreather.stability.winding import unstable_count
+from contbreather.stability.winding import many_outside, outside, unstable_count
 
 Array = NDArray[np.float64]
 Scalar = Callable[[SymmetricFlight], float]
@@ -96,7 +97,11 @@ def neimark_sacker(
         count=event.count,
         locus=event.locus,
         examine=event.examine,
-        record={"unstable": partial(_unstable_at, lattice, threshold)},
+        record={
+            "unstable": Counting(
+                partial(_unstable_at, lattice, threshold), partial(_rows_unstable, lattice)
+            )
+        },
         about=about,
     )
 
@@ -105,11 +110,29 @@ def _unstable_at(lattice: Lattice, threshold: float, point: Point) -> int:
     return unstable(_flight(point), lattice, threshold)
 
 
+def _rows_unstable(lattice: Lattice, points: Points) -> NDArray[np.int64] | None:
+    """Of all points of a branch at once, -1 where each has to be asked; None where none can be."""
+    curve = points.curve
+    if isinstance(lattice, Ring) or not {*curve.free} <= {"a", "gamma", "k"}:
+        return None
+    on = _flight(points[0])
+    if not isinstance(on.lattice, InfiniteChain) or on.lattice.spring:
+        return None
+    p, phi, *free = points.z.T
+    values = curve.fixed | dict(zip(curve.free, free, strict=True))
+    a, gamma, k = (np.broadcast_to(values[name], p.shape) for name in ("a", "gamma", "k"))
+    with np.errstate(all="ignore"):
+        acceleration = a * on.forcing.d2f(phi) - p * on.lattice.means(gamma, "eta")
+        b = 0.5 * (1.0 + k) ** 2 * acceleration / p
+    return np.where(p > 0.0, many_outside(gamma, k, b), -1)
+
+
 def unstable(breather: SymmetricFlight, lattice: Lattice, threshold: float) -> int:
     """Multipliers of QS outside the circle: isolated ones on the infinite chain, those over 2 pi
     beyond the threshold on a ring."""
     if not isinstance(lattice, Ring):
-        return _chain_map(breather).count().count
+        map = _chain_map(breather)
+        return outside(map.gamma, map.k, map.b, map.lattice)
     radius = math.sqrt(threshold)
     return unstable_count(breather.gamma, breather.k, breather.b, lattice, radius=radius).count
 

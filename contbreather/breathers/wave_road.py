@@ -28,6 +28,7 @@ from contbreather.breathers.wave_events import (
 )
 from contbreather.breathers.waves import GreenFlight, OrbitEquations, Params
 from contbreather.continuation import Event, Point, Problem, branch_point, fold
+from contbreather.continuation.point import Counting
 from contbreather.continuation.recipes import Recipe
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
@@ -134,7 +135,7 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """
     motion = orbit.flight
     equations: OrbitEquations = motion.equations
-    record: dict[str, Any] = {"unstable": partial(_unstable, threshold)}
+    record: dict[str, Any] = {"unstable": Counting(partial(_unstable, threshold))}
     if orbit.section.two_impacts:
         record["p"], record["asymmetry"] = (
             attrgetter("solution.p"),
@@ -231,7 +232,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         events=(pitchfork_of_arms(), orbit_fold(), *events_on(orbit.lattice, threshold)),
         record={
             "asymmetry": _asymmetry,
-            "unstable": partial(_unstable, threshold),
+            "unstable": Counting(partial(_unstable, threshold)),
         },
         domain={
             "gamma": (0.0, 0.25),

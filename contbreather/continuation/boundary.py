@@ -20,7 +20,7 @@ from .checkpoint import Inner, Save, checkpoint
 from .curve import Curve
 from .extended import Extended, event_of, extended, lifted
 from .newton import Undefined
-from .point import Event, Locus, Meeting, Point
+from .point import Counting, Event, Locus, Meeting, Point
 from .problem import Problem
 from .scope import scope, titled, walls_are_lifted
 from .starts import Within, all_of, windows
@@ -172,7 +172,11 @@ def _beside(event: Event, column: Callable[[Point], Any]) -> Callable[[Point], A
     the boundary is the place at which one of them passes, and rounding would decide it."""
     if not event.bifurcates:
         return column
-    return partial(_blurred, column)
+    return _no_count if isinstance(column, Counting) else partial(_blurred, column)
+
+
+def _no_count(point: Point) -> float:
+    return math.nan
 
 
 def _blurred(column: Callable[[Point], Any], point: Point) -> Any:

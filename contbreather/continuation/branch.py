@@ -173,7 +173,7 @@ class Branch(Columns, Shown):
         if name in problem.params:
             return np.full(len(self.points), float(problem.params[name]))
         if name in problem.record:
-            return np.array([point[name] for point in self.points])
+            return self._rows.recorded(name)
         array = problem.normed(name)
         if array is not None:
             return np.asarray(np.linalg.norm(self[array], axis=1))

@@ -96,7 +96,7 @@ def _dataset(branch: Branch, points: Points, record: Iterable[str] = ()) -> Data
         if name not in curve.free:
             variables[name] = ((), float(value), {"role": text("fixed")})
     for name in record:
-        variables[name] = column(name, np.array([point[name] for point in points]), "recorded")
+        variables[name] = column(name, points.recorded(name), "recorded")
     for name, one in {**_of_points(points), ABOUT: about(_about(branch, points, record))}.items():
         if name in variables:
             raise BadInput(f"{name!r} is a name that the file needs itself; choose another")

@@ -24,7 +24,7 @@ from .curve import Params
 from .cycles import Iterate, Map, cycle, generic, multiplier_matrix, shorter, units, with_period
 from .equilibria import cusp, fold
 from .lift import Lift
-from .point import Event, Examined, Locus, Meeting, Point
+from .point import Counting, Event, Examined, Locus, Meeting, Point
 from .problem import Problem
 from .starts import all_of
 
@@ -105,7 +105,7 @@ def FixedPoint(
         params,
         jacobian=None if jacobian is None else iterate.jacobian,
         events=EVENTS if events is None else all_of(events) or (),
-        record={**(record or {}), "unstable": _unstable},
+        record={**(record or {}), "unstable": Counting(_unstable)},
         domain=domain or {},
         scales=scales or {},
         interpret=cycle,

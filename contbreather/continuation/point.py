@@ -329,6 +329,27 @@ class Event:
         return f"<Event {self.kind}{', terminal' if self.ends else ''}>"
 
 
+@dataclass(frozen=True)
+class Counting:
+    """A recorded column that counts what is unstable: not asked for along the boundary of a
+    bifurcation, where rounding would decide it.
+
+    Parameters
+    ----------
+    of : callable
+        ``of(point)``, the number at one point.
+    rows : callable, optional
+        ``rows(points)``, an int array with the numbers of all points of a branch, -1 where one has
+        to be asked for by itself; or None, if all have.
+    """
+
+    of: Callable[[Point], float]
+    rows: Callable[[Any], NDArray[np.int64] | None] | None = None
+
+    def __call__(self, point: Point) -> float:
+        return self.of(point)
+
+
 @dataclass(frozen=True, repr=False)
 class Judged(Event):
     """An event with a rule of its own for who counts as unstable: the columns that go with it.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .curve import Curve
-from .point import Point
+from .point import Counting, Point
 
 Array = NDArray[np.float64]
 
@@ -83,6 +83,20 @@ class Points(Sequence[Point]):
     def special(self) -> tuple[Point, ...]:
         """Those of a kind, in order."""
         return tuple(self.made[i] for i in sorted(self.made) if self.made[i].kind)
+
+    def recorded(self, name: str) -> NDArray[Any]:
+        """A recorded column; of those that can say many numbers at once the rest is asked for."""
+        column, along = self.curve.problem.record[name], None
+        if isinstance(column, Counting) and column.rows and self.curve.problem.beneath is None:
+            along = column.rows(self)
+        if along is None:
+            return np.array([point[name] for point in self])
+        asked = np.union1d(np.flatnonzero(along < 0), np.array([*self.made], dtype=np.intp))
+        if asked.size:
+            answers = np.array([self[i][name] for i in asked.tolist()])
+            along = along.astype(np.result_type(along, answers))
+            along[asked] = answers
+        return along
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Points):

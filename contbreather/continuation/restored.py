@@ -19,7 +19,7 @@ from .cycles import Iterate, with_period
 from .equilibria import branch_point, fold, hopf
 from .groups import ABOUT, DOUBTFUL, ORIGIN, from_json
 from .newton import Undefined
-from .point import Event, Point
+from .point import Counting, Event, Point
 from .points import Points
 from .problem import Problem
 from .recipes import remade
@@ -286,6 +286,9 @@ class Recorded:
         i = self._known.get(point.z.tobytes())
         return self.function(point) if i is None else _plain(self.values[i])
 
+    def rows(self, points: Points) -> Array | None:
+        return self.values if np.array_equal(points.z, self.z) else None
+
     @cached_property
     def _known(self) -> dict[bytes, int]:
         return {row.tobytes(): i for i, row in enumerate(self.z)}
@@ -297,10 +300,12 @@ def _remembering(problem: Problem, about: About, data: Dataset) -> Problem:
     if problem.beneath is not None:
         size = problem.residual.n  # type: ignore[attr-defined]
         z = np.hstack([z[:, :size], z[:, -2:]])
-    record = {
-        name: Recorded(problem.record.get(name, missing), z, _values(data, name))
-        for name in about["recorded"]
-    }
+    record: dict[str, Callable[[Point], Any]] = {}
+    for name in about["recorded"]:
+        own = problem.record.get(name, missing)
+        record[name] = known = Recorded(own, z, _values(data, name))
+        if isinstance(own, Counting):
+            record[name] = Counting(known, known.rows)
     return replace(problem, record={**problem.record, **record})
 
 

@@ -23,6 +23,7 @@ from contbreather.checks import number, whole
 from contbreather.continuation import Event, Point, Problem, maps
 from contbreather.continuation.cycles import Iterate, multiplier_matrix, shorter, with_period
 from contbreather.continuation.lift import Lift
+from contbreather.continuation.point import Counting
 from contbreather.continuation.recipes import Recipe
 from contbreather.dynamics.impacting import Run, RunStop, Sample, advance, completed
 from contbreather.dynamics.smooth import (
@@ -385,7 +386,7 @@ def _dressed(problem: Problem, t0: float, back: Return) -> Problem:
         events=_events(back.on, flip),
         record={
             "largest": attrgetter("solution.largest"),
-            "unstable": attrgetter("solution.unstable"),
+            "unstable": Counting(attrgetter("solution.unstable")),
         },
         interpret=own.interpret,
         simpler=own.simpler,

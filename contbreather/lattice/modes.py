@@ -202,6 +202,15 @@ class _TranslationInvariant:
             total += weight * self._excess(scale * x)
         return total
 
+    def means(self, gamma: FloatArray, name: str) -> FloatArray:
+        """`chi`, `eta`, `sigma` or `psi` of the infinite chain at many couplings inside of its
+        domain."""
+        series, x = self._expansions[name], 4.0 * gamma
+        total = np.polyval([*series.powers, series.constant], x)
+        for weight, scale in series.poles:
+            total += weight * (1.0 / np.sqrt(1.0 - scale * x) - 1.0)
+        return np.asarray(total)
+
     def _slope(self, gamma: float, name: str) -> float:
         series = self._expansions[name]
         x = 4.0 * (gamma if 0.0 <= gamma < self._limit else self.check(gamma))

@@ -89,7 +89,7 @@ def sprung(gamma: float, s: Array, spring: float) -> Alias:
     return Alias(np.asarray(h), h * (2.0 / s - s * (A + edge) / (A * edge)), 2.0 * h / edge)
 
 
-def alias(gamma: float, s: Array, sites: int | None = None, spring: float = 0.0) -> Array:
+def alias(gamma: Any, s: Array, sites: int | None = None, spring: float = 0.0) -> Array:
     """``h = -s^2 g(s)``, g the resolvent of the chain (``sites=None``) or ring, off the band."""
     if spring:
         return sprung(gamma, s, spring).h
@@ -133,13 +133,26 @@ def _powers(x: Array) -> Array:
     return np.multiply.accumulate(rows, axis=0, out=rows)
 
 
-def regular(gamma: float, nu: Array, sites: int | None = None, spring: float = 0.0) -> Regular:
-    """R, B, C at ``|Re nu| <= 1, |Im nu| <= 1`` (real arithmetic for real nu)."""
+def _tails(gamma: Any, nu: Array, sites: int | None, spring: float) -> Array:
+    """The tails of R/nu, B, C; of many couplings for the infinite chain without springs."""
+    if np.ndim(gamma) == 0:
+        tail = tail_coefficients(gamma, sites, spring)[0] @ _powers(nu * nu)
+        return np.asarray(tail.reshape(3, *nu.shape))
+    moments = InfiniteChain().moments(0)[:ORDERS, None] * _powers(4.0 * gamma)[:ORDERS]
+    rows = (tables() @ moments).reshape(3, POWERS, *gamma.shape)
+    total = np.zeros((3, *nu.shape))
+    for power in range(POWERS - 1, -1, -1):
+        total = total * (nu * nu) + rows[:, power]
+    return total
+
+
+def regular(gamma: Any, nu: Array, sites: int | None = None, spring: float = 0.0) -> Regular:
+    """R, B, C at ``|Re nu| <= 1, |Im nu| <= 1`` (real arithmetic for real nu); on the infinite
+    chain without springs gamma may be an array, too."""
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
     h = alias(gamma, s, sites, spring)
     hs = h / s
-    tail = tail_coefficients(gamma, sites, spring)[0] @ _powers(nu * nu)
-    r, b, c = tail.reshape(3, *nu.shape)
+    r, b, c = _tails(gamma, nu, sites, spring)
     return Regular(
         nu * r - hs.sum(0) / math.pi,
         b + (hs / s).sum(0) / math.pi,

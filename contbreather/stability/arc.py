@@ -36,6 +36,8 @@ from contbreather.stability.aliases import regular, regular_by_spring, regular_s
 Array = NDArray[Any]
 
 GRID = 64  # intervals of the remembered grid in alpha; refinement does the rest
+COARSE = 24  # of the grid for many windows at once
+_ENOUGH = 1e-7  # in alpha, for these
 _ON_ARC, _WINDOW = Kernel(arc_loops.on_arc, "pppp"), Kernel(arc_loops.window, "pppp")
 
 
@@ -50,13 +52,13 @@ class Arc(NamedTuple):
     C: Array
 
 
-def angle(gamma: float, alpha: Any, spring: float = 0.0) -> Any:
+def angle(gamma: Any, alpha: Any, spring: float = 0.0) -> Any:
     """nu, the frequency of the wave ``theta = 2 alpha``."""
-    sine = 2.0 * math.sqrt(gamma) * np.sin(alpha)
+    sine = 2.0 * np.sqrt(gamma) * np.sin(alpha)
     return np.sqrt(spring + sine * sine) if spring else sine
 
 
-def sample(gamma: float, alpha: Array, spring: float = 0.0) -> Arc:
+def sample(gamma: Any, alpha: Array, spring: float = 0.0) -> Arc:
     """R, B, C at ``nu^2 = spring + 4 gamma sin(alpha)^2``."""
     nu = angle(gamma, alpha, spring)
     v = 4.0 * gamma * np.sin(alpha) * np.cos(alpha)
@@ -201,15 +203,15 @@ def _pair_slope(at: _Place, by: _Place) -> Array:
     return np.array([real, imag + (cc_ * wave + cc * wave_ + beta_) / math.pi])
 
 
-def _angle_equation(gamma: float, arc: Arc, q: float, spring: float) -> Array:
+def _angle_equation(gamma: Any, arc: Arc, q: Any, spring: float) -> Array:
     """(v/nu) times the equation for a Neimark-Sacker angle: negative at both ends of the band."""
     alpha, nu, v, R, B, _ = arc
-    root = v / nu if spring else 2.0 * math.sqrt(gamma) * np.cos(alpha)
+    root = v / nu if spring else 2.0 * np.sqrt(gamma) * np.cos(alpha)
     square = (R + nu * B) ** 2 - 0.25 * q * q
     return np.asarray(root * square - q * (1.0 / math.pi - math.pi * v * root * R * B))
 
 
-def _needed(arc: Arc, k: float) -> Array:
+def _needed(arc: Arc, k: Any) -> Array:
     """The b that brings D to zero at an angle, where the equation for the angle holds."""
     _, nu, v, R, B, C = arc
     q = (1.0 - k) / (1.0 + k)
@@ -292,7 +294,7 @@ def _parabola(arc: Arc, y: Array) -> _Crest:
     return _Crest(arc, y, bend, vertex, float(y[1]) + 0.25 * tilt * vertex)
 
 
-def _roots(gamma: float, q: float, x: Array, y: Array, spring: float) -> Array:
+def _roots(gamma: Any, q: Any, x: Array, y: Array, spring: float, close: float = 4e-16) -> Array:
     """One root in each bracket, columns of x, with the values y there: secants, kept inside."""
     (low, high), rising = x.copy(), y[1] > y[0]
     (old, new), (before, after) = x, y
@@ -304,7 +306,7 @@ def _roots(gamma: float, q: float, x: Array, y: Array, spring: float) -> Array:
         inside = (low <= step) & (step <= high)
         old, before = new, after
         new = np.where(inside | (after == 0.0), step, 0.5 * (low + high))
-        if np.all(np.abs(new - old) <= 4e-16):
+        if np.all(np.abs(new - old) <= close):
             break
         after = _angle_equation(gamma, sample(gamma, new, spring), q, spring)
         under = (after < 0.0) == rising
@@ -369,6 +371,28 @@ def window(gamma: float, k: float, spring: float = 0.0) -> Window:
     # b at the two roots of the parabola, were it high enough: centre +- slope sqrt(2 height/bend)
     square = 2.0 * crest.height * slope * slope / crest.bend if crest.bend > 0.0 else -1.0
     return Window(centre, min(square, 0.0))
+
+
+def windows(gamma: Array, k: Array) -> tuple[Array, Array]:
+    """Centre and square of many windows of the chain without springs, to about 1e-7; NaN where
+    `window` has to look closer."""
+    q, every = (1.0 - k) / (1.0 + k), gamma[:, None]
+    alpha = np.linspace(0.0, 0.5 * math.pi, COARSE + 1)
+    values = _angle_equation(every, sample(every, alpha), q[:, None], 0.0)
+    values[:, 0] = values[:, -1] = -q / math.pi
+    passed = (values[:, :-1] > 0.0) != (values[:, 1:] > 0.0)
+    passed &= (passed.sum(axis=1) == 2)[:, None]
+    row, up = np.nonzero(passed)
+    brackets = np.array([up, up + 1])
+    found = _roots(gamma[row], q[row], alpha[brackets], values[row, brackets], 0.0, _ENOUGH)
+    first, last = _needed(sample(gamma[row], found), k[row]).reshape(-1, 2).T
+    centre, square = np.full((2, q.size), math.nan)
+    centre[row[::2]], square[row[::2]] = 0.5 * (first + last), 0.25 * (first - last) ** 2
+    top = np.clip(values.argmax(axis=1), 1, COARSE - 1)
+    before, crest, after = np.take_along_axis(values, top[:, None] + [-1, 0, 1], axis=1).T
+    below = crest + 0.5 * (2.0 * crest - before - after) < 0.0  # four times what a parabola asks
+    centre[below], square[below] = 0.0, -1.0
+    return centre, square
 
 
 def _neutral_until(gamma: float, spring: float) -> float:

@@ -153,13 +153,23 @@ def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
     if map.lattice.sites is None:
         count = map.count()
         return Verdict(name, map.period, None, count.count, count.certain, count.nu, map=map)
-    if not 1.0 <= real(threshold) < math.inf or (threshold == 1.0 and map.idle == 1.0):
+    if not 1.0 <= real(threshold) < math.inf or _on_circle(map, threshold):
         raise BadInput(
             f"threshold = {threshold!r}: a lattice without damping always has multipliers on the "
             "unit circle, so a finite threshold above 1 is wanted (the paper takes 1.005)."
         )
     beyond = int(np.count_nonzero(np.abs(map.over_period) > threshold))
     return Verdict(name, map.period, float(threshold), beyond, map=map)
+
+
+def _on_circle(map: Any, threshold: float) -> bool:
+    return bool(threshold == 1.0 and map.lattice.sites is not None and map.idle == 1.0)
+
+
+def beyond(map: Any, threshold: float) -> float:
+    """``verdict(map, threshold).unstable`` for a column: NaN where damping ends and there is none
+    for this threshold."""
+    return math.nan if _on_circle(map, threshold) else verdict(map, threshold).unstable
 
 
 def stability(

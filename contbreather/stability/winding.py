@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from contbreather.checks import real
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.modes import InfiniteChain, check_gamma
-from contbreather.stability.arc import Arc, angle, curve, grid, sample, window
+from contbreather.stability.arc import Arc, angle, curve, grid, sample, window, windows
 from contbreather.stability.characteristic import D, sites_of, spring_of
 
 Array = NDArray[Any]
@@ -38,6 +38,8 @@ DEPTH = 48  # halvings of one grid interval: down to 1e-16 in alpha
 ROUNDING = 1e-13  # of F's own terms: closer than that to zero, a count is not certain
 RIM = 1e-10  # of 1/4 - gamma: nearer, the band's edge and -1 are told apart by rounding
 NOISE = 1e-15  # of F's own terms: what their rounding amounts to
+NEAR = 1e-5  # of its terms: what many counts at once leave to one by one
+ROWS = 256  # of them together stay in the cache
 MOST = 2**20  # samples on a circle, when a ring's count asks for more there is no telling
 
 
@@ -175,8 +177,44 @@ def _chain_count(gamma: float, k: float, b: float, chain: InfiniteChain) -> Coun
     certain = min(distances[nearest], abs(miss)) > ROUNDING + 1e-16 / room and room > RIM
     if k < 1.0 and gamma > 0.0:
         certain &= pairs == _crossings(F, NOISE * (abs(b) + 1.0))
-    count = int(beta0 > 0.0) + int(fold < 0.0) + 2 * pairs
-    return Count(count, certain, distances[nearest], where, pairs)
+    return Count(_total(beta0, fold, pairs), certain, distances[nearest], where, pairs)
+
+
+def _total(beta0: float, fold: float, pairs: int) -> int:
+    return int(beta0 > 0.0) + int(fold < 0.0) + 2 * pairs
+
+
+def outside(gamma: float, k: float, b: float, chain: InfiniteChain) -> int:
+    """The count of `unstable_count` on the infinite chain, by the second road alone."""
+    gamma = check_gamma(gamma, chain.spring)
+    k, b = check_kb(k, b)
+    beta0, _, fold, _ = _ends(gamma, k, b, chain)
+    return _total(beta0, fold, int(window(gamma, k, chain.spring).miss(b) < 0.0))
+
+
+def many_outside(gamma: Array, k: Array, b: Array) -> NDArray[np.int64]:
+    """`outside` of many maps of the chain without springs at once; -1 where that is too close to
+    call, or not for such numbers."""
+    found = np.full(b.size, -1)
+    inside = (gamma > 0.0) & (gamma < 0.25) & (k >= 0.0) & (k < 1.0) & (abs(b) < 1.0 / NOISE)
+    rows = np.flatnonzero(inside)
+    for at in np.array_split(rows, rows.size // ROWS + 1):
+        found[at] = _outside(gamma[at], k[at], b[at])
+    return found
+
+
+def _outside(gamma: Array, k: Array, b: Array) -> Array:
+    chain, half_c2, d = InfiniteChain(), 0.5 * (1.0 + k) ** 2, 0.5 * (1.0 - k)
+    places, place = np.unique(np.stack([gamma, k]), axis=1, return_inverse=True)
+    centre, square = np.stack(windows(*places))[:, place.ravel()]
+    pitchfork, fold = (half_c2 * chain.means(gamma, name) for name in ("psi", "eta"))
+    chi = chain.means(gamma, "chi")
+    # each as a sum of terms, whose size is known
+    signs = b - pitchfork, -d * d - 0.5 * chi * (b + fold), square - (b - centre) ** 2
+    sizes = abs(b) + pitchfork, d * d + 0.5 * chi * (abs(b) + fold), 1.0 + b * b
+    certain = np.all([abs(x) > NEAR * size for x, size in zip(signs, sizes, strict=True)], axis=0)
+    above, below, pairs = (x > 0.0 for x in signs)
+    return np.where(certain, above + 1 * below + 2 * pairs, -1)
 
 
 def _circle_count(gamma: float, k: float, b: float, lattice: object, radius: float) -> Count:

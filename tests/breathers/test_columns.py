@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather.breathers import symmetric_events
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.orbit import orbit_at
 from contbreather.breathers.section import Section
 from contbreather.breathers.shooting import shooting
+from contbreather.breathers.symmetric_events import unstable
 from contbreather.breathers.wave_road import impact_problem
 from contbreather.continuation import Problem
 from contbreather.errors import NotConverged
@@ -146,3 +149,54 @@ def test_what_is_followed_from_where_two_crests_graze_is_grazing() -> None:
     assert cb.boundary(met, ("gamma", "a"), within={"gamma": (0.0, 0.24)}).problem.label == (
         "GR boundary"
     )
+
+
+@pytest.mark.parametrize("free", ["a", "gamma", "k"])
+def test_a_whole_column_of_counts_is_that_of_its_points_for_a_fraction_of_the_work(
+    free: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    within = {"a": (0.06, 0.95), "gamma": (0.0, 0.2), "k": (0.3, 1.0)}
+    steps = cb.Steps(largest=0.002)
+    breather = cb.symmetric(0.5, 0.05, 0.8)
+    branch = cb.trace(breather, free, within=within, towards="both", steps=steps)
+    single = [point["unstable"] for point in branch]
+    assert len(set(single)) > 1
+    asked = []
+    monkeypatch.setattr(
+        symmetric_events, "unstable", lambda *one: asked.append(one) or unstable(*one)
+    )
+    assert branch["unstable"].tolist() == single
+    assert branch["unstable"].dtype.kind == "i"
+    assert len(asked) < 0.05 * len(branch)
+    piece = branch[3:40:7]
+    assert piece["unstable"].tolist() == single[3:40:7]
+
+
+@pytest.mark.parametrize("forcing", [{"spring": 0.1}, {"forcing": cb.Fourier(cos={1: -1, 3: 0.1})}])
+def test_columns_of_counts_of_other_forcings_and_springs_are_those_of_their_points(
+    forcing: dict[str, Any],
+) -> None:
+    start = cb.symmetric(0.5, 0.05, 0.8, **forcing)
+    for free in ("gamma", start.problem.names[-1]):
+        branch = cb.trace(start, free, within={free: (0.0, 0.11)}, events=(), towards="both")
+        assert branch["unstable"].tolist() == [point["unstable"] for point in branch]
+
+
+def test_on_the_boundary_of_a_bifurcation_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    branch = cb.trace(cb.symmetric(0.5, 0.05, 0.8), "a", within={"a": (0.06, 0.95)}, towards="both")
+    window = {"gamma": (0.04, 0.06), "a": (0.0, 1.5)}
+    line = cb.boundary(branch.first("PF"), ("gamma", "a"), within=window)
+    monkeypatch.setattr(symmetric_events, "unstable", None)
+    assert np.isnan(line["unstable"]).all()
+
+
+def test_where_damping_ends_there_is_no_count_for_the_circle_itself() -> None:
+    start = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(9), damping=0.01)
+    event = cb.neimark_sacker(threshold=1.0)
+    branch = cb.trace(
+        start, "damping", within={"damping": (0, 0.1)}, towards="both", events=[event]
+    )
+    loose = branch["damping"] == 0.0
+    assert loose.any()
+    assert np.array_equal(np.isnan(branch["unstable"]), loose)
+    assert branch["unstable"][~loose][-1] == 0

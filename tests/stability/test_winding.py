@@ -17,7 +17,7 @@ from contbreather.stability import (
     unstable_count,
     unstable_multipliers,
 )
-from contbreather.stability.winding import resolved_arc
+from contbreather.stability.winding import many_outside, outside, resolved_arc
 
 CHAIN = InfiniteChain()
 
@@ -172,3 +172,27 @@ def test_a_pitchfork_of_elastic_impacts_is_counted_without_noise(k):
     assert count.count in (0, 1)
     arc, _, _ = resolved_arc(0.05, k, b)
     assert arc.nu.size < 2000
+
+
+def test_many_counts_at_once_are_those_of_one_by_one():
+    rng = np.random.default_rng(7)
+    gamma, k = rng.uniform(0.0, 0.25, 600), rng.uniform(size=600)
+    gamma[:60] = 0.25 - 10.0 ** rng.uniform(-9, -1, 60)
+    gamma[60:120] = 10.0 ** rng.uniform(-9, -2, 60)
+    k[::8] = 1.0 - 10.0 ** rng.uniform(-9, -1, k[::8].size)
+    k[1::100], k[2::100], gamma[3::100] = 0.0, 1.0, 0.0
+    b = rng.choice([0.3, 1.0, 8.0], 600) * rng.normal(size=600)
+    kind = rng.integers(6, size=600)
+    for i in range(600):  # half of them beside a bifurcation
+        near = [pitchfork_b(gamma[i], k[i]), fold_b(gamma[i], k[i])]
+        near += [point.b for point in neimark_sacker(float(gamma[i]), float(k[i]))]
+        if kind[i] < len(near):
+            b[i] = near[kind[i]] * (1.0 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-15, -2))
+    found = many_outside(gamma, k, b)
+    single = [unstable_count(*one).count for one in zip(gamma, k, b, strict=True)]
+    sure = found >= 0
+    assert 0.5 < sure.mean() < 1.0
+    assert np.array_equal(found[sure], np.array(single)[sure])
+    assert single == [outside(*one, CHAIN) for one in zip(gamma, k, b, strict=True)]
+    far = (kind > 3) & (gamma > 1e-9) & (gamma < 0.2499) & (k < 1.0)
+    assert np.mean(found[far] < 0) < 0.02
