@@ -113,7 +113,6 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
         for kind, branch in one
     ]
     names = (*COLUMNS, *over)
-    names = (*COLUMNS, *over)
     numbers = {name: np.concatenate([b[name] for _, _, b in curves]) for name in names}
     sizes = [len(branch) for _, _, branch in curves]
     numbers["curve"] = np.repeat(np.arange(len(curves), dtype="i4"), sizes)

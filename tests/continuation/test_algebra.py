@@ -1,0 +1,339 @@
+"""The linear algebra below, on random matrices: by determinants, minors, differences, and numpy."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+
+import contbreather as cb
+from contbreather.continuation import loci, rank, sparse
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.newton import Undefined, solve_oriented
+
+Array = NDArray[np.float64]
+SEEDS = range(8)
+
+
+def matrices(seed: int, n: int = 5, count: int = 3) -> Array:
+    return np.random.default_rng(seed).normal(size=(count, n, n))
+
+
+def scattered(seed: int, n: int, width: int, lead: float = 0.0) -> Array:
+    """A matrix with few entries; with a diagonal that leads, or without."""
+    rng = np.random.default_rng(seed)
+    whole = rng.normal(size=(n, width)) * (rng.random((n, width)) < 4 / n)
+    whole[:, :n] += np.diag(lead + rng.random(n))
+    return whole
+
+
+# --- matrices that lose rank ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_matrix_is_singular_where_its_determinant_changes_sign(seed: int, degree: int) -> None:
+    """Of matrices that are linear, or quadratic, between those at 0 and 1."""
+    parts = matrices(seed, count=degree + 1)
+    u = np.linspace(0.0, 1.0, 2001)
+    dets = np.linalg.det(np.einsum("ui,ijk->ujk", u[:, None] ** np.arange(degree + 1), parts))
+    at = np.flatnonzero(dets[1:] * dets[:-1] < 0)
+    exact = u[at] - dets[at] * u[1] / (dets[at + 1] - dets[at])
+    ends = [sum(v**i * part for i, part in enumerate(parts)) for v in (0.0, 0.5, 1.0)][
+        :: 3 - degree
+    ]
+    assert loci.singular_between(*ends) == pytest.approx(exact, abs=2e-6)
+    assert loci.singular_between(*ends[::-1]) == pytest.approx(1 - exact[::-1], abs=2e-6)
+
+
+def test_where_the_first_matrix_is_singular_the_others_still_tell() -> None:
+    first, last = np.diag([0.0, 1.0]), np.diag([1.0, -1.0])
+    assert loci.singular_between(first, last) == pytest.approx([0.0, 0.5], abs=1e-12)
+    assert loci.singular_between(first, first).size == 0
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_least_singular_value_has_the_sign_of_the_determinant(seed: int) -> None:
+    for matrix in matrices(seed):
+        exact = np.linalg.svd(matrix)[1][-1] * np.sign(np.linalg.det(matrix))
+        assert loci.signed_smallest(matrix) == pytest.approx(exact)
+        assert loci.signed_smallest(csc_array(matrix)) == pytest.approx(exact)
+        _, sign = solve_oriented(matrix, np.ones(5))
+        assert sign == np.sign(exact)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_null_vectors_overlap_as_in_the_adjugate(seed: int) -> None:
+    """Its trace is the sum of the principal minors, a polynomial in the entries."""
+    matrix = matrices(seed)[0]
+    left, sizes, right = np.linalg.svd(matrix)
+    matrix = left[:, :-1] * sizes[:-1] @ right[:-1]
+    minors = sum(
+        np.linalg.det(matrix[np.ix_(kept, kept)]) for kept in map(list, combinations(range(5), 4))
+    )
+    assert loci.oriented_overlap(matrix) * np.prod(sizes[:-1]) == pytest.approx(minors)
+    assert math.isnan(loci.oriented_overlap(np.zeros((1, 1))))
+    scales = np.array([1.0, 2.0, 4.0, 0.5, 1.0])
+    null = loci.null_vector(matrix * scales, scales)
+    assert abs(matrix @ null).max() < 1e-13
+    assert np.linalg.norm(null) == pytest.approx(1.0)
+
+
+# --- pairs of eigenvalues ---------------------------------------------------------------------
+
+
+def test_the_least_factor_has_the_sign_of_their_product() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        pair = rng.normal() + 1j * rng.normal()
+        factors = np.array([*rng.normal(size=3), pair, pair.conjugate()])
+        found = loci.least_with_sign(factors, 1e-14)
+        assert abs(found) == abs(factors).min()
+        assert math.copysign(1.0, found) == np.sign(np.prod(factors).real)
+    assert loci.least_with_sign(np.array([2.0, -1e-20 + 0j, 3.0]), 1e-14) == 0.0
+    for one in (3.0, -3.0):  # zeros of an even order have no size, and change no sign
+        doubled = loci.least_with_sign(np.array([1e-20, one, -1e-20]).astype(complex), 1e-14)
+        assert 0.0 < doubled * np.sign(one) < 1e-50
+
+
+def test_every_pair_of_eigenvalues_is_looked_at_once() -> None:
+    values = np.array([1.0, 2.0, 3.0, 4.0]).astype(complex)
+    assert list(zip(*map(np.real, loci.pairs(values)), strict=True)) == list(
+        combinations([1.0, 2.0, 3.0, 4.0], 2)
+    )
+    assert loci.without(values, 2.1, 3.9).tolist() == [1.0, 3.0]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_critical_pair_is_the_one_that_is_least_off(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    blocks = np.zeros((7, 7))
+    pairs = rng.normal(size=(3, 2)) + np.array([0.0, 3.0])
+    for i, (re, im) in enumerate(pairs):
+        blocks[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[re, im], [-im, re]]
+    turn = rng.normal(size=(7, 7))
+    matrix = turn @ blocks @ np.linalg.inv(turn)
+    value, one, other = loci.critical_plane(matrix, (0.0,), 1e-12, lambda mu: abs(mu.real))
+    re, im = pairs[abs(pairs[:, 0]).argmin()]
+    assert value == pytest.approx(re + 1j * abs(im))
+    for v in (one, other):
+        shifted = matrix - re * np.eye(7)
+        assert abs(shifted @ shifted @ v + im * im * v).max() < 1e-10 * abs(shifted).max() ** 2
+    assert np.linalg.matrix_rank(np.stack([one, other]), tol=1e-6) == 2
+
+
+@pytest.mark.parametrize("double", [0.0, -1.0])
+def test_a_double_eigenvalue_gives_its_chain_and_real_ones_are_no_pair(double: float) -> None:
+    turn = matrices(3, n=3)[0]
+    chain = turn @ np.array([[double, 1, 0], [0, double, 0], [0, 0, 2.0]]) @ np.linalg.inv(turn)
+    value, one, null = loci.critical_plane(chain, (7.0, double), 1e-5, lambda mu: abs(mu.real))
+    assert value == double
+    assert chain @ null == pytest.approx(double * null, abs=1e-7)
+    assert chain @ one == pytest.approx(double * one + null, abs=1e-7)
+    with pytest.raises(Undefined, match="neutral saddle"):
+        loci.critical_plane(np.diag([1.0, -1.0, 3.0]), (0.0,), 1e-5, lambda mu: abs(mu.real))
+
+
+def bent(x: Array, p: dict[str, float]) -> Array:
+    m, c = matrices(7, n=4, count=2)
+    return m @ x + p["a"] * (c @ x**2) + p["b"] * np.sin(x[::-1]) - np.cos(x) * x[0]
+
+
+CURVE = Curve(
+    cb.Problem(bent, {name: 0.3 * i - 0.4 for i, name in enumerate("wxyz")}, {"a": 0.7, "b": 0.2}),
+    ("a", "b"),
+)
+PLANE = matrices(9, n=4)[0][:2]
+LOCI = {
+    "null": loci.null_locus(PLANE[0]),
+    "null of a map": loci.null_locus(PLANE[0], 2.0),
+    "pair": loci.pair_locus("s", 0.6, (PLANE[0], PLANE[1]), 1.0, lambda s: (-2 * s, 1.0)),
+    "pair of a flow": loci.pair_locus("s", 0.6, (PLANE[0], PLANE[1]), 0.0, lambda s: (0.0, s)),
+    "rank": loci.rank_locus(),
+}
+
+
+@pytest.mark.parametrize("name", LOCI)
+def test_slopes_of_conditions_are_their_differences(name: str) -> None:
+    locus, z = LOCI[name], CURVE.start
+    extra = np.concatenate([[], *map(np.atleast_1d, locus.extra.values())])
+    assert locus.derivative is not None
+    found = locus.derivative(CURVE, z, extra)
+    both = np.concatenate([z, extra])
+    for i, step in enumerate(1e-5 * np.eye(both.size)):
+        up, down = (
+            locus.conditions(CURVE, (both + s * step)[: z.size], (both + s * step)[z.size :])
+            for s in (1, -1)
+        )
+        assert found[:, i] == pytest.approx((up - down) / 2e-5, abs=1e-7)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1.0])
+def test_conditions_of_a_pair_hold_in_its_plane_alone(shift: float) -> None:
+    matrix = np.asarray(CURVE.jacobian(CURVE.start)[:, :4]) + shift * np.eye(4)
+    values, vectors = np.linalg.eig(matrix)
+    upper = int(values.imag.argmax())
+    mu, v = values[upper], vectors[:, upper]
+    locus = loci.pair_locus(
+        "size", abs(mu) ** 2, (v.real, v.imag), shift, lambda c: (-2 * mu.real, c)
+    )
+    start = np.asarray(locus.extra["null"])
+    sizes = [np.linalg.norm(part) for part in (v.real, v.imag)]
+    assert start @ v.real / sizes[0] == pytest.approx(start @ v.imag / sizes[1])  # between both
+    held = locus.conditions(CURVE, CURVE.start, np.append(start, abs(mu) ** 2))
+    assert abs(held).max() < 1e-12
+    assert (
+        abs(locus.conditions(CURVE, CURVE.start, np.append(start, 1.1 * abs(mu) ** 2))).max() > 0.01
+    )
+    row = locus.derivative and locus.derivative(CURVE, CURVE.start, np.append(start, 1.0))[-1, 6:-1]
+    assert row is not None
+    assert (np.linalg.norm(row), float(row @ start)) == pytest.approx((1.0, 0.0), abs=1e-12)
+
+
+# --- large matrices -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("lead", [0.0, 3.0])
+@pytest.mark.parametrize("more", [0, 1, 2])
+def test_factors_answer_what_numpy_does(seed: int, lead: float, more: int) -> None:
+    n = 14
+    dense = scattered(seed, n, n + more, lead)
+    dense[:, n:] += 0.1
+    rng = np.random.default_rng(seed)
+    rows, right = rng.normal(size=(more, n + more)), rng.normal(size=n + more)
+    factors, square = sparse.Factors(csc_array(dense)), np.vstack([dense, rows])
+    size = np.linalg.cond(square) * 1e-13
+    assert factors.solve(right, rows) == pytest.approx(np.linalg.solve(square, right), abs=size)
+    assert factors.transposed(right, rows) == pytest.approx(
+        np.linalg.solve(square.T, right), abs=size
+    )
+    assert factors.sign(rows) == np.sign(np.linalg.det(square))
+    least = np.linalg.lstsq(dense, right[:n])[0]
+    assert factors.least(right[:n]) == pytest.approx(least, abs=size)
+    assert abs(dense @ factors.null).max(initial=0.0) < size
+    assert factors.basis.T @ factors.basis == pytest.approx(np.eye(more), abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("more", [0, 1])
+def test_the_weak_end_of_a_large_matrix_is_that_of_a_dense_one(seed: int, more: int) -> None:
+    n = 14
+    dense = scattered(seed, n, n + more, 2.0)
+    left, sizes, right = np.linalg.svd(dense)
+    dense = dense - 0.98 * sizes[-1] * np.outer(left[:, -1], right[n - 1])  # nearly singular
+    exact, found = rank.weakest(dense), rank.weakest(csc_array(dense))
+    assert found.size == pytest.approx(exact.size, rel=1e-6)
+    assert found.second == pytest.approx(exact.second, rel=1e-2)
+    assert exact.largest <= found.largest <= 4 * exact.largest
+    for one, other in ((found.left, exact.left), (found.right, exact.right)):
+        assert abs(one @ other) == pytest.approx(1.0)
+    assert abs(found.null @ exact.null.T) == pytest.approx(np.eye(more), abs=1e-9)
+    assert dense @ found.right == pytest.approx(found.size * found.left, abs=1e-9)
+    value = np.random.default_rng(seed).normal(size=n)
+    assert found.rest(value) == pytest.approx(exact.rest(value), abs=1e-6)
+    if not more:
+        assert found.sign * found.left @ found.right == pytest.approx(
+            exact.sign * exact.left @ exact.right
+        )
+        assert exact.sign == np.sign(np.linalg.det(dense))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_bordered_matrices_are_singular_where_dense_ones_are(seed: int, degree: int) -> None:
+    n, rng = 15, np.random.default_rng(seed)
+    row, scales = rng.normal(size=n + 1), rng.uniform(0.5, 2.0, size=n + 1)
+    base, turned = scattered(seed, n, n + 1, 3.0), 0.1 * scattered(seed + 50, n, n + 1)
+    base[:, n] = 0.1
+    for i, place in enumerate(rng.uniform(0.1, 0.9, size=1 + seed % 3)):
+        turned[i, i] = -base[i, i] / place  # so many unknowns turn round on the way
+    places = (0.0, 1.0) if degree == 1 else (0.0, 0.5, 1.0)
+    across = [base + (v + 0.2 * (degree - 1) * v * v) * turned for v in places]
+    dense = [np.vstack([one, row]) * scales for one in across]
+    made = [rank.Bordered(sparse.Factors(csc_array(one)), row, scales) for one in across]
+    exact = loci.singular_between(*dense)
+    assert loci.singular_between(*made) == pytest.approx(exact, abs=2e-3)
+    x = rng.normal(size=n + 1)
+    assert made[0] @ x == pytest.approx(dense[0] @ x)
+    assert dense[0] @ made[0].solve(x) == pytest.approx(x, abs=1e-9)
+    assert dense[0].T @ made[0].transposed(x) == pytest.approx(x, abs=1e-9)
+    near = np.linalg.svd(dense[0])
+    close = dense[0] - 0.999 * near[1][-1] * np.outer(near[0][:, -1], near[2][-1])
+    bordered = rank.Bordered(sparse.Factors(csc_array(close[:-1])), close[-1], np.ones(n + 1))
+    assert loci.signed_smallest(bordered) == pytest.approx(
+        np.linalg.svd(close)[1][-1] * np.sign(np.linalg.det(close)), rel=1e-3
+    )
+
+
+def test_parts_of_sparse_matrices_are_those_of_dense_ones() -> None:
+    dense, more = scattered(2, 9, 9), matrices(2, n=9)[0]
+    one = csc_array(dense)
+    rows, columns = more[0], more[1]
+    pairs = [
+        (sparse.beside(one, more[:, :2]), np.hstack([dense, more[:, :2]])),
+        (sparse.above(one, more[:2]), np.vstack([dense, more[:2]])),
+        (sparse.scaled(one, rows, columns), dense * columns * rows[:, None]),
+        (sparse.shifted(one, 0.5), dense + 0.5 * np.eye(9)),
+    ]
+    for found, exact in pairs:
+        assert found.toarray() == pytest.approx(exact)
+    assert sparse.columns_of(one).tolist() == np.sort(np.nonzero(dense)[1]).tolist()
+    sizes = (abs(dense) * abs(columns)).max(axis=1)
+    assert sparse.row_sizes(one, abs(columns)) == pytest.approx(sizes)
+    assert sparse.row_sizes(dense, abs(columns)) == pytest.approx(sizes)
+    assert np.linalg.norm(sparse.any_vector(9)) == pytest.approx(1.0)
+    complex_right = rows + 1j * columns
+    shifted = sparse.shifted(one, 2j)
+    assert shifted @ sparse.solved(shifted, complex_right) == pytest.approx(complex_right)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.7j])
+def test_null_vectors_of_a_large_matrix_are_null_on_both_sides(shift: complex) -> None:
+    dense = scattered(4, 12, 12, 2.0) + shift * np.eye(12)
+    near = np.linalg.eigvals(dense)
+    singular = csc_array(dense - near[abs(near).argmin()] * np.eye(12))
+    q, p = sparse.null_vectors(singular)
+    assert np.linalg.norm(q) == pytest.approx(1.0)
+    assert np.linalg.norm(p) == pytest.approx(1.0)
+    assert abs(singular @ q).max() < 1e-9
+    assert abs(p.conj() @ singular).max() < 1e-9
+    exactly = csc_array(np.diag(np.arange(10.0)))
+    q, p = sparse.null_vectors(exactly)
+    assert (abs(q[0]), abs(p[0])) == pytest.approx((1.0, 1.0))
+
+
+def test_a_singular_matrix_still_gives_a_correction_that_says_so() -> None:
+    dense = np.diag(np.arange(10.0))[:, :]
+    right = dense @ np.ones(10)
+    x, singular = sparse.correction(csc_array(dense), right, None)
+    assert singular
+    assert dense @ x == pytest.approx(right, abs=1e-9)
+    assert sparse.Factors(csc_array(dense)).sign() == 0
+    regular = dense + np.eye(10)
+    x, singular = sparse.correction(csc_array(regular), right, None)
+    assert not singular
+    assert regular @ x == pytest.approx(right)
+    row = np.arange(11.0)
+    for whole, blind in ((regular, False), (dense, True)):
+        wide = np.hstack([whole, whole[:, 1:2]])
+        x, singular = sparse.correction(csc_array(wide), right, row)
+        assert singular == blind
+        assert wide @ x == pytest.approx(right, abs=1e-9)
+        assert row @ x == pytest.approx(0.0, abs=1e-9)
+
+
+def test_unknowns_of_a_pattern_share_a_step_only_where_no_equation_does() -> None:
+    dense = scattered(5, 11, 12)
+    pattern = sparse.Pattern(csc_array(dense != 0))
+    for i, j in combinations(range(12), 2):
+        if (dense[:, i] * dense[:, j]).any():
+            assert pattern.colours[i] != pattern.colours[j]
+    assert pattern.colours.max() < 10
+    steps = np.linspace(0.5, 1.5, 12)
+    found = pattern.derivative(lambda direction: dense @ direction, steps)
+    assert found.toarray() == pytest.approx(dense)
