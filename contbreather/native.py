@@ -26,7 +26,9 @@ from contbreather.files import write_whole
 Function = Callable[..., Any]
 
 # What object code may refer to: mathematics, and Python itself. What numba has for errors is never
-# called, as nothing is raised, but has to be somewhere.
+# called, as nothing is raised, but has to be somewhere: with one name missing the loader leaves
+# all others at 0 without a word. numba names them itself, but when it compiles, not when it is
+# imported.
 _KNOWN = re.compile(r"(llvm\.|_?Py).*|a?(sin|cos|tan)h?|atan2|sqrt|exp|log|pow|floor|mem\w+")
 _NEVER = (
     "numba_gil_ensure",
@@ -36,6 +38,9 @@ _NEVER = (
     "numba_runtime_build_excinfo_struct",
     "NRT_Free",
 )
+
+_FORMAT = 2  # of what is kept, and of how it is compiled
+_NEEDED = re.compile(r'^(?:declare [^@]*)?@"?([\w.]+)"?(?:\(| = external)', re.MULTILINE)
 
 _ONE_AT_A_TIME = threading.RLock()  # neither compiler nor loader likes company of other threads
 _loaded: dict[str, tuple[int, Any]] = {}  # by key: the address, and what keeps it alive
@@ -129,16 +134,25 @@ def function(function: Function, kinds: str) -> Callable[..., int]:
 
 @lru_cache(maxsize=64)
 def _key(function: Function, kinds: str) -> str:
-    """A name for the present text of a function and for all else that its code depends on."""
+    """A name for a function as it is in memory and for all else that its code depends on."""
     import llvmlite.binding as llvm
 
-    if _is_foreign(function):  # whose text is not known: good for this session
+    if _is_foreign(function):  # which may be defined anew: good for this session
         return f"{id(function)} {kinds}"
-    modules = {__name__, *(one.__module__ for one in _called(function, {}))}
-    texts = [Path(str(sys.modules[name].__file__)).read_bytes() for name in sorted(modules)]
+    made = [_content(one) for one in _called(function, {})]
     machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.llvm_version_info)
-    about = repr((function.__qualname__, kinds, sys.version_info[:2], machine))
-    return hashlib.sha256(b"\0".join([*texts, about.encode()])).hexdigest()
+    about = repr((_FORMAT, made, kinds, sys.version_info[:2], machine))
+    return hashlib.sha256(about.encode()).hexdigest()
+
+
+def _content(function: Function) -> tuple[Any, ...]:
+    """What is compiled of a function: not its text, which may have been edited since, and with the
+    constants that it has from other modules."""
+    code, known = function.__code__, function.__globals__
+    plain = float | int | tuple
+    numbers = [(name, known[name]) for name in code.co_names if isinstance(known.get(name), plain)]
+    named = function.__qualname__, code.co_names, code.co_varnames
+    return (*named, code.co_code, code.co_consts, numbers)
 
 
 def _is_foreign(function: Function) -> bool:
@@ -212,14 +226,15 @@ def _made(function: Function, kinds: str) -> Any:
 
 
 def _compiled(function: Function, kinds: str) -> bytes:
-    """The name of its entry, a line end, and the object code."""
+    """The name of its entry, what it needs, both with a line end, and the object code."""
     made = _made(function, kinds)
     text = made.inspect_llvm()
-    strange = set(re.findall(r'^declare [^@]*@"?([^"(]+)', text, re.MULTILINE))
-    strange -= {name for name in strange if _KNOWN.fullmatch(name) or name in _NEVER}
+    needs = set(_NEEDED.findall(text))
+    strange = sorted(one for one in needs if not _KNOWN.fullmatch(one) and one not in _NEVER)
     if strange:
-        raise NotCompiled(f"{function.__name__} needs {sorted(strange)} of numba")
-    return made.native_name.encode() + b"\n" + _object(text)
+        raise NotCompiled(f"{function.__name__} needs {strange} of numba")
+    named = " ".join(sorted(one for one in needs if not one.startswith("llvm.")))
+    return f"{made.native_name}\n{named}\n".encode() + _object(text)
 
 
 def _twin(function: Function, done: dict[int, Any]) -> Any:
@@ -282,12 +297,14 @@ def _object(text: str) -> bytes:
 def _load(code: bytes) -> tuple[int, Any]:
     import llvmlite.binding as llvm
 
-    name, _, body = code.partition(b"\n")
+    name, needs, body = code.split(b"\n", 2)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())  # finds what Python has
     somewhere = ctypes.cast(ctypes.pythonapi.PyErr_Clear, ctypes.c_void_p).value
-    if "numba" not in sys.modules:
-        for never in _NEVER:
-            llvm.add_symbol(never, somewhere)
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+    for need in needs.decode().split():
+        if llvm.address_of_symbol(need) is None:
+            if need not in _NEVER:
+                raise NotCompiled(f"its machine code needs {need}, which this Python does not have")
+            llvm.add_symbol(need, somewhere)
     engine.add_object_file(llvm.ObjectFileRef.from_data(body))
     engine.finalize_object()
     return engine.get_function_address(name.decode()), engine

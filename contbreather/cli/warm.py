@@ -1,4 +1,4 @@
-"""`contbreather warm`: machine code for the sessions that follow."""
+"""`contbreather warm`: what is compiled in time anyway, compiled now."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contbreather.errors import NotConverged
 def warm() -> None:
     """Compile the steps of branches and boundaries now, about 20 s, for all later sessions.
 
-    Without it none is compiled; results are the same.
+    Without it they are compiled once they have taken as long as that would; results are the same.
     """
     from contbreather.breathers.ahead import compile_ahead
 

@@ -20,9 +20,10 @@ Array = NDArray[np.float64]
 WIDEST = 13  # entries of z: beyond a dozen unknowns LAPACK is faster than loops
 _AT_ONCE = 256  # steps in one call of compiled code
 _AS_IT_IS = 16  # and of plain text, after each of which a signal is seen
-# Code that is kept is loaded once steps have taken as long without, in seconds; it is compiled on
-# request only, by `eagerly` or ``compiled=True``.
+# Code is loaded, and compiled where it is not kept, once steps have taken as long without, in
+# seconds: so no call takes more than twice the time it needs.
 _LOADING = 0.05
+_COMPILING = 3.0
 
 _stride: Callable[..., int] = plain.stride
 _settle: Callable[..., int] = plain.settle
@@ -235,8 +236,8 @@ def _timed(equations: Any) -> Iterator[None]:
 
 
 def machine(loops: Loops) -> Machine | None:
-    """Both texts and both functions of a problem in machine code, None where it is not kept, does
-    not pay yet or cannot be had."""
+    """Both texts and both functions of a problem in machine code, None where it does not pay yet or
+    cannot be had."""
     evaluate, derive = loops.evaluate, loops.derive
     if evaluate in _known:
         return _known[evaluate]
@@ -245,7 +246,8 @@ def machine(loops: Loops) -> Machine | None:
     if not (loops.at_once or _eager):
         if sum(_spent.values()) < _LOADING:
             return None
-        if not all(native.is_kept(*part) for part in (*texts, *functions)):
+        paid = _spent.get(evaluate, 0.0) >= _COMPILING
+        if not (paid or all(native.is_kept(*part) for part in (*texts, *functions))):
             return None
     try:
         calls, at = [native.function(*t) for t in texts], [native.address(*f) for f in functions]

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -194,13 +195,13 @@ def test_what_is_kept_is_used_only_if_it_is_whole_and_of_this_text(tmp_path, mon
 
     def compiled(function: Any, kinds: str) -> Any:
         asked.append(function.__name__)
-        return b"entry\nobject"
+        return b"entry\n\nobject"
 
     monkeypatch.setattr(native, "_compiled", compiled)
     monkeypatch.setattr(native, "_load", lambda code: (len(code), None))
     for _ in range(2):
         monkeypatch.setattr(native, "_loaded", {})
-        assert native.address(native.call, "ppp") == 12
+        assert native.address(native.call, "ppp") == 13
     assert asked == ["call"]
     [file] = tmp_path.rglob("call*.o")
     file.write_bytes(file.read_bytes()[:-1])
@@ -212,6 +213,54 @@ def test_what_is_kept_is_used_only_if_it_is_whole_and_of_this_text(tmp_path, mon
     native.address(native.call, "ppp")
     assert len(asked) == 3
     native._key.cache_clear()
+
+
+KEPT = """
+import ctypes, math, sys
+if "numba" in sys.argv:
+    import numba
+from contbreather import native
+def cosine(z, data, out):
+    out[0] = math.cos(z[0])
+    return 0
+numbers = (ctypes.c_double * 1)(0.0)
+at = ctypes.addressof(numbers)
+native.function(cosine, "ppp")(at, at, at)
+print(numbers[0], "numba.core.registry" in sys.modules)
+"""
+
+
+def test_code_is_loaded_beside_a_numba_that_was_imported_and_has_compiled_nothing(
+    tmp_path, monkeypatch
+) -> None:
+    """What numba has for errors has no address then, and an object without it would call 0."""
+    pytest.importorskip("numba")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    said = []
+    for given in ("compiled", "loaded", "numba"):
+        line = [sys.executable, "-X", "faulthandler", "-c", KEPT, given]
+        done = subprocess.run(line, capture_output=True, text=True, check=False)
+        said.append((done.returncode, done.stdout, done.stderr))
+    assert said == [(0, "1.0 True\n", ""), (0, "1.0 False\n", ""), (0, "1.0 True\n", "")]
+
+
+def test_code_that_needs_what_is_not_there_is_refused(monkeypatch) -> None:
+    llvm = pytest.importorskip("llvmlite.binding")
+    monkeypatch.setattr(llvm, "address_of_symbol", lambda name: None)
+    with pytest.raises(native.NotCompiled, match="needs exp2, which this Python does not have"):
+        native._load(b"entry\nnumba_unpickle exp2\nobject")
+
+
+def test_code_goes_by_what_is_in_memory_numbers_from_elsewhere_included() -> None:
+    pytest.importorskip("llvmlite")
+
+    def stepped(z: Any, data: Any, out: Any) -> int:
+        return int(z[0] + STEP)  # noqa: F821
+
+    def key(step: float) -> str:
+        return native._key(FunctionType(stepped.__code__, {"STEP": step}), "ppp")
+
+    assert key(0.5) == key(0.5) != key(0.25)
 
 
 def test_code_is_kept_where_the_user_may_write(tmp_path, monkeypatch) -> None:
