@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from numbers import Complex, Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +79,25 @@ def row(name: str, value: object, wanted: str) -> NDArray[np.float64]:
     if found.ndim != 1 or not found.size:
         raise BadInput(f"{name} = {value!r}: {wanted}, a row of finite numbers, was wanted.")
     return found
+
+
+def state_rows(given: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Displacements and velocities as two rows of finite floats of equal length, or a sentence."""
+    try:
+        one, other = given
+        u, v = np.array(one, dtype=float), np.array(other, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"a state is a pair (u, v) of rows of numbers: {error}.") from error
+    if u.ndim != 1 or u.shape != v.shape or not u.size:
+        raise BadInput(
+            f"a state is a pair (u, v) of rows of equal length, one entry for each site; shapes "
+            f"{u.shape} and {v.shape} were given."
+        )
+    for name, found in (("u", u), ("v", v)):
+        bad = np.flatnonzero(~np.isfinite(found))
+        if bad.size:
+            raise BadInput(f"{name}[{bad[0]}] = {found[bad[0]]} of the state is not finite.")
+    return u, v
 
 
 def check_kind(given: object, kinds: type | tuple[type, ...], wanted: str) -> None:

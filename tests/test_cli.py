@@ -233,7 +233,11 @@ REFUSED = {
     ),
     "two fixed parameters": ("zones --k 0.8 --a 0.5", r"leave one"),
     "unknown kind": ("boundary HB --k 0.8", r"'HB' is not one of them"),
-    "no kind": ("boundary --k 0.8", r"LP, PF, NS or GR; none was given"),
+    "threshold of arms": (
+        "boundary PD --k 0.9 --gamma 0.1 --sites 9 --threshold 1.1",
+        r"judged by the paper's 1\.005; leave it out",
+    ),
+    "no kind": ("boundary --k 0.8", r"LP, PF, PD, NS or GR; none was given"),
     "pair of one": ("boundary PF --pair a a --k 0.8", r"two different parameters"),
     "unknown pair": ("boundary PF --pair a b --k 0.8", r"unknown parameter 'b'"),
     "half a pair": ("boundary PF --pair a", r"--pair requires 2"),
@@ -534,9 +538,7 @@ def test_free_parameter_is_the_first_number_of_a_row(run: Callable[..., Output])
         assert words.strip().startswith(heading)
 
 
-def test_verdict_on_the_verge_is_left_out_of_table_and_csv(
-    run: Callable[..., Output],
-) -> None:
+def test_verdict_on_the_verge_is_left_out_of_table_and_csv(run: Callable[..., Output]) -> None:
     out = run(*BRANCH, "--csv", "b.csv")[1]
     cells = {row.split("│")[1].strip(): row.split("│")[5].strip()
              for row in out.splitlines() if row.startswith("│")}  # fmt: skip
@@ -634,13 +636,19 @@ def test_boundary_of_each_kind_needs_no_seed(run: Callable[..., Output], kind: s
 
 
 @pytest.mark.parametrize(
-    ("pair", "fixed"),
-    [("k a", "--gamma=0.04"), ("k gamma", "--a=0.8"), ("a gamma", "--k=0.8")],
+    ("pair", "fixed"), [("k a", "--gamma=0.04"), ("k gamma", "--a=0.8"), ("a gamma", "--k=0.8")]
 )
 def test_boundary_in_any_pair(run: Callable[..., Output], pair: str, fixed: str) -> None:
     columns = strict(run("boundary", "PF", "--pair", *pair.split(), fixed, "--json")[1])["columns"]
     for i in range(0, len(columns["a"]), 5):
         assert DEFINING["PF"]({name: column[i] for name, column in columns.items()})
+
+
+def test_doublings_are_found_on_an_arm(run: Callable[..., Output]) -> None:
+    content = strict(run("boundary", "pd", "--k", "0.95", "--json")[1])
+    ends = {point["label"]: (point["gamma"], point["a"]) for point in content["special"]}
+    assert ends["EP1"] == pytest.approx((0.0, 0.9050853098), abs=1e-9)
+    assert ends["PD-GR1"] == pytest.approx((0.0130085246, 0.954578604), abs=1e-9)
 
 
 def test_boundary_passes_the_fold_as_the_library_does(run: Callable[..., Output]) -> None:

@@ -73,10 +73,7 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     ),
     # lattices
     (lambda: cb.Lattice([[1.0, "a"], [0.0, 1.0]]), "the stiffness is not a matrix of numbers"),
-    (
-        lambda: cb.Lattice([[1.0, 2.0]]),
-        r"the stiffness has shape \(1, 2\); a square matrix",
-    ),
+    (lambda: cb.Lattice([[1.0, 2.0]]), r"the stiffness has shape \(1, 2\); a square matrix"),
     (lambda: cb.Lattice(np.zeros((0, 0))), r"the stiffness has shape \(0, 0\)"),
     (lambda: cb.Lattice([1.0, 2.0]), r"the stiffness has shape \(2,\)"),
     (lambda: cb.Lattice([[1.0, 0.0], [0.0, math.nan]]), r"stiffness\[1, 1\] = nan is not finite"),
@@ -86,10 +83,7 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     ),
     (lambda: cb.Lattice(-PAIR), r"has the eigenvalue -2: it must be positive semidefinite"),
     (lambda: cb.Lattice(PAIR, masses=[1.0, 0.0]), r"masses\[1\] = 0: every mass must be positive"),
-    (
-        lambda: cb.Lattice(PAIR, masses=[-2.0, 1.0]),
-        r"masses\[0\] = -2: every mass must be",
-    ),
+    (lambda: cb.Lattice(PAIR, masses=[-2.0, 1.0]), r"masses\[0\] = -2: every mass must be"),
     (lambda: cb.Lattice(PAIR, masses=[1.0]), r"masses has shape \(1,\); one number for each of 2"),
     (
         lambda: cb.Lattice(PAIR, drive=[1.0, 1.0, 1.0]),
@@ -98,10 +92,7 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     (lambda: cb.Lattice(PAIR, drive=["a", "b"]), r"drive = \['a', 'b'\]: one number for each site"),
     (lambda: cb.Lattice(PAIR, drive=[1.0, math.inf]), r"drive = \[1\.0, inf\]: finite numbers"),
     (lambda: cb.Lattice(PAIR, masses=[math.nan, 1.0]), r"masses = \[nan, 1\.0\]: finite numbers"),
-    (
-        lambda: cb.Lattice.from_graph(3),
-        r"graph = 3: an undirected networkx graph with at least",
-    ),
+    (lambda: cb.Lattice.from_graph(3), r"graph = 3: an undirected networkx graph with at least"),
     (lambda: cb.Lattice.from_graph(nx.DiGraph([(0, 1)])), r"an undirected networkx graph"),
     (lambda: cb.Lattice.from_graph(nx.Graph()), r"an undirected networkx graph with at least one"),
     (

@@ -105,7 +105,5 @@ def _solved(problem: Problem, inadmissible: bool) -> Orbit:
             f"no asymmetric breather at a = {orbit.a!r} (gamma = {orbit.gamma}, k = {orbit.k}): "
             f"{verdict.reason} With inadmissible=True it is returned nevertheless.",
             orbit=orbit,
-            site=verdict.site,
-            time=verdict.time,
         )
     return orbit

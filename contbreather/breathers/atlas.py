@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.zones import KINDS, Zones
-from contbreather.breathers.zones_many import Diagram, Slice, slices_of
+from contbreather.breathers.zones_many import Slice, drawn, slices_of
 from contbreather.continuation.netcdf import image
 from contbreather.errors import BadInput, keeping, taking
 from contbreather.files import write_whole
@@ -88,7 +89,9 @@ def atlas(
     0.070559228
     """
     slices = slices_of({"k": k, "gamma": gamma, "a": a}, over, forcing)
-    draw = Diagram(lattice, within, threshold, past_folds)
+    draw = partial(
+        drawn, lattice=lattice, within=within, threshold=threshold, past_folds=past_folds
+    )
     done: list[Zones | Failed] = []
     with (
         keeping(lambda: surfaces(slices, done) if done else None),
@@ -105,7 +108,7 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
 
     if all(isinstance(one, Failed) for one in diagrams):
         raise next((one.error for one in diagrams if isinstance(one, Failed)), BadInput(NONE))
-    over = tuple(name for name in slices[0].forcing.params)
+    over = tuple(slices[0].forcing.params)
     curves = [
         (i, kind, branch)
         for i, one in enumerate(diagrams)

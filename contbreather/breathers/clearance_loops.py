@@ -22,6 +22,7 @@ EVEN, WIDTH = 16, 19
 
 ROUNDING = 1e-15  # of a margin
 CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
+BESIDE = 1e-4  # so close to a crest the distance over ``1 - cos`` is 0/0
 STEEP = 12  # points of a grid that lie closer together, at the start of a flight
 TWO_PI = 2.0 * math.pi
 
@@ -142,8 +143,9 @@ def between(data: Any, table: Any, grid: Any, out: Any, i: int) -> float:
     for p in range(size):
         s = length * share(p, points)
         u = displacement(data, table, int(site), start + s)
-        grid[p] = (1.0 - u * u) / ((s + k) * s * (length - s))
-    least = deepest(data, table, grid, out, i, length, points)
+        grid[p], grid[size + p] = s, (1.0 - u * u) / ((s + k) * s * (length - s))
+    low, high = 0.1 * grid[0], length * (1.0 - 1e-3 / points)
+    least = deepest(data, table, grid, out, 0, size, low, high, int(site), start, 0.0, length)
     speed = abs(data[impact(data, i) + 1]) / (1.0 + k)
     left = 2.0 * speed / length
     if k == 0.0:
@@ -162,49 +164,55 @@ def share(p: int, points: int) -> float:
 
 
 def deepest(
-    data: Any, table: Any, grid: Any, out: Any, i: int, length: float, points: int
-) -> float:
-    """The least of the ratio on a grid, with every dip that may be it polished."""
-    size, lowest = STEEP + points - 1, math.inf
+    data: Any, table: Any, grid: Any, out: Any, at: int, size: int, first: float, last: float,
+    site: int, start: float, side: float, mark: float,
+) -> float:  # fmt: skip
+    """The least of a ratio, with every dip that may be it polished between its neighbours: places
+    from ``grid[at]`` on, between two ends, then the values there. Which ratio says `polished`."""
+    ratios, lowest = at + size, math.inf
     for p in range(size):
-        lowest = min(lowest, grid[p])
-    enough = lowest + 0.1 * max(abs(lowest), 0.1 * abs(grid[size - 1]))
+        lowest = min(lowest, grid[ratios + p])
+    enough = lowest + 0.1 * max(abs(lowest), 0.1 * abs(grid[ratios + size - 1]))
     least = math.inf
     for p in range(size):
-        if grid[p] > enough:
+        best = grid[ratios + p]
+        if best > enough or (p > 0 and best > grid[ratios + p - 1]):
             continue
-        if (p > 0 and grid[p] > grid[p - 1]) or (p + 1 < size and grid[p] > grid[p + 1]):
+        if p + 1 < size and best > grid[ratios + p + 1]:
             continue
-        low = length * share(p - 1, points) if p > 0 else 0.1 * length * share(0, points)
-        high = length * share(p + 1, points) if p + 1 < size else length * (1.0 - 1e-3 / points)
-        s = length * share(p, points)
-        least = min(least, polished(data, table, out, i, length, s, grid[p], low, high))
+        low = grid[at + p - 1] if p > 0 else first
+        high = grid[at + p + 1] if p + 1 < size else last
+        found = polished(data, table, out, site, start, side, mark, grid[at + p], best, low, high)
+        least = min(least, found)
     return least
 
 
 def polished(
-    data: Any,
-    table: Any,
-    out: Any,
-    i: int,
-    length: float,
-    s: float,
-    best: float,
-    low: float,
-    high: float,
-) -> float:
-    """The minimum of the ratio next to s: Newton, kept in by bisection."""
-    k, start, site = data[K], data[impact(data, i)], int(data[impact(data, i) + 2])
+    data: Any, table: Any, out: Any, site: int, start: float, side: float, mark: float,
+    s: float, best: float, low: float, high: float,
+) -> float:  # fmt: skip
+    """The minimum of a ratio next to s: Newton, kept in by bisection. Without a side it is that of
+    a flight of length `mark`, else that of the distance from one wall, whose crest is at `mark`."""
+    k, turn = data[K], 1.0 / data[N]
     bisected = 0
     for _ in range(60):
         if bisected == 9:  # the ratio falls up to an end, which has a value of its own
             break
         motion(data, table, out, site, start + s)
-        u, v, w, rest = out[1], out[2], out[3], length - s
-        n, n1, n2 = 1.0 - u * u, -2.0 * u * v, -2.0 * (u * w + v * v)
-        d = (s + k) * s * rest
-        d1 = (2.0 * s + k) * rest - (s + k) * s
-        d2 = 2.0 * rest - 2.0 * (2.0 * s + k)
+        u, v, w = out[1], out[2], out[3]
+        if side == 0.0:
+            rest = mark - s
+            n, n1, n2 = 1.0 - u * u, -2.0 * u * v, -2.0 * (u * w + v * v)
+            d = (s + k) * s * rest
+            d1 = (2.0 * s + k) * rest - (s + k) * s
+            d2 = 2.0 * rest - 2.0 * (2.0 * s + k)
+        else:
+            angle = turn * (s - mark)
+            n, n1, n2 = 1.0 - side * u, -side * v, -side * w
+            d2 = turn * turn * math.cos(angle)
+            d, d1 = 1.0 - math.cos(angle), turn * math.sin(angle)
+            if abs(math.sin(0.5 * angle)) <= BESIDE:  # 0/0 but for rounding: by de l'Hospital
+                n, n1, n2, d, d1, d2 = n2, 0.0, 0.0, d2, 0.0, 0.0
         best = min(best, n / d)
         tilt, bend = n1 * d - n * d1, n2 * d - n * d2
         if tilt > 0.0:
@@ -301,7 +309,7 @@ def climbed(
 
 # --- besides a grazing crest ----------------------------------------------------------------
 
-ALIKE, BESIDE, TELLING, MIRRORED = 1e-9, 1e-4, 1e-12, 1e-13  # as in `clearance`
+ALIKE, TELLING, MIRRORED = 1e-9, 1e-12, 1e-13  # as in `clearance`
 
 
 def rivals(data: Any, table: Any, grid: Any, out: Any) -> int:
@@ -379,84 +387,24 @@ def besides(data: Any, table: Any, grid: Any, out: Any, own: int, points: int, e
 
 
 def undivided(
-    data: Any,
-    table: Any,
-    grid: Any,
-    out: Any,
-    own: int,
-    side: float,
-    points: int,
-    at: int,
+    data: Any, table: Any, grid: Any, out: Any, own: int, side: float, points: int, at: int,
     end: int,
-) -> float:
+) -> float:  # fmt: skip
     """The least distance from the wall over ``1 - cos`` of the time since its crest; places and
     ratios from ``grid[end]`` on."""
     step, period = data[LENGTH] / points, TWO_PI * data[N]
     crest_at = data[place(data, int(data[SITES])) + 1] - data[START]
     crest_at -= period * math.floor(crest_at / period)
-    count, twice = 0, 2 * points + 1
-    for p in range(round(period / step)):
-        s = step * p
-        if abs(math.sin(math.pi / period * (s - crest_at))) > BESIDE:
-            u = grid[at + p] if p < points else -grid[at + p - points]
-            grid[end + count] = s
-            grid[end + twice + count] = (1.0 - side * u) / (
-                1.0 - math.cos(TWO_PI / period * (s - crest_at))
-            )
+    count, looked = 0, round(period / step)
+    for p in range(looked):
+        if abs(math.sin(math.pi / period * (step * p - crest_at))) > BESIDE:
+            grid[end + count] = step * p
             count += 1
-    lowest = math.inf
-    for p in range(count):
-        lowest = min(lowest, grid[end + twice + p])
-    enough = lowest + 0.1 * max(abs(lowest), 0.1 * abs(grid[end + twice + count - 1]))
-    least = math.inf
-    for p in range(count):
-        ratio = end + twice + p
-        if grid[ratio] > enough or (p > 0 and grid[ratio] > grid[ratio - 1]):
-            continue
-        if p + 1 < count and grid[ratio] > grid[ratio + 1]:
-            continue
-        low = grid[end + p - 1] if p > 0 else grid[end] - step
-        high = grid[end + p + 1] if p + 1 < count else grid[end + p] + step
-        s = grid[end + p]
-        least = min(least, undug(data, table, out, own, side, crest_at, s, grid[ratio], low, high))
-    return least
-
-
-def undug(
-    data: Any,
-    table: Any,
-    out: Any,
-    own: int,
-    side: float,
-    crest_at: float,
-    s: float,
-    best: float,
-    low: float,
-    high: float,
-) -> float:
-    """The minimum of that ratio next to s, as in `polished`."""
-    turn = 1.0 / data[N]
-    bisected = 0
-    for _ in range(60):
-        if bisected == 9:
-            break
-        motion(data, table, out, own, data[START] + s)
-        angle = turn * (s - crest_at)
-        n, n1, n2 = 1.0 - side * out[1], -side * out[2], -side * out[3]
-        bent = turn * turn * math.cos(angle)
-        d, d1, d2 = 1.0 - math.cos(angle), turn * math.sin(angle), bent
-        if abs(math.sin(0.5 * angle)) <= BESIDE:  # 0/0 but for rounding: by de l'Hospital
-            n, n1, n2, d, d1, d2 = n2, 0.0, 0.0, bent, 0.0, 0.0
-        best = min(best, n / d)
-        tilt, bend = n1 * d - n * d1, n2 * d - n * d2
-        if tilt > 0.0:
-            high = s
-        else:
-            low = s
-        last = s
-        s = s - tilt / bend if bend > 0.0 else low
-        if not low < s < high:
-            bisected, s = bisected + 1, 0.5 * (low + high)
-        if abs(s - last) <= 1e-8:
-            break
-    return best
+    for i in range(count):
+        p = round(grid[end + i] / step)
+        u = grid[at + p] if p < points else -grid[at + p - points]
+        away = 1.0 - math.cos(TWO_PI / period * (grid[end + i] - crest_at))
+        grid[end + count + i] = (1.0 - side * u) / away
+    low, high = grid[end] - step, grid[end + count - 1] + step
+    start = data[START]
+    return deepest(data, table, grid, out, end, count, low, high, own, start, side, crest_at)

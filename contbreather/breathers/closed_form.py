@@ -20,13 +20,7 @@ from contbreather.breathers.section import Impact, Section
 from contbreather.breathers.watched import ClosedWatch
 from contbreather.checks import real
 from contbreather.errors import BadInput
-from contbreather.lattice import (
-    Forcing,
-    Harmonic,
-    InfiniteChain,
-    Lattice,
-    Ring,
-)
+from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, Ring
 from contbreather.lattice.conditions import Conditions, check_amplitude, restitution_ratio
 from contbreather.lattice.green import Flight, flight
 from contbreather.lattice.held import Held

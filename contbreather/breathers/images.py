@@ -50,7 +50,7 @@ def shifted(orbit: Orbit, shift: int) -> Orbit | None:
     first, found = orbit.impacts[0].time, []
     for start in range(len(moved)):
         order = [*moved[start:], *(one._replace(time=one.time + T) for one in moved[:start])]
-        if tuple((one.site, one.wall) for one in order) == orbit.sequence:
+        if tuple((one.site, one.wall) for one in order) == orbit.section.impacts:
             back = T * round((order[0].time - first) / T)
             impacts = tuple(one._replace(time=one.time - back) for one in order)
             found.append((abs(impacts[0].time - first), start, impacts))
@@ -89,7 +89,7 @@ def _first_of(orbit: Orbit, section: Section) -> tuple[Impact, ...]:
 
 def _parts(orbit: Orbit) -> Iterator[Section]:
     """Sections of which the orbit may consist, going by its walls."""
-    own, turns = orbit.sequence, orbit.section.turns
+    own, turns = orbit.section.impacts, orbit.section.turns
     if orbit.symmetric:
         return
     for parts in (2, 3, 5, 7):

@@ -84,7 +84,7 @@ def multibreather(
     --------
     >>> from contbreather.lattice import Ring
     >>> two = multibreather([0, 6], a=0.5, gamma=0.03, k=0.8, lattice=Ring(12))
-    >>> two.sequence, bool(two.admissibility())
+    >>> two.section.impacts, bool(two.admissibility())
     (((0, 1), (6, 1)), True)
     """
     at, drive = Walls.given(walls), forcing_of(forcing)
@@ -131,7 +131,7 @@ def _single(site: int, what: Any, on: Conditions) -> Single:
     if isinstance(what, str) and what in ROOTS:
         roots = symmetric_orbits(site, on)
         what = roots[min(ROOTS.index(what), len(roots) - 1)]
-        site = what.sequence[0][0]
+        site = what.section.impacts[0][0]
     elif not isinstance(what, Orbit):
         raise BadInput(
             f"site {site}: {what!r} was given; 'upper', 'lower' or an orbit of the single "
@@ -181,12 +181,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
     if abs(orbit.times - seed.t).max() > 0.1:  # not the orbit that was chosen
         return None
     if (margin := orbit.admissibility()).margin < 0.0:
-        raise Inadmissible(
-            f"without coupling already {margin.reason}",
-            orbit=orbit,
-            site=margin.site,
-            time=margin.time,
-        )
+        raise Inadmissible(f"without coupling already {margin.reason}", orbit=orbit)
     if on.gamma <= first:
         curve = Curve(start, ("gamma",))
         return Branch((Point(curve, curve.start),), Stop.START)

@@ -242,11 +242,6 @@ class Orbit(Shown):
         return self.section.symmetric
 
     @property
-    def sequence(self) -> tuple[tuple[int, int], ...]:
-        """(site, wall) of each impact of a section, in order."""
-        return self.section.impacts
-
-    @property
     def residual(self) -> float:
         """Largest error of its equations: rounding, unless it was put together by hand."""
         return self.road.error

@@ -46,23 +46,25 @@ def on_arc(data: Any, table: Any, out: Any, found: Any) -> int:
     raise NotImplementedError
 
 
-def shorter(z: Any) -> float:
-    """Put the parameters where (11) have them; the unknown that was there."""
-    own: float = z[2]
-    z[2], z[3] = z[3], z[4]
-    return own
+def closed(z: Any, data: Any, out: Any) -> int:
+    """(11), which has the parameters one place earlier."""
+    own, one, other = z[2], z[3], z[4]
+    z[2], z[3] = one, other
+    status = closure(z, data, out)
+    z[2], z[3] = own, one
+    return status
 
 
-def longer(z: Any, own: float) -> None:
-    """Back again; the last entry never moved."""
-    z[2], z[3] = own, z[2]
-
-
-def widened(out: Any) -> None:
+def closed_slopes(z: Any, data: Any, out: Any) -> int:
     """The derivatives of (11), with a column for the new unknown."""
+    own, one, other = z[2], z[3], z[4]
+    z[2], z[3] = one, other
+    status = closure_slopes(z, data, out)
+    z[2], z[3] = own, one
     out[9], out[8], out[6], out[5] = out[7], out[6], out[5], out[4]
     out[4], out[3] = out[3], out[2]
     out[2] = out[7] = 0.0
+    return status
 
 
 # --- a pair on the circle -----------------------------------------------------------------------
@@ -70,10 +72,7 @@ def widened(out: Any) -> None:
 
 def pair(z: Any, data: Any, out: Any) -> int:
     """(11) and both parts of F, eqs. of `arc`."""
-    nu = shorter(z)
-    status = closure(z, data, out)
-    longer(z, nu)
-    if status != 0 or looked(z, data) != 0:
+    if closed(z, data, out) != 0 or looked(z, data) != 0:
         return 1
     out[2], out[3] = data[ANSWER], data[ANSWER + 1]
     return 0
@@ -92,12 +91,8 @@ def looked(z: Any, data: Any) -> int:
 
 def pair_slopes(z: Any, data: Any, out: Any) -> int:
     """Their derivatives, row by row."""
-    nu = shorter(z)
-    status = closure_slopes(z, data, out)
-    longer(z, nu)
-    if status != 0 or looked(z, data) != 0:
+    if closed_slopes(z, data, out) != 0 or looked(z, data) != 0:
         return 1
-    widened(out)
     p, c, a = z[0], 1.0 + data[K], data[A]
     half = 0.5 * c * c / p
     for row in range(2):
@@ -170,10 +165,7 @@ def motion(z: Any, data: Any) -> float:
 
 def contact(z: Any, data: Any, out: Any) -> int:
     """(11), and that a site is on a wall at a time, without velocity."""
-    t = shorter(z)
-    status = closure(z, data, out)
-    longer(z, t)
-    if status != 0:
+    if closed(z, data, out) != 0:
         return 1
     p = motion(z, data) * z[0]
     out[2] = data[A] * data[F] + p * data[MOTION] - data[WALL]
@@ -183,12 +175,8 @@ def contact(z: Any, data: Any, out: Any) -> int:
 
 def contact_slopes(z: Any, data: Any, out: Any) -> int:
     """Their derivatives, row by row."""
-    t = shorter(z)
-    status = closure_slopes(z, data, out)
-    longer(z, t)
-    if status != 0:
+    if closed_slopes(z, data, out) != 0:
         return 1
-    widened(out)
     sign = motion(z, data)
     p, a = sign * z[0], data[A]
     for row in range(2):
@@ -197,7 +185,7 @@ def contact_slopes(z: Any, data: Any, out: Any) -> int:
         out[at + 1] = -p * data[MOTION + row + 1]
         out[at + 2] = a * data[F + row + 1] + p * data[MOTION + row + 1]
         for i in range(2):
-            slope = driven(data, i, t, row)
+            slope = driven(data, i, z[2], row)
             if int(data[PLACES + 2 * i]) == GAMMA:
                 slope = p * data[MOTION + 3 + row]
             out[at + 3 + i] = slope

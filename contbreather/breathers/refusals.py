@@ -12,13 +12,12 @@ class Inadmissible(NoSolution):
     """What solves the equations is no orbit: `orbit` is that solution, and `site` (None: the far
     field) is at or behind a wall at `time` without an impact."""
 
-    def __init__(
-        self, message: str, *, orbit: Any = None, site: int | None = None, time: float = math.nan
-    ) -> None:
+    def __init__(self, message: str, *, orbit: Any = None) -> None:
         super().__init__(message)
-        self.orbit = orbit
-        self.site = site
-        self.time = time
+        self.orbit, self.site, self.time = orbit, None, math.nan
+        if orbit is not None:
+            margins = orbit.admissibility()
+            self.site, self.time = margins.site, margins.time
 
 
 class ImpossibleSequence(BadInput):

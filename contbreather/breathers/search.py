@@ -14,8 +14,9 @@ from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.shooting import shooting
 from contbreather.breathers.symmetric import symmetric_roots
 from contbreather.breathers.zones import WINDOWS
-from contbreather.continuation import Point, Problem, trace
+from contbreather.continuation import Branch, Point, Problem, trace
 from contbreather.continuation.starts import windows
+from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import forcing_of
 from contbreather.lattice.conditions import Walls
@@ -136,19 +137,21 @@ def find_event(
     threshold: float = THRESHOLD,
     **given: Any,
 ) -> Point:
-    """The first event of a kind on branches of symmetric breathers: where a `boundary` can begin.
+    """The first event of a kind on branches of symmetric breathers, or on the arms that leave them:
+    where a `boundary` can begin.
 
     Parameters
     ----------
     kind : str
-        LP, PF, NS, GR: what such a breather has.
+        LP, PF, NS, GR: what such a breather has; PD, which its arms have.
     pair : (str, str)
         The branches are in the second parameter, at some values of the first one, or at the one
         among `given`.
     within : dict, optional
         Windows of both.
     threshold : float
-        Modulus over 2 pi from which a multiplier counts as unstable, on finite lattices.
+        Modulus over 2 pi from which a multiplier counts as unstable, on finite lattices; not for
+        arms, which are judged by the paper's.
     **given
         As for `find_symmetric`.
 
@@ -164,6 +167,11 @@ def find_event(
     0.777632425944
     """
     first, free = pair
+    if kind == "PD" and threshold != THRESHOLD:
+        raise BadInput(
+            f"threshold = {threshold:g}: PD is found on arms, which are judged by the paper's "
+            f"{THRESHOLD}; leave it out"
+        )
     checked = windows(within or {})
     span, reach = (checked.get(name) or window_of(name) for name in pair)
     reason = ""
@@ -176,12 +184,21 @@ def find_event(
         problem = problem_with(start, *pair, threshold=threshold)
         events = _up_to_the_fold(problem.events)
         branch = trace(problem, free, within={free: reach}, events=events, progress=False)
-        for point in branch.special:
-            if point.kind == kind and point.located:
-                return point
-        labels = ", ".join(point.label for point in branch.special) or "not a special point"
+        for followed in _with_arms(branch, {free: reach}) if kind == "PD" else (branch,):
+            for point in followed.special:
+                if point.kind == kind and point.located:
+                    return point
+        labels = ", ".join(point.label for point in followed.special) or "not a special point"
         reason = f"the branch in {free} at {first} = {value:.6g} has {labels}"
     raise NoSolution(f"no {kind} found for {first} between {span[0]:g} and {span[1]:g}; {reason}")
+
+
+def _with_arms(branch: Branch, within: Mapping[str, Window]) -> Iterator[Branch]:
+    """A branch, and one of both mirror images that leave it at each pitchfork."""
+    yield branch
+    for point in branch.special:
+        if point.kind == "PF" and point.located:
+            yield switch(point, within=within, progress=False)[0]
 
 
 def _up_to_the_fold(events: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -19,6 +19,7 @@ from contbreather.breathers.modal_road import Modes
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.refusals import ImpossibleSequence
 from contbreather.breathers.section import Section, checked_impacts
+from contbreather.checks import state_rows
 from contbreather.errors import BadInput
 from contbreather.flows.modes import Turn, driven, turn
 from contbreather.lattice import Ring
@@ -46,7 +47,7 @@ class Motion:
     """A lattice in motion, all its sites: flown until something touches a wall, then reset."""
 
     def __init__(self, on: Conditions, state: Any, time: float) -> None:
-        u, v = _rows(state)
+        u, v = state_rows(state)
         lattice: Finite = on.lattice
         self.walls = np.array([on.walls.at(n) for n in range(u.size)]).T
         beyond = np.maximum(u - self.walls[1], self.walls[0] - u)
@@ -114,24 +115,6 @@ class Motion:
     def free(self) -> tuple[FloatArray, FloatArray]:
         """Displacements and velocities of all sites without the forced motion."""
         return self.basis.to_sites(self.q), self.basis.to_sites(self.r)
-
-
-def _rows(state: tuple[Any, Any]) -> tuple[FloatArray, FloatArray]:
-    """Displacements and velocities of a state, or what is wrong with them."""
-    try:
-        u, v = (np.array(row, dtype=float) for row in state)
-    except (TypeError, ValueError) as error:
-        raise BadInput(f"a state is a pair (u, v) of rows of numbers: {error}.") from error
-    if u.ndim != 1 or u.shape != v.shape or not u.size:
-        raise BadInput(
-            f"a state is a pair (u, v) of rows of equal length; shapes {u.shape} and {v.shape} "
-            "were given."
-        )
-    for name, row in (("u", u), ("v", v)):
-        bad = np.flatnonzero(~np.isfinite(row))
-        if bad.size:
-            raise BadInput(f"{name}[{bad[0]}] = {row[bad[0]]} of the state is not finite.")
-    return u, v
 
 
 def from_state(
@@ -246,10 +229,10 @@ def from_orbit(
         return _otherwise(orbit, on, sequence)
     if sequence is not None:
         wanted = Section(checked_impacts(sequence)).placed(orbit.lattice).impacts
-        if wanted != orbit.sequence:
+        if wanted != orbit.section.impacts:
             raise BadInput(
-                f"this orbit has the impacts {orbit.sequence}, not {wanted}; give a state or "
-                "times for another sequence."
+                f"this orbit has the impacts {orbit.section.impacts}, not {wanted}; give a state "
+                "or times for another sequence."
             )
     if isinstance(orbit.road, Modes):
         if orbit.lattice == on.lattice:

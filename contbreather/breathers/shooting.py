@@ -130,8 +130,6 @@ def shooting(
         raise Inadmissible(
             f"{verdict.reason} What solves the equations is returned with inadmissible=True.",
             orbit=orbit,
-            site=verdict.site,
-            time=verdict.time,
         )
     return solved
 

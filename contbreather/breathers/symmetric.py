@@ -14,12 +14,7 @@ from contbreather.breathers.lifts import lift
 from contbreather.breathers.one_site import symmetric_orbits
 from contbreather.breathers.orbit import Orbit, Road, orbit_of, plain, road
 from contbreather.breathers.section import Impact, Section
-from contbreather.breathers.symmetric_events import (
-    grazing,
-    neimark_sacker,
-    pitchfork,
-    saddle_node,
-)
+from contbreather.breathers.symmetric_events import grazing, neimark_sacker, pitchfork, saddle_node
 from contbreather.breathers.wave_road import asymmetric_problem
 from contbreather.checks import real
 from contbreather.continuation import Event, Point, Problem
@@ -35,12 +30,7 @@ from contbreather.lattice import (
     forcing_of,
     lattice_of,
 )
-from contbreather.lattice.conditions import (
-    Conditions,
-    Walls,
-    check_amplitude,
-    restitution_ratio,
-)
+from contbreather.lattice.conditions import Conditions, Walls, check_amplitude, restitution_ratio
 from contbreather.lattice.held import held
 from contbreather.stability.verdict import THRESHOLD
 

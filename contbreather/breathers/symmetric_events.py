@@ -139,13 +139,7 @@ def unstable(breather: SymmetricFlight, lattice: Lattice, threshold: float) -> i
 
 def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
     if isinstance(on, InfiniteChain):
-        return Event(
-            "NS",
-            _off_window,
-            count=_ends_below,
-            locus=_arc_locus,
-            examine=_examine_angle,
-        )
+        return Event("NS", _off_window, count=_ends_below, locus=_arc_locus, examine=_examine_angle)
     check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(

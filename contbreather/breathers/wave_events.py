@@ -112,11 +112,7 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = THRESH
     """
     if not isinstance(on, Ring):
         return Event(
-            "NS",
-            _off_circle,
-            count=_pairs_outside,
-            locus=_arc_locus,
-            examine=_examine_angle,
+            "NS", _off_circle, count=_pairs_outside, locus=_arc_locus, examine=_examine_angle
         )
     if not (math.isfinite(threshold) and threshold > 1.0):
         raise BadInput(

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, overload
+from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,19 +180,25 @@ class Zones(Columns, Shown):
         return f"<Zones in {self.pair} at {self.fixed[0]} = {self.fixed[1]:g}; {counts}{cut}>"
 
 
+class Drawn(TypedDict, total=False):
+    """The keywords of `zones` besides the parameter that is fixed."""
+
+    forcing: Forcing | str | None
+    lattice: Lattice | None
+    within: Mapping[str, tuple[float, float]] | None
+    progress: bool | Counter | None
+    threshold: float
+    past_folds: bool | None
+    save: Save
+
+
 @overload
 def zones(
     *,
     k: float | None = None,
     gamma: float | None = None,
     a: float | None = None,
-    forcing: Forcing | str | None = None,
-    lattice: Lattice | None = None,
-    within: Mapping[str, tuple[float, float]] | None = None,
-    progress: bool | Counter | None = None,
-    threshold: float = THRESHOLD,
-    past_folds: bool | None = None,
-    save: Save = None,
+    **drawn: Unpack[Drawn],
 ) -> Zones: ...
 
 
@@ -202,13 +208,7 @@ def zones(
     k: Sequence[float] | None = None,
     gamma: Sequence[float] | None = None,
     a: Sequence[float] | None = None,
-    forcing: Forcing | str | None = None,
-    lattice: Lattice | None = None,
-    within: Mapping[str, tuple[float, float]] | None = None,
-    progress: bool | Counter | None = None,
-    threshold: float = THRESHOLD,
-    past_folds: bool | None = None,
-    save: Save = None,
+    **drawn: Unpack[Drawn],
 ) -> tuple[Zones, ...]: ...
 
 

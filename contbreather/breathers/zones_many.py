@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -70,7 +71,9 @@ def zones_many(
     <Zones in ('gamma', 'a') at k = 0.8; LP: 1, GR: 1, PF: 1, NS: 0>
     """
     slices = slices_of({"k": ks, "gamma": gamma, "a": a}, over or {}, forcing)
-    draw = Diagram(lattice, within, threshold, past_folds)
+    draw = partial(
+        drawn, lattice=lattice, within=within, threshold=threshold, past_folds=past_folds
+    )
     return each(draw, slices, executor=executor, progress=progress, unit="diagrams")
 
 
@@ -83,27 +86,11 @@ class Slice:
     forcing: Forcing
 
 
-@dataclass(frozen=True)
-class Diagram:
-    """What the diagrams of all planes have in common; called with one of them it is computed."""
-
-    lattice: Lattice | None = None
-    within: Mapping[str, tuple[float, float]] | None = None
-    threshold: float = THRESHOLD
-    past_folds: bool | None = None
-
-    def __call__(self, where: Slice) -> Zones:
-        fixed: dict[str, Any] = {where.name: where.value}
-        found: Zones = zones(
-            **fixed,
-            forcing=where.forcing,
-            lattice=self.lattice,
-            within=self.within,
-            threshold=self.threshold,
-            past_folds=self.past_folds,
-            progress=False,
-        )
-        return found
+def drawn(where: Slice, **shared: Any) -> Zones:
+    """The diagram in one plane."""
+    fixed: dict[str, Any] = {where.name: where.value}
+    found: Zones = zones(**fixed, forcing=where.forcing, **shared, progress=False)
+    return found
 
 
 def slices_of(

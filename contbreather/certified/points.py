@@ -20,13 +20,7 @@ from contbreather.certified.balls import (
     working,
 )
 from contbreather.certified.certificate import Certificate
-from contbreather.certified.closure import (
-    check_forcing,
-    equations,
-    fold,
-    pitchfork,
-    saltation,
-)
+from contbreather.certified.closure import check_forcing, equations, fold, pitchfork, saltation
 from contbreather.certified.walls import admissible
 from contbreather.certified.winding import unstable_count
 from contbreather.errors import BadInput

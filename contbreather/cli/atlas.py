@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import HARMONIC, Formula, Into, Span, Where, Whole, interval
+from contbreather.cli.options import Into, Plane, Whole
 from contbreather.errors import BadInput
 from contbreather.files import writable
 
@@ -22,13 +22,7 @@ def atlas(
     gamma: tuple[str, ...] = (),
     a: tuple[str, ...] = (),
     over: tuple[str, ...] = (),
-    gamma_window: Span | None = None,
-    a_window: Span | None = None,
-    k_window: Span | None = None,
-    forcing: Formula = HARMONIC,
-    set: tuple[str, ...] = (),
-    sites: Whole | None = None,
-    threshold: float | None = None,
+    plane: Plane = Plane(),
     workers: Whole | None = None,
     save: str | None = None,
     into: Into = Into(),
@@ -48,27 +42,12 @@ def atlas(
         Amplitude: diagrams in (k, gamma) instead.
     over
         NAME=VALUE,VALUE,... or NAME=LOW:HIGH:COUNT of a parameter in the formula.
-    gamma_window
-        Lowest and highest coupling to look at, 0 to 0.2499 unless given.
-    a_window
-        Lowest and highest amplitude, all unless given.
-    k_window
-        Lowest and highest restitution, 0.01 to 0.999 unless given.
-    forcing
-        F(t)/a as a formula in t.
-    set
-        NAME=VALUE of a parameter in the formula.
-    sites
-        A ring of so many sites in place of the infinite chain, judged by the paper's rule.
-    threshold
-        With --sites: modulus over a period beyond which it is unstable, 1.005 unless given.
     workers
         Number of processes, all cores unless given.
     save
         Write the atlas to this netCDF file.
     """
     from contbreather.breathers.atlas import atlas as chart
-    from contbreather.breathers.zones import WINDOWS
 
     if into == Into() and save is None:
         into, save = Into(output=FIGURE), DATA
@@ -78,13 +57,12 @@ def atlas(
     fixed = {n: _values(f"--{n}", v) for n, v in {"k": k, "gamma": gamma, "a": a}.items() if v}
     further = dict(_assigned(text) for text in over)
     begin = tuple(f"{name}={values[0]!r}" for name, values in further.items())
-    on = Where(forcing=forcing, set=(*set, *begin), sites=sites, threshold=threshold).on()
-    given = {"gamma": gamma_window, "a": a_window, "k": k_window}
+    on = plane.on(*begin)
     asked: dict[str, Any] = {
         "lattice": on.lattice,
         "threshold": on.threshold,
         "forcing": on.forcing,
-        "within": {n: interval(n, given[n], WINDOWS) for n in given if given[n] is not None},
+        "within": plane.within,
         "executor": workers,
         **fixed,
         **further,

@@ -7,7 +7,7 @@ from contbreather.cli.interrupts import kept
 from contbreather.cli.options import PARAMETERS, Keep, Span, Where, interval
 from contbreather.errors import BadInput
 
-KINDS = ("LP", "PF", "NS", "GR")
+KINDS = ("LP", "PF", "PD", "NS", "GR")
 
 
 def boundary(
@@ -18,17 +18,19 @@ def boundary(
     window: Span | None = None,
     into: Keep = Keep(),
 ) -> None:
-    """A curve of folds (LP), pitchforks (PF), Neimark-Sacker points (NS) or grazings (GR).
+    """A curve of folds (LP), pitchforks (PF), Neimark-Sacker points (NS), grazings (GR) or period
+    doublings (PD).
 
     Its first point is found on a branch in the second parameter, at the value of the first one if
     that is given. Past a fold (as NS-LP) it goes on among the breathers with the smaller p; the
     curves of `contbreather zones`, which finds all curves, end there. On a ring the curve of
     NS ends where another of its waves passes the threshold first; `zones` has the whole envelope.
+    Symmetric breathers have no PD: it is that of an arm that leaves them at a pitchfork.
 
     Parameters
     ----------
     kind
-        LP, PF, NS or GR.
+        LP, PF, PD, NS or GR.
     pair
         The two parameters to vary.
     window
@@ -58,5 +60,5 @@ def boundary(
 def _kind(kind: str | None) -> str:
     if kind is None or kind.upper() not in KINDS:
         given = "none was given" if kind is None else f"{kind!r} is not one of them"
-        raise BadInput(f"a boundary is of a kind LP, PF, NS or GR; {given}")
+        raise BadInput(f"a boundary is of a kind LP, PF, PD, NS or GR; {given}")
     return kind.upper()

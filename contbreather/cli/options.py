@@ -138,6 +138,55 @@ class Where:
         return On(lattice, threshold, forcing, more)
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Plane:
+    """Windows of zone diagrams, and what their breathers live on.
+
+    Parameters
+    ----------
+    gamma_window
+        Lowest and highest coupling to look at, 0 to 0.2499 unless given.
+    a_window
+        Lowest and highest amplitude, all unless given.
+    k_window
+        Lowest and highest restitution, 0.01 to 0.999 unless given: at 0 and 1 curves degenerate.
+    forcing
+        F(t)/a as a formula in t.
+    set
+        NAME=VALUE of a parameter in the formula.
+    sites
+        A ring of so many sites in place of the infinite chain, judged by the paper's rule.
+    threshold
+        With --sites: modulus over a period beyond which it is unstable, 1.005 unless given.
+    """
+
+    gamma_window: Span | None = None
+    a_window: Span | None = None
+    k_window: Span | None = None
+    forcing: Formula = HARMONIC
+    set: tuple[str, ...] = ()
+    sites: Whole | None = None
+    threshold: float | None = None
+
+    @property
+    def within(self) -> dict[str, Span]:
+        """The windows that were given."""
+        from contbreather.breathers.zones import WINDOWS
+
+        typed = {name: getattr(self, f"{name}_window") for name in WINDOWS}
+        return {n: interval(n, window, WINDOWS) for n, window in typed.items() if window}
+
+    def on(self, *begin: str) -> On:
+        """What breathers live on, with further assignments."""
+        return Where(
+            forcing=self.forcing,
+            set=(*self.set, *begin),
+            sites=self.sites,
+            threshold=self.threshold,
+        ).on()
+
+
 class On(NamedTuple):
     """What a breather lives on: its lattice with a threshold, the forcing, site and walls."""
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from cyclopts import Parameter
+
 from contbreather.cli.interrupts import computing
 from contbreather.cli.options import PARAMETERS, Keep, On, Where, Whole
 from contbreather.cli.output import check_places, note, say, to_csv, to_figure, to_json
@@ -27,25 +29,10 @@ CLOSE = 0.05  # an impact so close to t = 0 is at the end of a period
 IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "acceleration")
 
 
-def simulate(
-    where: Where = Where(),
-    *,
-    periods: float = 200.0,
-    smooth: float | None = None,
-    start: str | None = None,
-    perturb: float = 0.0,
-    seed: Whole = 0,
-    stream: str | None = None,
-    impacts: str | None = None,
-    final: str | None = None,
-    into: Keep = Keep(),
-) -> int | None:
-    """A lattice in motion, impact by impact, and a verdict on it.
-
-    It is a ring of 20 unless a lattice or a state is given. It starts on the exact breather at
-    t = 0, or from a file: JSON with u, v and t, as --final
-    writes it, or two columns u and v. --csv takes the states once in a period. After Ctrl-C all
-    that was simulated until then is written, then judged; a second one leaves the verdict out.
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """A run as it was typed.
 
     Parameters
     ----------
@@ -66,51 +53,24 @@ def simulate(
     final
         Write the last state to this file, for --start.
     """
-    asked = Asked(where, periods, smooth, start, perturb, seed, stream, impacts, final, into)
-    asked.check()
-    seen = asked.simulate()
-    if seen.interrupted:
-        note("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
-    made = [str(path) for path in _files(seen, asked)]
-    seen = judged(seen)
-    if into.json:
-        to_json({**_content(seen, asked), "written": made})
-    else:
-        walls = "rigid walls" if smooth is None else f"smooth walls, m = {smooth:g}"
-        length = seen.periods if seen.stream else length_of(seen.run)
-        lattice = seen.run.conditions.lattice.describe()
-        say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}")
-        table = _table(seen, asked)
-        if table.row_count:
-            say(table)
-        say(*_sentences(seen), *(f"Wrote {path}." for path in made))
-    return INTERRUPTED if seen.interrupted else None
 
+    periods: float = 200.0
+    smooth: float | None = None
+    start: str | None = None
+    perturb: float = 0.0
+    seed: Whole = 0
+    stream: str | None = None
+    impacts: str | None = None
+    final: str | None = None
 
-@dataclass(frozen=True)
-class Asked:
-    """All options as they were typed."""
-
-    where: Where
-    periods: float
-    smooth: float | None
-    start: str | None
-    perturb: float
-    seed: int
-    stream: str | None
-    impacts: str | None
-    final: str | None
-    into: Keep
-
-    def check(self) -> None:
+    def check(self, where: Where, into: Keep) -> None:
         """Refuse what cannot be, before anything is computed."""
-        tables = {"--csv": self.into.csv, "--impacts": self.impacts, "--final": self.final}
-        tables["--save"] = self.into.save
-        check_places(tables, self.into.output)
+        tables = {"--csv": into.csv, "--impacts": self.impacts, "--final": self.final}
+        check_places({**tables, "--save": into.save}, into.output)
         if self.smooth is not None and (self.impacts or self.stream):
             which = "--impacts" if self.impacts else "--stream"
             raise BadInput(f"{which} goes with rigid walls only: leave out --smooth")
-        if self.stream is not None and self.into.save is not None:
+        if self.stream is not None and into.save is not None:
             raise BadInput("--save and --stream: a stream is kept in its folder; leave --save out")
         if self.stream is not None and not self.periods.is_integer():
             raise BadInput(f"--periods {self.periods:g}: a stream is of whole periods")
@@ -118,20 +78,21 @@ class Asked:
             raise BadInput(f"--perturb {self.perturb:g}: a size, at least 0, was wanted")
         if self.seed < 0:
             raise BadInput(f"--seed {self.seed}: a whole number, at least 0, was wanted")
-
-        if self.smooth is not None and self.where.walls:
+        if self.smooth is not None and where.walls:
             raise BadInput("--walls goes with rigid walls only: leave out --smooth")
-        if self.where.threshold is not None:
+        if where.threshold is not None:
             raise BadInput("--threshold: the verdict on a run has none; leave it out")
 
     @computing()
-    def simulate(self) -> Seen:
+    def simulate(self, where: Where) -> Seen:
         """Run it."""
         from contbreather.dynamics import record, simulate, simulate_smooth
 
-        values, on = self.where.need(*PARAMETERS), self.where.on()
+        values, on = where.need(*PARAMETERS), where.on()
         lattice = None if on.lattice.sites is None else on.lattice
-        state, t0 = self._read(lattice) if self.start is not None else self._breather(on, lattice)
+        state, t0 = (
+            self._read(where, lattice) if self.start is not None else _breather(where, on, lattice)
+        )
         shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on.forcing, "t0": t0}
         if self.smooth is not None:
             smooth: dict[str, Any] = {"m": self.smooth, "periods": self.periods}
@@ -139,35 +100,20 @@ class Asked:
         shared |= {"walls": on.more["walls"]}
         if self.stream is not None:
             kept = record(self.stream, self._pushed(state), periods=int(self.periods), **shared)
-            return seen_in(kept, int(self.periods), self.where.site)
+            return seen_in(kept, int(self.periods), where.site)
         run = simulate(self._pushed(state), periods=self.periods, **shared)
-        return seen_of(run, self.where.site)
+        return seen_of(run, where.site)
 
-    def _read(self, lattice: Any) -> tuple[Any, float]:
+    def _read(self, where: Where, lattice: Any) -> tuple[Any, float]:
         """The state in a file, and its time."""
         (u, v), t0 = read_state(str(self.start))
         if lattice is not None and lattice.sites != len(u):
-            typed = "--sites" if self.where.lattice is None else "--lattice"
+            typed = "--sites" if where.lattice is None else "--lattice"
             raise BadInput(
-                f"{typed} {self.where.lattice or lattice.sites}: the state in {self.start} has "
+                f"{typed} {where.lattice or lattice.sites}: the state in {self.start} has "
                 f"{len(u)} sites; leave out {typed}"
             )
         return (u, v), t0
-
-    def _breather(self, on: On, lattice: Any) -> tuple[Any, float]:
-        """The exact breather at t = 0, or a quarter of a period later if it hits just then. That of
-        a ring is the one without damping, as in the paper; that of --lattice has all."""
-        from contbreather.breathers import symmetric
-        from contbreather.lattice import Ring
-
-        values = self.where.given | ({} if self.where.lattice else {"damping": 0.0})
-        found = symmetric(**{**values, **on.given, "lattice": lattice or Ring(SITES)})
-        margins = found.admissibility()
-        if not margins.ok:
-            raise BadInput(f"{margins.reason.rstrip('.')}; give a state with --start instead")
-        # a period should not begin at an impact: it might be counted there or not
-        t0 = 0.0 if abs(math.remainder(found.phi, math.pi)) > CLOSE else 0.5 * math.pi
-        return found.state(t=t0), t0
 
     def _pushed(self, state: Any) -> Any:
         import numpy as np
@@ -178,25 +124,70 @@ class Asked:
         return state[0] + push[0], state[1] + push[1]
 
 
+def _breather(where: Where, on: On, lattice: Any) -> tuple[Any, float]:
+    """The exact breather at t = 0, or a quarter of a period later if it hits just then. That of
+    a ring is the one without damping, as in the paper; that of --lattice has all."""
+    from contbreather.breathers import symmetric
+    from contbreather.lattice import Ring
+
+    values = where.given | ({} if where.lattice else {"damping": 0.0})
+    found = symmetric(**{**values, **on.given, "lattice": lattice or Ring(SITES)})
+    margins = found.admissibility()
+    if not margins.ok:
+        raise BadInput(f"{margins.reason.rstrip('.')}; give a state with --start instead")
+    # a period should not begin at an impact: it might be counted there or not
+    t0 = 0.0 if abs(math.remainder(found.phi, math.pi)) > CLOSE else 0.5 * math.pi
+    return found.state(t=t0), t0
+
+
+def simulate(where: Where = Where(), asked: Asked = Asked(), into: Keep = Keep()) -> int | None:
+    """A lattice in motion, impact by impact, and a verdict on it.
+
+    It is a ring of 20 unless a lattice or a state is given. It starts on the exact breather at
+    t = 0, or from a file: JSON with u, v and t, as --final
+    writes it, or two columns u and v. --csv takes the states once in a period. After Ctrl-C all
+    that was simulated until then is written, then judged; a second one leaves the verdict out.
+    """
+    asked.check(where, into)
+    seen = asked.simulate(where)
+    if seen.interrupted:
+        note("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
+    made = [str(path) for path in _files(seen, asked, into)]
+    seen = judged(seen)
+    if into.json:
+        to_json({**_content(seen, where, asked), "written": made})
+    else:
+        rigid = asked.smooth is None
+        walls = "rigid walls" if rigid else f"smooth walls, m = {asked.smooth:g}"
+        length = seen.periods if seen.stream else length_of(seen.run)
+        lattice = seen.run.conditions.lattice.describe()
+        say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}")
+        table = _table(seen, asked)
+        if table.row_count:
+            say(table)
+        say(*_sentences(seen), *(f"Wrote {path}." for path in made))
+    return INTERRUPTED if seen.interrupted else None
+
+
 # --- what is left ---------------------------------------------------------------------------------
 
 
-def _files(seen: Seen, asked: Asked) -> Iterator[Any]:
+def _files(seen: Seen, asked: Asked, into: Keep) -> Iterator[Any]:
     """What goes on from here first: large tables take long enough to be interrupted."""
     if asked.final is not None:
         yield write_state(asked.final, seen.run.final, seen.run.end)
-    if asked.into.save is not None:
+    if into.save is not None:
         from contbreather.runs import save
 
-        save(asked.into.save, run=seen.run)
-        yield asked.into.save
-    if asked.into.csv is not None:
+        save(into.save, run=seen.run)
+        yield into.save
+    if into.csv is not None:
         names = [f"{name}_{n}" for name in "uv" for n in range(seen.run.sites)]
-        yield to_csv(asked.into.csv, _strobes(seen), ["period", "time", *names])
+        yield to_csv(into.csv, _strobes(seen), ["period", "time", *names])
     if asked.impacts is not None:
         yield to_csv(asked.impacts, _impacts(seen), IMPACTS)
-    if asked.into.output is not None:
-        yield to_figure(asked.into.output, lambda: draw(seen.run, seen.site))
+    if into.output is not None:
+        yield to_figure(into.output, lambda: draw(seen.run, seen.site))
 
 
 def _strobes(seen: Seen) -> Iterator[dict[str, float]]:
@@ -266,10 +257,10 @@ def _window(run: Any, site: int) -> Any:
     return completed(let_go(state, run.conditions, **window)).record
 
 
-def _content(seen: Seen, asked: Asked) -> dict[str, Any]:
+def _content(seen: Seen, where: Where, asked: Asked) -> dict[str, Any]:
     run, c = seen.run, seen.run.conditions
     content: dict[str, Any] = {
-        **asked.where.need(*PARAMETERS),
+        **where.need(*PARAMETERS),
         "damping": c.damping,
         "forcing": c.forcing.describe(),
         "m": asked.smooth,

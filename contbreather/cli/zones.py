@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import HARMONIC, Formula, Keep, Span, Where, Whole, interval
+from contbreather.cli.options import Keep, Plane
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
@@ -23,13 +23,7 @@ def zones(
     k: tuple[float, ...] = (),
     gamma: tuple[float, ...] = (),
     a: tuple[float, ...] = (),
-    gamma_window: Span | None = None,
-    a_window: Span | None = None,
-    k_window: Span | None = None,
-    forcing: Formula = HARMONIC,
-    set: tuple[str, ...] = (),
-    sites: Whole | None = None,
-    threshold: float | None = None,
+    plane: Plane = Plane(),
     into: Keep = Keep(),
 ) -> None:
     """Zone diagrams: limits of existence LP and GR, of stability PF and NS, where they meet.
@@ -45,31 +39,14 @@ def zones(
         Coupling: diagrams in (k, a) instead.
     a
         Amplitude: diagrams in (k, gamma) instead.
-    gamma_window
-        Lowest and highest coupling to look at, 0 to 0.2499 unless given.
-    a_window
-        Lowest and highest amplitude, all unless given.
-    k_window
-        Lowest and highest restitution, 0.01 to 0.999 unless given: at 0 and 1 curves degenerate.
-    forcing
-        F(t)/a as a formula in t.
-    set
-        NAME=VALUE of a parameter in the formula.
-    sites
-        A ring of so many sites in place of the infinite chain, judged by the paper's rule.
-    threshold
-        With --sites: modulus over a period beyond which it is unstable, 1.005 unless given.
     """
-    from contbreather.breathers.zones import WINDOWS
     from contbreather.breathers.zones import zones as diagram
 
     name, values = _fixed(k, gamma, a)
     if into == Keep():
         into = Keep(csv=TABLE, output=FIGURE)
     into.check()
-    on = Where(forcing=forcing, set=set, sites=sites, threshold=threshold).on()
-    given = {"gamma": gamma_window, "a": a_window, "k": k_window}
-    windows = {n: interval(n, given[n], WINDOWS) for n in given if given[n] is not None}
+    on, windows = plane.on(), plane.within
     asked: dict[str, Any] = {name: values, "lattice": on.lattice, "threshold": on.threshold}
     found, cut = kept(lambda: diagram(**asked, forcing=on.forcing, within=windows, save=into.save))
     if not any(branches for one in found for branches in one.curves.values()):

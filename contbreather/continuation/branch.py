@@ -217,9 +217,7 @@ class Branch(Columns, Shown):
         """The same points walked the other way."""
         end, rows = self.points[-1].arclength, self._rows[::-1]
         turned = rows.each(
-            lambda point: _turned(point, end),
-            tangent=-rows.tangent,
-            arclength=end - rows.arclength,
+            lambda point: _turned(point, end), tangent=-rows.tangent, arclength=end - rows.arclength
         )
         return replace(
             self,

@@ -200,11 +200,7 @@ def _branch_point_locus(point: Point) -> Locus:
     rank = _LostRank(*_held_together(point))
     stays = Event("BP", _refuse_to_part, ends="branch")
     return Locus(
-        {"split": 0.0},
-        rank.conditions,
-        rank.derivative,
-        events=(stays,),
-        unfolding=rank.unfolding,
+        {"split": 0.0}, rank.conditions, rank.derivative, events=(stays,), unfolding=rank.unfolding
     )
 
 

@@ -8,7 +8,7 @@ pairs). Each is verified by the eigenvalues, and by coefficients of its normal f
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -427,37 +427,18 @@ _HOPF = Event("HB", _hopf_test, count=_unstable_pairs, locus=_hopf_locus, examin
 _GENERALISED = Event("GH", _lyapunov_on_hopf, examine=_examine_generalised)
 _DOUBLE_HOPF = Event("HH", _second_pair, examine=_examine_second_pair)
 # Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.
-_BT_ON_HOPF = Meeting(
-    "BT",
-    _square,
-    examine=_examine_double_zero,
-    ends="domain",
-    base=_FOLD,
-)
+_BT_ON_HOPF = Meeting("BT", _square, examine=_examine_double_zero, ends="domain", base=_FOLD)
 _BT = Meeting("BT", _overlap, examine=_examine_takens, base=_HOPF)
+
+
+def _zero_hopf(on: str, event: Event, test: Callable[[Point], float]) -> Meeting:
+    return replace(meeting(on, event), kind="ZH", test=test, examine=_examine_zero_hopf)
+
+
 # On the boundary of one kind, what the meeting with another is called.
 MEETINGS: dict[str, Mapping[str, tuple[Event, ...]]] = {
-    "LP": {
-        "HB": (
-            _BT,
-            replace(
-                meeting("LP", _HOPF),
-                kind="ZH",
-                test=_hopf_beside_zero,
-                examine=_examine_zero_hopf,
-            ),
-        )
-    },
-    "HB": {
-        "LP": (
-            replace(
-                meeting("HB", _FOLD),
-                kind="ZH",
-                test=_zero_beside_pair,
-                examine=_examine_zero_hopf,
-            ),
-        )
-    },
+    "LP": {"HB": (_BT, _zero_hopf("LP", _HOPF, _hopf_beside_zero))},
+    "HB": {"LP": (_zero_hopf("HB", _FOLD, _zero_beside_pair),)},
     "BP": {
         "HB": (
             replace(_BT, examine=_examine_double_zero),

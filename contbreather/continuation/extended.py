@@ -99,10 +99,7 @@ class Extended:
             return np.asarray(self.locus.derivative(curve, z, extra))
         # apart: conditions that ask for derivatives of the problem at one z get those they had
         own = derivatives.differences(
-            lambda y: self.locus.conditions(curve, y, extra),
-            z,
-            scales=curve.scales,
-            one_sided=True,
+            lambda y: self.locus.conditions(curve, y, extra), z, scales=curve.scales, one_sided=True
         )
         if not extra.size:
             return own

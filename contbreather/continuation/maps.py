@@ -337,20 +337,8 @@ _R2_ON_FLIP = Meeting("R2", partial(_overlap, -1), examine=_DOUBLE_MINUS_ONE, ba
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
 _ON_ROTATION = (
     # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles
-    Meeting(
-        "R1",
-        partial(_from_one, 1),
-        examine=_examine_double_one,
-        ends="domain",
-        base=_FOLD,
-    ),
-    Meeting(
-        "R2",
-        partial(_from_one, -1),
-        examine=_DOUBLE_MINUS_ONE,
-        ends="domain",
-        base=_FLIP,
-    ),
+    Meeting("R1", partial(_from_one, 1), examine=_examine_double_one, ends="domain", base=_FOLD),
+    Meeting("R2", partial(_from_one, -1), examine=_DOUBLE_MINUS_ONE, ends="domain", base=_FLIP),
     _resonance(3),
     _resonance(4),
     Event("CH", _rotation_coefficient, examine=_examine_chenciner),
@@ -358,11 +346,7 @@ _ON_ROTATION = (
 
 
 def _named(
-    on: str,
-    event: Event,
-    kind: str,
-    wanted: str,
-    test: Callable[[Point], float] | None = None,
+    on: str, event: Event, kind: str, wanted: str, test: Callable[[Point], float] | None = None
 ) -> Meeting:
     examine = partial(_on_circle, wanted, "+1" in wanted and on != "BP")
     plain = meeting(on, event)

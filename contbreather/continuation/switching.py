@@ -190,10 +190,7 @@ def follow(
     free = point.curve.free[0]
     start = _start(seed, free)
     pieces: list[Branch] = []
-    with (
-        keeping(lambda: _with_parent(pieces[0], point) if pieces else None),
-        taking(pieces.append),
-    ):
+    with keeping(lambda: _with_parent(pieces[0], point) if pieces else None), taking(pieces.append):
         arm = trace(
             start,
             free,

@@ -14,13 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.dynamics.compiled import compiled, inlined
-from contbreather.dynamics.contact import (
-    CLOSE,
-    LOST,
-    NEVER,
-    column_bound,
-    first_contact,
-)
+from contbreather.dynamics.contact import CLOSE, LOST, NEVER, column_bound, first_contact
 from contbreather.dynamics.flow import (
     Array,
     Bonds,

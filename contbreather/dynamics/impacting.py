@@ -11,7 +11,7 @@ import enum
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from contbreather.display import Shown
 from contbreather.dynamics.held import held
 from contbreather.dynamics.states import (
     PERIOD,
+    On,
     State,
     check_state,
     conditions_of,
@@ -29,9 +30,7 @@ from contbreather.dynamics.states import (
     within,
 )
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing
 from contbreather.lattice.conditions import Conditions
-from contbreather.lattice.finite import Finite
 from contbreather.progress import Bar, line_of
 
 if TYPE_CHECKING:
@@ -41,28 +40,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-IMPACT = np.dtype(
-    [
-        ("time", "f8"),
-        ("period", "i8"),
-        ("phase", "f8"),
-        ("site", "i8"),
-        ("wall", "i1"),
-        ("before", "f8"),
-        ("after", "f8"),
-        ("acceleration", "f8"),
-    ]
-)
-REST = np.dtype(
-    [
-        ("time", "f8"),
-        ("period", "i8"),
-        ("phase", "f8"),
-        ("site", "i8"),
-        ("wall", "i1"),
-        ("begins", "?"),
-    ]
-)
+WHERE = [("time", "f8"), ("period", "i8"), ("phase", "f8"), ("site", "i8"), ("wall", "i1")]
+IMPACT = np.dtype([*WHERE, ("before", "f8"), ("after", "f8"), ("acceleration", "f8")])
+REST = np.dtype([*WHERE, ("begins", "?")])
 LONGEST = 1e12  # periods; beyond, not even their number is exact enough to keep time
 MOST = 150_000  # impacts of one site in one period: some seconds
 MOMENT = 0.2  # seconds a stretch should take: how long an interruption waits
@@ -252,18 +232,11 @@ class Run(Columns, Shown):
 def simulate(
     state: Any,
     *,
-    a: float,
-    gamma: float,
-    k: float,
     periods: float,
-    damping: float = 0.0,
-    spring: float = 0.0,
-    forcing: Forcing | str | None = None,
-    lattice: Finite | None = None,
-    walls: Any = None,
     t0: float = 0.0,
     sample: Sample | None = None,
     progress: bool | Bar | None = None,
+    **on: Unpack[On],
 ) -> Run:
     """Let a lattice of impacting sites go from any state.
 
@@ -271,10 +244,17 @@ def simulate(
     ----------
     state : pair of array_like, shape (N,)
         Displacements and velocities of all sites at t0; N = 1 is a single oscillator.
-    a, gamma, k : float
-        Amplitude of the forcing, coupling (below 1/4 on a ring), restitution in [0, 1].
     periods : float
         Length of the run in periods 2 pi of the forcing; a fraction is allowed at the end.
+    t0 : float
+        Time of the state; the forcing depends on it.
+    sample : Sample, optional
+        Sites to record densely, in whole periods. Impacts and the states once in a period are
+        always recorded.
+    progress : bool, optional
+        Show progress on standard error; by default on long runs at a terminal.
+    a, gamma, k : float
+        Amplitude of the forcing, coupling (below 1/4 on a ring), restitution in [0, 1].
     damping, spring : float
         Of ``u'' + damping u' + spring u + ...``, per unit mass; damping up to 1e4, for steps are
         3/damping at most.
@@ -285,13 +265,6 @@ def simulate(
     walls : pair or dict, optional
         ``(low, high)`` for all sites, or a dict of sites and pairs, None where there is no wall;
         -1 and 1 unless given.
-    t0 : float
-        Time of the state; the forcing depends on it.
-    sample : Sample, optional
-        Sites to record densely, in whole periods. Impacts and the states once in a period are
-        always recorded.
-    progress : bool, optional
-        Show progress on standard error; by default on long runs at a terminal.
 
     Returns
     -------
@@ -316,17 +289,7 @@ def simulate(
     2
     """
     start = check_state(state)
-    conditions = conditions_of(
-        start.u.size,
-        a=a,
-        gamma=gamma,
-        k=k,
-        damping=damping,
-        spring=spring,
-        forcing=forcing,
-        lattice=lattice,
-        walls=walls,
-    )
+    conditions = conditions_of(start.u.size, **on)
     return advance(start, conditions, periods=periods, t0=t0, sample=sample, progress=progress)
 
 

@@ -26,13 +26,7 @@ from contbreather.continuation.lift import Lift
 from contbreather.continuation.point import Counting
 from contbreather.continuation.recipes import Recipe
 from contbreather.dynamics.impacting import Run, RunStop, Sample, advance, completed
-from contbreather.dynamics.smooth import (
-    OWN,
-    SmoothConditions,
-    flown,
-    let_go,
-    rigid_or_smooth,
-)
+from contbreather.dynamics.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
 from contbreather.dynamics.states import HEAVIEST, PERIOD, On, State, check_state, reduced
 from contbreather.dynamics.tangent import variation
 from contbreather.errors import BadInput, ContbreatherError, NotConverged

@@ -20,12 +20,7 @@ from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import RunStop, completed
-from contbreather.dynamics.smooth import (
-    SmoothConditions,
-    Solver,
-    let_go,
-    rigid_or_smooth,
-)
+from contbreather.dynamics.smooth import SmoothConditions, Solver, let_go, rigid_or_smooth
 from contbreather.dynamics.states import On, State, check_state, ranged
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions

@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Protocol, Required, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Required, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -248,8 +248,33 @@ class Explicit:
         return out
 
 
+class _OfScipy:
+    """A method of `solve_ivp`, with the exact Jacobian."""
+
+    method: ClassVar[str]
+    tolerance: float
+
+    def states(
+        self, rhs: Rhs, jac: Rhs | None, args: tuple[Any, ...], t0: float, y: Array, times: Array
+    ) -> Array:
+        from scipy.integrate import solve_ivp
+
+        settings: dict[str, Any] = {"rtol": max(self.tolerance, 3e-14), "atol": self.tolerance}
+        if jac is not None:
+            settings["jac"] = lambda t, x: jac(t, x, *args)
+        solve: Any = solve_ivp  # its stubs know every method by name and shape
+        with held():
+            found = solve(
+                lambda t, x: rhs(t, x, *args), (t0, times[-1]), y, self.method, times,
+                max_step=CAP, **settings,
+            )  # fmt: skip
+        if not found.success:
+            raise _stuck(self.method, found.t[-1] if len(found.t) else t0)
+        return np.ascontiguousarray(found.y.T)
+
+
 @dataclass(frozen=True)
-class Switching:
+class Switching(_OfScipy):
     """LSODA, which changes between Adams and BDF as it sees fit, with the exact Jacobian.
 
     Examples
@@ -260,56 +285,17 @@ class Switching:
     0.1
     """
 
+    method = "LSODA"
     tolerance: float = 1e-10
-
-    def states(
-        self, rhs: Rhs, jac: Rhs | None, args: tuple[Any, ...], t0: float, y: Array, times: Array
-    ) -> Array:
-        return _solve_ivp("LSODA", self.tolerance, rhs, jac, args, t0, y, times)
 
 
 @dataclass(frozen=True)
-class Implicit:
+class Implicit(_OfScipy):
     """Radau's method of order 5 with the exact Jacobian: to compare, or if walls ever get stiff.
+    Used as `Switching` is."""
 
-    Examples
-    --------
-    >>> rest = [0.1], [0.0]
-    >>> run = simulate_smooth(rest, a=0.1, gamma=0.0, k=0.8, m=6, periods=1, solver=Implicit())
-    >>> round(float(run.final.u[0]), 6)  # u = 0.1 cos t
-    0.1
-    """
-
+    method = "Radau"
     tolerance: float = 1e-8
-
-    def states(
-        self, rhs: Rhs, jac: Rhs | None, args: tuple[Any, ...], t0: float, y: Array, times: Array
-    ) -> Array:
-        return _solve_ivp("Radau", self.tolerance, rhs, jac, args, t0, y, times)
-
-
-def _solve_ivp(
-    method: str,
-    tolerance: float,
-    rhs: Rhs,
-    jac: Rhs | None,
-    args: tuple[Any, ...],
-    t0: float,
-    y: Array,
-    times: Array,
-) -> Array:
-    from scipy.integrate import solve_ivp
-
-    settings: dict[str, Any] = {"rtol": max(tolerance, 3e-14), "atol": tolerance, "max_step": CAP}
-    own = (lambda t, x: jac(t, x, *args)) if jac is not None else None
-    if own is not None:
-        settings["jac"] = own
-    solve: Any = solve_ivp  # its stubs know every method by name and shape
-    with held():
-        found = solve(lambda t, x: rhs(t, x, *args), (t0, times[-1]), y, method, times, **settings)
-    if not found.success:
-        raise _stuck(method, found.t[-1] if len(found.t) else t0)
-    return np.ascontiguousarray(found.y.T)
 
 
 def _stuck(method: str, t: float) -> NotConverged:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol, Required, TypedDict, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import number
+from contbreather.checks import number, state_rows
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Ring, check_gamma, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
@@ -133,16 +133,7 @@ def check_state(state: Any) -> State:
     BadInput
         Not a pair of rows of equal length, or not finite.
     """
-    u, v = _rows(state)
-    if u.ndim != 1 or u.shape != v.shape or u.size < 1:
-        raise BadInput(
-            f"a state is a pair (u, v) of rows of equal length, one entry for each site; shapes "
-            f"{u.shape} and {v.shape} were given."
-        )
-    for name, row in (("u", u), ("v", v)):
-        bad = np.flatnonzero(~np.isfinite(row))
-        if bad.size:
-            raise BadInput(f"{name}[{bad[0]}] = {row[bad[0]]} of the state is not a finite number.")
+    u, v = state_rows(state)
     fast = int(np.abs(v).argmax())
     if abs(v[fast]) > FASTEST:
         raise BadInput(
@@ -151,14 +142,6 @@ def check_state(state: Any) -> State:
             "of order 1."
         )
     return State(u, v)
-
-
-def _rows(state: Any) -> tuple[Array, Array]:
-    try:
-        u, v = state
-        return np.array(u, dtype=float), np.array(v, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise BadInput(f"a state is a pair (u, v) of rows of numbers; {error}.") from error
 
 
 def within(state: State, walls: Walls) -> State:

@@ -97,10 +97,7 @@ def _pair(given: Any, what: str) -> Pair:
         given = (None, None)
     try:
         low, high = given
-        pair = (
-            -math.inf if low is None else float(low),
-            math.inf if high is None else float(high),
-        )
+        pair = (-math.inf if low is None else float(low), math.inf if high is None else float(high))
     except (TypeError, ValueError):
         pair = (math.nan, math.nan)
     if not pair[0] < pair[1]:

@@ -11,13 +11,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers import Orbit
 from contbreather.continuation import fold, trace
-from contbreather.dynamics import (
-    PeriodicMotion,
-    Run,
-    SmoothRun,
-    State,
-    periodic,
-)
+from contbreather.dynamics import PeriodicMotion, Run, SmoothRun, State, periodic
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import completed
 from contbreather.dynamics.smooth import let_go

@@ -51,7 +51,7 @@ def plot_orbit(
     whole: Any = orbit.solution if isinstance(orbit, Point) else orbit
     if not isinstance(whole, Orbit):
         raise BadInput(f"{orbit!r} is not an orbit: symmetric() finds one")
-    hit = list(dict.fromkeys(site for site, _ in whole.sequence))
+    hit = list(dict.fromkeys(site for site, _ in whole.section.impacts))
     chosen = _near(hit, whole.lattice.sites) if sites is None else list(sites)
     t = np.linspace(0.0, whole.period, PIECES * whole.section.turns + 1)
     with axes_or_new(ax) as axes:

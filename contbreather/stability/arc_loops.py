@@ -223,14 +223,7 @@ def window(data: Any, table: Any, out: Any, found: Any) -> int:
 
 
 def bracketed(
-    data: Any,
-    out: Any,
-    found: Any,
-    count: int,
-    low: float,
-    high: float,
-    first: float,
-    last: float,
+    data: Any, out: Any, found: Any, count: int, low: float, high: float, first: float, last: float
 ) -> int:
     """The b of the one root between two angles, of which at most two are kept; how many there
     are: secants, kept inside."""

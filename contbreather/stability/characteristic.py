@@ -208,13 +208,7 @@ def _few_modes(gamma: float, sites: int | None, spring: float) -> Modes:
     return modes(gamma, MODES if sites is None else min(sites, MODES), spring)
 
 
-def D(
-    gamma: float,
-    nu: ArrayLike,
-    k: float,
-    b: float,
-    lattice: object = InfiniteChain(),
-) -> Array:
+def D(gamma: float, nu: ArrayLike, k: float, b: float, lattice: object = InfiniteChain()) -> Array:
     """Characteristic function: zero where mu = exp(i pi nu) is a multiplier of QS.
 
     Only multipliers of even modes: the odd ones are ``exp(+-i pi w)`` exactly. D -> 1 as
@@ -242,11 +236,7 @@ def D(
 
 
 def D_slope(
-    gamma: float,
-    nu: ArrayLike,
-    k: float,
-    b: float,
-    lattice: object = InfiniteChain(),
+    gamma: float, nu: ArrayLike, k: float, b: float, lattice: object = InfiniteChain()
 ) -> tuple[Array, Array]:
     """D and its analytic derivative dD/dnu; see `D`."""
     sites, spring = sites_of(lattice), spring_of(lattice)
@@ -340,11 +330,7 @@ class Gradient(NamedTuple):
 
 
 def D_gradient(
-    gamma: float,
-    nu: ArrayLike,
-    k: float,
-    b: float,
-    lattice: object = InfiniteChain(),
+    gamma: float, nu: ArrayLike, k: float, b: float, lattice: object = InfiniteChain()
 ) -> Gradient:
     """D with its derivatives in nu and in every parameter, all analytic.
 

@@ -169,22 +169,10 @@ def _chain_multipliers(gamma: float, k: float, b: float, chain: InfiniteChain) -
 
 
 def unstable_multipliers(
-    gamma: float,
-    k: float,
-    b: float,
-    lattice: object = InfiniteChain(),
-    *,
-    radius: float = 1.0,
+    gamma: float, k: float, b: float, lattice: object = InfiniteChain(), *, radius: float = 1.0
 ) -> Array:
-    """Multipliers of QS outside a circle, largest first; conjugates next to each other.
-
-    Parameters
-    ----------
-    gamma, k, b : float
-        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
-    lattice : InfiniteChain or Ring
-    radius : float
-        Those with ``|mu| > radius``; see `unstable_count`.
+    """Multipliers of QS outside a circle, largest first; conjugates next to each other. Parameters
+    and errors of bad input as of `unstable_count`.
 
     Returns
     -------

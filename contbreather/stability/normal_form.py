@@ -101,11 +101,7 @@ def pitchfork_form(
             f"a f''(phi) - 2 p sigma is {off:.2g}, not 0."
         )
     matrix = np.array(
-        (
-            (2.0 * rise, a * f[1], 0.0),
-            (-q, a * f[2], 0.0),
-            (4.0 * at[2], a * f[3], 0.0),
-        )
+        ((2.0 * rise, a * f[1], 0.0), (-q, a * f[2], 0.0), (4.0 * at[2], a * f[3], 0.0))
     )
     matrix[:, 2] = _slopes(a, gamma, k, p, phi, forcing, lattice, free)
     bend = np.array(

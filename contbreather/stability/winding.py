@@ -248,12 +248,7 @@ def _circle_count(gamma: float, k: float, b: float, lattice: object, radius: flo
 
 
 def unstable_count(
-    gamma: float,
-    k: float,
-    b: float,
-    lattice: object = InfiniteChain(),
-    *,
-    radius: float = 1.0,
+    gamma: float, k: float, b: float, lattice: object = InfiniteChain(), *, radius: float = 1.0
 ) -> Count:
     """Number of isolated multipliers of QS outside a circle, a complex pair counting two.
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from contbreather.breathers.search import find_symmetric, problem_with, window_of
-from contbreather.breathers.zones_many import Diagram, Slice
+from contbreather.breathers.zones_many import Slice, drawn
 from contbreather.continuation import Branch, Point, Steps, boundary, trace
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, ContbreatherError
@@ -183,8 +183,9 @@ def _zones(part: Part, folder: Path) -> Any:
     asked = part.asked
     chain, drive = _chain(asked)
     name = next(name for name in asked["at"] if name not in drive.params)
-    draw = Diagram(chain.place, _within(part), chain.verge, asked.get("past_folds"))
-    return draw(Slice(name, asked["at"][name], drive))
+    shared = {"lattice": chain.place, "threshold": chain.verge, "within": _within(part)}
+    plane = Slice(name, asked["at"][name], drive)
+    return drawn(plane, **shared, past_folds=asked.get("past_folds"))
 
 
 _COMPUTED: Mapping[str, Callable[[Part, Path], Any]] = {

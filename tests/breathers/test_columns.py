@@ -32,10 +32,7 @@ def unfolded_arm() -> Problem:
 
 CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
     "breather": (lambda: cb.symmetric(0.5, 0.05, 0.8).problem, {"p", "phi"}),
-    "arm": (
-        lambda: asymmetric(0.8, 0.04, 0.8).problem,
-        {"p", "t1", "t2", "c", "asymmetry"},
-    ),
+    "arm": (lambda: asymmetric(0.8, 0.04, 0.8).problem, {"p", "t1", "t2", "c", "asymmetry"}),
     "general": (
         lambda: impact_problem(cb.symmetric(0.5, 0.05, 0.8).unfolded()),
         {"t1", "t2", "J1", "J2", "c", "p", "asymmetry"},
@@ -44,10 +41,7 @@ CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
         lambda: shooting(cb.symmetric(0.5, 0.05, 0.8), sites=8),
         {"t1", "p", "q", "r", "condition"},
     ),
-    "shot, open": (
-        unfolded_arm,
-        {"t1", "t2", "p", "q", "r", "c", "asymmetry", "condition"},
-    ),
+    "shot, open": (unfolded_arm, {"t1", "t2", "p", "q", "r", "c", "asymmetry", "condition"}),
 }
 
 

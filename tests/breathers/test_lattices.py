@@ -17,12 +17,7 @@ from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.clearance import highest_neighbour
 from contbreather.breathers.images import images_of
 from contbreather.breathers.orbit import orbit_at
-from contbreather.flows.modes import (
-    driven,
-    turn,
-    turn_slope,
-    turn_slope_in_damping,
-)
+from contbreather.flows.modes import driven, turn, turn_slope, turn_slope_in_damping
 from contbreather.lattice.conditions import Conditions, Walls
 
 # --- a second road: integration with events ---------------------------------------------------
@@ -466,7 +461,7 @@ def test_between_unequal_walls_only_shifts_by_whole_periods_make_images() -> Non
 
 def test_one_wall_ends_where_the_other_is_touched() -> None:
     start = settled({0: (-1.2, 0.6), 1: (-2, 2), 2: (-2, 2)}, 0.9)
-    assert start.sequence == ((0, 1),)
+    assert start.section.impacts == ((0, 1),)
     branch = cb.trace(start, "a", within={"a": (0.9, 3.0)}, towards="up")
     assert branch[-1].kind == "GR"
     end, t = branch[-1].solution, np.linspace(0, 2 * math.pi, 40001)

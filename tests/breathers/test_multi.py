@@ -38,8 +38,8 @@ def test_one_site_is_the_breather() -> None:
 
 def test_each_site_keeps_the_root_it_was_given() -> None:
     mixed = cb.multibreather({0: "upper", 5: "lower"}, lattice=cb.Ring(10), **AT)
-    high, low = 0.5 * abs(mixed.impulses[[site for site, _ in mixed.sequence].index(0)]), None
-    low = 0.5 * abs(mixed.impulses[[site for site, _ in mixed.sequence].index(5)])
+    sites = [one.site for one in mixed.impacts]
+    high, low = (0.5 * abs(mixed.impulses[sites.index(n)]) for n in (0, 5))
     upper, lower = (b.p for b in cb.symmetric_roots(0.5, 0.0, 0.8))
     assert abs(high - upper) < 0.2 < abs(high - lower)
     assert abs(low - lower) < 0.2 < abs(low - upper)
@@ -58,9 +58,9 @@ def test_asymmetric_orbit_of_one_site_beside_a_symmetric_one(arm) -> None:
     one = min((p.solution for p in arm), key=lambda o: abs(o.a - 0.75))
     given = {"a": one.a, "gamma": 0.001, "k": 0.8}
     mixed = cb.multibreather({0: one, 6: "upper"}, lattice=cb.Ring(12), **given)
-    assert len(mixed.sequence) == 4
+    assert len(mixed.section.impacts) == 4
     assert mixed.residual < 1e-12
-    first, second = (t for (n, _), t in zip(mixed.sequence, mixed.times, strict=True) if n == 0)
+    first, second = (one.time for one in mixed.impacts if one.site == 0)
     apart = one.times[1] - one.times[0]
     assert second - first == pytest.approx(apart, abs=0.1)
 
@@ -74,7 +74,7 @@ def test_doubled_orbit_of_one_site() -> None:
     two = orbit_at(lift(tilted.first("PD")).arm(0.2))
     mixed = cb.multibreather({0: two}, a=two.a, **given)
     assert mixed.period == pytest.approx(4 * np.pi)
-    assert len(mixed.sequence) == 4
+    assert len(mixed.section.impacts) == 4
     assert mixed.residual < 1e-12
     # next to its doubling coupling takes it back through that point
     near = orbit_at(lift(tilted.first("PD")).arm(0.02))
@@ -144,7 +144,7 @@ def test_catalogue_says_what_exists_and_what_is_stable() -> None:
     assert sum(one.copies for one in found) == 4 + 6
     for one in found:
         assert one.exists == (one.gamma == 0.02 and not one.ended)
-        assert one.orbit.sequence == tuple((n, 1) for n in one.sites) or not one.exists
+        assert one.orbit.section.impacts == tuple((n, 1) for n in one.sites) or not one.exists
         if one.exists:
             largest = abs(one.orbit.multipliers()).max()
             assert one.stable(1.0) == (largest <= 1.0)

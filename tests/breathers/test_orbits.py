@@ -120,7 +120,7 @@ def test_derivatives_are_those_of_the_residual(lattice, sequence, periods, forci
     m = len(sequence)
     times = np.sort(rng.uniform(0, 2 * np.pi * periods, m))
     impulses = -equations.walls * rng.uniform(1, 2, m)
-    x = np.concatenate([times, impulses, rng.normal(size=len(equations.sites))])
+    x = np.concatenate([times, impulses, rng.normal(size=len(equations.section.hit))])
     params = {"a": 0.7, "gamma": gamma, "k": 0.6, **equations.forcing.params}
     h = 4e-5
 
@@ -344,7 +344,7 @@ def test_times_count_modulo_the_period():
 def test_images_of_an_orbit_are_its_shifts_that_hit_the_same_walls_in_the_same_order() -> None:
     for orbit in (asymmetric(0.82, 0.04, 0.8), asymmetric(0.82, 0.04, 0.8).on(Ring(5))):
         (image,) = images_of(orbit)
-        assert image.sequence == orbit.sequence
+        assert image.section.impacts == orbit.section.impacts
         assert image.residual < 1e-12
         assert image.c == pytest.approx(-orbit.c, abs=1e-14)
         n, t = np.arange(3)[:, None], np.linspace(0, 7, 15)
@@ -360,7 +360,7 @@ def test_images_over_several_periods_begin_as_close_to_the_orbit_as_they_can() -
     assert len(images) == 3
     t = np.linspace(0, 12, 13)
     for shift, image in enumerate(images, 1):
-        assert image.sequence == orbit.sequence
+        assert image.section.impacts == orbit.section.impacts
         wanted = (-1) ** shift * orbit.displacement(0, t + shift * math.pi)
         assert image.displacement(0, t) == pytest.approx(wanted, abs=1e-12)
         assert abs(image.impacts[0].time - orbit.impacts[0].time) < 0.5 * math.pi

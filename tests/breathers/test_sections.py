@@ -102,7 +102,7 @@ def test_the_mirror_image_of_an_asymmetric_orbit_is_half_a_period_later(lopsided
         assert image.displacement(n, t) == pytest.approx(
             -lopsided.displacement(n, t + math.pi), abs=1e-10
         )
-    assert image.sequence == lopsided.sequence
+    assert image.section.impacts == lopsided.section.impacts
     assert image.impulses == pytest.approx(-lopsided.impulses[::-1], abs=1e-10)
     (back,) = images_of(image)
     assert back.displacement(0, t) == pytest.approx(lopsided.displacement(0, t), abs=1e-10)

@@ -365,7 +365,7 @@ def test_every_site_sits_off_centre_by_the_same_offset() -> None:
 
 def test_newton_converges_quadratically() -> None:
     exact = tilted().flight.x
-    itinerary = Itinerary(cb.Ring(RING), tilted().sequence)
+    itinerary = Itinerary(cb.Ring(RING), tilted().section.impacts)
     x = exact + 0.03 * np.cos(np.arange(exact.size))
     errors = []
     for _ in range(5):
@@ -908,10 +908,10 @@ def test_simulated_state_is_followed_to_its_impacts() -> None:
     for t in (-0.7, 0.3, 2.0):
         state = orbit.state(t=t)
         found = orbit_at(shooting(state, a=0.82, t=t, **AT))
-        assert found.sequence == ((0, 1), (0, -1))
+        assert found.section.impacts == ((0, 1), (0, -1))
         assert found.p == pytest.approx(orbit.p, abs=1e-11)
         turned = orbit_at(shooting(state, a=0.82, t=t, sequence=((0, -1), (0, 1)), **AT))
-        assert turned.sequence == ((0, -1), (0, 1))
+        assert turned.section.impacts == ((0, -1), (0, 1))
         assert turned.displacement(2, 1.0) == pytest.approx(orbit.displacement(2, 1.0), abs=1e-11)
 
 
@@ -929,10 +929,10 @@ def test_symmetric_orbit_may_begin_on_either_wall() -> None:
     for t in (breather.phi - 0.3, breather.phi + 0.3):  # before and after the impact on +1
         state = breather.state(RING, t)
         given = {"a": 0.6, "t": t, "symmetric": True, **AT}
-        assert orbit_at(shooting(state, **given)).sequence == ((0, 1),)
+        assert orbit_at(shooting(state, **given)).section.impacts == ((0, 1),)
         for wall in (1, -1):
             orbit = orbit_at(shooting(state, sequence=((0, wall),), **given))
-            assert orbit.sequence == ((0, wall),)
+            assert orbit.section.impacts == ((0, wall),)
             late = breather.phi if wall > 0 else breather.phi + math.pi
             assert math.remainder(orbit.times[0] - late, 2 * math.pi) == pytest.approx(0, abs=1e-11)
             assert orbit.displacement(1, 0.7) == pytest.approx(breather.displacement(1, 0.7))
@@ -1113,7 +1113,7 @@ def test_seed_that_does_not_converge_is_refused_with_its_residual() -> None:
         shooting(seed, sequence=((0, 1), (0, -1)), **{**BY_HAND, "a": 0.03})
     assert refused.value.residual > 0
     assert refused.value.iterations > 1
-    assert refused.value.last.sequence == ((0, 1), (0, -1))
+    assert refused.value.last.section.impacts == ((0, 1), (0, -1))
 
 
 def test_orbit_of_other_impacts_than_asked_for_is_carried_by_its_refusal() -> None:
@@ -1167,7 +1167,7 @@ def test_lifts_need_the_point_they_are_made_for() -> None:
 def test_orbit_of_one_ring_goes_to_another_or_says_why_not() -> None:
     assert np.array_equal(tilted().state(sites=30), tilted().on(cb.Ring(30)).state())
     farther = orbit_at(shooting(in_phase(), sites=9))
-    assert (farther.sequence, farther.lattice) == (in_phase().sequence, cb.Ring(9))
+    assert (farther.section.impacts, farther.lattice) == (in_phase().section.impacts, cb.Ring(9))
     with pytest.raises(cb.BadInput, match="fall together on a lattice of 3 sites"):
         in_phase().on(cb.Ring(3))
     with pytest.raises(cb.BadInput, match="not shot as a symmetric one"):

@@ -12,12 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from contbreather.breathers import (
-    Closure,
-    smallest_amplitude,
-    symmetric,
-    symmetric_roots,
-)
+from contbreather.breathers import Closure, smallest_amplitude, symmetric, symmetric_roots
 from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.orbit import Orbit
 from contbreather.errors import BadInput, NoSolution

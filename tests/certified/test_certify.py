@@ -85,8 +85,7 @@ def test_what_goes_through_a_wall_is_proved_to() -> None:
 
 
 @pytest.mark.parametrize(
-    ("a", "gamma", "k"),
-    [(0.8, 0.0, 0.017), (0.8, 0.01, 0.01), (0.99, 0.0, 0.056)],
+    ("a", "gamma", "k"), [(0.8, 0.0, 0.017), (0.8, 0.01, 0.01), (0.99, 0.0, 0.056)]
 )
 def test_a_site_that_meets_its_own_wall_again_is_refused(a: float, gamma: float, k: float) -> None:
     b = cb.symmetric(a=a, gamma=gamma, k=k)
@@ -261,10 +260,7 @@ def test_a_tile_in_k_and_in_a_harmonic_is_proved_too() -> None:
             "give the harmonics by Fourier",
         ),
         (lambda: cb.switch(cb.trace(start(), "a").first("PF"))[0][3], "symmetric breathers with"),
-        (
-            lambda: cb.symmetric(0.5, 0.05, 0.8, lattice=cb.OpenChain(5)),
-            "open chain with",
-        ),
+        (lambda: cb.symmetric(0.5, 0.05, 0.8, lattice=cb.OpenChain(5)), "open chain with"),
         (lambda: 3, "takes a breather, a point or a branch"),
     ],
     ids=["ring", "spring", "formula", "arm", "open", "number"],

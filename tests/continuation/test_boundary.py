@@ -151,9 +151,7 @@ def test_a_meeting_located_by_both_loci_is_sharp() -> None:
         return np.array([x - mu**2])
 
     event = Event(
-        "GR",
-        lambda point: point["x"] - point["mu"] ** 2,
-        locus=lambda point: Locus({}, conditions),
+        "GR", lambda point: point["x"] - point["mu"] ** 2, locus=lambda point: Locus({}, conditions)
     )
     branch = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()])
     line = boundary(branch.special[2], ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[event])

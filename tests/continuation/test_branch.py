@@ -33,9 +33,7 @@ from .zoo import ALL, ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, trace_case
 @pytest.fixture(scope="module")
 def branch() -> Branch:
     problem = replace(
-        CUSP.problem,
-        record={"slope": lambda point: float(point.jacobian()[0, 0])},
-        label="cusp",
+        CUSP.problem, record={"slope": lambda point: float(point.jacobian()[0, 0])}, label="cusp"
     )
     return trace_case(replace(CUSP, problem=problem), events=[fold(), user("x", 0.2)])
 

@@ -97,10 +97,7 @@ def test_two_close_bifurcations_of_a_map_are_both_found(gap: float) -> None:
         return -np.array([(1 + p["m"]) * u[0], (1 + 3 * (p["m"] - gap)) * u[1]]) - u**3
 
     within = {"m": (-0.3, 0.3)}
-    for map_, names, event in (
-        (wheels, "abcd", ROTATION),
-        (flips, "ab", DOUBLING),
-    ):
+    for map_, names, event in ((wheels, "abcd", ROTATION), (flips, "ab", DOUBLING)):
         start = dict.fromkeys(names, 0.0)
         problem = FixedPoint(map_, start, {"m": -0.21}, events=[event])
         branch = trace(problem, "m", within=within, steps=Steps(first=0.1))

@@ -44,9 +44,7 @@ def transcritical_takens(u: Array, p: Params) -> list[Any]:
 @pytest.mark.parametrize("events", [FLOW, FLOW[2:], ()], ids=["all", "HB", "none"])
 @pytest.mark.parametrize("pair", [("b1", "b2"), ("b2", "b1")])
 def test_a_hopf_curve_reaches_a_bt_where_branches_cross_and_ends_there(
-    field: Field,
-    events: tuple[cb.Event, ...],
-    pair: tuple[str, str],
+    field: Field, events: tuple[cb.Event, ...], pair: tuple[str, str]
 ) -> None:
     mine = flow(field, {"x": 0.0, "y": 0.0}, b1=-0.5, b2=-0.5)
     point = cb.trace(mine, "b2", within=WINDOW, events=[cb.hopf()]).first("HB")

@@ -238,10 +238,7 @@ def test_a_jacobian_that_is_wrong_only_further_on_is_named_in_the_reason() -> No
     [
         ({"jacobian": lambda u, p: np.eye(3)}, r"Jacobian has shape \(3, 3\); \(2, 2\) was wanted"),
         (
-            {
-                "jacobian": coupled_jacobian,
-                "sensitivity": lambda u, p, name: np.zeros((2, 1)),
-            },
+            {"jacobian": coupled_jacobian, "sensitivity": lambda u, p, name: np.zeros((2, 1))},
             r"sensitivity has shape \(2, 1\); \(2,\) was wanted",
         ),
     ],

@@ -46,10 +46,7 @@ def iterates(x: mpmath.mpf, r: mpmath.mpf, h: mpmath.mpf) -> tuple[mpmath.mpf, m
 
 def test_the_folds_of_five_iterates_of_the_logistic_map_are_followed() -> None:
     cycle = cb.FixedPoint(
-        lambda x, p: p["r"] * x * (1 - x) + p["h"],
-        {"x": 0.5},
-        {"r": 3.738914, "h": 0.0},
-        period=5,
+        lambda x, p: p["r"] * x * (1 - x) + p["h"], {"x": 0.5}, {"r": 3.738914, "h": 0.0}, period=5
     )
     fold = cb.trace(cycle, "r", within={"r": (3.7, 3.76)}).first("LP")
     line = cb.boundary(fold, ("h", "r"), within={"h": (-0.05, 0.05)})

@@ -28,12 +28,7 @@ from contbreather.continuation import (
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.lift import Lift, Seed
 from contbreather.continuation.recognition import lies_on, recognised, same_place
-from contbreather.continuation.switching import (
-    ArmsCoincide,
-    NothingToSwitch,
-    follow,
-    switch,
-)
+from contbreather.continuation.switching import ArmsCoincide, NothingToSwitch, follow, switch
 from contbreather.errors import BadInput, Interrupted, NotConverged
 
 from .zoo import (
@@ -417,10 +412,7 @@ def test_images_and_solutions_of_a_smaller_problem_are_recognised_as_such() -> N
 
 def test_a_large_scale_does_not_blur_what_is_known() -> None:
     mine = scalar(
-        lambda x, p: 1e-6 * x - 1e6 * p["mu"],
-        0.0,
-        {"mu": 0.0},
-        scales={"x": 1e6, "mu": 1e-6},
+        lambda x, p: 1e-6 * x - 1e6 * p["mu"], 0.0, {"mu": 0.0}, scales={"x": 1e6, "mu": 1e-6}
     )
     branch = trace(mine, "mu", within={"mu": (-1e-6, 1e-6)}, steps=Steps(largest=0.3))
     assert lies_on(moved(branch, [0.5e6, 0.5e-6]), branch)

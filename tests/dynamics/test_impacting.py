@@ -88,8 +88,7 @@ def test_impacts_are_those_of_the_closure_to_rounding():
 
 
 @pytest.mark.parametrize(
-    ("sites", "a", "gamma", "k"),
-    [(20, 0.9, 0.06, 0.4), (10, 0.7, 0.1, 0.2), (400, 0.7, 0.06, 0.2)],
+    ("sites", "a", "gamma", "k"), [(20, 0.9, 0.06, 0.4), (10, 0.7, 0.1, 0.2), (400, 0.7, 0.06, 0.2)]
 )
 def test_stable_breather_stays_exact_over_a_thousand_periods(sites, a, gamma, k):
     own = symmetric(a, gamma, k, lattice=Ring(sites))
@@ -526,7 +525,7 @@ REST = (np.zeros(4), np.zeros(4))
         (([0.0, 1.2], [0.0, 0.0]), {}, r"u\[1\] = 1.2 lies outside the walls"),
         (([0.0, 0.2], [0.0]), {}, r"a pair \(u, v\) of rows of equal length"),
         (([], []), {}, "a pair"),
-        (([0.0], [math.nan]), {}, r"v\[0\] = nan of the state is not a finite number"),
+        (([0.0], [math.nan]), {}, r"v\[0\] = nan of the state is not finite"),
         (([0.0], [1e9]), {}, "blow up the energy"),
         (3.0, {}, "a state is a pair"),
         (REST, {"damping": -0.1}, "damping = -0.1: a damping coefficient, at least 0"),

@@ -10,14 +10,7 @@ from scipy.linalg import expm
 
 from contbreather.breathers import symmetric
 from contbreather.continuation import trace
-from contbreather.dynamics import (
-    Kind,
-    lyapunov,
-    periodic,
-    simulate,
-    variation,
-    verdict,
-)
+from contbreather.dynamics import Kind, lyapunov, periodic, simulate, variation, verdict
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Ring
 from contbreather.stability import dense_half_map

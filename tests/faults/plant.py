@@ -187,10 +187,7 @@ class Finder(ast.NodeVisitor):
             last = stmt.end_lineno
             inner = getattr(stmt, "body", None)
             if isinstance(inner, list) and inner:
-                last = max(
-                    stmt.lineno,
-                    inner[0].lineno - 1,
-                )
+                last = max(stmt.lineno, inner[0].lineno - 1)
             lines = tuple(range(stmt.lineno, last + 1))
             names = ()
             how = "run" if self.function else "import"

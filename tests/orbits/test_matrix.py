@@ -412,8 +412,7 @@ CRITICAL = {"LP": -1.0, "PF": 1.0}  # multiplier of the half map of a symmetric 
 
 
 @each(
-    "case, kind",
-    ((c, k) for c in INTEGRATED for k in dict.fromkeys(CASES[c].special) if k != "VI"),
+    "case, kind", ((c, k) for c in INTEGRATED for k in dict.fromkeys(CASES[c].special) if k != "VI")
 )
 def test_special_points_are_special_for_the_integrated_map(case: str, kind: str) -> None:
     for point in named(case, "exact modes", kind):

@@ -11,13 +11,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.cli import DONE, main
-from contbreather.dynamics import (
-    Sample,
-    periodic,
-    simulate,
-    simulate_smooth,
-    sweep,
-)
+from contbreather.dynamics import Sample, periodic, simulate, simulate_smooth, sweep
 from contbreather.paper import fates, time_series
 
 SET = {"gamma": 0.104, "k": 0.8}

@@ -44,8 +44,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any, str], Counter[str]]:
 
 
 @pytest.mark.parametrize(
-    ("at", "most"),
-    [((0.1, 0.8, 0.1), 96), (UNSTABLE, 71), (STABLE, 71), ((0.15, 0.8, 0.3), 104)],
+    ("at", "most"), [((0.1, 0.8, 0.1), 96), (UNSTABLE, 71), (STABLE, 71), ((0.15, 0.8, 0.3), 104)]
 )
 def test_the_circle_is_sampled_where_the_characteristic_function_turns(at, most) -> None:
     arc, F, _ = winding.resolved_arc(*at)
