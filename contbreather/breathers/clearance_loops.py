@@ -263,16 +263,9 @@ def highest(grid: Any, at: int, points: int, side: float) -> float:
 
 
 def idle(
-    data: Any,
-    table: Any,
-    grid: Any,
-    out: Any,
-    site: int,
-    at: int,
-    points: int,
-    top: float,
+    data: Any, table: Any, grid: Any, out: Any, site: int, at: int, points: int, top: float,
     side: float,
-) -> float:
+) -> float:  # fmt: skip
     """The margin of a site that never hits, at each of its crests that may be the highest, from the
     nearer wall or from one of them."""
     step, least = data[LENGTH] / points, math.inf

@@ -22,10 +22,9 @@ from contbreather.breathers.clearance import (
     closest,
     gaps_of_idle,
     least_margin,
-    least_rival,
-    rivals,
 )
 from contbreather.breathers.orbit import Orbit
+from contbreather.breathers.rivals import least_rival, rivals
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined

@@ -22,7 +22,8 @@ from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.modal_events import events_of
 from contbreather.breathers.modal_flight import ModalFlight
-from contbreather.breathers.orbit import Orbit, plain, road
+from contbreather.breathers.orbit import Orbit, plain
+from contbreather.breathers.road import road
 from contbreather.breathers.section import WEAK, Impact, Section, check_order, check_possible
 from contbreather.breathers.watched import ModalWatch
 from contbreather.continuation import Event, Point, Problem

@@ -8,25 +8,25 @@ impact, the periodic Green's function of chain and ring, the exact modes of any 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.breathers.clearance import Admissibility, Watch, clearance
+from contbreather.breathers.road import ROADS, Road
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.checks import check_kind, number, numbers, row
-from contbreather.continuation import Event, Point, Problem
+from contbreather.continuation import Point, Problem
 from contbreather.continuation.curve import Curve
 from contbreather.display import Shown
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, InfiniteChain, Ring
+from contbreather.lattice import Forcing, InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import finite
-from contbreather.lattice.modes import lattice_of
 from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
 
 if TYPE_CHECKING:
@@ -37,101 +37,6 @@ ComplexArray = NDArray[np.complex128]
 
 ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
 SAME = 1e-9  # momenta that differ by less, relative to the largest, are equal
-
-
-class Road(Protocol):
-    """How the flights of one orbit are evaluated, with the equations and events that belong to it.
-
-    Not all roads lead everywhere: `suits` says where one does, and what it cannot do is None.
-    """
-
-    @property
-    def conditions(self) -> Conditions: ...
-    @property
-    def section(self) -> Section: ...
-    @property
-    def impacts(self) -> tuple[Impact, ...]:
-        """Those of a section, in its order."""
-
-    @property
-    def offsets(self) -> tuple[float, ...]:
-        """Static displacement of each impacting site, where it is an unknown of its own."""
-
-    @property
-    def c(self) -> float:
-        """By how much the lattice as a whole sits off centre."""
-
-    @property
-    def accelerations(self) -> FloatArray:
-        """Of the site that hits, just before each impact."""
-
-    @property
-    def error(self) -> float:
-        """Largest error of the equations of the orbit."""
-
-    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
-        """Displacement, velocity or acceleration of sites at times, broadcast against each other;
-        at an impact the value just after it."""
-
-    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
-        """Displacements and velocities of all sites of a finite lattice."""
-
-    @property
-    def map(self) -> Any:
-        """What small perturbations become over a section."""
-
-    def multipliers(self) -> ComplexArray:
-        """All of a finite lattice, over a section."""
-
-    @staticmethod
-    def suits(on: Conditions, section: Section) -> bool:
-        """Whether orbits with such impacts can be evaluated like this."""
-
-    @classmethod
-    def through(
-        cls, on: Conditions, impacts: Section, times: FloatArray, impulses: Any, offsets: Any
-    ) -> Road:
-        """The motion with these impacts, or the one that comes closest to them."""
-
-    def problem(self, threshold: float) -> Problem: ...
-    def guess(self) -> Problem:
-        """The problem for what need not be a solution yet."""
-
-    def events(self, threshold: float) -> tuple[Event, ...]: ...
-    @property
-    def watch(self) -> Watch:
-        """What the clearance from the walls is measured on."""
-
-    def lifted(self) -> Problem:
-        """The problem of orbits that leave this one where its symmetry or its period breaks."""
-
-    def rewritten(
-        self,
-        section: Section,
-        impacts: Sequence[Impact],
-        offsets: Sequence[float],
-        start: int = 0,
-        sign: int = 1,
-    ) -> Road | None:
-        """The same motion (times the sign) in other words: these impacts, the first of which is
-        number `start` of its own. None if this road cannot."""
-
-    def on(self, lattice: Any) -> Orbit | None:
-        """The orbit of another lattice by means of its own; None where another road has to do."""
-
-
-_ROADS: dict[int, type[Road]] = {}
-R = TypeVar("R", bound=type[Any])
-
-
-def road(rank: int) -> Callable[[R], R]:
-    """Enter a road; of several that suit an orbit the one with the lowest rank takes it."""
-
-    def entered(kind: R) -> R:
-        _ROADS[rank] = kind
-        return kind
-
-    return entered
 
 
 class Hit(NamedTuple):
@@ -633,7 +538,7 @@ def orbit_of(
     )
     offsets = tuple(np.ravel(numbers("offsets", offsets)).tolist())
     while True:
-        for _, kind in sorted(_ROADS.items()):
+        for _, kind in sorted(ROADS.items()):
             if kind.suits(on, section):
                 return Orbit(kind.through(on, section, times, impulses, offsets))
         if not section.symmetric:

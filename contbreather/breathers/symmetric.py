@@ -12,7 +12,8 @@ from contbreather.breathers.closed_form import HALF, SymmetricFlight
 from contbreather.breathers.closure import Closure, roots, sprung
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.one_site import symmetric_orbits
-from contbreather.breathers.orbit import Orbit, Road, orbit_of, plain, road
+from contbreather.breathers.orbit import Orbit, orbit_of, plain
+from contbreather.breathers.road import Road, road
 from contbreather.breathers.section import Impact, Section
 from contbreather.breathers.symmetric_events import grazing, neimark_sacker, pitchfork, saddle_node
 from contbreather.breathers.wave_road import asymmetric_problem

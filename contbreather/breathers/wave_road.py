@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
 from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
-from contbreather.breathers.orbit import Orbit, Road, checked, orbit_at, orbit_of, plain, road
+from contbreather.breathers.orbit import Orbit, checked, orbit_at, orbit_of, plain
+from contbreather.breathers.road import Road, road
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.breathers.watched import GreenWatch
 from contbreather.breathers.wave_events import (

@@ -24,8 +24,8 @@ from contbreather.certified.closure import check_forcing, equations, fold, pitch
 from contbreather.certified.walls import admissible
 from contbreather.certified.winding import unstable_count
 from contbreather.errors import BadInput
+from contbreather.lattice import InfiniteChain
 from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.modes import InfiniteChain
 
 UNKNOWNS = ("p", "phi")
 DEFINING = {"LP": fold, "PF": pitchfork}

@@ -35,26 +35,10 @@ ARCLENGTH, SIZE, SIDE, LONGEST, RESIDUAL = range(5)  # of its state
 
 
 def stride(
-    evaluate: Any,
-    derive: Any,
-    data: Any,
-    d: int,
-    most: int,
-    rules: Any,
-    metric: Any,
-    origin: Any,
-    state: Any,
-    z: Any,
-    tangent: Any,
-    bend: Any,
-    there: Any,
-    ahead: Any,
-    between: Any,
-    value: Any,
-    matrix: Any,
-    right: Any,
-    out: Any,
-) -> int:
+    evaluate: Any, derive: Any, data: Any, d: int, most: int, rules: Any, metric: Any, origin: Any,
+    state: Any, z: Any, tangent: Any, bend: Any, there: Any, ahead: Any, between: Any, value: Any,
+    matrix: Any, right: Any, out: Any,
+) -> int:  # fmt: skip
     """Take up to `most` plain steps; returns how many came off.
 
     Parameters
@@ -96,24 +80,10 @@ def stride(
 
 
 def attempt(
-    evaluate: Any,
-    derive: Any,
-    data: Any,
-    d: int,
-    rules: Any,
-    metric: Any,
-    origin: Any,
-    state: Any,
-    z: Any,
-    tangent: Any,
-    bend: Any,
-    there: Any,
-    ahead: Any,
-    between: Any,
-    value: Any,
-    matrix: Any,
+    evaluate: Any, derive: Any, data: Any, d: int, rules: Any, metric: Any, origin: Any, state: Any,
+    z: Any, tangent: Any, bend: Any, there: Any, ahead: Any, between: Any, value: Any, matrix: Any,
     right: Any,
-) -> int:
+) -> int:  # fmt: skip
     """One step of the size in the state, which is taken if it came off."""
     size = state[SIZE]
     for i in range(d):
@@ -155,21 +125,9 @@ def attempt(
 
 
 def settle(
-    evaluate: Any,
-    derive: Any,
-    data: Any,
-    d: int,
-    rules: Any,
-    metric: Any,
-    state: Any,
-    across: Any,
-    slope: Any,
-    there: Any,
-    ahead: Any,
-    value: Any,
-    matrix: Any,
-    right: Any,
-) -> int:
+    evaluate: Any, derive: Any, data: Any, d: int, rules: Any, metric: Any, state: Any, across: Any,
+    slope: Any, there: Any, ahead: Any, value: Any, matrix: Any, right: Any,
+) -> int:  # fmt: skip
     """The point of the curve in the plane across a vector, from `there` on, and its tangent on the
     side of `slope`; what failed, or the number of iterations."""
     iterations = newton(
@@ -212,19 +170,9 @@ def longest(rules: Any, metric: Any, z: Any, d: int) -> float:
 
 
 def newton(
-    evaluate: Any,
-    derive: Any,
-    data: Any,
-    d: int,
-    rules: Any,
-    metric: Any,
-    state: Any,
-    tangent: Any,
-    there: Any,
-    value: Any,
-    matrix: Any,
-    right: Any,
-) -> int:
+    evaluate: Any, derive: Any, data: Any, d: int, rules: Any, metric: Any, state: Any,
+    tangent: Any, there: Any, value: Any, matrix: Any, right: Any,
+) -> int:  # fmt: skip
     """As `newton.newton`, across the tangent, from `there` on; its iterations, or what failed."""
     tolerance = rules[TOLERANCE]
     bound = tolerance * (1.0 + norm(there, metric, d))
@@ -284,16 +232,9 @@ def bordered(
 
 
 def look_along(
-    derive: Any,
-    data: Any,
-    d: int,
-    metric: Any,
-    tangent: Any,
-    there: Any,
-    ahead: Any,
-    matrix: Any,
+    derive: Any, data: Any, d: int, metric: Any, tangent: Any, there: Any, ahead: Any, matrix: Any,
     right: Any,
-) -> int:
+) -> int:  # fmt: skip
     """The unit tangent there; the sign of the bordered determinant, or 0."""
     for i in range(d):
         right[i] = 0.0
@@ -308,16 +249,9 @@ def look_along(
 
 
 def astray(
-    evaluate: Any,
-    derive: Any,
-    data: Any,
-    d: int,
-    metric: Any,
-    tangent: Any,
-    between: Any,
-    matrix: Any,
-    right: Any,
-) -> float:
+    evaluate: Any, derive: Any, data: Any, d: int, metric: Any, tangent: Any, between: Any,
+    matrix: Any, right: Any,
+) -> float:  # fmt: skip
     """How far the curve is from a place on the cubic through both ends of the step."""
     if undefined(evaluate, data, between, right, d - 1):
         return math.inf

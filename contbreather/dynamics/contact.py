@@ -61,17 +61,9 @@ def safe_advance(gap: float, slope: float, bend: float, jerk: float, room: float
 
 @compiled
 def first_contact(
-    rows: Array,
-    n: int,
-    h: float,
-    drive: Drive,
-    t: float,
-    sign: float,
-    level: float,
-    start: float,
-    limit: float,
-    last: float,
-) -> float:
+    rows: Array, n: int, h: float, drive: Drive, t: float, sign: float, level: float, start: float,
+    limit: float, last: float,
+) -> float:  # fmt: skip
     """First s in [start, limit] at which ``sign phi(s)``, in the end ``last``, is up to ``level``.
 
     ``phi`` is column n of ``rows`` plus ``drive``, t the time at s = 0. Touching from inside with

@@ -212,16 +212,9 @@ def search(law: Law, work: Work, n: int, t: float, h: float, first: float, last:
 
 @inlined
 def note(
-    log: Log,
-    period: int,
-    t: float,
-    n: int,
-    kind: int,
-    wall: int,
-    before: float,
-    after: float,
+    log: Log, period: int, t: float, n: int, kind: int, wall: int, before: float, after: float,
     push: float,
-) -> bool:
+) -> bool:  # fmt: skip
     """Write one event down, unless the log is full."""
     i = log.used[0]
     if i >= log.phase.size:
@@ -498,16 +491,9 @@ def one_period(
 
 @inlined
 def observe(
-    law: Law,
-    work: Work,
-    watch: Watch,
-    row: int,
-    sample: int,
-    t0: float,
-    s: float,
-    h: float,
+    law: Law, work: Work, watch: Watch, row: int, sample: int, t0: float, s: float, h: float,
     end: float,
-) -> int:
+) -> int:  # fmt: skip
     """Write down the watched sites at all times of the grid before ``end``; the next one's index.
 
     Step times count from s, times of the grid from t0.
@@ -559,18 +545,9 @@ def leave(law: Law, work: Work, u: Array, v: Array, t0: float) -> bool:
 
 @compiled
 def cruise(
-    u: Array,
-    v: Array,
-    t0: float,
-    span: float,
-    first: int,
-    law: Law,
-    work: Work,
-    log: Log,
-    watch: Watch,
-    strobe_u: Array,
-    strobe_v: Array,
-) -> tuple[int, int, int]:
+    u: Array, v: Array, t0: float, span: float, first: int, law: Law, work: Work, log: Log,
+    watch: Watch, strobe_u: Array, strobe_v: Array,
+) -> tuple[int, int, int]:  # fmt: skip
     """Advance (u, v) in place by as many periods as ``strobe_u`` has rows.
 
     Returns

@@ -166,16 +166,9 @@ def near(bonds: Bonds, x: Array, n: int) -> float:
 
 @compiled
 def expand_any(
-    v: Array,
-    w: Array,
-    h: float,
-    mu: float,
-    bonds: Bonds,
-    held: NDArray[np.int8],
-    place: Array,
-    column: Array,
-    rows: Array,
-) -> None:
+    v: Array, w: Array, h: float, mu: float, bonds: Bonds, held: NDArray[np.int8], place: Array,
+    column: Array, rows: Array,
+) -> None:  # fmt: skip
     """The same on any lattice, with some sites resting on their walls: at ``place - a g(t)``.
 
     ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``place`` nothing is

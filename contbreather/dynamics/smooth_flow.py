@@ -40,18 +40,9 @@ def bend(entries: Array, y: Array, out: Array, factor: float) -> None:
 
 @compiled
 def motion(
-    t: float,
-    y: Array,
-    a: float,
-    gamma: float,
-    lam: float,
-    m: float,
-    mu: float,
-    spring: float,
-    series: Array,
-    entries: Array,
-    drive: Array,
-) -> Array:
+    t: float, y: Array, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
+    series: Array, entries: Array, drive: Array,
+) -> Array:  # fmt: skip
     """(u', u'') of the lattice for y = (u, u')."""
     size = y.size // 2
     out = np.empty(y.size)
@@ -87,18 +78,9 @@ def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float,
 
 @compiled
 def jacobian(
-    t: float,
-    y: Array,
-    a: float,
-    gamma: float,
-    lam: float,
-    m: float,
-    mu: float,
-    spring: float,
-    series: Array,
-    entries: Array,
-    drive: Array,
-) -> Array:
+    t: float, y: Array, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
+    series: Array, entries: Array, drive: Array,
+) -> Array:  # fmt: skip
     """Derivative of `motion` with respect to y."""
     size = y.size // 2
     out, top = np.zeros((y.size, y.size)), ceiling(m)
@@ -114,20 +96,9 @@ def jacobian(
 
 @compiled
 def varied(
-    t: float,
-    y: Array,
-    a: float,
-    gamma: float,
-    lam: float,
-    m: float,
-    mu: float,
-    spring: float,
-    series: Array,
-    entries: Array,
-    drive: Array,
-    size: int,
-    params: int,
-) -> Array:
+    t: float, y: Array, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
+    series: Array, entries: Array, drive: Array, size: int, params: int,
+) -> Array:  # fmt: skip
     """The motion with its variations: y is (u, u'), then columns of the same shape.
 
     The last ``params`` columns are derivatives in a, gamma, lambda, m, mu, spring, in this order.

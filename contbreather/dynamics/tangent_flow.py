@@ -80,18 +80,9 @@ def orthonormalise(du: Array, dv: Array, growth: Array) -> None:
 
 @compiled
 def carry(
-    du: Array,
-    dv: Array,
-    held: NDArray[np.int8],
-    spans: Array,
-    first: int,
-    law: Law,
-    since: Array,
-    site: NDArray[np.int64],
-    entry: Array,
-    period: NDArray[np.int64],
-    growth: Array,
-) -> None:
+    du: Array, dv: Array, held: NDArray[np.int8], spans: Array, first: int, law: Law, since: Array,
+    site: NDArray[np.int64], entry: Array, period: NDArray[np.int64], growth: Array,
+) -> None:  # fmt: skip
     """Perturbations ``du, dv`` (m, N) over successive periods, in place.
 
     With ``growth`` of shape (periods, m) they are orthonormalised after each; (periods, 0): not.

@@ -1,318 +1,26 @@
-"""What the linear lattice answers between impacts: its band, and means over its modes.
-
-Every mean we need is a function of ``w^2`` with simple poles at whole numbers, for example
-``tan(pi w/2)/w = (4/pi) sum over odd s of 1/(s^2 - w^2)``. The pole next to the band is kept
-exact (it alone diverges as gamma -> 1/4), the others are expanded in powers of ``w^2``: their
-sums are zeta functions, and the terms fall like ``9^-j``. So a mean costs one square root and
-one short polynomial, is at machine precision for every gamma in [0, 1/4), and needs no limit
-at w -> 0. A lattice enters only through the mean of ``z q/(1 - z q)``, ``q = sin^2(theta/2)``,
-and the moments of ``q``.
-"""
+"""The infinite chain and the ring: the band of each, its means and its modes."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import MOST, number, real
+from contbreather.checks import MOST, number
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Waves, waves
-from contbreather.lattice.green import TERMS, flight
-from contbreather.lattice.zeta import binomial, zeta
+from contbreather.lattice.means import Lattice, TranslationInvariant, check_gamma, means, q_moments
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
-def check_gamma(gamma: float, spring: float = 0.0) -> float:
-    """Return ``gamma`` as a float, or say why no breather can live at this coupling.
-
-    Raises
-    ------
-    BadInput
-        If the band ``[spring, spring + 4 gamma]`` of w^2 reaches the forcing frequency 1.
-    """
-    found = real(gamma)
-    if found >= 0.0 and spring + 4.0 * found < 1.0:
-        return found
-    if not spring:
-        raise BadInput(
-            f"gamma = {gamma!r}: the coupling must be a number with 0 <= gamma < 1/4, so that the "
-            "band [0, 2 sqrt(gamma)] stays below the forcing frequency 1; choose gamma in that "
-            "range."
-        )
-    raise BadInput(
-        f"gamma = {gamma!r}, spring = {spring!r}: the band [spring, spring + 4 gamma] of w^2 must "
-        "stay below 1, the harmonic of the drive that the infinite chain would radiate; choose "
-        "0 <= gamma < (1 - spring)/4, or take a ring."
-    )
-
-
-class _Raw(NamedTuple):
-    """A function of ``w^2``: its value at 0, its poles as ``weight w^2/(P - w^2)``, and the
-    coefficients of w^2, w^4, ... of all the rest."""
-
-    constant: float
-    poles: tuple[tuple[float, float], ...]  # (weight, P)
-    tail: FloatArray
-
-
-@lru_cache(maxsize=1)
-def _functions() -> dict[str, _Raw]:
-    j = np.arange(1, TERMS + 1)
-    odd = 4.0**-j * zeta(2 * j, 1.5)  # sum over 3, 5, 7... of s^-2j
-    odd2 = 0.25 * 4.0**-j * zeta(2 * j + 2, 1.5)  # the same of s^-(2j+2)
-    even = 4.0**-j * zeta(2 * j, 2.0)  # sum over 4, 6, 8... of s^-2j
-    even2 = 0.25 * 4.0**-j * zeta(2 * j + 2, 2.0)
-    f = 4.0 / math.pi
-    return {
-        "chi": _Raw(math.pi / 2, ((f, 1.0),), f * odd2),
-        "eta": _Raw(0.0, ((f, 1.0),), f * odd),
-        "sigma": _Raw(1 / math.pi, ((f / 2, 1.0), (-f / 2, 4.0)), f / 2 * (odd - even)),
-        "psi": _Raw(2 / math.pi, ((-f, 4.0),), -f * even),
-        "tau": _Raw(-math.pi / 6, ((-f / 4, 4.0),), -f * even2),  # without its pole at w = 0
-    }
-
-
-class _Series(NamedTuple):
-    """A mean as ``constant + sum of weight * excess(scale x) + polynomial(x)``, x = 4 gamma."""
-
-    constant: float
-    poles: tuple[tuple[float, float], ...]  # (weight, scale)
-    powers: tuple[float, ...]  # coefficients of x^1, x^2, ...
-    slopes: tuple[float, ...]  # those of the derivative: 1*c1, 2*c2, ...
-
-
-@lru_cache(maxsize=256)
-def _means(sites: int | None, spring: float = 0.0) -> dict[str, _Series]:
-    """Expansions of the means; ``sites=None`` is the infinite chain."""
-    return {name: _series(raw, sites, spring) for name, raw in _functions().items()}
-
-
-def _series(raw: _Raw, sites: int | None, spring: float) -> _Series:
-    tail = np.concatenate([[raw.constant], raw.tail]) @ _shift(spring)
-    powers = tail[1:] * q_moments(sites, 0)[1:]
-    slopes = powers * np.arange(1, TERMS + 1)
-    held = [(weight * P / (P - spring), 1.0 / (P - spring)) for weight, P in raw.poles]
-    constant = float(tail[0]) + sum(weight * spring / (P - spring) for weight, P in raw.poles)
-    # reversed once here, so that Horner runs straight through the tuple
-    return _Series(
-        constant, tuple(held), tuple(powers[::-1].tolist()), tuple(slopes[::-1].tolist())
-    )
-
-
-@lru_cache(maxsize=256)
-def _shift(spring: float) -> FloatArray:
-    """``(spring + x)^j`` in powers of x: row j, shape (TERMS + 1, TERMS + 1)."""
-    j = np.arange(TERMS + 1)
-    apart = np.maximum(j[:, None] - j, 0)
-    rows = binomial(j[:, None], j) * spring**apart
-    return np.asarray(np.tril(rows))
-
-
-@lru_cache(maxsize=1024)
-def q_moments(sites: int | None, n: int) -> FloatArray:
-    """``<q^j cos(n theta)>`` for j = 0..TERMS with ``q = sin^2(theta/2)``; read-only.
-
-    ``(2 - 2 cos theta)^j`` has the Fourier coefficients ``(-1)^n binomial(2j, j + n)``; on a
-    ring the ones N apart fall together.
-    """
-    values = np.empty(TERMS + 1)
-    for j in range(TERMS + 1):
-        if sites is None:
-            orders = range(n, n + 1) if abs(n) <= j else range(0)
-        else:
-            orders = range(-j + (n + j) % sites, j + 1, sites)
-        total = sum((-1) ** (m % 2) * math.comb(2 * j, j + m) for m in orders)
-        values[j] = total / 4**j  # whole numbers up to the last division
-    values.setflags(write=False)
-    return values
-
-
-class Lattice(Protocol):
-    """The seam: a lattice answers for its modes and knows nothing of impacts.
-
-    Means are over the modes w(theta) = 2 sqrt(gamma) |sin(theta/2)| of a chain driven at site 0.
-    Every method refuses a gamma outside [0, 1/4) with `BadInput`.
-    """
-
-    def __hash__(self) -> int: ...
-    def chi(self, gamma: float) -> float: ...
-    def eta(self, gamma: float) -> float: ...
-    def sigma(self, gamma: float) -> float: ...
-    def psi(self, gamma: float) -> float: ...
-    def dchi(self, gamma: float) -> float: ...
-    def deta(self, gamma: float) -> float: ...
-    def dsigma(self, gamma: float) -> float: ...
-    def dpsi(self, gamma: float) -> float: ...
-    def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray: ...
-    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]: ...
-    @property
-    def sites(self) -> int | None: ...
-    @property
-    def spring(self) -> float: ...
-    def check(self, gamma: float) -> float: ...
-    def by_spring(self, gamma: float, name: str) -> float: ...
-    def expansion(self, name: str) -> list[float]: ...
-    def distance(self, n: int) -> int: ...
-    def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
-    def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
-    def moments(self, n: int) -> FloatArray: ...
-    def powers(self, gamma: float, n: int) -> FloatArray: ...
-    def dpowers(self, gamma: float, n: int) -> FloatArray: ...
-    def response(self, gamma: float, n: int, s: ArrayLike) -> tuple[FloatArray, ...]: ...
-
-
-class _TranslationInvariant:
-    """The four means, for any lattice that can give `_excess` and its slope."""
-
-    sites: Any
-    spring: float
-    _expansions: dict[str, _Series]
-    _limit: float  # of gamma
-
-    if TYPE_CHECKING:
-
-        def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
-        def moments(self, n: int) -> FloatArray: ...
-
-    def _excess(self, z: float) -> float:
-        raise NotImplementedError
-
-    def _dexcess(self, z: float) -> float:
-        raise NotImplementedError
-
-    def check(self, gamma: float) -> float:
-        """gamma as a float, or why there is no breather at this coupling."""
-        return check_gamma(gamma, self.spring)
-
-    def _mean(self, gamma: float, name: str) -> float:
-        series = self._expansions[name]
-        x = 4.0 * (gamma if 0.0 <= gamma < self._limit else self.check(gamma))
-        total = 0.0
-        for c in series.powers:
-            total = total * x + c
-        total = total * x + series.constant
-        for weight, scale in series.poles:
-            total += weight * self._excess(scale * x)
-        return total
-
-    def means(self, gamma: FloatArray, name: str) -> FloatArray:
-        """`chi`, `eta`, `sigma` or `psi` of the infinite chain at many couplings inside of its
-        domain."""
-        series, x = self._expansions[name], 4.0 * gamma
-        total = np.polyval([*series.powers, series.constant], x)
-        for weight, scale in series.poles:
-            total += weight * (1.0 / np.sqrt(1.0 - scale * x) - 1.0)
-        return np.asarray(total)
-
-    def _slope(self, gamma: float, name: str) -> float:
-        series = self._expansions[name]
-        x = 4.0 * (gamma if 0.0 <= gamma < self._limit else self.check(gamma))
-        total = 0.0
-        for c in series.slopes:
-            total = total * x + c
-        for weight, scale in series.poles:
-            total += weight * scale * self._dexcess(scale * x)
-        return 4.0 * total
-
-    def expansion(self, name: str) -> list[float]:
-        """A mean as numbers: constant, how many poles and powers, weight and scale of each pole,
-        coefficients of the powers of 4 gamma from the highest on and those of the slope."""
-        series = self._expansions[name]
-        poles = [entry for pole in series.poles for entry in pole]
-        counts = [series.constant, len(series.poles), len(series.powers)]
-        return [*counts, *poles, *series.powers, *series.slopes]
-
-    def powers(self, gamma: float, n: int) -> FloatArray:
-        """``<w^2j cos(n theta)>`` for j = 0, 1, ..."""
-        own = self.moments(n) * (4.0 * gamma) ** np.arange(TERMS + 1)
-        return _shift(self.spring) @ own if self.spring else own
-
-    def dpowers(self, gamma: float, n: int) -> FloatArray:
-        """Derivative of `powers` with respect to gamma."""
-        j = np.arange(TERMS + 1)
-        own = self.moments(n) * 4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0)
-        return _shift(self.spring) @ own if self.spring else own
-
-    def spring_powers(self, gamma: float, n: int) -> FloatArray:
-        """Derivative of `powers` with respect to the spring."""
-        own = np.arange(TERMS + 1) * np.roll(self.powers(gamma, n), 1)
-        return np.asarray(own)
-
-    def response(self, gamma: float, n: int, s: ArrayLike) -> tuple[FloatArray, ...]:
-        """Site n between two impacts of site 0, per unit p: its v, v' and v''.
-
-        ``v_n(s) = <cos(n theta) sin(w (pi/2 - s))/(w cos(pi w/2))>``, s = t - phi in [0, pi];
-        eq. (9) without its series, good to rounding up to and at the impacts.
-
-        Parameters
-        ----------
-        gamma : float
-            Coupling in [0, 1/4).
-        n : int
-            Site, counted from the one that impacts.
-        s : array_like
-            Times since the impact, in [0, pi].
-
-        Returns
-        -------
-        tuple of three ndarrays, the shape of ``s``
-        """
-        answer = flight(float(self.first_harmonic(gamma, n)), self.powers(gamma, n))
-        y = np.asarray(s, dtype=float) - 0.5 * math.pi
-        return answer.value(y), answer.slope(y), answer.curvature(y)
-
-    def chi(self, gamma: float) -> float:
-        """``<tan(pi w/2)/w>``, eq. (10): displacement of site 0 at the impact per unit p."""
-        return self._mean(gamma, "chi")
-
-    def eta(self, gamma: float) -> float:
-        """``<w tan(pi w/2)>``: the restoring acceleration at the impact per unit p."""
-        return self._mean(gamma, "eta")
-
-    def sigma(self, gamma: float) -> float:
-        """``<w/sin(pi w)>``: the harmonic pitchfork is at ``a = p sqrt(q^2 + 4 sigma^2)``."""
-        return self._mean(gamma, "sigma")
-
-    def psi(self, gamma: float) -> float:
-        """``<w cot(pi w/2)>``: the pitchfork of any forcing is at ``b = (1+k)^2 psi/2``."""
-        return self._mean(gamma, "psi")
-
-    def dchi(self, gamma: float) -> float:
-        """Derivative of `chi` with respect to gamma."""
-        return self._slope(gamma, "chi")
-
-    def deta(self, gamma: float) -> float:
-        """Derivative of `eta` with respect to gamma."""
-        return self._slope(gamma, "eta")
-
-    def dsigma(self, gamma: float) -> float:
-        """Derivative of `sigma` with respect to gamma."""
-        return self._slope(gamma, "sigma")
-
-    def dpsi(self, gamma: float) -> float:
-        """Derivative of `psi` with respect to gamma."""
-        return self._slope(gamma, "psi")
-
-    def by_spring(self, gamma: float, name: str) -> float:
-        """Derivative of `chi`, `eta`, `sigma` or `psi` with respect to the spring."""
-        raw, s, x = _functions()[name], self.spring, 4.0 * self.check(gamma)
-        total = float((np.arange(1, TERMS + 1) * raw.tail) @ self.powers(gamma, 0)[:-1])
-        for weight, P in raw.poles:
-            z = x / (P - s)
-            more = 1.0 + self._excess(z) + z * self._dexcess(z)
-            total += weight * P / (P - s) ** 2 * more
-        return total
-
-
 @dataclass(frozen=True)
-class InfiniteChain(_TranslationInvariant):
+class InfiniteChain(TranslationInvariant):
     """The infinite chain with nearest-neighbour coupling, eq. (1).
 
     Examples
@@ -326,7 +34,7 @@ class InfiniteChain(_TranslationInvariant):
     def __post_init__(self) -> None:
         spring = number("spring", self.spring, 0.0, 1.0, "0 <= spring < 1")
         check_gamma(0.0, spring)
-        object.__setattr__(self, "_expansions", _means(None, spring))
+        object.__setattr__(self, "_expansions", means(None, spring))
         object.__setattr__(self, "_limit", 0.25 * (1.0 - spring))
 
     @property
@@ -467,7 +175,7 @@ def _held(spring: float) -> InfiniteChain:
 
 
 @dataclass(frozen=True)
-class Ring(_TranslationInvariant):
+class Ring(TranslationInvariant):
     """A ring of ``sites`` sites: the same chain closed on itself.
 
     One site is a single oscillator (the coupling drops out); on two sites both neighbours are
@@ -488,7 +196,7 @@ class Ring(_TranslationInvariant):
                 f"sites = {self.sites!r}: a ring needs a whole number of sites, at least 1."
             )
         object.__setattr__(self, "sites", int(self.sites))
-        object.__setattr__(self, "_expansions", _means(self.sites))
+        object.__setattr__(self, "_expansions", means(self.sites))
         object.__setattr__(self, "_limit", 0.25)
 
     @property

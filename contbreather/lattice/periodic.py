@@ -30,7 +30,8 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice.green import TERMS
-from contbreather.lattice.modes import Lattice, Ring, check_gamma
+from contbreather.lattice.means import Lattice, check_gamma
+from contbreather.lattice.modes import Ring
 from contbreather.lattice.zeta import zeta
 
 FloatArray = NDArray[np.float64]

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.zeta import binomial, zeta
 
 Array = NDArray[Any]  # real on the real axis, complex off it

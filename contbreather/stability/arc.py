@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.kernel import Kernel
-from contbreather.lattice.modes import InfiniteChain, check_gamma
+from contbreather.lattice import InfiniteChain, check_gamma
 from contbreather.stability import arc_loops
 from contbreather.stability.aliases import regular, regular_by_spring, regular_slopes, tables
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.modes import InfiniteChain, Ring, check_gamma
+from contbreather.lattice import InfiniteChain, Ring, check_gamma
 from contbreather.stability.aliases import Regular, alias_slopes, regular, regular_slopes
 
 Array = NDArray[Any]

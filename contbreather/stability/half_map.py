@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice.modes import Ring, check_gamma
+from contbreather.lattice import Ring, check_gamma
 from contbreather.stability.aliases import regular_slopes
 from contbreather.stability.characteristic import (
     MODES,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.arc import on_arc, window
 from contbreather.stability.characteristic import D, sites_of
 from contbreather.stability.half_map import even_multipliers

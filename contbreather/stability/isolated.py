@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice.modes import InfiniteChain, Ring, check_gamma
+from contbreather.lattice import InfiniteChain, Ring, check_gamma
 from contbreather.stability.arc import angle, curve, sample
 from contbreather.stability.characteristic import NEAR, D_slope, continued_slope, spring_of
 from contbreather.stability.half_map import even_multipliers

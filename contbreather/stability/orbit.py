@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput, NotConverged
 from contbreather.flows.modes import turn
 from contbreather.kernel import Kernel
-from contbreather.lattice.modes import InfiniteChain, Lattice, Ring
+from contbreather.lattice import InfiniteChain, Lattice, Ring
 from contbreather.lattice.periodic import check_coupling
 from contbreather.stability import orbit_loops as loops
 from contbreather.stability.propagators import (

@@ -163,19 +163,9 @@ def pair(data: Any, work: Any, kappa: float, i: int, j: int, rows: int, loss: fl
 
 
 def put(
-    data: Any,
-    work: Any,
-    i: int,
-    j: int,
-    rows: int,
-    loss: float,
-    tr: float,
-    ti: float,
-    rr: float,
-    ri: float,
-    pr: float,
-    pi: float,
-) -> None:
+    data: Any, work: Any, i: int, j: int, rows: int, loss: float, tr: float, ti: float, rr: float,
+    ri: float, pr: float, pi: float,
+) -> None:  # fmt: skip
     """Less the propagators of a pair times the jump of its second impact, into the matrix."""
     b = data[FIRST + 2 * j + 1]
     at, below = MATRIX + 2 * (2 * i * rows + 2 * j), MATRIX + 2 * ((2 * i + 1) * rows + 2 * j)

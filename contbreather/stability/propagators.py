@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice.modes import InfiniteChain, Lattice, Ring
+from contbreather.lattice import InfiniteChain, Lattice, Ring
 from contbreather.lattice.zeta import binomial, zeta
 
 Array = NDArray[Any]

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.modes import InfiniteChain, check_gamma
+from contbreather.lattice import InfiniteChain, check_gamma
 from contbreather.stability.aliases import slope_at_zero
 from contbreather.stability.arc import Arc, angle, curve, grid, sample
 from contbreather.stability.winding import check_kb, resolved_arc

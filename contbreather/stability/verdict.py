@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import real
 from contbreather.errors import BadInput
-from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.scattering import OverReflection
 from contbreather.stability.winding import RIM

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import real
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice.modes import InfiniteChain, check_gamma
+from contbreather.lattice import InfiniteChain, check_gamma
 from contbreather.stability.arc import Arc, angle, curve, grid, sample, window, windows
 from contbreather.stability.characteristic import D, sites_of, spring_of
 

@@ -19,7 +19,8 @@ from contbreather.breathers import (
     symmetric,
     symmetric_roots,
 )
-from contbreather.breathers.clearance import Gap, rivals
+from contbreather.breathers.clearance import Gap
+from contbreather.breathers.rivals import rivals
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples
 

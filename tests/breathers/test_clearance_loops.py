@@ -10,8 +10,9 @@ import pytest
 import contbreather as cb
 from contbreather.breathers import clearance, clearance_loops
 from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.clearance import least_margin, rivals_data
+from contbreather.breathers.clearance import least_margin
 from contbreather.breathers.orbit import Orbit, orbit_of
+from contbreather.breathers.rivals import rivals, rivals_data
 from contbreather.breathers.section import Section
 from contbreather.breathers.waves import equations_of
 from contbreather.kernel import Kernel
@@ -74,7 +75,7 @@ def test_the_least_rival_by_loops_is_that_of_all_rivals(orbit: Orbit, mirrored: 
         data = rivals_data(watch, packed, gap.site, gap.time, mirrored=mirrored).tolist()
         out, grid = [math.nan] * packed.own, [math.nan] * packed.points
         assert clearance_loops.rivals(data, packed.table.ravel().tolist(), grid, out) == 0
-        wanted = min(clearance.rivals(watch, gap.site, gap.time, mirrored=mirrored)).margin
+        wanted = min(rivals(watch, gap.site, gap.time, mirrored=mirrored)).margin
         assert out[0] == pytest.approx(wanted, abs=1e-10)
 
 

@@ -15,8 +15,8 @@ import pytest
 import contbreather as cb
 from contbreather.breathers import pitchfork
 from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.clearance import rivals
 from contbreather.breathers.orbit import orbit_of
+from contbreather.breathers.rivals import rivals
 from contbreather.breathers.section import Section
 from contbreather.breathers.shooting import shooting
 from contbreather.breathers.wave_road import impact_problem

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.breathers import neighbour_peak, smallest_amplitude
+from contbreather.lattice import InfiniteChain
 from contbreather.lattice.held import held
-from contbreather.lattice.modes import InfiniteChain
 from contbreather.stability import window
 
 TWO = cb.Fourier.from_response(cos={1: 1.0, 3: 0.2}, sin={3: 0.1})

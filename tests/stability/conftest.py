@@ -11,7 +11,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
-from contbreather.lattice.modes import InfiniteChain
+from contbreather.lattice import InfiniteChain
 
 
 def _b_of(a: float, gamma: float, k: float) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contbreather.errors import BadInput
-from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import D, D_gradient, D_slope, G, dense_half_map, saltation
 from contbreather.stability.aliases import regular
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import (
     apply_half_map,
     dense_half_map,

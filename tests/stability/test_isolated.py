@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contbreather.lattice.modes import Ring
+from contbreather.lattice import Ring
 from contbreather.stability import (
     D,
     closest_approach,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contbreather.flows.modes import turn
-from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.saltation import saltation

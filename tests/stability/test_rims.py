@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contbreather.errors import NotConverged
-from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import (
     dense_half_map,
     neimark_sacker,

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from contbreather.errors import BadInput
-from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import (
     D,
     even_multipliers,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from contbreather.errors import BadInput
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.green import flight
-from contbreather.lattice.modes import InfiniteChain, Ring
 from contbreather.stability import (
     D,
     neimark_sacker,

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from contbreather.errors import BadInput
-from contbreather.lattice.modes import Ring
+from contbreather.lattice import Ring
 from contbreather.stability import (
     half_multipliers,
     neimark_sacker,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contbreather.errors import BadInput
-from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import (
     D_slope,
     dense_half_map,

@@ -1,0 +1,112 @@
+"""How the flights of an orbit are evaluated: what every road answers, and which roads there are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.clearance import Watch
+from contbreather.breathers.section import Impact, Section
+from contbreather.continuation import Event, Problem
+from contbreather.lattice.conditions import Conditions
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+class Road(Protocol):
+    """How the flights of one orbit are evaluated, with the equations and events that belong to it.
+
+    Not all roads lead everywhere: `suits` says where one does, and what it cannot do is None.
+    """
+
+    @property
+    def conditions(self) -> Conditions: ...
+    @property
+    def section(self) -> Section: ...
+    @property
+    def impacts(self) -> tuple[Impact, ...]:
+        """Those of a section, in its order."""
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        """Static displacement of each impacting site, where it is an unknown of its own."""
+
+    @property
+    def c(self) -> float:
+        """By how much the lattice as a whole sits off centre."""
+
+    @property
+    def accelerations(self) -> FloatArray:
+        """Of the site that hits, just before each impact."""
+
+    @property
+    def error(self) -> float:
+        """Largest error of the equations of the orbit."""
+
+    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
+        """Displacement, velocity or acceleration of sites at times, broadcast against each other;
+        at an impact the value just after it."""
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Displacements and velocities of all sites of a finite lattice."""
+
+    @property
+    def map(self) -> Any:
+        """What small perturbations become over a section."""
+
+    def multipliers(self) -> ComplexArray:
+        """All of a finite lattice, over a section."""
+
+    @staticmethod
+    def suits(on: Conditions, section: Section) -> bool:
+        """Whether orbits with such impacts can be evaluated like this."""
+
+    @classmethod
+    def through(
+        cls, on: Conditions, impacts: Section, times: FloatArray, impulses: Any, offsets: Any
+    ) -> Road:
+        """The motion with these impacts, or the one that comes closest to them."""
+
+    def problem(self, threshold: float) -> Problem: ...
+    def guess(self) -> Problem:
+        """The problem for what need not be a solution yet."""
+
+    def events(self, threshold: float) -> tuple[Event, ...]: ...
+    @property
+    def watch(self) -> Watch:
+        """What the clearance from the walls is measured on."""
+
+    def lifted(self) -> Problem:
+        """The problem of orbits that leave this one where its symmetry or its period breaks."""
+
+    def rewritten(
+        self,
+        section: Section,
+        impacts: Sequence[Impact],
+        offsets: Sequence[float],
+        start: int = 0,
+        sign: int = 1,
+    ) -> Road | None:
+        """The same motion (times the sign) in other words: these impacts, the first of which is
+        number `start` of its own. None if this road cannot."""
+
+    def on(self, lattice: Any) -> Any:
+        """The `Orbit` of another lattice by means of its own; None where another road has to do."""
+
+
+ROADS: dict[int, type[Road]] = {}
+R = TypeVar("R", bound=type[Any])
+
+
+def road(rank: int) -> Callable[[R], R]:
+    """Enter a road; of several that suit an orbit the one with the lowest rank takes it."""
+
+    def entered(kind: R) -> R:
+        ROADS[rank] = kind
+        return kind
+
+    return entered
