@@ -90,7 +90,7 @@ def state_rows(given: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         raise BadInput(f"a state is a pair (u, v) of rows of numbers: {error}.") from error
     if u.ndim != 1 or u.shape != v.shape or not u.size:
         raise BadInput(
-            f"a state is a pair (u, v) of rows of equal length, one entry for each site; shapes "
+            f"a state is a pair (u, v) of rows of equal length; shapes "
             f"{u.shape} and {v.shape} were given."
         )
     for name, found in (("u", u), ("v", v)):
