@@ -177,15 +177,8 @@ def _orbit_of(problem: Problem) -> Orbit:
 
 def _judged(event: Event, threshold: float) -> Event:
     """With the column of what is unstable by the same threshold."""
-    return Judged(
-        event.kind,
-        event.test,
-        count=event.count,
-        locus=event.locus,
-        examine=event.examine,
-        record={"unstable": Counting(partial(_unstable, threshold))},
-        about=f"threshold {threshold:g}",
-    )
+    record = {"unstable": Counting(partial(_unstable, threshold))}
+    return Judged.judging(event, record, f"threshold {threshold:g}")
 
 
 def _unstable(threshold: float, point: Point) -> float:

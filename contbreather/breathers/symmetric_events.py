@@ -24,7 +24,7 @@ from contbreather.breathers.grazing import ALIKE, Crest
 from contbreather.breathers.grazing import grazing as followed
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.watched import phase
-from contbreather.checks import check_kind, real
+from contbreather.checks import check_kind
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
@@ -43,7 +43,7 @@ from contbreather.stability.half_period import HalfMap
 from contbreather.stability.isolated import closest_approach
 from contbreather.stability.normal_form import PitchforkForm, pitchfork_form
 from contbreather.stability.pairs import outermost
-from contbreather.stability.verdict import THRESHOLD
+from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.stability.winding import many_outside, outside, unstable_count
 
 Array = NDArray[np.float64]
@@ -91,19 +91,8 @@ def neimark_sacker(
     event = _pair_leaves(lattice, threshold)
     ring = isinstance(lattice, Ring)
     about = f"stability of a ring of {lattice.sites}, threshold {threshold:g}" if ring else ""
-    return Judged(
-        "NS",
-        event.test,
-        count=event.count,
-        locus=event.locus,
-        examine=event.examine,
-        record={
-            "unstable": Counting(
-                partial(_unstable_at, lattice, threshold), partial(_rows_unstable, lattice)
-            )
-        },
-        about=about,
-    )
+    own, rows = partial(_unstable_at, lattice, threshold), partial(_rows_unstable, lattice)
+    return Judged.judging(event, {"unstable": Counting(own, rows)}, about)
 
 
 def _unstable_at(lattice: Lattice, threshold: float, point: Point) -> int:
@@ -141,11 +130,7 @@ def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
     if isinstance(on, InfiniteChain):
         return Event("NS", _off_window, count=_ends_below, locus=_arc_locus, examine=_examine_angle)
     check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
-    if not 1.0 < real(threshold) < math.inf:
-        raise BadInput(
-            f"threshold = {threshold!r}: on a ring multipliers sit on the unit circle; a modulus "
-            "above 1 is wanted, 1.005 in the paper"
-        )
+    check_threshold(threshold)
     return Event(
         "NS",
         partial(_outermost, on, threshold),

@@ -25,12 +25,11 @@ from contbreather.continuation.boundary import meeting
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import Always
-from contbreather.errors import BadInput
 from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.pairs import beyond, outermost
-from contbreather.stability.verdict import THRESHOLD
+from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.stability.winding import Count
 
 Array = NDArray[np.float64]
@@ -114,11 +113,7 @@ def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = THRESH
         return Event(
             "NS", _off_circle, count=_pairs_outside, locus=_arc_locus, examine=_examine_angle
         )
-    if not (math.isfinite(threshold) and threshold > 1.0):
-        raise BadInput(
-            f"threshold = {threshold}: on a ring multipliers sit on the unit circle; a modulus "
-            "above 1 is wanted, 1.005 in the paper"
-        )
+    check_threshold(threshold)
     return Event(
         "NS",
         partial(_outermost, threshold),

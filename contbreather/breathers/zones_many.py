@@ -42,12 +42,8 @@ def zones_many(
         each of them, in the order of `itertools.product`, the last one fastest.
     forcing, lattice, within, threshold, past_folds
         As of `zones`, for all of them.
-    executor : concurrent.futures.Executor or int, optional
-        Who computes: an executor, that of a cluster as well, or a number of processes, 1 for this
-        one. All cores unless given, where there is more than a second of work; in a script the call
-        then stands below ``if __name__ == "__main__":``.
-    progress : bool, optional
-        Show how many diagrams are done; by default at a terminal or in a notebook only.
+    executor, progress
+        As of `trace_many`.
 
     Yields
     ------

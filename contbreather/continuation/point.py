@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -364,6 +364,14 @@ class Judged(Event):
 
     record: Mapping[str, Callable[[Point], float]] = field(default_factory=dict, kw_only=True)
     about: str = field(default="", kw_only=True)
+
+    @classmethod
+    def judging(
+        cls, event: Event, record: Mapping[str, Callable[[Point], float]], about: str
+    ) -> Self:
+        """The same event with such columns."""
+        same = {one.name: getattr(event, one.name) for one in fields(Event)}
+        return cls(**same, record=record, about=about)
 
 
 @dataclass(frozen=True, repr=False)

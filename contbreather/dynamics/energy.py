@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
+from scipy.sparse import csgraph
 
 from contbreather.checks import numbers
 from contbreather.dynamics.states import Moved, conditions_of
@@ -81,13 +82,8 @@ class Localisation:
 @lru_cache(maxsize=64)
 def _shells(lattice: Finite, centre: int) -> NDArray[np.float64]:
     """Bonds from the centre to each site, -1 where there is no way."""
-    found = np.full(lattice.sites, -1.0)
-    found[centre], edge, count = 0.0, [centre], 0
-    while edge:
-        count += 1
-        edge = sorted({m for n in edge for m in lattice.beside(n) if found[m] < 0.0})
-        found[edge] = count
-    return found
+    apart = csgraph.shortest_path(abs(stiffness_of(lattice)), unweighted=True, indices=centre)
+    return np.where(np.isfinite(apart), apart, -1.0)
 
 
 def _by_shell(lattice: Finite, energy: Array, centre: int, count: int) -> Array:

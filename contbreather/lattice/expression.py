@@ -99,10 +99,6 @@ class Symbolic(Periodic):
             )
 
     @property
-    def _f(self) -> Series:
-        return self._series  # type: ignore[attr-defined]
-
-    @property
     def params(self) -> dict[str, float]:
         return dict(self.values)
 
@@ -112,16 +108,11 @@ class Symbolic(Periodic):
             raise self._unknown(unknown)
         return Symbolic(self.expression, **(self.params | params))
 
-    def f_param(self, name: str, t: float, order: int = 0) -> float:
-        """Derivative of the order-th derivative of f with respect to one parameter."""
-        if name not in self.params:
-            raise self._unknown([name])
-        return float(self._slopes[name].at(t, order))  # type: ignore[attr-defined]
-
-    def slope_harmonics(self, name: str) -> Harmonics:
-        """The series of the derivative of f with respect to one parameter."""
+    def _slope(self, name: str) -> Series:
         slopes: dict[str, Series] = self._slopes  # type: ignore[attr-defined]
-        return slopes[name].harmonics
+        if name not in slopes:
+            raise self._unknown([name])
+        return slopes[name]
 
     def describe(self) -> str:
         values = "".join(f", {n} = {v:.6g}" for n, v in self.values)

@@ -110,36 +110,35 @@ class Series:
 class Periodic:
     """Shared by every forcing that is a series: evaluation, and the largest |f|."""
 
-    if TYPE_CHECKING:
+    _series: Series
 
-        @property
-        def _f(self) -> Series: ...
+    if TYPE_CHECKING:
 
         def describe(self) -> str: ...
 
     def f(self, t: Any) -> Any:
-        return self._f.at(t, 0)
+        return self._series.at(t, 0)
 
     def df(self, t: Any) -> Any:
-        return self._f.at(t, 1)
+        return self._series.at(t, 1)
 
     def d2f(self, t: Any) -> Any:
-        return self._f.at(t, 2)
+        return self._series.at(t, 2)
 
     def d3f(self, t: Any) -> Any:
-        return self._f.at(t, 3)
+        return self._series.at(t, 3)
 
     def motion(self, t: float) -> tuple[float, float, float]:
         """f, f' and f'' at one time, in one pass."""
-        return self._f.motion(t)
+        return self._series.motion(t)
 
     @property
     def harmonics(self) -> Harmonics:
-        return self._f.harmonics
+        return self._series.harmonics
 
     @property
     def highest(self) -> int:
-        return max((m for m, a, b in self._f.harmonics if a or b), default=1)
+        return max((m for m, a, b in self._series.harmonics if a or b), default=1)
 
     @property
     def params(self) -> dict[str, float]:
@@ -153,15 +152,18 @@ class Periodic:
 
     def f_param(self, name: str, t: float, order: int = 0) -> float:
         """Derivative of the order-th derivative of f with respect to one parameter."""
-        raise self._unknown([name])
+        return float(self._slope(name).at(t, order))
 
     def slope_harmonics(self, name: str) -> Harmonics:
         """The series of the derivative of f with respect to one parameter."""
+        return self._slope(name).harmonics
+
+    def _slope(self, name: str) -> Series:
         raise self._unknown([name])
 
     def peak(self) -> float:
         """Largest |f| at unit amplitude; ``a * peak() <= 1`` keeps the far field off its walls."""
-        return _peak(self._f.harmonics)
+        return _peak(self._series.harmonics)
 
     def _unknown(self, names: Sequence[str]) -> BadInput:
         have = ", ".join(self.params) or "none"
@@ -201,9 +203,7 @@ class Harmonic(Periodic):
     (1.0, -1.0)
     """
 
-    @property
-    def _f(self) -> Series:
-        return _COSINE
+    _series = Series(((1, 1.0, 0.0),))
 
     def f(self, t: Any) -> Any:
         return math.cos(t) if isinstance(t, float | int) else np.cos(t)
@@ -230,9 +230,6 @@ class Harmonic(Periodic):
 
     def describe(self) -> str:
         return "F = -a cos t"
-
-
-_COSINE = Series(((1, 1.0, 0.0),))
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -291,10 +288,6 @@ class Fourier(Periodic):
         )
 
     @property
-    def _f(self) -> Series:
-        return self._series  # type: ignore[attr-defined]
-
-    @property
     def params(self) -> dict[str, float]:
         return {f"c{m}": v for m, v in self.cos} | {f"s{m}": v for m, v in self.sin}
 
@@ -307,15 +300,10 @@ class Fourier(Periodic):
             {m: params.get(f"s{m}", v) for m, v in self.sin},
         )
 
-    def f_param(self, name: str, t: float, order: int = 0) -> float:
-        """Derivative of the order-th derivative of f with respect to one coefficient."""
+    def _slope(self, name: str) -> Series:
         if name not in self._names:  # type: ignore[attr-defined]
             raise self._unknown([name])
-        return float(_unit(name).at(t, order))
-
-    def slope_harmonics(self, name: str) -> Harmonics:
-        """The series of the derivative of f with respect to one coefficient."""
-        return _unit(name).harmonics
+        return _unit(name)
 
     def describe(self) -> str:
         terms = [f"{v:+.6g} cos {_times(m)}" for m, v in self.cos]
@@ -441,10 +429,6 @@ class Samples(Periodic):
                 "aliased; sample finer, or smooth it, or give its harmonics with Fourier."
             )
         return response_of(spectrum, 2e-16 * largest)
-
-    @property
-    def _f(self) -> Series:
-        return self._series  # type: ignore[attr-defined]
 
     def describe(self) -> str:
         return f"F = a times {len(self.values)} samples, harmonics up to {self.highest}"

@@ -43,10 +43,6 @@ class Held(Periodic):
         return tuple((m, scale(m) * A, scale(m) * B) for m, A, B in harmonics)
 
     @property
-    def _f(self) -> Series:
-        return self._series  # type: ignore[attr-defined]
-
-    @property
     def params(self) -> dict[str, float]:
         return {**self.of.params, "spring": self.spring}
 
@@ -54,14 +50,11 @@ class Held(Periodic):
         own = {name: value for name, value in params.items() if name != "spring"}
         return held(self.of.at(**own) if own else self.of, params.get("spring", self.spring))
 
-    def slope_harmonics(self, name: str) -> Harmonics:
-        """The series of the derivative of f in a parameter of the forcing or in the spring."""
+    def _slope(self, name: str) -> Series:
+        """In a parameter of the forcing or in the spring."""
         if name == "spring":
-            return self._scaled(self.of.harmonics, 2)
-        return self._scaled(self.of.slope_harmonics(name))
-
-    def f_param(self, name: str, t: float, order: int = 0) -> float:
-        return float(Series(self.slope_harmonics(name)).at(t, order))
+            return Series(self._scaled(self.of.harmonics, 2))
+        return Series(self._scaled(self.of.slope_harmonics(name)))
 
     def describe(self) -> str:
         return self.of.describe()

@@ -129,6 +129,15 @@ class Verdict:
         return f"<{self.describe()}>"
 
 
+def check_threshold(threshold: float) -> None:
+    """Refuse what is no threshold for a lattice without losses."""
+    if not 1.0 < real(threshold) < math.inf:
+        raise BadInput(
+            f"threshold = {threshold!r}: on a ring multipliers sit on the unit circle; a modulus "
+            "above 1 is wanted, 1.005 in the paper"
+        )
+
+
 def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
     """The verdict on an orbit, by its map of small perturbations.
 
