@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contbreather.lattice.expression import Symbolic, forcing_of
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, Samples
-from contbreather.lattice.green import propagate
 from contbreather.lattice.means import Lattice, check_gamma
 from contbreather.lattice.modes import InfiniteChain, Ring, lattice_of
 
@@ -20,5 +19,4 @@ __all__ = [
     "check_gamma",
     "forcing_of",
     "lattice_of",
-    "propagate",
 ]

@@ -18,10 +18,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from contbreather.lattice.zeta import zeta
 
@@ -120,46 +120,3 @@ def flight(first_harmonic: float, powers: FloatArray) -> Flight:
     0.0
     """
     return Flight(4.0 / math.pi * first_harmonic, tuple((response_weights() @ powers).tolist()))
-
-
-class Modal(Protocol):
-    """A finite lattice that is diagonal in plane waves."""
-
-    @property
-    def sites(self) -> int: ...
-    def frequencies(self, gamma: float) -> FloatArray: ...
-
-
-def propagate(
-    ring: Modal, gamma: float, u: ArrayLike, v: ArrayLike, t: float
-) -> tuple[FloatArray, FloatArray]:
-    """Free motion of a ring over the time t, exactly: every mode turns, the zero mode drifts.
-
-    Parameters
-    ----------
-    ring : Ring
-    gamma : float
-        Coupling in [0, 1/4).
-    u, v : array_like, shape (..., N)
-        Displacements and velocities at time 0; several states at once in the leading axes.
-    t : float
-
-    Returns
-    -------
-    u, v : ndarray, shape (..., N)
-        At time t, no forcing, no impacts: eq. (18) with F = 0.
-
-    Examples
-    --------
-    >>> from contbreather.lattice.modes import Ring
-    >>> u, v = propagate(Ring(3), 0.2, [0.0, 0.0, 0.0], [1.0, 1.0, 1.0], 2.0)
-    >>> u.round(12)
-    array([2., 2., 2.])
-    """
-    w = ring.frequencies(gamma)[: ring.sites // 2 + 1]
-    uk, vk = np.fft.rfft(np.asarray(u, dtype=float)), np.fft.rfft(np.asarray(v, dtype=float))
-    c, s, drift = np.cos(w * t), np.sin(w * t), t * np.sinc(w * t / np.pi)
-    return (
-        np.fft.irfft(c * uk + drift * vk, ring.sites),
-        np.fft.irfft(c * vk - w * s * uk, ring.sites),
-    )

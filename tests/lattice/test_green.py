@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.linalg import expm
 
-from contbreather.lattice import InfiniteChain, Ring, propagate
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.green import flight
 
 CHAIN = InfiniteChain()
@@ -124,43 +123,3 @@ def test_slope_of_a_flight_in_gamma_is_a_finite_difference_at_any_time(gamma, la
             for pick in ("value", "slope", "curvature"):
                 step = (getattr(more, pick)(y) - getattr(less, pick)(y)) / (2 * h)
                 assert getattr(slope, pick)(y) == pytest.approx(step, abs=1e-6 * scale)
-
-
-# ------------------------------------------------------------------------------- propagator
-
-
-def dense(sites, gamma):
-    laplacian = np.zeros((sites, sites))
-    for i in range(sites):
-        for j in (i + 1, i - 1):
-            laplacian[i, i] -= gamma
-            laplacian[i, j % sites] += gamma
-    return np.block(
-        [[np.zeros((sites, sites)), np.eye(sites)], [laplacian, np.zeros((sites,) * 2)]]
-    )
-
-
-@pytest.mark.parametrize("sites", [1, 2, 3, 8, 9])
-@pytest.mark.parametrize("t", [0.0, 0.3, math.pi, 20.0, -2.0])
-def test_propagator_is_the_exponential_of_the_matrix(sites, t):
-    rng = np.random.default_rng(sites)
-    u, v = rng.normal(size=(2, sites))
-    got = np.concatenate(propagate(Ring(sites), 0.21, u, v, t))
-    exact = expm(dense(sites, 0.21) * t) @ np.concatenate([u, v])
-    np.testing.assert_allclose(got, exact, atol=2e-13)
-
-
-def test_propagator_takes_several_states_at_once():
-    u, v = np.random.default_rng(0).normal(size=(2, 4, 6))
-    together = propagate(Ring(6), 0.1, u, v, 1.3)
-    one = propagate(Ring(6), 0.1, u[2], v[2], 1.3)
-    np.testing.assert_allclose([together[0][2], together[1][2]], one, atol=1e-15)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.floats(0.0, 0.2499), st.integers(1, 12), st.floats(-5, 5), st.floats(-5, 5))
-def test_propagating_twice_is_propagating_once_over_the_sum(gamma, sites, t1, t2):
-    u, v = np.random.default_rng(1).normal(size=(2, sites))
-    ring = Ring(sites)
-    twice = propagate(ring, gamma, *propagate(ring, gamma, u, v, t1), t2)
-    np.testing.assert_allclose(twice, propagate(ring, gamma, u, v, t1 + t2), atol=1e-12)
