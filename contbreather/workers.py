@@ -25,7 +25,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
-from multiprocessing import get_context
+from multiprocessing import current_process, get_context
 from typing import Any
 
 from .checks import whole
@@ -50,7 +50,7 @@ LOST = "the workers of the executor ended before its result, and did not come ba
 DIED = "the process that computed it ended before its result, and again when it was alone"
 NO_WORKERS = (
     "the worker processes ended before their first result. Each begins by reading the script that "
-    "started them: make the call below `if __name__ == '__main__':` in a file, or "
+    "started them: put the call below `if __name__ == '__main__':` there, or "
     "give an executor that computes in this process, concurrent.futures.ThreadPoolExecutor(1)"
 )
 
@@ -319,6 +319,9 @@ def processes(most: int) -> Iterator[Executor]:
     NotConverged
         If none of them could begin.
     """
+    if getattr(current_process(), "_inheriting", False):
+        # a worker that reads its script, which calls without a guard: who started it will say so
+        raise SystemExit(1)
     fresh = get_context("spawn")
     told, telling = fresh.Pipe(duplex=False)
     with ProcessPoolExecutor(most, fresh, initializer=_begin, initargs=(told,)) as pool:
@@ -326,9 +329,9 @@ def processes(most: int) -> Iterator[Executor]:
             with _begun_quietly():  # as many as there may be, now
                 ready = [pool.submit(os.getpid) for _ in range(most)]
             yield pool
-        except BrokenExecutor as error:
+        except BrokenExecutor:
             if not any(one.done() and one.exception() is None for one in ready):
-                raise NotConverged(NO_WORKERS) from error
+                raise NotConverged(NO_WORKERS) from None
             raise
         finally:
             telling.close()

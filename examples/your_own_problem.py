@@ -74,8 +74,8 @@ def main(folder: Path = Path()) -> list[Path]:
     worst = abs(hopf["rho"] - 10 * (13 + beta) / (9 - beta)).max()
     show(worst, 0.0, "Hopf curve, largest error")
 
-    axes = cb.plot(sides, rest, turning, through, x="rho", y="x")
-    return [cb.save_figure(axes, folder / "lorenz.png")]
+    drawn = cb.plot(sides, rest, turning, through, x="rho", y="x")
+    return [cb.save_figure(drawn, folder / "lorenz.png")]
 
 
 if __name__ == "__main__":

@@ -59,7 +59,7 @@ def test_an_atlas_out_of_a_file_is_drawn_as_the_one_that_was_written(
         assert np.array_equal(again.a, found.a)
         assert words(again, "kind") == words(found, "kind")
         for one in (found, again):
-            axes = plot_atlas(one, over="c3", at={"k": 0.8}, kinds=["LP"])
+            axes = plot_atlas(one, over="c3", at={"k": 0.8}, kinds=["LP"]).axes
             assert len(axes.lines) == 2  # one for each c3
             assert len(axes.collections) == 1  # and the surface between them
             line = np.array(axes.lines[1].get_data_3d())

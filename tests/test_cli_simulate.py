@@ -367,3 +367,12 @@ def test_energy_that_blows_up_is_status_1(run, monkeypatch):
     status, out, err = run(f"{LOST} --smooth 6 --periods 5")
     assert (status, out) == (FAILED, "")
     assert "the energy blows up" in err
+
+
+def test_help_says_that_a_run_is_kept_at_its_end_and_not_that_it_can_be_extended(run) -> None:
+    status, out, _ = run("simulate --help")
+    assert status == DONE
+    words = " ".join(out.replace("│", " ").split())
+    assert "Keep the run in this file when it has ended, for show and load" in words
+    assert "extend" not in words
+    assert "extend follows branches" in " ".join(run("branch --help")[1].replace("│", " ").split())

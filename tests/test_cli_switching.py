@@ -44,7 +44,7 @@ def test_both_arms_are_told_with_normal_form_stability_and_end(
     for sentence in (
         "PF1 at a = 0.777632425944, on symmetric breather in a",
         "Supercritical: (t2 - t1 - pi)^2 / (a - 0.777632) -> 8.761463",
-        "Arm 1, PF1 to GR1: stable on the infinite chain.",
+        "Arm 1, EP1 to GR1: stable on the infinite chain.",
         "Arm 1, GR1: at the limit: site 1 reaches |u| = 1 at t = 0.01765",
         "Arm 2, GR1: at the limit: site 1 reaches |u| = 1 at t = 3.15925",
         "Arm 2, the mirror image of arm 1.",
@@ -56,14 +56,15 @@ def test_both_arms_are_told_with_normal_form_stability_and_end(
 
 
 def test_both_arms_are_told_to_be_stable_alike(run: Callable[[str], Output]) -> None:
-    """They are mirror images. At PF1 and NS1 a multiplier is on the circle, so that no count is
-    told there; no point of the walk lies between NS1 and EP2, and yet that piece is described."""
+    """They are mirror images. At EP1, the pitchfork, and NS1 a multiplier is on the circle, so that
+    no count is told there; no point of the walk lies between NS1 and EP2, and yet that piece is
+    described."""
     out = run("switch --a 0.82 --gamma 0.04 --k 0.8 --free k")[1]
     for arm in (1, 2):
-        assert f"Arm {arm}, PF1 to NS1: stable on the infinite chain." in out
+        assert f"Arm {arm}, EP1 to NS1: stable on the infinite chain." in out
         rest = f"Arm {arm}, NS1 to EP2: unstable, multipliers outside: 2, on the infinite chain."
         assert rest in out
-        for label in ("PF1", "NS1"):
+        for label in ("EP1", "NS1"):
             (row,) = (line for line in out.splitlines() if f"{arm} │ {label} " in line)
             assert row.rstrip("│ ").endswith("–")
 
@@ -80,6 +81,18 @@ def test_arms_in_json_are_those_of_the_library(run: Callable[[str], Output]) -> 
         assert told["columns"]["c"][-1] == pytest.approx(arm[-1]["c"], abs=1e-12)
         assert told["special"][0]["parent"] == "PF1"
         assert told["end"].startswith("GR1: at the limit: site 1")
+
+
+def test_the_start_of_an_arm_has_one_label_on_the_screen_in_tables_and_in_its_file(
+    run: Callable[[str], Output],
+) -> None:
+    out = run(f"{SWITCH} --csv arms.csv --save arms.nc")[1]
+    kept = cb.load("arms.nc")["arm1"]
+    label = kept[0].label
+    assert f"Arm 1, {label} to GR1" in out
+    assert f"│   1 │ {label} " in out
+    assert table("arms.csv")[0]["label"] == label
+    assert kept.first(label)["a"] == kept[0]["a"]
 
 
 def test_arms_as_a_table_are_told_apart(run: Callable[[str], Output]) -> None:
@@ -219,12 +232,12 @@ def test_arms_that_fail_are_told_and_have_status_1(
 
 def test_branches_of_different_problems_share_a_figure_and_the_name_of_their_point() -> None:
     tree = cb.diagram(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.1, 0.9)})
-    ax = cb.plotting.plot_diagram(tree)
+    ax = cb.plotting.plot_diagram(tree).axes
     assert ax.get_ylabel() == "$t_1$"
     words = [text.get_text() for text in ax.texts]
     assert words.count("PF1") == 1
     assert words.count("GR1") == 2
-    on_arms = cb.plotting.plot_diagram(tree, y="asymmetry")  # breathers have no such column
+    on_arms = cb.plotting.plot_diagram(tree, y="asymmetry").axes  # breathers have no such column
     assert [text.get_text() for text in on_arms.texts].count("PF1") == 1
     with pytest.raises(cb.BadInput, match="no branch has a column 'q'; there are"):
         cb.plotting.plot_diagram(tree, y="q")
@@ -237,7 +250,7 @@ def test_a_figure_of_any_number_that_points_have() -> None:
         return float(point.displacement(1, 0.0))
 
     branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.4, 0.6)})
-    ax = cb.plotting.plot_diagram([branch], y=height)
+    ax = cb.plotting.plot_diagram([branch], y=height).axes
     assert ax.get_ylabel() == "height"
     x, y = ax.get_lines()[0].get_data()
     assert y[0] == pytest.approx(cb.symmetric(x[0], 0.04, 0.8).displacement(1, 0.0), abs=1e-12)

@@ -134,7 +134,7 @@ def test_a_piece_without_points_is_refused(values, empty: slice) -> None:
 
 def test_an_orbit_is_drawn_between_its_walls_with_its_impacts_on_them(values) -> None:
     orbit = values["Orbit"]
-    ax = plot_orbit(orbit, sites=(0, 1))
+    ax = plot_orbit(orbit, sites=(0, 1)).axes
     for n, line in enumerate(ax.get_lines()[:2]):
         t = 2 * np.pi * line.get_xdata()
         assert np.ptp(t) == pytest.approx(2 * np.pi)
@@ -146,7 +146,7 @@ def test_an_orbit_is_drawn_between_its_walls_with_its_impacts_on_them(values) ->
         assert at == pytest.approx(dot.get_ydata()[0])
     walls = [line for line in ax.get_lines() if line.get_color() == GREY and line not in dots]
     assert {line.get_ydata()[0] for line in walls} == {-1.0, 1.0}
-    assert plot_orbit(values["Point"], ax=ax) is ax
+    assert plot_orbit(values["Point"], ax=ax).axes is ax
 
 
 def test_what_is_no_orbit_is_not_drawn_as_one(values) -> None:

@@ -170,7 +170,7 @@ def test_a_loaded_point_without_equations_says_so_to_switch_and_extend(tmp_path:
 def test_a_run_is_drawn_by_its_record(breather: cb.Orbit) -> None:
     sample = cb.dynamics.Sample((0, 1), 20)
     run = cb.simulate(breather.state(6), **HERE, periods=2, sample=sample)
-    lines = [line.get_ydata() for line in cb.plotting.plot_motion(run).get_lines()]
+    lines = [line.get_ydata() for line in cb.plotting.plot_motion(run).axes.get_lines()]
     assert run.record is not None
     np.testing.assert_array_equal(np.transpose(lines), run.record.u)
     bare = cb.simulate(breather.state(6), **HERE, periods=2)

@@ -57,7 +57,7 @@ def overlaps(ax) -> int:
 
 
 def test_line_is_solid_exactly_where_the_infinite_chain_is_stable(in_a: Branch) -> None:
-    ax = plot(in_a)
+    ax = plot(in_a).axes
     for line in curves(ax):
         dashed = line.get_linestyle() == "--"
         for p in np.asarray(line.get_ydata())[3:-3:5]:
@@ -71,7 +71,7 @@ def test_line_is_solid_exactly_where_the_infinite_chain_is_stable(in_a: Branch) 
 
 
 def test_line_changes_its_style_at_the_fold_and_at_the_pitchfork(in_a: Branch) -> None:
-    drawn = curves(plot(in_a))
+    drawn = curves(plot(in_a).axes)
     assert [line.get_linestyle() for line in drawn] == ["--", "-", "--"]
     ends = [line.get_xdata()[-1] for line in drawn[:-1]]
     assert ends == pytest.approx([in_a.first("LP")["a"], in_a.first("PF")["a"]], abs=1e-12)
@@ -84,7 +84,7 @@ def test_piece_between_two_special_points_is_drawn_by_what_lies_inside() -> None
     branch = cb.trace(ring, "a", within={"a": (0.25, 0.9)})
     bare = replace(branch, points=branch.special)
     assert [point.label for point in bare] == ["EP1", "NS1", "NS2", "PF1", "EP2"]
-    drawn = {line.get_xdata()[0]: line.get_linestyle() for line in curves(plot(bare))}
+    drawn = {line.get_xdata()[0]: line.get_linestyle() for line in curves(plot(bare).axes)}
     assert list(drawn.values()) == ["-", "--", "-", "--"]
     for point, after in itertools.pairwise(bare):
         middle = cb.symmetric(0.5 * (point["a"] + after["a"]), 0.04, 0.8)
@@ -99,7 +99,7 @@ def test_problem_without_a_count_of_unstable_directions_is_one_solid_line() -> N
         params={"mu": 1.0, "h": 1.875},
     )
     branch = cb.trace(cusp, "h", within={"x": (-1.5, 1.5)}, events=[cb.fold()])
-    ax = plot(branch)
+    ax = plot(branch).axes
     (line,) = curves(ax)
     assert line.get_linestyle() == "-"
     assert ax.get_legend() is None
@@ -107,14 +107,14 @@ def test_problem_without_a_count_of_unstable_directions_is_one_solid_line() -> N
 
 
 def test_boundary_is_solid_and_drawn_in_its_two_parameters(diagram: Zones) -> None:
-    ax = plot(diagram.curves["NS"][0])
+    ax = plot(diagram.curves["NS"][0]).axes
     assert {line.get_linestyle() for line in curves(ax)} == {"-"}
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\gamma$", "$a$")
 
 
 def test_curve_goes_through_every_point_and_bends_between_them(in_a: Branch) -> None:
     x, y = (
-        np.concatenate([getattr(line, f"get_{c}data")() for line in curves(plot(in_a))])
+        np.concatenate([getattr(line, f"get_{c}data")() for line in curves(plot(in_a).axes)])
         for c in "xy"
     )
     for point in in_a:
@@ -124,7 +124,7 @@ def test_curve_goes_through_every_point_and_bends_between_them(in_a: Branch) -> 
 
 
 def test_every_special_point_has_its_marker_and_its_label(in_a: Branch) -> None:
-    ax = plot(in_a)
+    ax = plot(in_a).axes
     points = [line for line in ax.get_lines() if line.get_linestyle() == "None"]
     shown = {line.get_marker(): (line.get_xdata()[0], line.get_ydata()[0]) for line in points}
     for point in in_a.special:
@@ -134,7 +134,7 @@ def test_every_special_point_has_its_marker_and_its_label(in_a: Branch) -> None:
 
 def test_ends_of_several_branches_are_dots_without_names(in_a: Branch) -> None:
     other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
-    ax = plot(in_a, other)
+    ax = plot(in_a, other).axes
     assert not any(text.get_text().startswith("EP") for text in words(ax))
     dots = [line for line in ax.get_lines() if line.get_marker() == marker("EP")]
     assert len(dots) == sum(point.kind == "EP" for b in (in_a, other) for point in b.special)
@@ -143,7 +143,7 @@ def test_ends_of_several_branches_are_dots_without_names(in_a: Branch) -> None:
 def test_points_of_one_name_in_a_corner_are_named_once() -> None:
     """The doublings of a cascade, each the first of its branch, crowd at its end."""
     logistic = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
-    ax = cb.plotting.plot_diagram(cb.diagram(logistic, "r", within={"r": (0.5, 3.6)}, depth=5))
+    ax = cb.plotting.plot_diagram(cb.diagram(logistic, "r", within={"r": (0.5, 3.6)}, depth=5)).axes
     words = [text for text in ax.texts if text.get_text() == "PD1"]
     places = [ax.transData.transform(word.xy) for word in words]
     apart = [np.hypot(*(a - b)) for a, b in itertools.combinations(places, 2)]
@@ -160,7 +160,7 @@ def test_one_point_of_two_branches_is_named_once() -> None:
     flat = cb.trace(pitchfork, "mu", within=within, events=events)
     bent = cb.trace(pitchfork.at(x=0.5, mu=0.25), "mu", within=within, events=events)
     assert [p.kind for b in (flat, bent) for p in b.special].count("BP") == 2
-    assert [text.get_text() for text in words(plot(flat, bent))] == ["BP1"]
+    assert [text.get_text() for text in words(plot(flat, bent).axes)] == ["BP1"]
 
 
 @pytest.mark.parametrize("value", [1.0, -3.0, 0.0, 1e5])
@@ -171,7 +171,7 @@ def test_what_is_constant_up_to_rounding_is_drawn_as_constant(value: float) -> N
     shown = cb.continuation.with_columns(
         branch, level=lambda point: value + noise * np.sin(99 * point["mu"])
     )
-    ax = plot(shown, y="level")
+    ax = plot(shown, y="level").axes
     ax.figure.draw_without_rendering()
     low, high = ax.get_ylim()
     assert low < value < high
@@ -181,7 +181,7 @@ def test_what_is_constant_up_to_rounding_is_drawn_as_constant(value: float) -> N
 
 def test_small_changes_are_not_taken_for_rounding() -> None:
     line = cb.Problem(lambda x, p: np.array([x[0] - 1 - 1e-6 * p["mu"]]), {"x": 1.0}, {"mu": 0.0})
-    ax = plot(cb.trace(line, "mu", within={"mu": (-1, 1)}))
+    ax = plot(cb.trace(line, "mu", within={"mu": (-1, 1)})).axes
     ax.figure.draw_without_rendering()
     low, high = ax.get_ylim()
     assert high - low < 3e-6
@@ -212,12 +212,12 @@ def test_doubtful_location_is_labelled_with_a_question_mark(in_a: Branch) -> Non
     from dataclasses import replace
 
     doubtful = tuple(replace(p, located=False) if p.kind == "PF" else p for p in in_a)
-    shown = {text.get_text() for text in words(plot(replace(in_a, points=doubtful)))}
+    shown = {text.get_text() for text in words(plot(replace(in_a, points=doubtful)).axes)}
     assert "PF1?" in shown
 
 
 def test_words_cover_neither_each_other_nor_the_rim(in_a: Branch) -> None:
-    ax = plot(in_a)
+    ax = plot(in_a).axes
     assert overlaps(ax) == 0
     frame = ax.bbox
     for text in words(ax):
@@ -255,11 +255,11 @@ def test_words_leave_other_announced_points_free() -> None:
 
 def test_branches_of_one_call_have_different_colours(in_a: Branch) -> None:
     other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
-    assert len({line.get_color() for line in curves(plot(in_a, other))}) == 2
+    assert len({line.get_color() for line in curves(plot(in_a, other).axes)}) == 2
 
 
 def test_second_call_on_the_same_axes_takes_the_next_colour(in_a: Branch) -> None:
-    ax = plot(in_a)
+    ax = plot(in_a).axes
     first = {line.get_color() for line in curves(ax)}
     plot(in_a, ax=ax)
     assert len({line.get_color() for line in curves(ax)}) == len(first) + 1
@@ -274,7 +274,7 @@ def test_unknown_column_is_refused_with_the_known_ones(in_a: Branch) -> None:
 
 def test_caller_keeps_its_own_axes_and_style(in_a: Branch) -> None:
     _, (ax,) = new_figure()
-    assert plot(in_a, ax=ax) is ax
+    assert plot(in_a, ax=ax).axes is ax
 
 
 # --- zones --------------------------------------------------------------------------------------
@@ -363,13 +363,13 @@ def test_a_region_within_another_is_a_hole_of_it() -> None:
 def test_each_kind_of_curve_looks_different(diagram: Zones) -> None:
     looks = {
         line.get_label(): (line.get_color(), line.get_linestyle())
-        for line in curves(plot_zones(diagram))
+        for line in curves(plot_zones(diagram).axes)
     }
     assert len(looks) == len(set(map(str, looks.values()))) == 4
 
 
 def test_meetings_are_marked_once_and_named(diagram: Zones) -> None:
-    ax = plot_zones(diagram)
+    ax = plot_zones(diagram).axes
     shown = {text.get_text() for text in words(ax)}
     assert {"PF–GR", "NS–GR", "NS–LP"} <= shown
     marked = [line for line in ax.get_lines() if line.get_marker() == MEETING]
@@ -383,7 +383,7 @@ def test_meetings_are_marked_once_and_named(diagram: Zones) -> None:
 
 
 def test_panels_are_lettered_and_explained_below_not_inside(diagram: Zones) -> None:
-    panels = plot_zones([diagram, diagram])
+    panels = [one.axes for one in plot_zones([diagram, diagram])]
     assert [ax.get_title(loc="left")[:3] for ax in panels] == ["(a)", "(b)"]
     assert all(ax.get_legend() is None for ax in panels)
     (legend,) = panels[0].figure.legends
@@ -392,7 +392,7 @@ def test_panels_are_lettered_and_explained_below_not_inside(diagram: Zones) -> N
 
 
 def test_words_of_a_zone_diagram_do_not_overlap(diagram: Zones) -> None:
-    assert overlaps(plot_zones(diagram)) == 0
+    assert overlaps(plot_zones(diagram).axes) == 0
 
 
 def test_type_is_readable_in_a_journal_column(diagram: Zones) -> None:
@@ -407,7 +407,7 @@ def test_type_is_readable_in_a_journal_column(diagram: Zones) -> None:
     ("count", "rows", "width"), [(1, 1, 8.5), (2, 2, 8.5), (3, 2, PAGE), (4, 2, PAGE)]
 )
 def test_zone_diagrams_fit_a_page(diagram: Zones, count: int, rows: int, width: float) -> None:
-    panels = plot_zones([diagram] * count)
+    panels = [one.axes for one in plot_zones([diagram] * count)]
     assert len(panels) == len(panels[0].figure.axes) == count
     tops = {round(ax.get_position().y1, 2) for ax in panels}
     size_in_cm = 2.54 * panels[0].figure.get_size_inches()
@@ -419,7 +419,7 @@ def test_zone_diagrams_fit_a_page(diagram: Zones, count: int, rows: int, width: 
 @pytest.mark.parametrize("gamma", [0.0, 0.1])
 def test_names_of_meetings_keep_off_axes_points_and_each_other(gamma: float) -> None:
     """At gamma = 0.1 one is in the corner; at gamma = 0 two are at the top, side by side."""
-    ax = plot_zones(zones(gamma=gamma))
+    ax = plot_zones(zones(gamma=gamma)).axes
     assert overlaps(ax) == 0
     frame, pixel = ax.bbox, ax.figure.dpi / 72
     for text in words(ax):
@@ -438,7 +438,7 @@ def test_axes_go_as_far_as_breathers_in_the_window() -> None:
     assert x0 == 0.0
     assert x1 == pytest.approx(max(b["gamma"].max() for _, b in narrow))  # none beyond GR
     assert (y0, y1) == pytest.approx((0.95, 0.99))
-    ax = plot_zones(narrow, within=window)
+    ax = plot_zones(narrow, within=window).axes
     assert ax.get_xlim()[0] == 0.0
     assert "US" in {text.get_text() for text in words(ax)}
     # and no farther than was looked
@@ -459,7 +459,7 @@ def test_zones_and_axes_must_be_as_many(diagram: Zones) -> None:
     ("half", "labels"), [(True, {"1.0628", "0.6158"}), (False, {"1.1294", "0.3792"})]
 )
 def test_multipliers_off_the_band_are_labelled_with_their_values(half: bool, labels: set) -> None:
-    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=half)
+    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=half).axes
     assert {text.get_text() for text in words(ax)} == labels
 
 
@@ -477,7 +477,7 @@ def test_leaders_do_not_cross_the_disc() -> None:
 
 def test_all_multipliers_are_drawn_and_those_outside_stand_out() -> None:
     breather = cb.symmetric(0.2, 0.11, 0.8)
-    ax = plot_multipliers(breather, sites=100, half=True)
+    ax = plot_multipliers(breather, sites=100, half=True).axes
     dots = [line for line in ax.get_lines() if line.get_marker() == "o"]
     drawn = np.concatenate([line.get_xdata() + 1j * line.get_ydata() for line in dots])
     want = breather.multipliers(sites=100, half=True)
@@ -487,7 +487,7 @@ def test_all_multipliers_are_drawn_and_those_outside_stand_out() -> None:
 
 
 def test_arcs_end_where_the_band_ends() -> None:
-    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True)
+    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True).axes
     arcs = [line for line in ax.get_lines() if line.get_linewidth() > 3]
     ends = sorted(np.angle(a.get_xdata()[-1] + 1j * a.get_ydata()[-1]) / np.pi for a in arcs)
     assert ends == pytest.approx([-2 * 0.045**0.5, 2 * 0.045**0.5])
@@ -556,3 +556,34 @@ def test_figures_belong_to_pyplot_if_the_caller_uses_it() -> None:
     made, _ = new_figure()
     assert pyplot.fignum_exists(made.number)
     pyplot.close(made)
+
+
+# --- what plots return --------------------------------------------------------------------------
+
+
+def test_plots_return_the_artists_that_they_added_with_their_axes_and_figure(
+    in_a: Branch, diagram: Zones
+) -> None:
+    figure, (ax,) = new_figure()
+    (own,) = ax.plot([0.0, 1.0])
+    drawn = plot(in_a, ax=ax)
+    assert own not in drawn
+    assert {*ax.get_lines(), *ax.texts, ax.get_legend()} == {own, *drawn}
+    assert (drawn.axes, drawn.figure) == (ax, figure)
+    again = plot(in_a, ax=ax)
+    assert set(again).isdisjoint(drawn)
+    assert repr(drawn) == f"<Drawn: {len(drawn)} artists>"
+    _, (left, right) = new_figure(2)
+    one, two = plot_zones([diagram, diagram], [left, right])
+    assert (one.axes, two.axes) == (left, right)
+    assert set(two) >= {*right.get_lines(), *right.patches}
+    assert set(two).isdisjoint(one)
+
+
+@pytest.mark.parametrize("given", ["drawn", "several", "artist", "axes"])
+def test_a_figure_is_saved_by_whatever_is_drawn_in_it(given: str, in_a: Branch, tmp_path) -> None:
+    drawn = plot(in_a)
+    what = {"drawn": drawn, "several": [drawn], "artist": drawn[0], "axes": drawn.axes}[given]
+    save_figure(drawn.figure, tmp_path / "one.svg")
+    save_figure(what, tmp_path / "other.svg")
+    assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "other.svg").read_bytes()

@@ -76,7 +76,7 @@ def diagram() -> Zones:
 
 @pytest.fixture(scope="module")
 def panel(diagram: Zones):
-    ax = plot_zones(diagram)
+    ax = plot_zones(diagram).axes
     ax.figure.canvas.draw()
     return ax
 
@@ -148,7 +148,9 @@ def test_axes_of_zones_begin_at_zero_and_leave_a_rim(panel, diagram: Zones) -> N
 
 def test_second_panel_has_the_next_letter_and_its_own_value() -> None:
     narrow = {"gamma": (0, 0.03)}
-    panels = plot_zones([zones(k=value, within=narrow) for value in (0.8, 0.6)])
+    panels = [
+        one.axes for one in plot_zones([zones(k=value, within=narrow) for value in (0.8, 0.6)])
+    ]
     titles = [ax.get_title(loc="left") for ax in panels]
     assert titles == ["(a) $k$ = 0.8", "(b) $k$ = 0.6"]
 
@@ -162,13 +164,13 @@ def in_a() -> Branch:
 
 
 def test_legend_of_a_branch_calls_solid_stable_and_dashed_unstable(in_a: Branch) -> None:
-    shown = {name: dashes[1] for name, (_, dashes) in legend_of(plot(in_a)).items()}
+    shown = {name: dashes[1] for name, (_, dashes) in legend_of(plot(in_a).axes).items()}
     assert shown["stable"] is None
     assert shown["unstable"] is not None
 
 
 def test_special_points_have_the_colour_of_their_branch_and_ends_are_small_and_grey(in_a) -> None:
-    ax = plot(in_a)
+    ax = plot(in_a).axes
     line = next(line for line in ax.get_lines() if line.get_linestyle() != "None")
     dots = {line.get_marker(): line for line in ax.get_lines() if line.get_linestyle() == "None"}
     assert dots["^"].get_color() == dots["s"].get_color() == line.get_color()
@@ -177,7 +179,7 @@ def test_special_points_have_the_colour_of_their_branch_and_ends_are_small_and_g
 
 
 def test_axes_of_a_branch_are_named_with_greek_letters(in_a: Branch) -> None:
-    ax = plot(in_a, x="a", y="phi")
+    ax = plot(in_a, x="a", y="phi").axes
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$a$", r"$\varphi$")
 
 
@@ -200,14 +202,14 @@ def dots_of(ax) -> list[tuple[complex, str]]:
 
 
 def test_multipliers_outside_the_circle_are_red_and_all_others_blue() -> None:
-    dots = dots_of(plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True, sites=400))
+    dots = dots_of(plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True, sites=400).axes)
     red = [mu for mu, colour in dots if hue(colour) == REDDISH]
     assert red == pytest.approx([1.0628], abs=1e-3)
     assert len(dots) == 800
 
 
 def test_words_have_the_colour_of_their_multiplier(unstable_pair) -> None:
-    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True)
+    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True).axes
     words = {text.get_text(): text.get_color() for text in ax.texts if text.get_text()}
     assert hue(words["1.0628"]) == REDDISH
     assert hue(words["0.6158"]) == "grey"
@@ -215,23 +217,23 @@ def test_words_have_the_colour_of_their_multiplier(unstable_pair) -> None:
 
 def test_axes_name_the_map_whose_multipliers_are_shown(unstable_pair) -> None:
     for half, name in ((True, r"$\mu$"), (False, r"$\mu^2$")):
-        ax = plot_multipliers(unstable_pair, half=half, sites=40)
+        ax = plot_multipliers(unstable_pair, half=half, sites=40).axes
         assert (ax.get_xlabel(), ax.get_ylabel()) == (f"Re {name}", f"Im {name}")
 
 
 def test_a_pair_is_written_once_with_its_signs(unstable_pair) -> None:
-    ax = plot_multipliers(unstable_pair, half=True, sites=400, digits=3)
+    ax = plot_multipliers(unstable_pair, half=True, sites=400, digits=3).axes
     mu = unstable_pair.multipliers(sites=400, half=True)
     top = mu[np.abs(mu).argmax()]
     wanted = f"{top.real:.3f} ± {abs(top.imag):.3f}i".replace("-", "−")
     assert wanted in {text.get_text() for text in ax.texts}
     negative = cb.symmetric(0.0572, 0.1, 0.8)  # next to its fold: near -1
-    words = {text.get_text() for text in plot_multipliers(negative, half=True).texts}
+    words = {text.get_text() for text in plot_multipliers(negative, half=True).axes.texts}
     assert any(word.startswith("−0.") for word in words), words
 
 
 def test_the_circle_has_radius_one_and_everything_is_inside_the_frame(unstable_pair) -> None:
-    ax = plot_multipliers(unstable_pair, half=True, sites=40)
+    ax = plot_multipliers(unstable_pair, half=True, sites=40).axes
     circle = ax.get_lines()[0]
     np.testing.assert_allclose(np.hypot(*circle.get_data()), 1.0, rtol=1e-14)
     angles = np.unwrap(np.angle(circle.get_xdata() + 1j * circle.get_ydata()))
@@ -244,7 +246,7 @@ def test_the_circle_has_radius_one_and_everything_is_inside_the_frame(unstable_p
 def test_the_band_of_the_period_map_turns_twice_as_far() -> None:
     breather = cb.symmetric(0.5, 0.02, 0.8)
     for half, turns in ((True, 1), (False, 2)):
-        ax = plot_multipliers(breather, half=half, sites=40)
+        ax = plot_multipliers(breather, half=half, sites=40).axes
         arcs = [line for line in ax.get_lines() if line.get_linewidth() > 3]
         ends = sorted(np.angle(a.get_xdata()[-1] + 1j * a.get_ydata()[-1]) / np.pi for a in arcs)
         assert ends == pytest.approx([-2 * turns * 0.02**0.5, 2 * turns * 0.02**0.5])
@@ -264,7 +266,7 @@ def run(state):
 
 
 def test_motion_has_time_in_periods_and_a_colour_for_each_name(run) -> None:
-    ax = plot_motion(run.record)
+    ax = plot_motion(run.record).axes
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$t/2\pi$", "$u_n$")
     shown = {name: colour for name, (colour, _) in legend_of(ax).items()}
     for i, site in enumerate((0, 1, 9)):
@@ -277,7 +279,7 @@ def test_motion_has_time_in_periods_and_a_colour_for_each_name(run) -> None:
 
 
 def test_section_is_velocity_over_displacement(run) -> None:
-    ax = plot_section(run, site=1)
+    ax = plot_section(run, site=1).axes
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{1}$", r"$\dot u_{1}$")
     (line,) = ax.get_lines()
     np.testing.assert_array_equal(line.get_data(), (run.strobe.u[:, 1], run.strobe.v[:, 1]))
@@ -286,7 +288,7 @@ def test_section_is_velocity_over_displacement(run) -> None:
 @pytest.mark.parametrize("walls", ["rigid", "smooth"])
 def test_localisation_is_the_ratio_over_periods(run, state, walls) -> None:
     one = run if walls == "rigid" else simulate_smooth(state, m=6, periods=8, t0=TURN, **SET)
-    ax = plot_localisation(one)
+    ax = plot_localisation(one).axes
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$t/2\pi$", "participation ratio")
     (line,) = ax.get_lines()
     own = localisation(*one.strobe, one.times, a=0.2, gamma=0.04, damping=0.01)
@@ -303,7 +305,7 @@ def loop(state) -> Sweep:
 
 def test_sweep_names_its_ways_by_what_the_parameter_did(loop: Sweep) -> None:
     """Upwards the parameter grows, drawn with triangles that point up."""
-    ax = plot_sweep(loop)
+    ax = plot_sweep(loop).axes
     for line in ax.get_lines():
         up = line.get_xdata()[-1] > line.get_xdata()[0]
         assert line.get_label() == ("sweep up" if up else "sweep down")
@@ -324,7 +326,7 @@ def test_sweep_names_its_ways_by_what_the_parameter_did(loop: Sweep) -> None:
     ],
 )
 def test_every_column_of_a_sweep_is_drawn_under_its_own_name(loop, column, word) -> None:
-    ax = plot_sweep(loop, y=column)
+    ax = plot_sweep(loop, y=column).axes
     assert ax.get_ylabel() == word
     drawn = np.concatenate([line.get_ydata() for line in ax.get_lines()])
     own = np.asarray(getattr(loop, column), dtype=float)
@@ -334,7 +336,7 @@ def test_every_column_of_a_sweep_is_drawn_under_its_own_name(loop, column, word)
 def test_each_fate_has_the_colour_that_the_legend_says() -> None:
     fates = np.array([[4, 1, 0], [2, 3, -1]], np.int8)
     u, v = Axis("u", 1, [-0.5, 0.0, 0.5]), Axis("v", 0, [-1.0, 1.0])
-    ax = plot_basin(Basin(u, v, fates, np.zeros((2, 3)), False))
+    ax = plot_basin(Basin(u, v, fates, np.zeros((2, 3)), False)).axes
     ax.set_axis_off()  # ticks stand in the cells at the rim
     ax.figure.canvas.draw()
     legend = ax.get_legend()
@@ -403,5 +405,5 @@ def test_a_picture_made_in_the_caller_s_axes_has_the_caller_s_type() -> None:
 
         ax = Figure().subplots()
     branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.45, 0.55)})
-    assert plot(branch, ax=ax).xaxis.label.get_fontsize() == 17.0
-    assert plot(branch).xaxis.label.get_fontsize() == 8.0
+    assert plot(branch, ax=ax).axes.xaxis.label.get_fontsize() == 17.0
+    assert plot(branch).axes.xaxis.label.get_fontsize() == 8.0

@@ -176,15 +176,15 @@ def pictures(diagram: Zones, run: cb.dynamics.Run) -> dict[str, Axes]:
     plane = Axis("u", 0, [-0.5, 0.0, 0.5]), Axis("v", 0, [0.0, 1.0])
     basin = Basin(*plane, fate, np.zeros((2, 3)), True)
     return {
-        "branch": plot(branch),
-        "diagram": plot_diagram((branch, *arms)),
-        "zones": plot_zones(diagram),
-        "multipliers": plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), sites=40),
-        "motion": plot_motion(run),
-        "section": plot_section(run),
-        "localisation": plot_localisation(run),
-        "sweep": plot_sweep(loop),
-        "basin": plot_basin(basin),
+        "branch": plot(branch).axes,
+        "diagram": plot_diagram((branch, *arms)).axes,
+        "zones": plot_zones(diagram).axes,
+        "multipliers": plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), sites=40).axes,
+        "motion": plot_motion(run).axes,
+        "section": plot_section(run).axes,
+        "localisation": plot_localisation(run).axes,
+        "sweep": plot_sweep(loop).axes,
+        "basin": plot_basin(basin).axes,
     }
 
 
@@ -287,7 +287,7 @@ def test_the_shading_of_zones_is_the_right_way_up(pictures) -> None:
 @pytest.mark.parametrize("legend", [True, False])
 def test_in_axes_of_the_caller_zones_are_explained_inside_unless_refused(diagram, legend) -> None:
     figure, (ax,) = new_figure()
-    found = plot_zones(diagram, ax, legend=legend)
+    found = plot_zones(diagram, ax, legend=legend).axes
     assert found is ax
     assert (ax.get_legend() is not None) == legend
     assert figure.legends == []
@@ -304,7 +304,7 @@ def test_in_axes_of_the_caller_zones_are_explained_inside_unless_refused(diagram
 def test_two_panels_of_the_caller_take_one_diagram_each(diagram) -> None:
     _, axes = new_figure(2)
     found = plot_zones([diagram, diagram], axes)
-    assert list(found) == list(axes)
+    assert [one.axes for one in found] == list(axes)
     assert [ax.get_title(loc="left") for ax in axes] == ["(a) $k$ = 0.8", "(b) $k$ = 0.8"]
     assert axes[0].get_legend() is not None
     assert axes[1].get_legend() is None
@@ -317,7 +317,7 @@ def test_two_panels_of_the_caller_take_one_diagram_each(diagram) -> None:
 def test_a_branch_is_drawn_over_its_arclength_too(diagram) -> None:
     branch = cb.trace(cb.symmetric(**HERE), "a", within={"a": (0.15, 0.3)})
     for name in ("arclength", "residual"):
-        ax = plot(branch, x=name, y="p")
+        ax = plot(branch, x=name, y="p").axes
         column = branch[name]
         x = np.concatenate([np.atleast_1d(line.get_xdata()) for line in ax.get_lines()])
         assert x.min() == pytest.approx(column.min(), abs=1e-12)
@@ -330,21 +330,21 @@ def test_a_run_is_looked_at_by_the_numbers_of_its_sites(run) -> None:
             plot_section(run, site=site)
     with pytest.raises(BadInput, match=r"skip = 31: the run has 30 periods to leave out"):
         plot_section(run, skip=31)
-    assert len(plot_section(run, skip=30).get_lines()[0].get_xdata()) == 1
-    ax = plot_section(run, site=-1, skip=10)
+    assert len(plot_section(run, skip=30).axes.get_lines()[0].get_xdata()) == 1
+    ax = plot_section(run, site=-1, skip=10).axes
     (line,) = ax.get_lines()
     assert line.get_xdata() == pytest.approx(run.strobe.u[10:, 5])
     assert line.get_ydata() == pytest.approx(run.strobe.v[10:, 5])
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{-1}$", r"$\dot u_{-1}$")
     assert line.get_markersize() == 3.0
     long = cb.simulate(run.final, **HERE, periods=250)
-    assert plot_section(long).get_lines()[0].get_markersize() == 1.2
+    assert plot_section(long).axes.get_lines()[0].get_markersize() == 1.2
 
 
 def test_labels_of_multipliers_have_as_many_decimals_as_asked(diagram) -> None:
     b = cb.symmetric(0.8, 0.045, 0.8)
     for digits in (0, 2, 5):
-        words = [w.get_text() for w in plot_multipliers(b, sites=40, digits=digits).texts]
+        words = [w.get_text() for w in plot_multipliers(b, sites=40, digits=digits).axes.texts]
         real = [w for w in words if w and "i" not in w]
         assert real
         assert all(len(w.partition(".")[2]) == digits for w in real)

@@ -262,3 +262,24 @@ def test_what_many_zones_are_over_is_checked_first() -> None:
 def test_examples_give_what_they_show(name: str) -> None:
     found = doctest.testmod(import_module(f"contbreather.{name}"))
     assert (found.failed, found.attempted > 0) == (0, True)
+
+
+def test_a_script_that_calls_without_a_guard_is_one_sentence_that_says_where_to_call(
+    tmp_path: Path,
+) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import contbreather as cb\n"
+        "starts = [cb.symmetric(0.5, gamma, 0.8) for gamma in (0.04, 0.03)]\n"
+        "list(cb.trace_many(starts, 'a', within={'a': (0.5, 0.9)}, executor=2))\n"
+    )
+    path = {"PYTHONPATH": str(Path(cb.__file__).parents[1])}
+    found = subprocess.run(
+        [sys.executable, script], env={**os.environ, **path}, capture_output=True, text=True,
+        timeout=60, check=False,
+    )  # fmt: skip
+    assert found.returncode == 1
+    assert found.stderr.count("Traceback") == 1
+    last = found.stderr.splitlines()[-1]
+    assert last.startswith("contbreather.errors.NotConverged: the worker processes ended before")
+    assert "put the call below `if __name__ == '__main__':`" in last

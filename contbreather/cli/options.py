@@ -380,12 +380,13 @@ class Into:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Keep(Into):
-    """Where results go, of what can be gone on with.
+    """Where results go that are kept as they are found.
 
     Parameters
     ----------
     save
-        Keep the results in this file while they are computed, for show and extend.
+        Keep the results in this file while they are computed: show prints them, extend follows
+        branches and boundaries further.
     """
 
     save: str | None = None
@@ -393,3 +394,16 @@ class Keep(Into):
     @property
     def kept(self) -> str | None:  # type: ignore[override]
         return self.save
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class KeepRun(Keep):
+    """Where a run goes.
+
+    Parameters
+    ----------
+    save
+        Keep the run in this file when it has ended, for show and load; --stream keeps one as it
+        goes on.
+    """

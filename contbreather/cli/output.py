@@ -14,8 +14,6 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.files import writable, write_csv
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from rich.console import Console
 
     from contbreather.continuation import Branch, Point
@@ -96,7 +94,7 @@ def to_csv(
     return write_csv(path, columns, cells, CUT if cut else "")
 
 
-def to_figure(path: str, draw: Callable[[], Figure | Axes], *, cut: bool = False) -> Path:
+def to_figure(path: str, draw: Callable[[], Any], *, cut: bool = False) -> Path:
     """Draw and write; what was cut short by Ctrl-C says so above."""
     from contbreather.plotting.canvas import save_figure
 

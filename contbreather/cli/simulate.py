@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import Parameter
 
 from contbreather.cli.interrupts import computing
-from contbreather.cli.options import PARAMETERS, Keep, On, Where, Whole
+from contbreather.cli.options import PARAMETERS, KeepRun, On, Where, Whole
 from contbreather.cli.output import check_places, note, say, to_csv, to_figure, to_json
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
 from contbreather.cli.starts import read_state, write_state
@@ -63,7 +63,7 @@ class Asked:
     impacts: str | None = None
     final: str | None = None
 
-    def check(self, where: Where, into: Keep) -> None:
+    def check(self, where: Where, into: KeepRun) -> None:
         """Refuse what cannot be, before anything is computed."""
         tables = {"--csv": into.csv, "--impacts": self.impacts, "--final": self.final}
         check_places({**tables, "--save": into.save}, into.output)
@@ -140,7 +140,9 @@ def _breather(where: Where, on: On, lattice: Any) -> tuple[Any, float]:
     return found.state(t=t0), t0
 
 
-def simulate(where: Where = Where(), asked: Asked = Asked(), into: Keep = Keep()) -> int | None:
+def simulate(
+    where: Where = Where(), asked: Asked = Asked(), into: KeepRun = KeepRun()
+) -> int | None:
     """A lattice in motion, impact by impact, and a verdict on it.
 
     It is a ring of 20 unless a lattice or a state is given. It starts on the exact breather at
@@ -172,7 +174,7 @@ def simulate(where: Where = Where(), asked: Asked = Asked(), into: Keep = Keep()
 # --- what is left ---------------------------------------------------------------------------------
 
 
-def _files(seen: Seen, asked: Asked, into: Keep) -> Iterator[Any]:
+def _files(seen: Seen, asked: Asked, into: KeepRun) -> Iterator[Any]:
     """What goes on from here first: large tables take long enough to be interrupted."""
     if asked.final is not None:
         yield write_state(asked.final, seen.run.final, seen.run.end)

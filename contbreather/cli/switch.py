@@ -113,9 +113,8 @@ def _table(arms: Sequence[Branch]) -> Sheet:
 
 
 def _name(point: Point) -> str:
-    """The label of a point; of the start of an arm that of the point it left."""
-    label = point.parent.label if point.parent else point.label
-    return str(label) if point.located else f"{label}?"
+    """The label that the point has in files, too: an arm starts at its EP1."""
+    return point.title if point.located else f"{point.title}?"
 
 
 def _stretches(arm: Branch) -> Iterator[str]:
@@ -169,7 +168,7 @@ def _drawn(parent: Branch, arms: Sequence[Branch]) -> Figure:
     near = _between_folds(parent, arms[0])
     with style():
         if not all("p" in branch.names for branch in (parent, *arms)):
-            return plot_diagram((near, *arms)).figure  # type: ignore[return-value]
+            return plot_diagram((near, *arms)).figure
         figure, (above, below) = new_figure(2)
         plot_diagram((parent, *arms), y="p", ax=above)
         if "asymmetry" not in near.names:

@@ -256,6 +256,9 @@ class Curve:
             return self._with_parameters(z, canonical(own) if is_sparse(own) else own, width)
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
+        except KeyError as error:
+            problem.check_asked(error)
+            raise
 
     def _with_parameters(self, z: Array, own: Matrix, width: int) -> Matrix:
         """The derivative in the unknowns, and columns for the parameters beside it."""
@@ -341,7 +344,11 @@ class Curve:
             ) from error
         if value.dtype == bool:
             raise BadInput(f"the residual is {value!r}; an array of numbers was wanted")
-        self._check_shapes()
+        try:
+            self._check_shapes()
+        except KeyError as error:
+            self.problem.check_asked(error)
+            raise
         wrong = self.misfit(self.start)
         if wrong:
             raise BadInput(wrong)

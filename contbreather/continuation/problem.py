@@ -217,6 +217,14 @@ class Problem:
             if name not in self.start and name not in self.params:
                 raise BadInput(f"no {name!r} in this problem; it has {list(self.names)}")
 
+    def check_asked(self, error: KeyError) -> None:
+        """Raise `BadInput` where the equations asked for a parameter that there is not."""
+        if error.args and error.args[0] not in self.params:
+            raise BadInput(
+                f"the equations ask for a parameter {error.args[0]!r}; this problem has "
+                f"{list(self.params)}"
+            ) from error
+
     def normed(self, name: str) -> str | None:
         """The array unknown whose Euclidean norm a name stands for: u for ``norm(u)``."""
         inner = name[len("norm(") : -1]
@@ -229,6 +237,9 @@ class Problem:
             value = np.array(self.residual(x, params), ndmin=1)
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
+        except KeyError as error:
+            self.check_asked(error)
+            raise
         try:  # the sum is finite unless an entry is not (or all but overflows, which is as bad)
             total = value.sum()
             finite = isinstance(total, complex) or math.isfinite(total)

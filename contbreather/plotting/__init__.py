@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from contbreather.plotting.atlas import plot_atlas
 from contbreather.plotting.branches import plot
-from contbreather.plotting.canvas import new_figure, save_figure, style
+from contbreather.plotting.canvas import Drawn, new_figure, save_figure, style
 from contbreather.plotting.diagrams import plot_diagram
 from contbreather.plotting.multipliers import plot_multipliers
 from contbreather.plotting.orbits import plot_orbit
@@ -21,6 +21,7 @@ from contbreather.plotting.runs import (
 from contbreather.plotting.zones import plot_zones
 
 __all__ = [
+    "Drawn",
     "new_figure",
     "plot",
     "plot_atlas",

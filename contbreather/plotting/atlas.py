@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.zones import KINDS
 from contbreather.checks import kind_of
 from contbreather.errors import BadInput
-from contbreather.plotting.canvas import COLUMN, axes_or_new, symbol
+from contbreather.plotting.canvas import COLUMN, Drawn, drawing, symbol
 from contbreather.plotting.zones import LINES
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def plot_atlas(
     over: str | None = None,
     at: Mapping[str, float] | None = None,
     kinds: Sequence[str] = KINDS,
-) -> Any:
+) -> Drawn:
     """Draw the limits of existence and stability over a third parameter, as surfaces.
 
     Between neighbouring values a surface is drawn where both have equally many curves of a kind;
@@ -55,7 +55,8 @@ def plot_atlas(
 
     Returns
     -------
-    matplotlib Axes3D
+    Drawn
+        The artists, with their ``axes`` and ``figure``.
 
     Raises
     ------
@@ -66,7 +67,7 @@ def plot_atlas(
     --------
     >>> from contbreather.breathers.atlas import atlas
     >>> found = atlas(k=[0.7, 0.8], within={"gamma": (0.0, 0.02)}, executor=1)
-    >>> axes = plot_atlas(found)
+    >>> axes = plot_atlas(found).axes
     >>> axes.get_ylabel(), [text.get_text() for text in axes.get_legend().get_texts()]
     ('$k$', ['fold (LP)', 'grazing (GR)', 'pitchfork (PF)'])
     """
@@ -75,7 +76,8 @@ def plot_atlas(
     lines = _lines(atlas, (plane[0], over, plane[1]), at or {}, kinds)
     if not any(lines.values()):
         raise BadInput(f"this atlas has no curves of {', '.join(kinds)} at {dict(at or {})}")
-    with axes_or_new(ax, COLUMN, projection="3d") as panel:
+    with drawing(ax, COLUMN, projection="3d") as drawn:
+        panel = drawn.axes
         for kind, own in lines.items():
             _draw(panel, kind, own)
         for name, axis in zip((plane[0], over, plane[1]), "xyz", strict=True):
@@ -83,7 +85,7 @@ def plot_atlas(
             panel.locator_params(axis=axis, nbins=5)
         panel.set_box_aspect(None, zoom=ZOOM)  # the layout does not know of the labels
         panel.legend(loc="lower center", bbox_to_anchor=(0.5, 0.93), ncols=2, fontsize="small")
-    return panel
+    return drawn
 
 
 def _words(atlas: Any, name: str) -> list[str]:

@@ -15,7 +15,7 @@ from contbreather.continuation import Branch, Point
 from contbreather.continuation.refine import between
 from contbreather.continuation.scope import MARGIN, walls_are_lifted
 from contbreather.errors import BadInput
-from contbreather.plotting.canvas import CYCLE, GREY, axes_or_new, marker, size, symbol
+from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing, marker, size, symbol
 from contbreather.plotting.labels import Labels
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ ROUNDING = 1e-9  # relative; what varies by less is constant
 
 def plot(
     *branches: Branch, x: str | None = None, y: str | None = None, ax: Axes | None = None
-) -> Axes:
+) -> Drawn:
     """Draw branches as the field does: solid stable, dashed unstable, labelled special points.
 
     Where walls were lifted (``inadmissible=True``) the part behind them is dotted.
@@ -58,7 +58,8 @@ def plot(
 
     Returns
     -------
-    matplotlib Axes
+    Drawn
+        The artists, with their ``axes`` and ``figure``.
         ``plot(...).figure.savefig("branch.pdf")`` writes it.
 
     Raises
@@ -71,7 +72,7 @@ def plot(
     >>> import contbreather as cb
     >>> import numpy as np
     >>> line = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})
-    >>> ax = plot(cb.trace(line, "mu", within={"x": (-1, 1)}, events=[cb.fold()]))
+    >>> ax = plot(cb.trace(line, "mu", within={"x": (-1, 1)}, events=[cb.fold()])).axes
     >>> sorted(word.get_text() for word in ax.texts if word.get_text())
     ['EP1', 'EP2', 'LP1']
     """
@@ -83,11 +84,12 @@ def plot(
         check_kind(name, (str, type(None)), "the name of a column")
     x = branches[0].free if x is None else x
     y = _ordinate(branches[0]) if y is None else y
-    with axes_or_new(ax) as axes:
+    with drawing(ax) as drawn:
+        axes = drawn.axes
         axes.set_xlabel(symbol(x))
         axes.set_ylabel(symbol(y))
         _draw(axes, branches, x, y)
-    return axes
+    return drawn
 
 
 def _draw(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:

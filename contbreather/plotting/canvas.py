@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache
 from io import StringIO
 from pathlib import Path
@@ -15,6 +15,7 @@ from contbreather.errors import BadInput
 from contbreather.files import writable, write_whole
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -135,20 +136,57 @@ def inline(draw: Callable[[Axes], object], *, width: float = 8.5, height: float 
     return text[text.index("<svg") :]  # not the prologue of a file of its own
 
 
+class Drawn(list["Artist"]):
+    """The artists that a plot has added to its axes, in matplotlib's order: lines, words, ...
+
+    Attributes
+    ----------
+    axes : matplotlib Axes
+        Where they are.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> drawn = cb.plot(cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)}))
+    >>> drawn[0].set_linewidth(3.0)
+    >>> drawn.axes.set_ylabel("half the momentum")
+    Text(0, 0.5, 'half the momentum')
+    """
+
+    def __init__(self, axes: Any) -> None:
+        super().__init__()
+        self.axes, self._before = axes, set(axes.get_children())
+
+    @property
+    def figure(self) -> Figure:
+        """The figure that they are in."""
+        figure: Figure = self.axes.get_figure(root=True)
+        return figure
+
+    def finish(self) -> None:
+        """Take in what has come into the axes."""
+        self[:] = [one for one in self.axes.get_children() if one not in self._before]
+
+    def __repr__(self) -> str:
+        return f"<Drawn: {len(self)} artists>"
+
+
 @contextmanager
-def axes_or_new(
+def drawing(
     ax: Axes | None, height: float | None = None, projection: str | None = None
-) -> Iterator[Any]:
-    """The axes given, in the caller's own style, or new ones in that of a journal column."""
-    if ax is not None:
-        yield ax
-        return
-    with style():
-        yield new_figure(height=height, projection=projection)[1][0]
+) -> Iterator[Drawn]:
+    """For what is drawn into the axes given, in the caller's own style, or into new ones in that of
+    a journal column."""
+    with style() if ax is None else nullcontext():
+        if ax is None:
+            ax = new_figure(height=height, projection=projection)[1][0]
+        drawn = Drawn(ax)
+        yield drawn
+        drawn.finish()
 
 
-def save_figure(figure: Figure | Axes | Sequence[Axes], path: str | Path) -> Path:
-    """Write a figure, by any of its axes too, as PNG, PDF or SVG, whole or not at all.
+def save_figure(figure: Figure | Artist | Sequence[Any], path: str | Path) -> Path:
+    """Write a figure, by anything that is drawn in it too, as PNG, PDF or SVG, whole or not at all.
 
     Raises
     ------
@@ -159,7 +197,9 @@ def save_figure(figure: Figure | Axes | Sequence[Axes], path: str | Path) -> Pat
     kind = target.suffix.lower().removeprefix(".")
     # no date inside: the same figure gives the same file
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
-    one = figure[0] if isinstance(figure, Sequence) else figure
+    one = figure
+    while isinstance(one, Sequence):
+        one = one.axes if isinstance(one, Drawn) else one[0]
     whole = one.get_figure(root=True)  # a figure is its own
     if whole is None:
         raise BadInput("these axes have no figure any more; draw them anew")

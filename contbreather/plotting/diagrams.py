@@ -12,7 +12,7 @@ from contbreather.continuation import Branch, Point, refined, with_columns
 from contbreather.continuation.diagram import Diagram
 from contbreather.errors import BadInput
 from contbreather.plotting.branches import plot
-from contbreather.plotting.canvas import axes_or_new
+from contbreather.plotting.canvas import Drawn
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +26,7 @@ def plot_diagram(
     x: str | None = None,
     y: str | Callable[[Point], float] | None = None,
     ax: Axes | None = None,
-) -> Axes:
+) -> Drawn:
     """Draw all branches of a diagram as `plot` does, also where their problems differ.
 
     Parameters
@@ -43,7 +43,8 @@ def plot_diagram(
 
     Returns
     -------
-    matplotlib Axes
+    Drawn
+        The artists, with their ``axes`` and ``figure``.
 
     Raises
     ------
@@ -56,7 +57,7 @@ def plot_diagram(
     >>> mine = cb.Problem(lambda x, p: np.array([x[0] * (p["mu"] - x[0]**2)]),
     ...                   start={"x": 0.0}, params={"mu": -1.0})
     >>> tree = cb.diagram(mine, "mu", within={"mu": (-1, 1)}, events=[cb.branch_point()])
-    >>> ax = plot_diagram(tree)
+    >>> ax = plot_diagram(tree).axes
     >>> ax.get_xlabel(), ax.get_ylabel(), len(ax.get_lines()) >= 3
     ('$\\mu$', 'x', True)
     """
@@ -70,13 +71,11 @@ def plot_diagram(
         name = getattr(y, "__name__", "y")
         branches = [with_columns(branch, **{name: y}) for branch in branches]
         y = name
-    drawn = [refined(branch, SMOOTH) for branch in branches if y in branch.names]
-    if not drawn:
+    shown = [refined(branch, SMOOTH) for branch in branches if y in branch.names]
+    if not shown:
         there = sorted({name for branch in branches for name in branch.names})
         raise BadInput(f"no branch has a column {y!r}; there are {there}")
-    with axes_or_new(ax) as axes:
-        plot(*drawn, x=x, y=y, ax=axes)
-    return axes
+    return plot(*shown, x=x, y=y, ax=ax)
 
 
 def _common(branches: Sequence[Branch]) -> str | Callable[[Point], float]:

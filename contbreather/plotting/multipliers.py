@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from contbreather.breathers import Orbit
 from contbreather.checks import kind_of, whole
 from contbreather.errors import BadInput
-from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, axes_or_new
+from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, drawing
 from contbreather.plotting.labels import Labels
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def plot_multipliers(
     half: bool = False,
     digits: int = 4,
     ax: Axes | None = None,
-) -> Axes:
+) -> Drawn:
     """Draw the Floquet multipliers of a breather on a ring, or of an orbit on its own lattice.
 
     The unit circle, on it the band of the infinite chain ``exp(+-2 i pi w)`` (``exp(+-i pi w)`` for
@@ -50,12 +50,13 @@ def plot_multipliers(
 
     Returns
     -------
-    matplotlib Axes
+    Drawn
+        The artists, with their ``axes`` and ``figure``.
 
     Examples
     --------
     >>> import contbreather as cb
-    >>> ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True)
+    >>> ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True).axes
     >>> sorted(word.get_text() for word in ax.texts if word.get_text())
     ['0.6158', '1.0628']
     """
@@ -69,7 +70,8 @@ def plot_multipliers(
     spring = float(getattr(breather, "spring", 0.0))
     edge = math.sqrt(4.0 * breather.gamma + spring) * (1.0 if half else 2.0)
     alone = off_the_band(mu, edge, sites or own or 1)
-    with axes_or_new(ax, height=8.5) as axes:
+    with drawing(ax, height=8.5) as drawn:
+        axes = drawn.axes
         _circle_and_band(axes, edge)
         _dots(axes, mu, alone)
         _frame(axes, mu, half)
@@ -84,7 +86,7 @@ def plot_multipliers(
             colour = VERMILLION if abs(one) > 1.0 else "black"
             text = _number(one, digits, "\n" if narrow else " ")
             labels.place(one.real, one.imag, text, fontsize="small", color=colour)
-    return axes
+    return drawn
 
 
 def _dots(ax: Axes, mu: Array, alone: NDArray[np.bool_]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from contbreather.breathers import Orbit
 from contbreather.continuation import Point
 from contbreather.errors import BadInput
-from contbreather.plotting.canvas import CYCLE, GREY, axes_or_new
+from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ PIECES = 400  # of a period
 
 def plot_orbit(
     orbit: Orbit | Point, *, sites: Sequence[int] | None = None, ax: Axes | None = None
-) -> Axes:
+) -> Drawn:
     """Displacements of an orbit over one period, its walls and its impacts.
 
     Parameters
@@ -34,7 +34,8 @@ def plot_orbit(
 
     Returns
     -------
-    matplotlib Axes
+    Drawn
+        The artists, with their ``axes`` and ``figure``.
 
     Raises
     ------
@@ -44,7 +45,7 @@ def plot_orbit(
     Examples
     --------
     >>> import contbreather as cb
-    >>> ax = plot_orbit(cb.symmetric(a=0.5, gamma=0.08, k=0.8), sites=(0, 1, 2))
+    >>> ax = plot_orbit(cb.symmetric(a=0.5, gamma=0.08, k=0.8), sites=(0, 1, 2)).axes
     >>> [line.get_label() for line in ax.get_lines()[:3]]
     ['$u_{0}$', '$u_{1}$', '$u_{2}$']
     """
@@ -54,7 +55,8 @@ def plot_orbit(
     hit = list(dict.fromkeys(site for site, _ in whole.section.impacts))
     chosen = _near(hit, whole.lattice.sites) if sites is None else list(sites)
     t = np.linspace(0.0, whole.period, PIECES * whole.section.turns + 1)
-    with axes_or_new(ax) as axes:
+    with drawing(ax) as drawn:
+        axes = drawn.axes
         for n in chosen:
             axes.plot(t / (2 * math.pi), whole.displacement(n, t), label=f"$u_{{{n}}}$")
         _impacts(axes, whole, chosen)
@@ -64,7 +66,7 @@ def plot_orbit(
         axes.margins(x=0.0)
         axes.legend(frameon=False, ncols=len(chosen), loc="lower right",
                     bbox_to_anchor=(1.0, 0.97), handlelength=1.3)  # fmt: skip
-    return axes
+    return drawn
 
 
 def _near(hit: list[int], sites: int | None) -> list[int]:

@@ -20,7 +20,8 @@ from contbreather.plotting.canvas import (
     ORANGE,
     SKY,
     VERMILLION,
-    axes_or_new,
+    Drawn,
+    drawing,
     symbol,
 )
 
@@ -48,7 +49,7 @@ COLUMNS = {
 }
 
 
-def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> Axes:
+def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> Drawn:
     """Displacements of the recorded sites over time in periods.
 
     Parameters
@@ -64,7 +65,7 @@ def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> 
     >>> from contbreather.dynamics import Sample
     >>> state = cb.symmetric(a=0.5, gamma=0.08, k=0.8).state(10)
     >>> run = cb.simulate(state, a=0.5, gamma=0.08, k=0.8, periods=2, sample=Sample((0, 1)))
-    >>> len(plot_motion(run.record).get_lines())
+    >>> len(plot_motion(run.record).axes.get_lines())
     2
     """
     if isinstance(record, RUNS):
@@ -75,7 +76,8 @@ def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> 
             )
         record = record.record
     check_kind(record, Record, "a run with densely recorded sites, or its record,")
-    with axes_or_new(ax) as axes:
+    with drawing(ax) as drawn:
+        axes = drawn.axes
         for i, n in enumerate(record.sites):
             t, colour = record.times / PERIOD, CYCLE[i % len(CYCLE)]
             axes.plot(t, record.u[:, i], "-", color=colour, linewidth=1.0, label=f"$u_{{{n}}}$")
@@ -86,7 +88,7 @@ def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> 
             frameon=False, ncols=len(record.sites), loc="lower right", bbox_to_anchor=(1.0, 0.97),
             handlelength=1.3, fontsize=_size(axes),
         )  # fmt: skip
-    return axes
+    return drawn
 
 
 def _size(axes: Axes) -> float:
@@ -96,7 +98,7 @@ def _size(axes: Axes) -> float:
 
 def plot_section(
     run: Run | SmoothRun, *, site: int = 0, skip: int = 0, ax: Axes | None = None
-) -> Axes:
+) -> Drawn:
     """The stroboscopic section of one site: its velocity over its displacement, once in a period.
 
     Parameters
@@ -115,12 +117,13 @@ def plot_section(
     if not 0 <= skip <= run.periods:
         raise BadInput(f"skip = {skip}: the run has {run.periods} periods to leave out.")
     u, v = (row[skip:, site % run.sites] for row in run.strobe)
-    with axes_or_new(ax) as axes:
+    with drawing(ax) as drawn:
+        axes = drawn.axes
         axes.plot(u, v, ".", color=BLUE, markersize=1.2 if len(u) > 200 else 3.0)
         axes.set_xlabel(f"$u_{{{site}}}$")
         axes.set_ylabel(rf"$\dot u_{{{site}}}$")
         _not_finer(axes, u, v)
-    return axes
+    return drawn
 
 
 def _not_finer(axes: Axes, u: Array, v: Array) -> None:
@@ -130,7 +133,7 @@ def _not_finer(axes: Axes, u: Array, v: Array) -> None:
             limits(row.mean() - 1e-3, row.mean() + 1e-3)
 
 
-def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Axes:
+def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Drawn:
     """The participation ratio once in a period: about 1 in a breather, N where all share.
 
     Parameters
@@ -141,16 +144,17 @@ def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Axes:
     """
     check_kind(run, RUNS, "a run")
     seen = localised(*run.strobe, run.times, run.conditions)
-    with axes_or_new(ax) as axes:
+    with drawing(ax) as drawn:
+        axes = drawn.axes
         axes.plot(run.times / PERIOD, seen.participation, "-", color=BLUE, linewidth=0.8)
         axes.set_ylim(0.0, max(4.0, 1.05 * float(np.nanmax(seen.participation))))
         axes.margins(x=0.0)
         axes.set_xlabel(r"$t/2\pi$")
         axes.set_ylabel("participation ratio")
-    return axes
+    return drawn
 
 
-def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Axes:
+def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
     """What a slow sweep saw, over its parameter: upwards and downwards in two colours.
 
     Parameters
@@ -168,7 +172,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Axes:
     >>> state = cb.symmetric(a=0.2, gamma=0.04, k=0.8).state(10)
     >>> way = there_and_back([0.2, 0.1, 0.05])
     >>> found = sweep(state, "a", way, periods=20, a=0.2, gamma=0.04, k=0.8, damping=0.01)
-    >>> [line.get_label() for line in plot_sweep(found).get_lines()]
+    >>> [line.get_label() for line in plot_sweep(found).axes.get_lines()]
     ['sweep down', 'sweep up']
     """
     check_kind(sweep, Sweep, "a sweep")
@@ -178,7 +182,8 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Axes:
     turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(x))) != 0.0)
     looks = {1.0: ("sweep up", BLUE, "^"), -1.0: ("sweep down", VERMILLION, "v")}
     named: set[float] = set()
-    with axes_or_new(ax) as axes:
+    with drawing(ax) as drawn:
+        axes = drawn.axes
         for start, end in pairwise([0, *turns.tolist(), len(x) - 1]):
             way = float(np.sign(x[end] - x[start])) or 1.0
             name, colour, mark = looks[way]
@@ -191,10 +196,10 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Axes:
         axes.set_xlabel(symbol(sweep.name))
         axes.set_ylabel(COLUMNS[y])
         axes.legend(frameon=False, loc="best", handletextpad=0.2, fontsize=_size(axes))
-    return axes
+    return drawn
 
 
-def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Axes:
+def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
     """Where each start of a plane ends, in colours that a legend explains.
 
     Examples
@@ -206,7 +211,7 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Axes:
     >>> u, v = Axis("u", 0, [-0.9, 0.9]), Axis("v", 0, [-1.0, 0.0, 1.0])
     >>> with ThreadPoolExecutor(1) as one:
     ...     seen = attraction(state, u, v, a=0.5, gamma=0.02, k=0.4, periods=20, executor=one)
-    >>> ax = plot_basin(seen)
+    >>> ax = plot_basin(seen).axes
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('$u_{0}$', '$\\\\dot u_{0}$')
     """
@@ -217,7 +222,8 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Axes:
     order = sorted(FATES)
     colours = ListedColormap([FATES[fate][1] for fate in order])
     norm = BoundaryNorm([order[0] - 0.5, *(fate + 0.5 for fate in order)], len(order))
-    with axes_or_new(ax) as axes:
+    with drawing(ax) as drawn:
+        axes = drawn.axes
         axes.pcolormesh(
             basin.x.values, basin.y.values, basin.fate, cmap=colours, norm=norm,
             shading="nearest", rasterized=True,
@@ -233,7 +239,7 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Axes:
             handles=patches, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False,
             handlelength=1.0, handletextpad=0.4, columnspacing=1.0, fontsize=_size(axes),
         )  # fmt: skip
-    return axes
+    return drawn
 
 
 def _coordinate(name: str, site: int) -> str:

@@ -21,6 +21,7 @@ from contbreather.plotting.canvas import (
     MEETING,
     PAGE,
     VERMILLION,
+    Drawn,
     new_figure,
     style,
     symbol,
@@ -76,7 +77,8 @@ def plot_zones(
 
     Returns
     -------
-    matplotlib Axes, or a list of them for a sequence
+    Drawn, or a list of them for a sequence
+        The artists, with their ``axes`` and ``figure``.
 
     Raises
     ------
@@ -86,7 +88,7 @@ def plot_zones(
     Examples
     --------
     >>> from contbreather.breathers.zones import zones
-    >>> ax = plot_zones(zones(k=0.8, within={"gamma": (0, 0.06)}))
+    >>> ax = plot_zones(zones(k=0.8, within={"gamma": (0, 0.06)})).axes
     >>> sorted(text.get_text() for text in ax.texts if text.get_text() in ("S", "US"))
     ['S', 'US']
     """
@@ -100,12 +102,15 @@ def plot_zones(
         raise BadInput(f"{len(several)} zone diagrams need as many axes, got {len(given)}")
     with style() if ax is None else nullcontext():
         figure, panels = _sheet(len(several)) if ax is None else (None, given)
+        drawn = [Drawn(panel) for panel in panels]
         draw_panels(several, panels, within)
         if legend:
             explain(panels, figure)
         for one, panel in zip(several, panels, strict=True):
             place_words(panel, names_of_meetings(one), fontsize="small")
-    return panels[0] if isinstance(zones, Zones) else panels
+    for panel_drawn in drawn:
+        panel_drawn.finish()
+    return drawn[0] if isinstance(zones, Zones) else drawn
 
 
 def _sheet(count: int) -> tuple[Figure, list[Axes]]:

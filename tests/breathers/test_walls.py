@@ -262,7 +262,7 @@ def test_a_branch_without_walls_says_so_in_its_repr_and_in_a_column() -> None:
 
 def test_a_plot_shows_what_is_behind_a_wall() -> None:
     branch = lifted()
-    ax = cb.plot(branch)
+    ax = cb.plot(branch).axes
     dotted = [line for line in ax.get_lines() if line.get_linestyle() == ":"]
     (line,) = dotted
     first = branch["a"][branch["margin"] < 0].min()
@@ -271,7 +271,7 @@ def test_a_plot_shows_what_is_behind_a_wall() -> None:
     assert line.get_xdata().max() == pytest.approx(1.5)
     words = [text.get_text() for text in ax.get_legend().get_texts()]
     assert any("wall" in word for word in words)
-    plain = cb.plot(cb.trace(start(), "a"))
+    plain = cb.plot(cb.trace(start(), "a")).axes
     assert not [line for line in plain.get_lines() if line.get_linestyle() == ":"]
 
 

@@ -127,6 +127,35 @@ def test_equations_that_give_complex_numbers_are_refused() -> None:
         cb.trace(cb.Problem(lambda x, p: x - p["m"] + 0.1j, {"x": 0.0}, {"m": 0.0}), "m", events=())
 
 
+@pytest.mark.parametrize("where", ["residual", "later", "jacobian", "sensitivity", "map"])
+def test_a_misspelt_parameter_is_a_sentence_with_the_parameters_there_are(where: str) -> None:
+    def parabola(x: np.ndarray, p: dict[str, float]) -> np.ndarray:
+        name = "mu2" if where == "residual" or (where == "later" and x[0] > 1.1) else "mu"
+        return np.array([x[0] ** 2 - p[name]])
+
+    more = {
+        "jacobian": {"jacobian": lambda x, p: np.array([[2 * x[0] * p["mu2"]]])},
+        "sensitivity": {
+            "jacobian": lambda x, p: np.array([[2 * x[0]]]),
+            "sensitivity": lambda x, p, name: np.array([-p["mu2"]]),
+        },
+    }.get(where, {})
+    start, params = {"x": 1.0}, {"mu": 1.0, "h": 2.0}
+    if where == "map":
+        problem = cb.FixedPoint(lambda x, p: x + p["mu2"] - x**2, start, params)
+    else:
+        problem = cb.Problem(parabola, start, params, **more)
+    words = r"ask for a parameter 'mu2'; this problem has \['mu', 'h'\]"
+    with pytest.raises(BadInput, match=words):
+        cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})
+
+
+def test_a_table_of_the_users_own_without_an_entry_is_an_error_of_its_own() -> None:
+    problem = cb.Problem(lambda x, p: x * {}["mu"], {"x": 0.0}, {"mu": 1.0})
+    with pytest.raises(KeyError, match="mu"):
+        cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})
+
+
 def test_a_walk_into_a_rim_ends_there_with_the_reason() -> None:
     def field(x: Array, p: Params) -> Any:
         if np.real(p["m"]) > 0.5:
