@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from contbreather.continuation import Branch, Event, Problem, Steps, Stop, branch_point
+from contbreather.continuation import (
+    Branch,
+    Event,
+    Problem,
+    Steps,
+    Stop,
+    branch_point,
+    load,
+    save,
+)
 from contbreather.continuation.diagram import Diagram, diagram
 from contbreather.continuation.lift import Lift, Seed
 from contbreather.continuation.maps import FixedPoint
@@ -390,3 +401,36 @@ def test_networkx_is_loaded_when_the_graph_is_asked_for_only() -> None:
 def test_events_of_the_problem_are_looked_for_by_default() -> None:
     mine = scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7}, events=(branch_point(),))
     assert len(diagram(mine, "mu", within=MU)) == 3
+
+
+# --- in files -----------------------------------------------------------------------------------
+
+SLOPE = scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}, lifts={"ODD": lambda point: point.z})
+KEPT = {
+    "images": lambda: grown(scalar(circle_on_axis, 0.0, {"mu": -1.5}, **ODD), within=WIDE),
+    "closed": lambda: grown(scalar(circle_on_axis, 1.0, {"mu": 0.0}), within=WIDE, depth=5),
+    "left": lambda: grown(Problem(two_levels, {"x": 0.0, "y": 0.0}, {"mu": -0.7}), most=3),
+    "failed": lambda: grown(SLOPE, events=[Event("ODD", lambda point: point["mu"])]),
+}
+
+
+def told(tree: Diagram) -> list[object]:
+    """All that a diagram tells but for the numbers along its branches."""
+    console = Console(width=200, file=io.StringIO(), record=True)
+    console.print(tree)
+    several = tree.meetings, tree.failed, [place.name for place in tree.left]
+    births = [(b.depth, b.place and b.place.name, b.image_of) for b in tree.births]
+    parents = [b[0].parent and (b[0].parent.label, b[0].parent.z.tobytes()) for b in tree]
+    labels = [[p.label for p in branch.special] for branch in tree]
+    words = [[str(one) for one in some] for some in several]
+    return [relations(tree), tree.interrupted, births, parents, labels, words, console.export_text()]
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_a_diagram_comes_back_from_a_file_with_all_that_it_tells(name: str, tmp_path: Path) -> None:
+    tree = replace(KEPT[name](), interrupted=name == "left")
+    save(tmp_path / "tree.nc", tree)
+    again = load(tmp_path / "tree.nc")
+    assert told(again) == told(tree)
+    assert [branch.origin for branch in again] == [branch[0].parent for branch in again]
+    assert any([tree.left, tree.failed, tree.meetings, tree.births[-1].image_of])

@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from contbreather.flows.modes import turn
+from contbreather.flows.modes import free_multipliers, turn
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.pairs import outermost
 from contbreather.stability.saltation import saltation
 from contbreather.stability.section_map import Blow, ModalMap
 from contbreather.stability.verdict import verdict
@@ -89,6 +90,33 @@ def test_two_halves_make_the_whole_orbit() -> None:
                 assert np.sort(abs(half.over_period)) == pytest.approx(
                     np.sort(abs(whole.over_period)), abs=1e-9
                 )
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.07])
+def test_scalars_of_modes_are_determinants_over_those_of_free_flight(damping: float) -> None:
+    modes = half_by_modes(12, 0.11, 0.8, 0.7, damping)
+    n = len(modes.matrix)
+    free = np.concatenate(free_multipliers(modes.z, damping, math.pi))
+    rng = np.random.default_rng(2)
+    x = rng.normal(size=(n, 3))
+    assert modes.applied(x) == pytest.approx(modes.matrix @ x)
+    assert modes.on_circle(0.37) == modes.on_circle(0.37, 1.0)  # the unit circle, unless asked
+    for angle, radius in rng.uniform((-1.0, 0.7), (1.0, 1.5), size=(20, 2)):
+        mu = radius * np.exp(1j * math.pi * angle)
+        exact = np.linalg.det(modes.matrix - mu * np.eye(n)) / np.prod(abs(free - mu))
+        assert modes.on_circle(angle, radius) == pytest.approx(exact)
+    for mu in (1.0, -1.0):
+        signed = np.linalg.det(modes.matrix - mu * np.eye(n))
+        assert np.sign(modes.crosses(mu)) == np.sign(signed)
+        assert modes.beyond(mu) == np.count_nonzero(
+            (modes.coupled.imag == 0.0) & (modes.coupled.real * mu > 1.0)
+        )
+    upper = modes.coupled[modes.coupled.imag > 0.0]
+    for given, radius in (((), 1.0), ((0.9,), 0.9), ((1.01,), 1.01)):
+        short, outside = modes.pairs(*given)
+        assert outside == np.count_nonzero(abs(upper) > radius)
+        assert short == pytest.approx(-outermost(upper, radius), abs=1e-12)
+        assert (short < 0.0) == (outside > 0)
 
 
 def test_losses_let_every_mode_decay() -> None:
