@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.studies import Report, read
+from contbreather.breathers.search import window_of
+from contbreather.studies import Report, parts, read
 from contbreather.studies import run as conduct
 from contbreather.studies.cluster import cluster
 from contbreather.studies.parts import Worker, parts_of
@@ -249,6 +250,110 @@ def test_values_are_a_grid(tmp_path: Path) -> None:
     )
     labels = [part.label for part in parts_of(read(path))]
     assert labels[:3] == ["k=0.5,c3=0.0", "k=0.5,c3=0.1", "k=0.55,c3=0.0"]
+
+
+ALL = """
+[chain]
+lattice = "open:6"
+forcing = "-cos(t) + c3*cos(3*t)"
+parameters = {c3 = 0.1}
+threshold = 1.01
+damping = 0.02
+spring = 0.3
+site = 2
+walls = ["-1,1", "3:none,0.8"]
+
+[branch.ways]
+free = "a"
+gamma = 0.04
+k = 0.7
+root = 2
+largest = 0.05
+window = [0.3, 0.6]
+over = {c3 = [0.05]}
+
+[branch.fixed]
+free = "gamma"
+a = 0.5
+gamma = 0.03
+k = 0.9
+
+[arms.arms]
+of = "ways"
+at = "PF2"
+within = {a = [0.35, 0.5]}
+
+[boundary.line]
+of = "arms/arm2"
+at = "LP1"
+pair = ["k", "gamma"]
+within = {k = [0.6, 0.8]}
+largest = 0.03
+
+[zones.plane]
+k = 0.8
+within = {gamma = [0.0, 0.1]}
+past_folds = true
+"""
+
+
+def test_every_key_of_a_study_reaches_the_library(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What each part asks of it, in the library's own words; unsaid means the library's default."""
+    path, asked = tmp_path / "all.toml", []
+
+    def told(name: str) -> Callable[..., Any]:
+        def call(*given: Any, **named: Any) -> Any:
+            asked.append((name, given, {n: v for n, v in named.items() if v is not None}))
+            return arm
+
+        return call
+
+    arm = object.__new__(cb.Branch)
+    monkeypatch.setattr(cb.Branch, "first", lambda self, label: (label, self))
+    kept = {"arms.nc": {"arm1": None, "arm2": arm}, "ways.nc": arm}
+    monkeypatch.setattr(parts, "load", lambda path: kept[path.name])
+    for name in ("find_symmetric", "problem_with", "trace", "switch", "boundary", "Diagram"):
+        monkeypatch.setattr(parts, name, told(name))
+    path.write_text(ALL)
+    quiet = {"progress": False}
+    on = {
+        "lattice": cb.OpenChain(6), "site": 2, "damping": 0.02, "spring": 0.3,
+        "walls": dict.fromkeys(range(6), (-1.0, 1.0)) | {3: (None, 0.8)},
+    }  # fmt: skip
+    own = {part.name: part for part in parts_of(read(path))}
+    assert list(own) == ["ways", "fixed", "plane", "arms", "line"]
+    drives = [cb.Symbolic("-cos(t) + c3*cos(3*t)", c3=c3) for c3 in (0.05, 0.1)]
+    wanted = {
+        "ways": [
+            ("find_symmetric", ("a", (0.3, 0.6)),
+             {"root": 2, "gamma": 0.04, "k": 0.7, **on, "forcing": drives[0]}),
+            ("problem_with", (arm, "a"), {"threshold": 1.01}),
+            ("trace", (arm, "a"),
+             {"within": {"a": (0.3, 0.6)}, "steps": cb.Steps(largest=0.05), **quiet}),
+        ],
+        "fixed": [
+            ("find_symmetric", ("gamma", (0.03, 0.03)),
+             {"root": 1, "a": 0.5, "gamma": 0.03, "k": 0.9, **on, "forcing": drives[1]}),
+            ("problem_with", (arm, "gamma"), {"threshold": 1.01}),
+            ("trace", (arm, "gamma"), {"within": {"gamma": window_of("gamma")}, **quiet}),
+        ],
+        "arms": [("switch", (("PF2", arm),), {"within": {"a": (0.35, 0.5)}, **quiet})],
+        "line": [
+            ("boundary", (("LP1", arm), ("k", "gamma")),
+             {"within": {"k": (0.6, 0.8)}, "steps": cb.Steps(largest=0.03), **quiet}),
+        ],
+    }  # fmt: skip
+    for name, calls in wanted.items():
+        asked.clear()
+        parts._COMPUTED[own[name].kind](own[name], tmp_path)
+        assert asked == calls
+    asked.clear()
+    monkeypatch.setattr(parts, "Diagram", lambda *given: asked.append(given) or (lambda one: one))
+    piece = parts._COMPUTED["zones"](own["plane"], tmp_path)
+    assert (piece.name, piece.value, piece.forcing) == ("k", 0.8, drives[1])
+    assert asked == [(cb.OpenChain(6), {"gamma": (0.0, 0.1)}, 1.01, True)]
 
 
 # --- interruptions and clusters -------------------------------------------------------------------

@@ -423,7 +423,15 @@ def told(tree: Diagram) -> list[object]:
     parents = [b[0].parent and (b[0].parent.label, b[0].parent.z.tobytes()) for b in tree]
     labels = [[p.label for p in branch.special] for branch in tree]
     words = [[str(one) for one in some] for some in several]
-    return [relations(tree), tree.interrupted, births, parents, labels, words, console.export_text()]
+    return [
+        relations(tree),
+        tree.interrupted,
+        births,
+        parents,
+        labels,
+        words,
+        console.export_text(),
+    ]
 
 
 @pytest.mark.parametrize("name", KEPT)

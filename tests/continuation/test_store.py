@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import stat
 import subprocess
@@ -232,6 +233,18 @@ def test_others_read_the_file_by_its_names(branch: Branch, path: Path) -> None:
         assert group["B"].values[hopfs] == pytest.approx([2.0], abs=1e-13)
         assert group.attrs["stop_meaning"] == Stop.BOUND.value
         assert group.attrs["free"] == "B"
+        words = {number: word for word, number in meanings.items()}
+        for i, point in enumerate(branch):
+            assert words[int(kind.values[i])] == (point.kind or "regular")
+            assert bool(group["point_located"].values[i]) == point.located
+            bracket = point.bracket or (math.nan, math.nan)
+            assert np.array_equal(group["point_bracket"].values[i], bracket, equal_nan=True)
+            for name in ("omega2", "l1"):
+                own = point.detail.get(name, math.nan)
+                assert np.array_equal(group[f"detail_{name}"].values[i], own, equal_nan=True)
+            assert bytes(group["detail_criticality"].values[i]).decode() == point.detail.get(
+                "criticality", ""
+            )
 
 
 def test_arrays_and_scales_are_kept_as_they_are(path: Path) -> None:
