@@ -18,6 +18,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.breathers.search import window_of
+from contbreather.breathers.zones_many import Slice
 from contbreather.studies import Report, parts, read
 from contbreather.studies import run as conduct
 from contbreather.studies.cluster import cluster
@@ -314,7 +315,7 @@ def test_every_key_of_a_study_reaches_the_library(
     monkeypatch.setattr(cb.Branch, "first", lambda self, label: (label, self))
     kept = {"arms.nc": {"arm1": None, "arm2": arm}, "ways.nc": arm}
     monkeypatch.setattr(parts, "load", lambda path: kept[path.name])
-    for name in ("find_symmetric", "problem_with", "trace", "switch", "boundary", "Diagram"):
+    for name in ("find_symmetric", "problem_with", "trace", "switch", "boundary", "drawn"):
         monkeypatch.setattr(parts, name, told(name))
     path.write_text(ALL)
     quiet = {"progress": False}
@@ -344,16 +345,16 @@ def test_every_key_of_a_study_reaches_the_library(
             ("boundary", (("LP1", arm), ("k", "gamma")),
              {"within": {"k": (0.6, 0.8)}, "steps": cb.Steps(largest=0.03), **quiet}),
         ],
+        "plane": [
+            ("drawn", (Slice("k", 0.8, drives[1]),),
+             {"lattice": cb.OpenChain(6), "threshold": 1.01, "within": {"gamma": (0.0, 0.1)},
+              "past_folds": True}),
+        ],
     }  # fmt: skip
     for name, calls in wanted.items():
         asked.clear()
         parts._COMPUTED[own[name].kind](own[name], tmp_path)
         assert asked == calls
-    asked.clear()
-    monkeypatch.setattr(parts, "Diagram", lambda *given: asked.append(given) or (lambda one: one))
-    piece = parts._COMPUTED["zones"](own["plane"], tmp_path)
-    assert (piece.name, piece.value, piece.forcing) == ("k", 0.8, drives[1])
-    assert asked == [(cb.OpenChain(6), {"gamma": (0.0, 0.1)}, 1.01, True)]
 
 
 # --- interruptions and clusters -------------------------------------------------------------------

@@ -33,7 +33,7 @@ def folding(forcing: str | None) -> Point:
 def breaking(forcing: str | None) -> Point:
     start = cb.symmetric(a=0.7, gamma=0.04, k=0.8, forcing=forcing)
     asked = {"events": [cb.pitchfork()], "inadmissible": True}  # beyond the walls in one case
-    return cb.trace(start, "a", within={"a": (0.6, 3.0)}, **asked).first("PF")
+    return cb.trace(start, "a", within={"a": (0.1, 3.0)}, **asked).first("PF")
 
 
 @pytest.mark.parametrize("forcing", [None, TWO])

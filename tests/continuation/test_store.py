@@ -247,6 +247,34 @@ def test_others_read_the_file_by_its_names(branch: Branch, path: Path) -> None:
             )
 
 
+def test_names_in_a_file_are_those_of_the_format(path: Path) -> None:
+    """As the page on files lists them; others read by these names."""
+    start = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
+    line = boundary(start, ("mu", "h"), within={"mu": (0.9, 1.1)})
+    save(path, line=line, arms=trace_case(ARMS))
+    columns = {"arclength", "residual"} | {
+        f"point_{name}" for name in ("tangent", "kind", "bracket", "located")
+    }
+    with xarray.open_datatree(path, engine="h5netcdf") as tree:
+        assert set(tree.attrs) == {
+            "format", "format_number", "Conventions", "made_by", "created", "alone",
+        }  # fmt: skip
+        for name, inside, own in (
+            ("line", "origin", {"x", "h", "mu", "null"}),
+            ("arms", "doubtful", {"x", "mu"}),
+        ):
+            group = tree[name]
+            assert ("boundary" in group.attrs) == (name == "line")
+            where_known = {"content", "label", "boundary", "reason", "began_reason"}
+            assert set(group.attrs) - where_known == {"free", "stop", "stop_meaning", "began"}
+            assert set(group.children) == {inside}
+            known = {str(one) for one in group.dataset.variables}
+            assert {one for one in known if not one.startswith("detail_")} == {
+                *columns, *own, "about_in_json",
+            }  # fmt: skip
+            assert group.dataset["arclength"].dims == ("point",)
+
+
 def test_arrays_and_scales_are_kept_as_they_are(path: Path) -> None:
     branch = trace_case(BRATU)
     save(path, bratu=branch)
@@ -328,6 +356,8 @@ def test_what_cannot_be_written_or_read_is_refused(branch: Branch, path: Path) -
         save(path)
     with pytest.raises(BadInput, match="results with different names"):
         save(path, branch, branch1=branch)
+    with pytest.raises(BadInput, match=r"^an int cannot be kept in a file; branches, .*diagrams"):
+        save(path, 3)
     with pytest.raises(BadInput, match=r"cannot read .*run.nc: "):
         load(path)
     path.write_text("not a file of numbers")
