@@ -289,7 +289,7 @@ def test_full_disk_ends_no_run_and_loses_no_result(
     monkeypatch.setattr(checkpoint, "time", clock)
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(
-        checkpoint.NotKept, match="^cannot write .*No space left on device"
+        checkpoint.NotKept, match=r"^cannot write .*No space left on device"
     ) as caught:
         trace(parabola(), "mu", within={"x": (0.5, 1.5)}, save=path)
     assert caught.value.result["x"].max() == 1.5
