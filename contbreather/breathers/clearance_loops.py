@@ -319,8 +319,7 @@ def rivals(data: Any, table: Any, grid: Any, out: Any) -> int:
         found = between(data, table, grid, out, i)
         least = min(least, apart(found, max(size, data[felt + site])))
     points = looks(data, data[LENGTH])
-    for site in range(busy, sites):
-        fill(data, table, grid, site, (site - busy) * points, points)
+    fill(data, table, grid, own, (own - busy) * points, points)
     found = others(data, table, grid, out, own, points)
     least = min(least, found)
     end = (sites - busy) * points  # what follows overwrites its grid last
@@ -342,7 +341,10 @@ def others(data: Any, table: Any, grid: Any, out: Any, own: int, points: int) ->
     size, top, least = data[felt + own], -math.inf, math.inf
     for site in range(busy, sites):
         out[4 + site] = -math.inf
-        gap = 0.0
+        gap, near = 0.0, data[felt + site] > size or flag(data, site) > 0.0
+        if site == own or not (near or reach(data, table, site) > top - CLOSE * abs(top)):
+            continue
+        fill(data, table, grid, site, (site - busy) * points, points)
         for p in range(points):
             here, there = (site - busy) * points + p, (own - busy) * points + p
             gap = max(gap, abs(grid[here] - grid[there]))

@@ -36,7 +36,7 @@ from contbreather.lattice import InfiniteChain, Lattice, Ring
 from contbreather.lattice.green import response_weights
 from contbreather.native import bound
 from contbreather.stability import arc_loops
-from contbreather.stability.arc import OnArc, arc_table, on_arc
+from contbreather.stability.arc import OnArc, arc_table, on_arc, window
 from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.half_period import HalfMap
@@ -317,10 +317,15 @@ def _pairs(point: Point) -> tuple[float, int]:
     Along a curve in k, elastic impacts are the limit of those before: what is neutral only there
     is no event.
     """
-    map = _chain_map(_flight(point))
-    if map.k == 1.0 and "k" in point.curve.varied:
-        map = replace(map, k=_ALL_BUT)
-    return map.pairs()
+
+    def pairs(z: Array) -> tuple[float, int]:
+        map = _chain_map(_flight(point))
+        if map.k == 1.0 and "k" in point.curve.varied:
+            map = replace(map, k=_ALL_BUT)
+        return map.pairs()
+
+    found: tuple[float, int] = point.curve.once("pairs", point.z, pairs)
+    return found
 
 
 def _off_window(point: Point) -> float:
@@ -336,7 +341,11 @@ def _arc_locus(point: Point) -> Locus:
     if breather.k == 1.0:
         # two neutral multipliers meet on the circle, beyond the band, and leave it together
         raise Undefined("elastic impacts: no angle in the band, bisection has to do")
-    nu = closest_approach(breather.gamma, breather.k, breather.b, breather.lattice.spring).nu
+    on = breather.gamma, breather.k
+    own = window(*on, breather.lattice.spring)
+    # the end of the window that is nearer, if it has ends: that is where this curve is
+    nu = own.low if breather.b < own.centre else own.high
+    nu = nu or closest_approach(*on, breather.b, breather.lattice.spring).nu
     loops = partial(_with_pair, breather.lattice)
     ends = {"k": (0.0, _ELASTIC)}
     return Locus({"nu": nu}, _arc_conditions, _arc_derivative, domain=ends, loops=loops)

@@ -40,15 +40,14 @@ def zones(
     a
         Amplitude: diagrams in (k, gamma) instead.
     """
-    from contbreather.breathers.zones import zones as diagram
-
     name, values = _fixed(k, gamma, a)
     if into == Keep():
         into = Keep(csv=TABLE, output=FIGURE)
     into.check()
     on, windows = plane.on(), plane.within
-    asked: dict[str, Any] = {name: values, "lattice": on.lattice, "threshold": on.threshold}
-    found, cut = kept(lambda: diagram(**asked, forcing=on.forcing, within=windows, save=into.save))
+    asked: dict[str, Any] = {"ks" if name == "k" else name: values, "within": windows}
+    asked |= {"lattice": on.lattice, "threshold": on.threshold, "forcing": on.forcing}
+    found, cut = kept(lambda: _drawn(asked, into.save))
     if not any(branches for one in found for branches in one.curves.values()):
         raise BadInput(
             "no curve passes the window: breathers exist all over it, all stable or all unstable "
@@ -61,6 +60,23 @@ def zones(
         lambda: _figure(found, windows),
         cut=cut,
     )
+
+
+def _drawn(asked: dict[str, Any], save: Any) -> tuple[Zones, ...]:
+    """All diagrams, over the cores where that pays."""
+    from contbreather.breathers.zones_many import zones_many
+    from contbreather.continuation.checkpoint import checkpoint
+    from contbreather.workers import Failed
+
+    done: list[Zones] = []
+    with checkpoint(save, "zones") as file:
+        for one in zones_many(**asked):
+            if isinstance(one, Failed):
+                raise one.error
+            done.append(one)
+            file.look(True, lambda: tuple(done))
+        file.finish(tuple(done))
+    return tuple(done)
 
 
 def _fixed(

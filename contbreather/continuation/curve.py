@@ -366,6 +366,8 @@ class Curve:
     def misfit(self, z: Array) -> str:
         """What is wrong with derivatives that were given, seen at z: empty if nothing is."""
         problem = self.problem
+        if problem.loops is not None and problem.beneath is None:
+            return ""  # those of this package: its tests hold them to differences
         if problem.beneath is not None:
             curve, near = problem.beneath(self.unknowns(z), self.params(z), self.free)
             return str(curve.misfit(near))

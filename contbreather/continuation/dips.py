@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from .newton import OUT_OF_DOMAIN
 from .point import Point
-from .trail import Trail, measure
+from .trail import Trail, count_at, counts_apart, measure
 
 Place = tuple[float, float, Point]  # bracket and point
 
@@ -17,6 +17,7 @@ _ONE = 1e-6  # zeros closer than this, relative to the step, are taken for one b
 _LOOKS = 400  # places looked at between several zeros of one step
 _LOW = 0.1  # a test this small within a step, relative to its ends, may vanish there
 _TOUCH = 1e-5  # and one this small does
+_STEEPER = 4.0  # how much steeper than beside it a test may be where it is least
 
 
 def separated(trail: Trail) -> Iterator[Place]:
@@ -26,7 +27,9 @@ def separated(trail: Trail) -> Iterator[Place]:
     if event.count is None:
         return
     place = trail.place
-    counts = {u: trail.count(place(u)) for u in (0.0, 1.0)}
+    if not counts_apart(event, trail.segment.first, trail.segment.last):
+        return
+    counts = {u: count_at(event, place(u)) for u in (0.0, 1.0)}
     size = _TOUCH * max(abs(trail.values[u]) for u in counts)
     pieces, looks = [(0.0, 1.0)], 0
     while pieces:
@@ -110,7 +113,8 @@ def bottom(trail: Trail) -> Iterator[Place]:
     at = min(range(len(places)), key=lambda i: size[places[i]])
     if not 0 < at < len(places) - 1 or size[places[at]] > _LOW * highest or trail.changes():
         return
-    left, right = _downhill(trail, places[at - 1], places[at + 1])
+    around = (places[at - 1], places[at + 1])
+    left, right = _downhill(trail, around, [size[u] for u in around], _TOUCH * highest)
     u = 0.5 * (left + right)
     if _ONE < u < 1 - _ONE and not trail.changes():  # at an end it only approaches zero
         point = trail.segment.provisional(u)
@@ -119,9 +123,13 @@ def bottom(trail: Trail) -> Iterator[Place]:
             yield _doubtful(trail, left, right, point, reason)
 
 
-def _downhill(trail: Trail, left: float, right: float) -> tuple[float, float]:
-    """Bracket of the least size of a test by golden section, unless its sign changes."""
+def _downhill(
+    trail: Trail, bracket: tuple[float, float], sizes: list[float], enough: float
+) -> tuple[float, float]:
+    """Bracket of the least size of a test by golden section, unless its sign changes; no closer
+    than shows that it stays above `enough`, even if it fell several times as fast inside."""
     golden = 0.5 * (math.sqrt(5) - 1)
+    (left, right), (first, last) = bracket, sizes
 
     def size(u: float) -> float:
         return abs(trail.deflated(u, trail.glance(u)))
@@ -129,12 +137,15 @@ def _downhill(trail: Trail, left: float, right: float) -> tuple[float, float]:
     one, other = right - golden * (right - left), left + golden * (right - left)
     low, high = size(one), size(other)
     while right - left > _ONE and not trail.changes():
+        steepest = max(abs(first - low) / (one - left), abs(last - high) / (right - other))
+        if min(low, high) - _STEEPER * steepest * (right - left) > enough:
+            break
         if low < high:
-            right, other, high = other, one, low
+            right, last, other, high = other, high, one, low
             one = right - golden * (right - left)
             low = size(one)
         else:
-            left, one, low = one, other, high
+            left, first, one, low = one, low, other, high
             other = left + golden * (right - left)
             high = size(other)
     return left, right

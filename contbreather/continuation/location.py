@@ -19,7 +19,7 @@ from .loci import Singular
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
 from .point import Event, Examined, Level, Locus, Point
 from .segment import Segment
-from .trail import ASIDE, Trail, Value, measure
+from .trail import ASIDE, Trail, Value, counts_apart, measure
 
 Array = NDArray[np.float64]
 
@@ -61,6 +61,7 @@ def find(
     segment: Segment,
     events: Sequence[Event],
     before: Sequence[Value],
+    after: tuple[Value, ...],
     *,
     crossing: Point | None,
     ends: Ends,
@@ -68,7 +69,7 @@ def find(
 ) -> Found:
     """All events on one step of a walk.
 
-    `before` are the tests at its start, `earlier` arclength and tests a step before that,
+    `before` and `after` are the tests at its ends, `earlier` arclength and tests a step before it,
     `crossing` a branch point known to lie on it.
 
     Branch points come first. Next to them the corrector may end on the other curve, so all other
@@ -76,20 +77,23 @@ def find(
     """
     curve = segment.curve
     curve.passes(segment.last.z)
-    after = tuple(measure(event, segment.last) for event in events)
-    tests = zip(events, before, after, strict=True)
-    trails = [Trail(segment, event, {0.0: start, 1.0: end}) for event, start, end in tests]
-    calm = set[int]()
-    if earlier is not None and crossing is None and ends == Ends():
+    quiet = set[int]()
+    if earlier is not None and crossing is None and not (ends.first or ends.last or ends.closed):
         pace = (segment.first.arclength - earlier[0]) / segment.length
-        calm = {i for i, t in enumerate(trails) if _is_calm(t, earlier[1][i], pace)}
+        values = earlier[1], before, after
+        quiet = calm(events, pace, *values, (segment.first, segment.last))
+    trails = [
+        Trail(segment, event, {0.0: before[i], 1.0: after[i]}, calm=i in quiet)
+        for i, event in enumerate(events)
+    ]
+    for trail in trails:
         # those with a matrix say more of what is between than their values do
-        calm -= {i for i in calm if trails[i].foresee()}
-    if len(calm) == len(events):
+        trail.calm = trail.calm and not trail.foresee()
+    if all(trail.calm for trail in trails):
         return Found((), (), after)
-    for i, trail in enumerate(trails):
+    for trail in trails:
         # what has no test is looked at last, and at few places
-        if trail.event.test is not None and i not in calm:
+        if trail.event.test is not None and not trail.calm:
             trail.values[0.5] = measure(trail.event, segment.provisional(0.5))
     tallies = [trail for trail in trails if trail.event.test is None]
     crossings = [trail for trail in trails if trail.event.crosses]
@@ -113,22 +117,35 @@ def find(
     return Found(good, doubtful, after)
 
 
-def _is_calm(trail: Trail, earlier: Value, pace: float) -> bool:
-    """Whether a test is so far from zero, by the parabola through its last three values, and
-    changes so little that nothing is to be looked for within the step; `pace` is the length of the
-    step before, relative to this one."""
-    start, end, event = trail.values[0.0], trail.values[1.0], trail.event
+def calm(
+    events: Sequence[Event],
+    pace: float,
+    earlier: Sequence[Value],
+    before: Sequence[Value],
+    after: Sequence[Value],
+    ends: tuple[Point, Point],
+) -> set[int]:
+    """Which tests are so far from zero, by the parabola through their last three values, and change
+    so little that nothing is to be looked for within the step between two points; `pace` is the
+    length of the step before, relative to this one."""
+    tests = enumerate(zip(events, earlier, before, after, strict=True))
+    return {i for i, (event, *values) in tests if _is_calm(event, ends, pace, *values)}
+
+
+def _is_calm(
+    event: Event, ends: tuple[Point, Point], pace: float, earlier: Value, start: Value, end: Value
+) -> bool:
     if event.test is None:
         return start == end
     if math.isnan(start) and math.isnan(end):  # what is between has nothing to change from
-        return not trail.counts_apart()
-    if trail.jumps or not start * end > 0:
+        return not counts_apart(event, *ends)
+    if (isinstance(start, int) and isinstance(end, int)) or not start * end > 0:
         return False
     bend = (end - start - (start - earlier) / pace) / (1 + pace)
     middle = (0.5 * (start + end) - 0.25 * bend) * (1 if start > 0 else -1)
     low, high = sorted((abs(start), abs(end)))
     flat = middle > _CALM * high and low > _FLAT * max(high, middle)
-    return flat and earlier * start > 0 and not trail.counts_apart()
+    return flat and earlier * start > 0 and not counts_apart(event, *ends)
 
 
 def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
@@ -180,7 +197,8 @@ def _two(kind: str) -> str:
 
 
 def _events_on(trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
-    for trail in trails:
+    active = [trail for trail in trails if not trail.calm]
+    for trail in active:
         yield from _at_ends(trail, ends)
         trail.foresee()
         for low, high, point in separated(trail):
@@ -188,10 +206,11 @@ def _events_on(trails: Sequence[Trail], ends: Ends) -> Iterator[Point]:
         yield from _dipped(trail)
         yield from _closer(trail)
     for _ in range(_ROUNDS):
-        fresh = [point for trail in trails for point in _search(trail)]
+        fresh = [point for trail in active for point in _search(trail)]
         yield from fresh
         if not fresh:
             break
+        active = list(trails)  # what happens at an event is news of the calm ones as well
         _look_at(trails, fresh)
         for trail in trails:
             yield from _dipped(trail)
@@ -273,7 +292,7 @@ def _vanishes(trail: Trail, value: Value) -> bool:
 def _at_ends(trail: Trail, ends: Ends) -> Iterator[Point]:
     """Events at the very start or end of the walk, within rounding."""
     segment = trail.segment
-    if trail.jumps or not (ends.first or ends.last or ends.closed):
+    if not (ends.first or ends.last or ends.closed) or trail.jumps:
         return
     start, end = trail.values[0.0], trail.values[1.0]
     # the distance at which the test would vanish, the same whatever the length of the step

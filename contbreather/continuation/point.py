@@ -148,7 +148,13 @@ class Point(Shown):
         beneath = self.curve.problem.beneath
         if beneath is None:
             return self
-        curve, z = beneath(self.x, self.params, self.curve.free)
+        # once: all events ask for it in turn, and know its orbit by the array
+        own = self.curve
+
+        def under(z: Array) -> tuple[Curve, Array]:
+            return beneath(z[: own.size], own.params(z), own.free)
+
+        curve, z = own.once("ground", self.z, under)
         return replace(self, curve=curve, z=z, tangent=None)
 
     @property

@@ -40,8 +40,8 @@ class Problem:
         Name and value of each parameter. Which one is free is an argument of the walk.
     jacobian : callable, optional
         ``jacobian(x, params) -> (n, n) array``, the derivative in `x`, dense or from scipy.sparse.
-        Checked once against differences. Without it, complex steps are used where they hold,
-        differences elsewhere.
+        Checked once against differences, unless there are `loops`. Without it, complex steps are
+        used where they hold, differences elsewhere.
     sensitivity : callable, optional
         ``sensitivity(x, params, name) -> (n,) array``, the derivative in one parameter. Used, and
         checked, together with `jacobian` only.

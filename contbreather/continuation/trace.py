@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 import math
-from collections import deque
 from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
@@ -19,7 +20,8 @@ from .branch import Branch, Settings, Stop, labelled
 from .branch_points import crossing
 from .checkpoint import Save, checkpoint
 from .curve import Curve
-from .location import Ends, Found, find
+from .location import Ends, Found, calm, find
+from .loci import Singular
 from .newton import Solution, Undefined, correction, newton
 from .point import Event, Point
 from .points import Points
@@ -31,7 +33,7 @@ from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, sett
 from .steps import Steps
 from .stride import ITERATIONS, STRAY, TINY, TURN, next_size
 from .strider import WIDEST, Strider
-from .trail import Value, counted
+from .trail import Value, counted, measure
 
 Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
@@ -45,6 +47,7 @@ _LANDINGS = 6  # how often a step is landed on a curved bound; its error is squa
 _EXACT = 1e-14  # a landing this close, relative to 1 + |z|, is exact
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
 _SAME_SLOPE = 1e-5  # relative: between what a compiled derivative has for a tangent and what is one
+_TOGETHER = 32  # plain steps that are looked at before the next ones are shown
 _PATIENCE = 200  # so many tiny steps in a row lead nowhere
 
 
@@ -150,9 +153,9 @@ def trace(
 
     line = line_of(progress, lambda own: Counter(own, free))
     with checkpoint(save, "branch") as kept, line as shown, keeping(so_far):
-        for side in sides:
-            problem, wanted = scope(start, events, inadmissible=inadmissible)
-            walker = Walker(problem, free, within, side, wanted, steps or Steps(), along)
+        problem, wanted = scope(start, events, inadmissible=inadmissible)
+        first = Walker(problem, free, within, sides[0], wanted, steps or Steps(), along)
+        for walker in [first, first.turned()] if len(sides) == 2 else [first]:
             legs.append(Leg())
             legs[-1].go(walker, shown, lambda special: kept.look(special, so_far))
             if legs[0].end.stop is Stop.CLOSED:
@@ -302,7 +305,18 @@ class Walker:
             self.tests = self._first_tests()
         self.longest, self.tiny = 0.0, 0
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
-        self.ahead: deque[Point] = deque()  # plain steps that were taken but not looked at yet
+        self.ahead: Sequence[Point] = ()  # plain steps that were taken,
+        self.at = 0  # and how many of them were looked at
+        self.latest: tuple[Point, tuple[Value, ...]] | None = None  # tests that were asked last
+
+    def turned(self) -> Walker:
+        """The walk from the same start in the other direction, while neither has begun."""
+        other = copy(self)
+        other.curve, other.side = copy(self.curve), -self.side
+        other.origin = replace(self.origin, curve=other.curve, tangent=-self.origin.direction)
+        with _quiet():
+            other.tests = other._first_tests()
+        return other
 
     def run(self) -> Generator[Point, None, End]:
         """Step, look for events, yield: until the curve, the window or the numerics end."""
@@ -322,13 +336,18 @@ class Walker:
         end = Failed(Stop.MOST)
         count = 0
         while count < self.steps.most:
-            if count and not self.ahead:
+            if not self.waits:
                 stretch, size, bend = self._stride(point, bend, size, self.steps.most - count)
                 if len(stretch) and not self.events:
-                    yield stretch
+                    yield stretch if count else Points.joined([[point], stretch])
                     point, count = stretch[-1], count + len(stretch)
                     continue
-                self.ahead += stretch
+                self.ahead, self.at = stretch, 0
+            still, point, tests = self._calm(point, tests)
+            if still:
+                yield still
+                count += len(still)
+                continue
             try:
                 with _quiet():
                     step = self._next(point, bend, size, count)
@@ -350,10 +369,43 @@ class Walker:
             yield [point]
         return End(end.stop, end.reason or self._rim(point, end.stop), tuple(doubtful))
 
+    @property
+    def waits(self) -> bool:
+        """Whether plain steps that were taken were not looked at yet."""
+        return self.at < len(self.ahead)
+
+    def _calm(
+        self, point: Point, tests: tuple[Value, ...]
+    ) -> tuple[Sequence[Point], Point, tuple[Value, ...]]:
+        """The next plain steps, as far as no test has anything to look for on them; the end of the
+        last one, and the tests there."""
+        start, matrices = self.at, any(isinstance(one.test, Singular) for one in self.events)
+        if matrices:  # which say more of what is between two points than values do
+            return (), point, tests
+        with _quiet(), suppress(Undefined):  # whose reason is seen when the step is looked through
+            while self.waits and self.earlier is not None and self.at - start < _TOGETHER:
+                last = self.ahead[self.at]
+                after = self._tests_at(last)
+                pace = (point.arclength - self.earlier[0]) / (last.arclength - point.arclength)
+                values = self.earlier[1], tests, after
+                if len(calm(self.events, pace, *values, (point, last))) < len(self.events):
+                    break
+                self.curve.passes(last.z)
+                self.earlier = (point.arclength, tests)
+                point, tests, self.at = last, after, self.at + 1
+        return self.ahead[start : self.at] if self.at > start else (), point, tests
+
+    def _tests_at(self, point: Point) -> tuple[Value, ...]:
+        """All tests at a point, asked once."""
+        if self.latest is None or self.latest[0] is not point:
+            self.latest = point, tuple([measure(event, point) for event in self.events])
+        return self.latest[1]
+
     def _next(self, point: Point, bend: Array, size: float, count: int) -> Step:
         """The next step: one of those that were taken ahead, or one with all that may befall it."""
-        if self.ahead:
-            return Step(self.ahead.popleft(), 0.0, plain=True)
+        if self.waits:
+            self.at += 1
+            return Step(self.ahead[self.at - 1], 0.0, plain=True)
         step = self.advance(point, bend, size)
         self._refuse_to_crawl(step.point.arclength - point.arclength)
         if count > 2 and self._returns(point, step.point):
@@ -620,7 +672,8 @@ class Walker:
         try:
             earlier, self.earlier = self.earlier, (point.arclength, tests)
             crossing = step.crossing
-            return find(segment, self.events, tests, crossing=crossing, ends=ends, earlier=earlier)
+            both = tests, self._tests_at(step.point)
+            return find(segment, self.events, *both, crossing=crossing, ends=ends, earlier=earlier)
         except Undefined as error:
             raise Failed(Stop.RIM, f"while locating an event: {error}") from error
 

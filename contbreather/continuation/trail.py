@@ -45,6 +45,19 @@ def counted(event: Event, value: Any) -> Value:
         ) from error
 
 
+def count_at(event: Event, point: Point) -> int | float:
+    """The number beside a test, asked once at each end of a step."""
+    count: int | float = point.curve.once(
+        f"count {id(event)}", point.z, lambda z: event.count and event.count(point)
+    )
+    return count
+
+
+def counts_apart(event: Event, first: Point, last: Point) -> bool:
+    """Whether the number beside a test tells of two zeros between two points."""
+    return event.count is not None and abs(count_at(event, first) - count_at(event, last)) >= 2
+
+
 _CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
 _LOW = 0.1  # a test this small within a step, relative to its largest, is looked at more closely
 
@@ -60,6 +73,7 @@ class Trail:
     zeros: list[float] = field(default_factory=list)
     sure: set[float] = field(default_factory=lambda: {0.0, 1.0})  # where the value is final
     close: list[tuple[float, float]] = field(default_factory=list)  # where two zeros may be
+    calm: bool = False  # whether nothing was to be looked for when the step was made
 
     def place(self, u: float) -> Point:
         """Where the event is looked for. Next to a branch point the corrector may end on the other
@@ -77,22 +91,6 @@ class Trail:
         """The test on the cubic, close enough to see its sign."""
         self.values[u] = measure(self.event, self.segment.provisional(u))
         return self.values[u]
-
-    def count(self, point: Point) -> int | float:
-        """The number beside the test, asked once at each end of a step."""
-        event = self.event
-        assert event.count is not None
-        count: int | float = point.curve.once(
-            f"count {id(event)}", point.z, lambda z: event.count and event.count(point)
-        )
-        return count
-
-    def counts_apart(self) -> bool:
-        """Whether the number beside the test tells of two zeros within the step."""
-        ends = self.segment.first, self.segment.last
-        if self.event.count is None:
-            return False
-        return abs(self.count(ends[0]) - self.count(ends[1])) >= 2
 
     def changes(self) -> list[tuple[float, float]]:
         """Neighbouring places between which the test changes sign, or jumps."""
@@ -115,7 +113,10 @@ class Trail:
     @property
     def jumps(self) -> bool:
         """Whether the test counts: all its values are int, but for NaN where it has none."""
-        return not any(isinstance(v, float) and v == v for v in self.values.values())
+        for value in self.values.values():  # any() takes longer, and all ask for this
+            if isinstance(value, float) and value == value:
+                return False
+        return True
 
     def settle(self, u: float, left: float, right: float) -> None:
         """Remember an event at u: the test keeps its sign up to it, and the other one after it."""

@@ -318,11 +318,13 @@ class Window(NamedTuple):
     """The values of b between which a pair is outside: ``(centre - b)^2 < square``.
 
     Where no b brings a pair out, ``square`` is negative, and grows to zero smoothly up to where
-    one does.
+    one does. ``low`` and ``high`` are the angles/pi at both ends, 0 where none is known.
     """
 
     centre: float
     square: float
+    low: float = 0.0
+    high: float = 0.0
 
     def miss(self, b: float) -> float:
         """Negative where a pair is outside, zero at the Neimark-Sacker points, smooth and bounded:
@@ -356,13 +358,15 @@ def window(gamma: float, k: float, spring: float = 0.0) -> Window:
         found = [_neutral_until(gamma, spring), _neutral_from(gamma, spring)]
         if found[0] >= found[1]:
             return Window(found[1], -1.0)
+        angles = []
     else:
         code = None if spring else _WINDOW.code()
         if code is not None:
-            return Window(*_called(code, (gamma, k, (1.0 - k) / (1.0 + k)))[:2].tolist())
-        found = [point.b for point in neimark_sacker(gamma, k, spring)]
+            return Window(*_called(code, (gamma, k, (1.0 - k) / (1.0 + k)))[:4].tolist())
+        ends = sorted(neimark_sacker(gamma, k, spring), key=lambda point: point.b)
+        found, angles = [point.b for point in ends], [point.nu for point in ends]
     if len(found) == 2:
-        return Window(0.5 * (found[0] + found[1]), 0.25 * (found[0] - found[1]) ** 2)
+        return Window(0.5 * (found[0] + found[1]), 0.25 * (found[0] - found[1]) ** 2, *angles)
     q = (1.0 - k) / (1.0 + k)
     crest = _crest(gamma, q, _on_grid(gamma, q, spring), spring)
     b, x = _needed(crest.arc, k), crest.vertex

@@ -190,7 +190,7 @@ def needed(data: Any, out: Any) -> float:
 
 
 def window(data: Any, table: Any, out: Any, found: Any) -> int:
-    """Centre and square of the `Window`."""
+    """Centre and square of the `Window`, and the angles at its ends, 0 where it has none."""
     tails(data, table, out)
     step, top = 0.5 * math.pi / GRID, 0
     for i in range(1, GRID):
@@ -216,7 +216,10 @@ def window(data: Any, table: Any, out: Any, found: Any) -> int:
     if roots == 2:
         one, other = found[0], found[1]
         found[0], found[1] = 0.5 * (one + other), 0.25 * (one - other) * (one - other)
+        if one > other:
+            found[2], found[3] = found[3], found[2]
     else:
+        found[2] = found[3] = 0.0
         crest(data, out, top)
         unopened(out, found)
     return 0
@@ -247,7 +250,7 @@ def bracketed(
             high = new
     equation(data, out, new)
     if count < 2:
-        found[count] = needed(data, out)
+        found[count], found[2 + count] = needed(data, out), out[WAVE]
     return 1
 
 
