@@ -35,6 +35,7 @@ _TALLIED = 1e-4  # and how closely, relative to the step, it is seen where it ch
 # A test whose last three values lie on a parabola that stays above these fractions of its largest
 # value is not looked at within the step: neither a dip nor a kink could make anything of it.
 _CALM, _FLAT = 0.6, 0.35
+_LOCATED = 1e-9  # tolerance of a location, unless the walk asks for a closer one
 _AT_END = 1e-12  # a walk that ends this close to an event, relative to 1 + |z|, ends at it
 
 
@@ -516,7 +517,7 @@ def _polish(trail: Trail, u: float, left: float, right: float) -> Place | None:
     if event.locus is None:
         return None
     try:
-        found, detail = _solved(event.locus, trail.place(u))
+        found, detail = _solved(event.locus, trail.place(u), segment.tolerance)
         if not found.converged:
             return None
         place, point = segment.settled(found, detail.get("tangents", ()))
@@ -537,7 +538,9 @@ def _changes_across(segment: Segment, event: Event, low: float, high: float) -> 
     return before * after <= 0
 
 
-def _solved(locus_at: Callable[[Point], Locus], near: Point) -> tuple[Solution, Mapping[str, Any]]:
+def _solved(
+    locus_at: Callable[[Point], Locus], near: Point, tolerance: float
+) -> tuple[Solution, Mapping[str, Any]]:
     """Solve the problem and the conditions of an event for everything at once."""
     if isinstance(locus_at, Crossings):
         return locus_at.solve(near)
@@ -546,7 +549,10 @@ def _solved(locus_at: Callable[[Point], Locus], near: Point) -> tuple[Solution, 
     problem = extended(near.curve, replace(locus, extra=own))  # names that no problem has
     problem = problem.at(**near.values)
     curve = Curve(problem, ())
-    found = newton(curve.equations, curve.jacobian, problem.x, metric=curve.metric)
+    tolerance = min(tolerance, _LOCATED)
+    found = newton(
+        curve.equations, curve.jacobian, problem.x, metric=curve.metric, tolerance=tolerance
+    )
     n = near.curve.size
     names = zip(locus.extra, own, strict=True)
     detail = {name: _plain(found.z[problem.slots[long]]) for name, long in names}

@@ -522,6 +522,13 @@ class Walker:
         stop = None if landing is None else Stop.BOUND
         return Step(last, size * factor, side, crossing, stop)
 
+    def _settled(self, guess: Array, row: Array, slope: Array) -> Solution:
+        """The same where a row keeps its value, by loops where there are any."""
+        curve = self.curve
+        across = row if curve.metric is None else row / curve.metric
+        known = curve.settler and curve.settler.settled(guess, across, slope, self.steps.tolerance)
+        return Solution(known[0], True, 0, known[2], 0.0) if known else self._correct(guess, row)
+
     def _correct(self, predicted: Array, row: Array) -> Solution:
         found = newton(
             self.curve.equations,
@@ -557,7 +564,7 @@ class Walker:
         fraction = (value - start) / (end - start) if end != start else 1.0
         guess = bound.moved(point.z + min(fraction, 1.0) * (predicted - point.z), value)
         for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
-            found = self._correct(guess, bound.row(guess))
+            found = self._settled(guess, bound.row(guess), point.direction)
             # Newton's linear condition holds to rounding; make it exact
             z = bound.moved(found.z, value)
             if self.curve.length(z - found.z) <= _EXACT * (1 + self.curve.length(z)):
