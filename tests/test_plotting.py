@@ -587,3 +587,39 @@ def test_a_figure_is_saved_by_whatever_is_drawn_in_it(given: str, in_a: Branch, 
     save_figure(drawn.figure, tmp_path / "one.svg")
     save_figure(what, tmp_path / "other.svg")
     assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "other.svg").read_bytes()
+
+
+def test_branches_and_arms_of_several_couplings_are_told_apart_by_colour_and_legend(
+    in_a: Branch,
+) -> None:
+    other = cb.trace(cb.symmetric(0.5, 0.06, 0.8), "a", within={"a": (0.4, 0.99)})
+    both = (in_a, other)
+    arms = [cb.switch(b.first("PF"), within={"a": (0.4, 0.99)}) for b in both]
+    drawn = plot(*both, *arms[0], *arms[1], x="a", y="p")
+    legend = drawn.axes.get_legend()
+    shown = {text.get_text(): line.get_color() for text, line in zip(
+        legend.get_texts(), legend.get_lines(), strict=True)}  # fmt: skip
+    assert list(shown) == [r"$\gamma$ = 0.04", r"$\gamma$ = 0.06", "stable", "unstable"]
+    for branch, own, word in ((in_a, arms[0], "0.04"), (other, arms[1], "0.06")):
+        colour = shown[rf"$\gamma$ = {word}"]
+        for one in (branch, *own):
+            end = one["a"][-1], one["p"][-1]
+            assert colour in {
+                line.get_color() for line in curves(drawn.axes)
+                if np.allclose((line.get_xdata()[-1], line.get_ydata()[-1]), end)
+            }  # fmt: skip
+        pitchfork = branch.first("PF")
+        (label,) = (
+            text for text in words(drawn.axes)
+            if text.get_text() == "PF1" and np.allclose(text.xy, (pitchfork["a"], pitchfork["p"]))
+        )  # fmt: skip
+        assert label.get_color() == colour
+
+
+def test_what_is_the_same_on_all_branches_or_varies_on_one_is_not_in_the_legend(
+    in_a: Branch,
+) -> None:
+    across = cb.trace(in_a[5], "gamma", within={"gamma": (0.03, 0.05)}, events=())
+    ax = plot(in_a, across, x="p", y="phi").axes
+    assert len({line.get_color() for line in curves(ax)}) == 2
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["stable", "unstable"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
@@ -35,6 +35,7 @@ WORDS: dict[Literal["-", "--", ":"], str] = {
 }
 FINE = 6  # pieces of the line between two points
 SAME = 12.0  # typographic points, half a word: markers of one name that close need it once
+TEXT = "black"  # of labels, unless they go by the colour of their branches
 ROUNDING = 1e-9  # relative; what varies by less is constant
 
 
@@ -43,7 +44,8 @@ def plot(
 ) -> Drawn:
     """Draw branches as the field does: solid stable, dashed unstable, labelled special points.
 
-    Where walls were lifted (``inadmissible=True``) the part behind them is dotted.
+    Where walls were lifted (``inadmissible=True``) the part behind them is dotted. Where branches
+    differ in a parameter that is fixed along each, colours go by it, and a legend says so.
 
     Parameters
     ----------
@@ -95,16 +97,32 @@ def plot(
 def _draw(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
     # colours go on from what the axes show already
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
+    members = _members(branches)
+    order = list(dict.fromkeys(members)) if members else range(len(branches))
+    colours = {one: CYCLE[(taken + i) % len(CYCLE)] for i, one in enumerate(order)}
+    own = [colours[one] for one in members or order]
     styles: set[str] = set()
-    for i, branch in enumerate(branches):
-        colour = CYCLE[(taken + i) % len(CYCLE)]
+    for branch, colour in zip(branches, own, strict=True):
         styles |= _lines(ax, branch, x, y, colour)
         _markers(ax, branch, x, y, colour)
     for axis, name in ((ax.xaxis, x), (ax.yaxis, y)):
         _calm(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
-    if len(styles) > 1 or BEYOND in styles:
-        _legend(ax, styles)
-    _words(ax, branches, x, y)
+    if members or len(styles) > 1 or BEYOND in styles:
+        _legend(ax, styles, dict(zip(members, own, strict=True)) if members else {})
+    _words(ax, branches, x, y, own if members else [TEXT] * len(own))
+
+
+def _members(branches: tuple[Branch, ...]) -> list[str]:
+    """The parameters that are fixed along each branch and not the same on all: what they are worth
+    on each, in words. None where nothing differs, or more than there are colours for."""
+    fixed = [
+        {name: value for name, value in one.problem.params.items() if name not in one.curve.varied}
+        for one in branches
+    ]
+    common = [name for name in fixed[0] if all(name in one for one in fixed)]
+    differ = [name for name in common if len({one[name] for one in fixed}) > 1]
+    found = [", ".join(f"{symbol(name)} = {one[name]:.6g}" for name in differ) for one in fixed]
+    return found if differ and len(set(found)) <= len(CYCLE) else []
 
 
 def _ordinate(branch: Branch) -> str:
@@ -241,16 +259,17 @@ def _calm(axis: Axis, scale: float) -> None:
         axis.axes.autoscale_view()
 
 
-def _legend(ax: Axes, styles: set[str]) -> None:
+def _legend(ax: Axes, styles: set[str], members: dict[str, str]) -> None:
     from matplotlib.lines import Line2D
 
-    shown = [style for style in WORDS if style in styles]
-    handles = [Line2D([], [], color="black", linestyle=style) for style in shown]
-    words = [WORDS[style] for style in shown]
+    shown = [style for style in WORDS if style in styles] if styles != {STABLE} else []
+    handles = [Line2D([], [], color=colour) for colour in members.values()]
+    handles += [Line2D([], [], color="black", linestyle=style) for style in shown]
+    words = [*members, *(WORDS[style] for style in shown)]
     ax.legend(handles, words, frameon=False, loc="best", handlelength=2.2)
 
 
-def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
+def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str, colours: Sequence[str]) -> None:
     """Labels come last, when the limits of the axes are known; what is special comes first."""
     labels = Labels(ax)
     labels.keep_off([ax.get_legend()])
@@ -258,14 +277,18 @@ def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
         labels.avoid(_column(branch, x), _column(branch, y))
     # with several branches their ends are many, and say nothing: a dot is enough
     quiet = "EP" if len(branches) > 1 else ""
-    named = [p for b in branches for p in map(_named, b.special) if p.kind != quiet]
-    places = [ax.transData.transform((_value(p, x), _value(p, y))) for p in named]
-    points = _distinct(zip(named, places, strict=True), SAME * labels.pixel)
-    for point in points:
+    named: list[tuple[Point, str]] = []
+    for colour in dict.fromkeys(colours):
+        own = [b for b, its in zip(branches, colours, strict=True) if its == colour]
+        points = [p for b in own for p in map(_named, b.special) if p.kind != quiet]
+        places = [ax.transData.transform((_value(p, x), _value(p, y))) for p in points]
+        apart = _distinct(zip(points, places, strict=True), SAME * labels.pixel)
+        named += [(point, colour) for point in apart]
+    for point, _ in named:
         labels.announce(_value(point, x), _value(point, y))
-    for point in sorted(points, key=lambda point: point.kind == "EP"):
+    for point, colour in sorted(named, key=lambda one: one[0].kind == "EP"):
         text = point.label if point.located else f"{point.label}?"
-        style: dict[str, Any] = {"fontsize": "small"}
+        style: dict[str, Any] = {"fontsize": "small", "color": colour}
         if point.kind == "EP":
             style = {"fontsize": "x-small", "color": GREY}
         labels.place(_value(point, x), _value(point, y), text, **style)
