@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import networkx as nx
@@ -12,9 +15,14 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.orbit import orbit_of
 from contbreather.checks import MOST, check_kind, kind_of, number, numbers, real, row, whole
+from contbreather.continuation import Event
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Fourier, Harmonic, Ring
+from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
+from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.typed import lattice_by, walls_by
 
 LINE: dict[str, Any] = {
     "residual": lambda x, p: x - p["mu"],
@@ -121,6 +129,119 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     (lambda: Fourier(cos={1: -1.0}).f_param("s1", 0.1), r"unknown forcing parameter 's1'"),
     (lambda: Fourier(cos={1: -1.0}).at(c3=0.1), r"unknown forcing parameter 'c3': .* has c1"),
 ]
+
+
+HERE = {"a": 0.5, "gamma": 0.02, "k": 0.8}
+
+
+def alone() -> Any:
+    return cb.symmetric(**HERE)
+
+
+def pair() -> Any:
+    """Two sites of the infinite chain, with an offset each."""
+    ring = cb.multibreather([0, 3], **HERE, lattice=Ring(12)).unfolded()
+    on = Conditions(**HERE)
+    return orbit_of(on, ring.section, ring.times, ring.impulses, (0.0, 0.0))
+
+
+def told_as(value: Any) -> Any:
+    """Equations whose solutions stand for a value."""
+    return problem(interpret=lambda point: value)
+
+
+CASES += [
+    # events and points
+    (lambda: Event("X", None), "an event of kind X needs a test, or at least a count"),
+    (lambda: Event("X", float, ends="all"), "ends='all': '', 'branch' or 'domain' was wanted"),
+    (
+        lambda: replace(cb.trace(alone(), "a", steps=cb.Steps(most=2))[1], tangent=None).direction,
+        r"^Point\(p=.*\) has no tangent: it is not on a walk",
+    ),
+    (
+        lambda: cb.trace(told_as(3), "mu", events=[cb.neimark_sacker(threshold=1.01)]),
+        r"a threshold, or a lattice to ask about, is for orbits; got 3\.",
+    ),
+    # orbits
+    (lambda: alone().state(), "the infinite chain has no end: ask for state"),
+    (lambda: alone().state(sites=6, t=math.inf), "t = inf: a time, a finite number, was wanted"),
+    (lambda: pair().c, "this orbit has an offset for each of 2 sites"),
+    (
+        lambda: alone().unfolded().road.equations.sensitivity(np.ones(5), HERE, "nu"),
+        "unknown parameter 'nu': this orbit has a, gamma, k",
+    ),
+    (
+        lambda: alone().unfolded().problem.residual(np.full(5, math.nan), HERE),
+        r"a = 0\.5, x = \[nan nan nan nan nan\]: the orbit needs finite numbers",
+    ),
+    (
+        lambda: asymmetric(0.87, 0.04, 0.8).problem.residual(np.full(4, math.nan), HERE),
+        r"a = 0\.5, x = \[nan nan nan nan\]: the breather needs finite numbers",
+    ),
+    (
+        lambda: cb.symmetric(**HERE, spring=1.0, lattice=cb.OpenChain(9), site=0),
+        "a mode of the open chain with free ends, 9 sites with the frequency 1 is in resonance",
+    ),
+    # as they are typed
+    *(
+        (lambda typed=typed: lattice_by(typed, None), f"^--lattice {typed}: wanted is ring:20")
+        for typed in (
+            "ring", "ring:", "ring:0", "ring:5x5", "ring:9:free", "ring:9999999999", "open:9:loose",
+            "open:-3", "open:9:free:fixed", "grid:5", "grid:5x5:fixed", "grid:5x5x5", "torus:5",
+        )
+    ),
+    (lambda: lattice_by("ring:5", 5), "^--lattice ring:5 and --sites 5: give one of the two"),
+    *(
+        (lambda typed=typed: walls_by(typed, None), f"^--walls {' '.join(typed)}: one pair for all")
+        for typed in (("-1,1", "0,2"), ("3:-1,1", "3:0,2"))
+    ),
+    *(
+        (lambda typed=typed: walls_by([typed], None), f"^--walls {typed}: LOW,HIGH is wanted")
+        for typed in ("-1", "-1,0,1", "low,1", "3:", "3:1")
+    ),
+    *(
+        (lambda typed=typed: walls_by([typed], None), f"^--walls {typed}: SITE:LOW,HIGH is wanted")
+        for typed in (":-1,1", "a:-1,1", "-1:-1,1", "1.5:-1,1")
+    ),
+]  # fmt: skip
+
+
+def test_lattices_and_walls_are_those_that_are_typed() -> None:
+    lattices = {
+        "ring:20": Ring(20), "RING:3": Ring(3), "open:9": cb.OpenChain(9),
+        "open:9:free": cb.OpenChain(9), "open:9:fixed": cb.OpenChain(9, ends="fixed"),
+        "grid:5x4": cb.Grid(5, 4), "grid:5x4:periodic": cb.Grid(5, 4, periodic=True),
+    }  # fmt: skip
+    for typed, lattice in lattices.items():
+        assert lattice_by(typed, None) == lattice
+    assert (lattice_by(None, 7), lattice_by(None, None)) == (Ring(7), InfiniteChain())
+    assert walls_by([], 3) is None
+    assert walls_by(["-1,2"], 3) == (-1.0, 2.0)
+    assert walls_by(["2:none,0.5"], 3) == walls_by(["2:none,0.5"], None) == {2: (None, 0.5)}
+    every = {0: (-1.0, 1.0), 1: (None, 0.5), 2: (-1.0, 1.0)}
+    assert walls_by(["1:none,0.5", "-1,1"], 3) == every
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ("1,a\n-1,1", "could not convert string to float: 'a'"),
+        ("1 -1", "1 rows of 2 numbers; a square matrix is wanted"),
+        ("1;-1\n-1 1 0\n", "2 rows of 2, 3 numbers"),
+        ("\n", "0 rows of no numbers"),
+    ],
+)
+def test_a_file_without_a_stiffness_matrix_is_refused(
+    content: str, reason: str, tmp_path: Path
+) -> None:
+    (tmp_path / "m.csv").write_text(content)
+    with pytest.raises(BadInput, match=rf"^no stiffness matrix in .*m\.csv: {re.escape(reason)}"):
+        lattice_by(str(tmp_path / "m.csv"), None)
+    (tmp_path / "m.graphml").write_text(content)
+    with pytest.raises(BadInput, match=r"^no graph in .*m\.graphml: "):
+        lattice_by(str(tmp_path / "m.graphml"), None)
+    (tmp_path / "M.CSV").write_text("1, -1\n\n-1; 1\n")
+    assert np.array_equal(lattice_by(str(tmp_path / "M.CSV"), None).stiffness, PAIR)
 
 
 @pytest.mark.parametrize(("made", "sentence"), CASES, ids=[words[:40] for _, words in CASES])

@@ -10,7 +10,7 @@ Needs `coverage` and the map that `python record.py CHECKOUT` makes (which test 
 line); map and copies are kept in PLANT_HOME.  One fault at
 a time, in a private copy; resumes where FILE ends.  Tests that run: those that execute the faulty
 statement, those of the file's own topic first, others spread over all test files, quickest first;
-of defaults those that read them from the source, too.
+of defaults and strings those that read them from the source, too.
 What 60 of them, or 120 s, do not catch gets up to 400 more and 600 s, unless --quick.  A test that
 takes more than ten times as long as usual (at least 60 s) hangs: caught.
 
@@ -50,6 +50,7 @@ from record import HOME, MAP, TREE, compiled_before, copy, environment  # noqa: 
 PACKAGE = "contbreather"
 STRUCTURE = ("tests/test_floors.py", "tests/test_project.py", "tests/test_import_cost.py")
 READS_DEFAULTS = ("tests/test_defaults.py",)  # from the source, so that no line of it is executed
+READS_NAMES = "tests/test_spelling.py"
 TESTS, SECONDS = 60, 120.0  # at most, for one fault
 DEEP_TESTS, DEEP_SECONDS = 400, 600.0
 COMPILED_SECONDS = 420.0  # compiling all loops anew comes on top
@@ -644,6 +645,8 @@ class Map:
         order = own[: limit // 2] + [t for pair in zip_longest(home, spread) for t in pair if t]
         order += own[limit // 2 :]
         first = sorted(read) if fault.how in ("default", "import") else []
+        if fault.kind == "string":
+            first += sorted(t for t, e in self.tests.items() if e["file"] == READS_NAMES)
         order = list(dict.fromkeys([*first, *sorted(rare, key=quick)[: limit // 3], *order]))
         chosen, total = [], 0.0
         for t in order:
