@@ -822,6 +822,23 @@ def test_zones_print_for_programs_without_writing(run: Callable[..., Output]) ->
         assert pitchfork({"gamma": gamma, "a": a, "k": 0.8})
 
 
+def test_zones_of_several_values_are_shared_out_in_order(
+    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To whoever computes many pieces of work, no executor being named: all cores."""
+    module, asked = import_module("contbreather.breathers.zones_many"), dict[str, Any]()
+
+    def here(work: Any, items: Any, **more: Any) -> Any:
+        asked.update(more)
+        return [work(item) for item in items]
+
+    monkeypatch.setattr(module, "each", here)
+    line = ["zones", "--k", "0.8", "--k", "0.7", "--gamma-window", "0.05", "0.07", "--json"]
+    found = strict(run(*line)[1])["zones"]
+    assert [diagram["fixed"] for diagram in found] == [{"k": 0.8}, {"k": 0.7}]
+    assert asked["executor"] is None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "value"), [("gamma", "0.05"), ("a", "0.5")])
 def test_zones_in_other_planes(run: Callable[..., Output], name: str, value: str) -> None:

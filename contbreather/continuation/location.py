@@ -547,13 +547,10 @@ def _solved(
     locus = locus_at(near)
     own = {f"{name} of the locus": value for name, value in locus.extra.items()}
     problem = extended(near.curve, replace(locus, extra=own))  # names that no problem has
-    problem = problem.at(**near.values)
-    curve = Curve(problem, ())
+    curve, n = Curve(problem, ()), near.curve.size
+    start = np.concatenate([near.x, problem.x[n:-1], near.z[-1:]])
     tolerance = min(tolerance, _LOCATED)
-    found = newton(
-        curve.equations, curve.jacobian, problem.x, metric=curve.metric, tolerance=tolerance
-    )
-    n = near.curve.size
+    found = newton(curve.equations, curve.jacobian, start, metric=curve.metric, tolerance=tolerance)
     names = zip(locus.extra, own, strict=True)
     detail = {name: _plain(found.z[problem.slots[long]]) for name, long in names}
     z = np.append(found.z[:n], found.z[-1])

@@ -51,9 +51,9 @@ def test_both_equations_of_a_pair_on_the_arc_and_their_slopes(gamma: float, k: f
 
 
 @pytest.mark.parametrize(("gamma", "k"), PLACES)
-def test_the_window_of_b_in_which_a_pair_is_outside(gamma: float, k: float) -> None:
+def test_the_window_of_b_in_which_a_pair_is_outside_and_its_angles(gamma: float, k: float) -> None:
     data = gamma, k, (1.0 - k) / (1.0 + k)
-    found = asked(arc_loops.window, data, arc.arc_table(), arc_loops.SIZE, 12)[:2]
+    found = asked(arc_loops.window, data, arc.arc_table(), arc_loops.SIZE, 12)[:4]
     assert found == pytest.approx(np.array(arc.window(gamma, k)), rel=1e-9, abs=1e-11)
 
 

@@ -129,7 +129,7 @@ def test_isolated_multipliers_are_those_of_a_long_ring() -> None:
 
 @pytest.mark.parametrize(("spring", "gamma"), [(0.2, 0.05), (0.2, 0.15), (0.6, 0.05)])
 def test_elastic_impacts_free_a_pair_between_two_neutral_gaps(spring: float, gamma: float) -> None:
-    centre, square = window(gamma, 1.0, spring)
+    centre, square, *_ = window(gamma, 1.0, spring)
     for b in centre + math.sqrt(square) * np.array([-1.1, -0.9, 0.0, 0.9, 1.1]):
         ring = np.linalg.eigvals(even_half_map(120, spring, gamma, 1.0, float(b)))
         outside = np.count_nonzero(abs(ring) > 1 + 1e-5)
