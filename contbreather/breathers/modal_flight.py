@@ -249,7 +249,7 @@ class ModalFlight:
 
     def at(self, n: int, t: float) -> tuple[float, float, float]:
         """Displacement, velocity and acceleration of one site at one time."""
-        q, r = self.modes(np.array(t))
+        q, r = self._modes_once(t)
         e, a = self.basis.at(n), self.conditions.a
         u, v, w = self.forced.at(n, t)
         bend = float(e.dot(self.pulled(q, r)))
@@ -286,6 +286,19 @@ class ModalFlight:
             sign * (flown.swing * fast - flown.pull * now),
         )
 
+    def _modes_once(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """The same at one time."""
+        T, first = self.section.length, self.legs[1].since
+        sections = math.floor((t - first) / T)
+        since = t - first - sections * T
+        slack = 4.0 * EPS * (T + abs(t) + abs(first))
+        if T - since <= slack:
+            sections, since = sections + 1, 0.0
+        leg = next(x for x in reversed(self.legs[1:]) if x.since - first <= since + slack)
+        ahead = max(since - (leg.since - first), 0.0)
+        q, r = turn(self.z, ahead, self.conditions.damping)(leg.q, leg.r)
+        return (q, r) if sections % 2 == 0 or self.section.sign > 0 else (-q, -r)
+
     @cached_property
     def _flights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Start, displacements and velocities of the modes of each flight of a section."""
@@ -319,20 +332,19 @@ class ModalFlight:
         value[m + K :] = last.r_end - sign * self.r
         return value
 
-    def tangents(self, names: Sequence[str] = (), *, state: bool = True) -> Tangents:
-        """Derivatives along the flight, in t, q, r (unless `state` is False), then in `names`."""
+    def tangents(self, names: Sequence[str] = ()) -> Tangents:
+        """Derivatives along the flight, in t, q, r, then in `names`."""
         m, K, own = self.t.size, self.q.size, np.arange(self.q.size)
-        width = (m + 2 * K) * state
+        width = m + 2 * K
         walls = np.zeros((m, width + len(names)))
         Y, R = np.zeros((2, K, width + len(names)))
-        if state:
-            Y[own, m + own] = R[own, m + K + own] = 1.0
+        Y[own, m + own] = R[own, m + K + own] = 1.0
         starts = []
         for leg, fly, one in zip(
             self.legs, self._course.turns, [*self.arrivals, None], strict=True
         ):
             starts.append((Y, R))
-            Y, R = self._carried(leg, fly, Y, R, names, state)
+            Y, R = self._carried(leg, fly, Y, R, names)
             if one is None:
                 break
             e = self.shapes[one.which]
@@ -341,10 +353,9 @@ class ModalFlight:
                 moved = self.driven(name, one.site, one.time)
                 wall[i] += moved[0]
                 speed[i] += moved[1]
-            if state:
-                _, tilt, bend = self.forced.at(one.site, one.time)
-                wall[one.which] += self.conditions.a * tilt
-                speed[one.which] += self.conditions.a * bend
+            _, tilt, bend = self.forced.at(one.site, one.time)
+            wall[one.which] += self.conditions.a * tilt
+            speed[one.which] += self.conditions.a * bend
             loss = (1.0 + self.conditions.k) * speed
             loss[width:] += [one.velocity if name == "k" else 0.0 for name in names]
             walls[one.which] = wall
@@ -352,16 +363,17 @@ class ModalFlight:
         return Tangents(walls, starts, Y, R)
 
     def _carried(
-        self, leg: Leg, fly: Turn, Y: Array, R: Array, names: Sequence[str], state: bool
+        self, leg: Leg, fly: Turn, Y: Array, R: Array, names: Sequence[str]
     ) -> tuple[Array, Array]:
         """Derivatives at the end of a leg from those at its start; its ends in time move."""
+        if not leg.flight and leg.start == leg.stop:  # from the first impact to itself
+            return Y, R
         Y, R = fly(Y, R)
-        if state:
-            pull = self.pulled(leg.q_end, leg.r_end)
-            for j, side in ((leg.stop, 1.0), (leg.start, -1.0)):
-                if j != NOWHERE:
-                    Y[:, j] += side * leg.r_end
-                    R[:, j] += side * pull
+        pull = self.pulled(leg.q_end, leg.r_end)
+        for j, side in ((leg.stop, 1.0), (leg.start, -1.0)):
+            if j != NOWHERE:
+                Y[:, j] += side * leg.r_end
+                R[:, j] += side * pull
         damping = self.conditions.damping
         for column, name in enumerate(names, start=Y.shape[1] - len(names)):
             if name == "damping":
@@ -376,19 +388,14 @@ class ModalFlight:
             R[:, column] += rise * v
         return Y, R
 
-    def jacobian(self) -> FloatArray:
-        """Derivative of `residual` in (t, q, r), shape ``(m + 2K, m + 2K)``."""
+    def jacobian(self, names: Sequence[str] = ()) -> FloatArray:
+        """Derivative of `residual` in (t, q, r) and `names`, shape ``(m + 2K, m + 2K + ...)``."""
         m, K, own = self.t.size, self.q.size, np.arange(self.q.size)
-        found, sign = self.tangents(), self.section.sign
+        found, sign = self.tangents(names), self.section.sign
         matrix = np.vstack([found.walls, found.Y, found.R])
         matrix[m + own, m + own] -= sign
         matrix[m + K + own, m + K + own] -= sign
         return matrix
-
-    def sensitivity(self, name: str) -> FloatArray:
-        """Derivative of `residual` in any one parameter."""
-        found = self.tangents((name,), state=False)
-        return np.concatenate([found.walls[:, 0], found.Y[:, 0], found.R[:, 0]])
 
     def watched(self, site: int, time: float, names: Sequence[str]) -> FloatArray:
         """Displacement, velocity and acceleration of a site at a time (first column), and the
@@ -401,7 +408,7 @@ class ModalFlight:
         fly = turn(self.z, now - leg.since, self.conditions.damping)
         q, r = fly(leg.q, leg.r)
         cut = leg._replace(stop=NOWHERE, flight=now - leg.since, q_end=q, r_end=r)
-        Y, R = self._carried(cut, fly, Y, R, names, True)
+        Y, R = self._carried(cut, fly, Y, R, names)
         e = self.basis.at(site)
         rows = np.zeros((3, 1 + Y.shape[1]))
         rows[:2, 1:] = side * (e @ Y), side * (e @ R)

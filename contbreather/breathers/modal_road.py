@@ -117,7 +117,7 @@ class Modes(ModalFlight):
         return Modes(section, self.t, q, r, on)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ShootingEquations:
     """The equations of one section, as functions of all that can change.
 
@@ -130,17 +130,13 @@ class ShootingEquations:
     def flight(self, x: FloatArray, params: Params) -> Modes:
         """The section flown from these unknowns; kept, because residual, derivatives and events
         ask for the same few in turn."""
-        on = self.conditions.at(params)
-        return _flown(self.section, on, np.asarray(x, dtype=float).tobytes())
+        return _flown(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
 
     def residual(self, x: FloatArray, params: Params) -> FloatArray:
         return self.flight(x, params).residual()
 
-    def jacobian(self, x: FloatArray, params: Params) -> FloatArray:
-        return self.flight(x, params).jacobian()
-
-    def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
-        return self.flight(x, params).sensitivity(name)
+    def derivatives(self, x: FloatArray, params: Params, names: tuple[str, ...]) -> FloatArray:
+        return self.flight(x, params).jacobian(names)
 
     def orbit(self, point: Point) -> Orbit:
         return Orbit(self.flight(point.x, point.params))
@@ -152,10 +148,10 @@ class ShootingEquations:
 
 
 @lru_cache(maxsize=64)
-def _flown(section: Section, on: Conditions, unknowns: bytes) -> Modes:
-    x, m = np.frombuffer(unknowns), section.count
-    K = (x.size - m) // 2
-    return Modes(section, x[:m], x[m : m + K], x[m + K :], on)
+def _flown(of: ShootingEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> Modes:
+    x, m = np.frombuffer(unknowns), of.section.count
+    K, on = (x.size - m) // 2, of.conditions.at(dict(params))
+    return Modes(of.section, x[:m], x[m : m + K], x[m + K :], on)
 
 
 def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
@@ -176,8 +172,7 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         shooting.residual,
         {**times, "q": flight.q, "r": flight.r},
         on.params,
-        jacobian=shooting.jacobian,
-        sensitivity=shooting.sensitivity,
+        derivatives=shooting.derivatives,
         events=events_of(section, threshold),
         record=_columns(section, threshold),
         domain={

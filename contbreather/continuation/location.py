@@ -79,7 +79,7 @@ def find(
     curve = segment.curve
     curve.passes(segment.last.z)
     quiet = set[int]()
-    if earlier is not None and crossing is None and not (ends.first or ends.last or ends.closed):
+    if earlier is not None and crossing is None and not (ends.first or ends.closed):
         pace = (segment.first.arclength - earlier[0]) / segment.length
         values = earlier[1], before, after
         quiet = calm(events, pace, *values, (segment.first, segment.last))

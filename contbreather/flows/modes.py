@@ -43,7 +43,7 @@ class Turn(NamedTuple):
 
     def __call__(self, q: Array, r: Array) -> tuple[Array, Array]:
         """Displacements and velocities of the modes after the flight; columns at once."""
-        c, s, p, d = (row if q.ndim == 1 else row[:, None] for row in self)
+        c, s, p, d = self if q.ndim == 1 else (row[:, None] for row in self)
         return c * q + s * r, d * r - p * q
 
 
@@ -62,7 +62,9 @@ def turn(z: FloatArray, time: Any, damping: float = 0.0) -> Turn:
     angle = w * time
     sine = np.sin(angle)
     # sin(x)/x for x -> 0, without a warning at the mode that only drifts
-    reach = np.divide(sine, w, out=np.broadcast_to(time, angle.shape).astype(float), where=w > 0.0)
+    reach = np.empty_like(angle)
+    reach[...] = time
+    np.divide(sine, w, out=reach, where=w > 0.0)
     cosine = np.cos(angle)
     return Turn(cosine, reach, w * sine, cosine)
 

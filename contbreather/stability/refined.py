@@ -21,7 +21,6 @@ def refined(
     value: Callable[[Array], Array],
     floor: float,
     most: int = MOST,
-    pieces: int = 2,
 ) -> tuple[Array, Array, bool]:
     """Samples put closer wherever the function moves by much of its modulus, unless that is nothing
     but rounding, below the floor: about a zero on the circle itself. With several sites F has more
@@ -37,10 +36,8 @@ def refined(
         i = np.flatnonzero(wide & (x[1:] - x[:-1] > 1e-13))
         if i.size == 0:
             break
-        if x.size + (pieces - 1) * i.size > most:
+        if x.size + i.size > most:
             return x, F, False
-        share = np.arange(1, pieces) / pieces
-        between = (x[i][:, None] * (1.0 - share) + x[i + 1][:, None] * share).ravel()
-        at = np.repeat(i + 1, pieces - 1)
-        x, F = np.insert(x, at, between), np.insert(F, at, value(place(between)))
+        between = 0.5 * (x[i] + x[i + 1])
+        x, F = np.insert(x, i + 1, between), np.insert(F, i + 1, value(place(between)))
     return x, F, True

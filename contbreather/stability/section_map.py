@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Array = NDArray[Any]
 
-LARGE = 160  # multipliers: of more, those next to a circle are found without all others
+LARGE = 90  # multipliers: of more, those next to a circle are found without all others
 BESIDE = 1e-6  # how far off the poles of free modes on the circle multipliers beyond are looked for
 DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 

@@ -120,7 +120,7 @@ class Secular:
     def around(self, radius: float) -> Near | None:
         """What is next to a circle around all poles."""
         x, D, enough = refined(
-            self.places, lambda x: radius * np.exp(1j * x), self.D, 0.0, most=MOST, pieces=4
+            self.places, lambda x: radius * np.exp(1j * x), self.D, 0.0, most=MOST
         )
         if not (enough and math.isfinite(abs(D).sum())):
             return None
