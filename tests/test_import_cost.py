@@ -39,6 +39,7 @@ def test_the_first_breather_and_its_verdicts_load_numpy_and_no_other_package() -
         "b.stability().over_reflecting; b.admissibility(); b.displacement(1, 0.3)"
     )
     assert loaded.isdisjoint({"scipy", *HEAVY})
+    assert "email" not in loaded  # by which importlib.metadata reads what is installed
 
 
 def test_heavy_packages_would_be_noticed() -> None:

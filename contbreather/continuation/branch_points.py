@@ -135,7 +135,9 @@ def bordered(point: Point) -> Matrix:
     curve, row = point.curve, point.curve.dual(point.direction)
     matrix = curve.jacobian(point.z)
     if is_sparse(matrix):
-        return Bordered(curve.factors(point.z), row, curve.scales)
+        factors = curve.factors(point.z, row)
+        assert isinstance(factors, Factors)
+        return Bordered(factors, row, curve.scales)
     whole = np.empty((point.z.size, point.z.size))
     whole[:-1], whole[-1] = matrix, row
     whole *= curve.scales

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from . import derivatives
-from .newton import OUT_OF_DOMAIN, Undefined, length, rounding
+from .newton import OUT_OF_DOMAIN, Dense, Undefined, factors_of, length, rounding
 from .sparse import (
     Factors,
     Matrix,
@@ -223,10 +223,15 @@ class Curve:
         be written to."""
         return self.once("jacobian", z, self._derivatives)
 
-    def factors(self, z: Array) -> Factors:
-        """A sparse derivative factorised."""
-        found: Factors = self.once("factors", z, lambda z: Factors(self.jacobian(z)))
-        return found
+    def factors(self, z: Array, row: Array) -> Dense | Factors:
+        """The derivative factorised, to be solved with a row below."""
+
+        def make(z: Array) -> Dense | Factors:
+            return factors_of(self.jacobian(z), row)
+
+        found: Dense | Factors = self.once("factors", z, make)
+        fits = not isinstance(found, Dense) or np.array_equal(found.whole[-1], row)
+        return found if fits else make(z)
 
     def in_unknowns(self, z: Array) -> Matrix:
         """The derivative in the unknowns alone, where none in parameters are wanted."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import ContbreatherError
 from . import sparse
 from .sparse import Matrix
+from .strider import WIDEST
 
 Array = NDArray[np.float64]
 
@@ -48,28 +49,48 @@ class Solution:
 
 
 @cache
-def _gesv() -> Any:
-    from scipy.linalg.lapack import dgesv  # dear to import: looking at a breather needs none
+def _lapack() -> Any:
+    from scipy.linalg import lapack  # dear to import: looking at a breather needs none
 
-    return dgesv
+    return lapack
 
 
 def solve(matrix: Array, right: Array) -> Array | None:
     """Solution of a small dense system, or None where the matrix is singular."""
-    _, _, solution, info = _gesv()(matrix, right)
+    _, _, solution, info = _lapack().dgesv(matrix, right)
     return solution if info == 0 else None
 
 
-def solve_oriented(matrix: Array, right: Array) -> tuple[Array | None, int]:
-    """As `solve`, with the sign of the determinant, 0 where the matrix is singular."""
-    factors, pivots, solution, info = _gesv()(matrix, right)
-    if info != 0:
-        return None, 0
-    sign = 1
-    for i, (pivot, row) in enumerate(zip(factors.diagonal().tolist(), pivots, strict=True)):
-        if (pivot < 0) != (row != i):
-            sign = -sign
-    return solution, sign
+class Dense:
+    """A dense derivative with a row below, unless that is None, factorised."""
+
+    def __init__(self, matrix: Array, row: Array | None) -> None:
+        self.row, self.whole = row, matrix
+        if row is not None:
+            self.whole = np.empty((row.size, row.size))
+            self.whole[:-1], self.whole[-1] = matrix, row
+        self._factors, self._pivots, info = _lapack().dgetrf(self.whole)
+        self.exact = info == 0
+
+    def solve(self, right: Array, last: float = 0.0) -> Array | None:
+        """The solution, `last` being the right side of the row; None where it is singular."""
+        whole = right if self.row is None else np.append(right, last)
+        return _lapack().dgetrs(self._factors, self._pivots, whole)[0] if self.exact else None
+
+    def sign(self) -> int:
+        """Of the determinant; 0 where the matrix is singular."""
+        if not self.exact:
+            return 0
+        sign, diagonal = 1, self._factors.diagonal().tolist()
+        for i, (pivot, row) in enumerate(zip(diagonal, self._pivots.tolist(), strict=True)):
+            if (pivot < 0) != (row != i):
+                sign = -sign
+        return sign
+
+
+def factors_of(matrix: Matrix, row: Array | None) -> Dense | sparse.Factors:
+    """What solves for corrections: of a dense matrix those with this row below."""
+    return sparse.Factors(matrix) if sparse.is_sparse(matrix) else Dense(matrix, row)
 
 
 def newton(
@@ -99,8 +120,8 @@ def newton(
         value = equations(z)
         if factors is None or not lasting:
             matrix = jacobian(z)
-            factors = sparse.Factors(matrix) if sparse.is_sparse(matrix) else None
-        step, singular = correction(factors or matrix, value, row)
+            factors = factors_of(matrix, row)
+        step, singular = correction(factors, value, row)
         moved = length(step, metric)
         if not moved < math.inf:
             raise Undefined("the Newton correction is not finite")
@@ -115,30 +136,22 @@ def newton(
             value = equations(z)
             solved = not singular or _is_rounding(value, matrix, z, metric)
             return Solution(z, solved, iteration, _largest(value), moved)
-        lasting = moved <= min(_LASTING * size, _SHRUNK * previous)
+        lasting = z.size > WIDEST and moved <= min(_LASTING * size, _SHRUNK * previous)
         previous = moved
     return Solution(z, False, most, _largest(equations(z)), previous)
 
 
 def correction(
-    matrix: Array | sparse.Factors, value: Array, row: Array | None
+    factors: Dense | sparse.Factors, value: Array, row: Array | None
 ) -> tuple[Array, bool]:
     """The step, and whether the matrix is singular, as at a branch point: there the shortest
     correction is as good as any."""
-    if isinstance(matrix, sparse.Factors):
-        return sparse.correction(matrix, value, row)
-    # the linear condition holds at every iterate, its residual stays 0
-    whole, right = (matrix, value) if row is None else bordered(matrix, row, value, 0.0)
-    step = solve(whole, right)
-    return (_shortest(whole, right), True) if step is None else (step, False)
-
-
-def bordered(matrix: Array, row: Array, right: Array | float, last: float) -> tuple[Array, Array]:
-    """A dense derivative with a row below, and the right side of its system."""
-    whole, both = np.empty((row.size, row.size)), np.empty(row.size)
-    whole[:-1], whole[-1] = matrix, row
-    both[:-1], both[-1] = right, last
-    return whole, both
+    if isinstance(factors, sparse.Factors):
+        return sparse.correction(factors, value, row)
+    step = factors.solve(value)  # the linear condition holds at every iterate, its residual stays 0
+    if step is not None:
+        return step, False
+    return _shortest(factors.whole, value if row is None else np.append(value, 0.0)), True
 
 
 def approach(

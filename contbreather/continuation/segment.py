@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .curve import Curve
-from .newton import Solution, Undefined, bordered, newton, solve_oriented
+from .newton import Dense, Solution, Undefined, newton
 from .point import Point
 from .rank import weakest
-from .sparse import Matrix, is_sparse
+from .sparse import Matrix
 
 Array = NDArray[np.float64]
 
@@ -127,10 +127,9 @@ def tangent_at(curve: Curve, z: Array, along: Array) -> tuple[Array, int]:
 
 def _oriented(curve: Curve, z: Array, row: Array) -> tuple[Array | None, int]:
     """A null vector on the side of a row, and the sign of the determinant with that row below."""
-    matrix = curve.jacobian(z)
-    if not is_sparse(matrix):
-        return solve_oriented(*bordered(matrix, row, 0.0, 1.0))
-    factors = curve.factors(z)
+    factors = curve.factors(z, row)
+    if isinstance(factors, Dense):
+        return factors.solve(np.zeros(row.size - 1), 1.0), factors.sign()
     side, null = factors.sign(row[None, :]), factors.null[:, 0]
     return (None if side == 0 else math.copysign(1.0, row @ null) * null), side
 

@@ -28,7 +28,6 @@ from .points import Points
 from .problem import Problem, problem_in
 from .scope import scope
 from .segment import Segment, tangent_at
-from .sparse import is_sparse
 from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, settled, windows
 from .steps import Steps
 from .stride import ITERATIONS, STRAY, TINY, TURN, next_size
@@ -612,10 +611,10 @@ class Walker:
         between = 20 * point.z + 7 * last.z + (4 * point.direction - 2 * last.direction) * length
         between /= 27
         curve, row = self.curve, self.curve.dual(point.direction)
-        value, slopes = curve.equations(between), curve.jacobian(last.z)
+        value = curve.equations(between)
         # of large problems the factors at hand: no more than the size of the answer is asked for
-        slopes = curve.factors(last.z) if is_sparse(slopes) else curve.jacobian(between)
-        off, singular = correction(slopes, value, row)
+        factors = curve.factors(last.z if between.size > WIDEST else between, row)
+        off, singular = correction(factors, value, row)
         if singular:
             return False  # a branch point: the residual says nothing there
         return self.curve.length(off) > STRAY * length

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+from collections import Counter
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -22,6 +23,7 @@ from contbreather.breathers.clearance import _limits
 from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.modal_events import contact, events_of, ring_neimark_sacker
+from contbreather.breathers.modal_flight import ModalFlight
 from contbreather.breathers.modal_road import Modes, ShootingEquations
 from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import ImpossibleSequence, Inadmissible
@@ -31,6 +33,7 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.switching import seeds_at, switch
 from contbreather.lattice.conditions import Conditions
 from contbreather.stability import dense_half_map
+from contbreather.stability.section_map import ModalMap
 
 RING = 20
 AT = {"gamma": 0.04, "k": 0.8}
@@ -1178,3 +1181,29 @@ def test_orbit_of_one_ring_goes_to_another_or_says_why_not() -> None:
     assert [event.kind for event in events_of(in_phase().section)] == [
         "LP", "BP", "PF", "NS", "GR",
     ]  # fmt: skip
+
+
+def test_a_branch_of_a_large_ring_takes_few_derivatives_and_no_eigenproblem(monkeypatch) -> None:
+    calls: Counter[str] = Counter()
+    for owner, name in (
+        (ModalFlight, "jacobian"),
+        (ModalFlight, "residual"),
+        (ModalMap, "outermost"),
+        (np.linalg, "eigvals"),
+    ):
+        own = getattr(owner, name)
+
+        def counted(*given, own=own, name=name):
+            calls[name] += 1
+            return own(*given)
+
+        monkeypatch.setattr(owner, name, counted)
+    start = cb.shooting(cb.symmetric(a=0.7, gamma=0.04, k=0.8), sites=100)
+    calls.clear()
+    branch = cb.trace(start, "a", within={"a": (0.5, 0.95)}, towards="both")
+    assert [point.label for point in branch.special] == ["EP1", "PF1", "GR1"]
+    assert branch.first("PF")["a"] == pytest.approx(0.7776324259, abs=1e-9)
+    assert calls["eigvals"] == 0
+    assert calls["outermost"] < 1.3 * len(branch)
+    assert calls["jacobian"] < 4 * len(branch)
+    assert calls["residual"] < 6 * len(branch)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import contbreather as cb
 from contbreather.continuation import derivatives
-from contbreather.continuation.newton import Undefined, approach, newton, solve, solve_oriented
+from contbreather.continuation.newton import Dense, Undefined, approach, newton, solve
 from contbreather.continuation.segment import closest
 
 Array = NDArray[np.float64]
@@ -92,11 +92,13 @@ def test_a_determinant_keeps_its_sign_whatever_rows_are_exchanged() -> None:
     for size in (1, 2, 3, 6):
         for _ in range(20):
             matrix, right = rng.normal(size=(size, size)), rng.normal(size=size)
-            found, side = solve_oriented(matrix, right)
+            factors = Dense(matrix[:-1], matrix[-1])
+            found = factors.solve(right[:-1], right[-1])
             assert found == pytest.approx(np.linalg.solve(matrix, right))
-            assert side == np.sign(np.linalg.det(matrix))
+            assert factors.sign() == np.sign(np.linalg.det(matrix))
             assert solve(matrix, right) == pytest.approx(found)
-    assert solve_oriented(np.zeros((2, 2)), np.ones(2)) == (None, 0)
+    singular = Dense(np.zeros((2, 2)), None)
+    assert (singular.solve(np.ones(2)), singular.sign()) == (None, 0)
     assert solve(np.ones((2, 2)), np.ones(2)) is None
 
 
