@@ -24,6 +24,7 @@ Values = NDArray[np.complex128]
 
 _NEARLY = 0.1  # how far off the real axis, relative, two zeros that are not quite real may be
 _EDGE = 1e-9  # how far outside of a step its ends still belong to it
+_SQUARES = 4  # a matrix is looked at, and its square, ..., up to its eighth power
 _NONE = 1e-100  # the size of what has a sign only
 
 
@@ -73,8 +74,14 @@ def _pencil(first: Array, *others: Array) -> Array | None:
 
 def _inverses(matrix: Array) -> Array:
     """The inverses of the eigenvalues, as far as they are real and from 0 to 1, in order."""
-    if not (1.0 - _EDGE) ** 2 <= (matrix * matrix).sum() < math.inf:
-        return np.empty(0)  # no eigenvalue of a smaller matrix reaches 1
+    if not (matrix * matrix).sum() < math.inf:
+        return np.empty(0)
+    power = matrix
+    for _ in range(_SQUARES):
+        # no eigenvalue reaches 1 where a power of the matrix is smaller
+        if (power * power).sum() < (1.0 - _EDGE) ** 2**_SQUARES:
+            return np.empty(0)
+        power = power @ power
     return _places(np.linalg.eigvals(matrix))
 
 
