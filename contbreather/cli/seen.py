@@ -104,8 +104,8 @@ def _end_of(kept: Recording, count: int) -> Run:
     import numpy as np
 
     from contbreather.dynamics import Run, RunStop, State
-    from contbreather.dynamics.impacting import IMPACT, REST
     from contbreather.dynamics.states import PERIOD
+    from contbreather.dynamics.stretches import IMPACT, REST
 
     first = max(0, kept.periods - count)
     u, v = [kept.start.u[None]], [kept.start.v[None]]

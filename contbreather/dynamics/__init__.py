@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contbreather.dynamics.basin import Axis, Basin, Fate, attraction
 from contbreather.dynamics.energy import Localisation, localisation
-from contbreather.dynamics.impacting import Record, Run, RunStop, Sample, simulate
+from contbreather.dynamics.impacting import Record, Run, simulate
 from contbreather.dynamics.recording import Recording, open_recording, record
 from contbreather.dynamics.returning import PeriodicMotion, periodic
 from contbreather.dynamics.slow_sweep import Sweep, sweep, there_and_back
@@ -17,6 +17,7 @@ from contbreather.dynamics.smooth import (
     simulate_smooth,
 )
 from contbreather.dynamics.states import State
+from contbreather.dynamics.stretches import RunStop, Sample
 from contbreather.dynamics.tangent import Lyapunov, lyapunov, variation
 from contbreather.dynamics.verdicts import Kind, Rotation, Verdict, judge, rotation, verdict
 

@@ -19,8 +19,9 @@ from contbreather.checks import MOST, check_kind, number, row, whole
 from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.energy import localised
-from contbreather.dynamics.impacting import RunStop, advance, completed
+from contbreather.dynamics.impacting import advance, completed
 from contbreather.dynamics.states import On, State, check_state, conditions_of, wall_rows, within
+from contbreather.dynamics.stretches import RunStop
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.progress import Bar

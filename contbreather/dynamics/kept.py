@@ -11,10 +11,11 @@ from contbreather.continuation import Problem
 from contbreather.continuation.contents import Said, content
 from contbreather.continuation.groups import ABOUT
 from contbreather.continuation.recipes import maker
-from contbreather.dynamics.impacting import IMPACT, REST, Record, Run, RunStop
+from contbreather.dynamics.impacting import Record, Run
 from contbreather.dynamics.returning import problem_of_cycle
 from contbreather.dynamics.smooth import OWN, SmoothConditions, SmoothRun
 from contbreather.dynamics.states import State
+from contbreather.dynamics.stretches import IMPACT, REST, RunStop
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.plain import NotPlain, made, plain

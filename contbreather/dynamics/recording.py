@@ -31,7 +31,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import whole
-from contbreather.dynamics.impacting import IMPACT, RunStop, Sample, Stretch, check_sample, walk
 from contbreather.dynamics.states import (
     PERIOD,
     On,
@@ -42,6 +41,7 @@ from contbreather.dynamics.states import (
     reduced,
     within,
 )
+from contbreather.dynamics.stretches import IMPACT, RunStop, Sample, Stretch, check_sample, walk
 from contbreather.errors import BadInput
 from contbreather.files import write_whole
 from contbreather.lattice import Forcing, Fourier, Harmonic, Ring

@@ -25,9 +25,10 @@ from contbreather.continuation.cycles import Iterate, multiplier_matrix, shorter
 from contbreather.continuation.lift import Lift
 from contbreather.continuation.point import Counting
 from contbreather.continuation.recipes import Recipe
-from contbreather.dynamics.impacting import Run, RunStop, Sample, advance, completed
+from contbreather.dynamics.impacting import Run, advance, completed
 from contbreather.dynamics.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
 from contbreather.dynamics.states import HEAVIEST, PERIOD, On, State, check_state, reduced
+from contbreather.dynamics.stretches import RunStop, Sample
 from contbreather.dynamics.tangent import variation
 from contbreather.errors import BadInput, ContbreatherError, NotConverged
 from contbreather.lattice.conditions import Conditions

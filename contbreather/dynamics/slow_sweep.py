@@ -19,9 +19,10 @@ from contbreather.checks import number, row, whole
 from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.energy import localised
-from contbreather.dynamics.impacting import RunStop, completed
+from contbreather.dynamics.impacting import completed
 from contbreather.dynamics.smooth import SmoothConditions, Solver, let_go, rigid_or_smooth
 from contbreather.dynamics.states import On, State, check_state, ranged
+from contbreather.dynamics.stretches import RunStop
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.progress import Bar

@@ -27,15 +27,7 @@ from contbreather.checks import number
 from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.held import held
-from contbreather.dynamics.impacting import (
-    LONGEST,
-    Record,
-    RunStop,
-    Sample,
-    advance,
-    check_sample,
-    states_of,
-)
+from contbreather.dynamics.impacting import LONGEST, Record, advance, states_of
 from contbreather.dynamics.states import (
     PERIOD,
     State,
@@ -45,6 +37,7 @@ from contbreather.dynamics.states import (
     lattice_for,
     reduced,
 )
+from contbreather.dynamics.stretches import RunStop, Sample, check_sample
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions

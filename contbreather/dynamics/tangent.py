@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import check_kind, numbers, whole
 from contbreather.dynamics.held import held
-from contbreather.dynamics.impacting import Run, walk
+from contbreather.dynamics.impacting import Run
 from contbreather.dynamics.smooth import SmoothConditions, SmoothRun, flown, rigid_or_smooth
 from contbreather.dynamics.states import PERIOD, On, State, check_state, reduced, within
+from contbreather.dynamics.stretches import walk
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import stiffness_of

@@ -18,10 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import numbers, whole
 from contbreather.dynamics.energy import forced, localised
-from contbreather.dynamics.impacting import Run, RunStop, completed
+from contbreather.dynamics.impacting import Run, completed
 from contbreather.dynamics.returning import PeriodicMotion, closing
 from contbreather.dynamics.smooth import SmoothRun, let_go, rigid_or_smooth
 from contbreather.dynamics.states import On, State, check_state
+from contbreather.dynamics.stretches import RunStop
 from contbreather.dynamics.tangent import exponents, weighted_mean
 from contbreather.errors import BadInput, NotConverged
 

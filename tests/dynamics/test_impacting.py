@@ -493,9 +493,9 @@ def test_run_taken_up_from_its_final_state_is_the_same_run_bit_for_bit(k, a):
 
 
 def test_interrupted_run_keeps_the_periods_it_completed(monkeypatch):
-    from contbreather.dynamics import impacting
+    from contbreather.dynamics import stretches
 
-    advance = impacting.Machine.advance
+    advance = stretches.Machine.advance
     calls = []
 
     def interrupted(self, *args, **kwargs):
@@ -504,7 +504,7 @@ def test_interrupted_run_keeps_the_periods_it_completed(monkeypatch):
             raise KeyboardInterrupt
         return advance(self, *args, **kwargs)
 
-    monkeypatch.setattr(impacting.Machine, "advance", interrupted)
+    monkeypatch.setattr(stretches.Machine, "advance", interrupted)
     state = symmetric(0.5, 0.08, 0.8).state(20)
     run = simulate(state, a=0.5, gamma=0.08, k=0.8, periods=1000)
     assert run.stop is RunStop.INTERRUPTED

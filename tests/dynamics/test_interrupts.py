@@ -22,11 +22,11 @@ from contbreather.dynamics import (
     Fate,
     RunStop,
     attraction,
-    impacting,
     periodic,
     simulate,
     simulate_smooth,
     smooth,
+    stretches,
     sweep,
     verdict,
 )
@@ -55,7 +55,7 @@ def ctrl_c(monkeypatch):
 
             return called
 
-        for owner, name in ((impacting.Machine, "advance"), (smooth.SmoothFlight, "part")):
+        for owner, name in ((stretches.Machine, "advance"), (smooth.SmoothFlight, "part")):
             monkeypatch.setattr(owner, name, counting(name, getattr(owner, name)))
         return seen
 

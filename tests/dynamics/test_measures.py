@@ -28,8 +28,9 @@ from contbreather.dynamics import (
     there_and_back,
     verdict,
 )
-from contbreather.dynamics.impacting import IMPACT, Record
+from contbreather.dynamics.impacting import Record
 from contbreather.dynamics.states import PERIOD
+from contbreather.dynamics.stretches import IMPACT
 from contbreather.dynamics.verdicts import judge
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier
@@ -223,7 +224,7 @@ def test_distance_from_the_forced_motion_is_that_of_displacements_and_velocities
 
 
 def test_a_run_that_ends_early_is_undecided_with_its_reason(monkeypatch) -> None:
-    monkeypatch.setattr("contbreather.dynamics.impacting.MOST", 500)
+    monkeypatch.setattr("contbreather.dynamics.stretches.MOST", 500)
     fast = {"a": 0.5, "gamma": 0.0, "k": 1.0}
     for settle in (0, 1):
         found = verdict(([0.1], [1e3]), settle=settle, periods=100, **fast)

@@ -32,8 +32,8 @@ from contbreather.dynamics import (
     simulate,
     simulate_smooth,
 )
-from contbreather.dynamics.impacting import walk
 from contbreather.dynamics.states import PERIOD
+from contbreather.dynamics.stretches import walk
 from contbreather.dynamics.verdicts import Kind, judge
 from contbreather.errors import BadInput, NotConverged
 
@@ -61,7 +61,7 @@ def test_a_search_that_finds_no_end_is_to_be_reported(monkeypatch) -> None:
 
 
 def test_a_run_that_ends_in_its_first_stretch_ends_where_it_began(monkeypatch) -> None:
-    monkeypatch.setattr("contbreather.dynamics.impacting.MOST", 500)
+    monkeypatch.setattr("contbreather.dynamics.stretches.MOST", 500)
     fast = {"a": 0.5, "gamma": 0.0, "k": 1.0}
     for periods in (3, 0.5, 1.5):
         run = simulate(([0.1], [1e3]), periods=periods, t0=0.3, **fast)
@@ -74,7 +74,7 @@ def test_a_run_that_ends_in_its_first_stretch_ends_where_it_began(monkeypatch) -
 
 def test_a_run_that_ends_later_keeps_the_periods_before(monkeypatch) -> None:
     run = simulate(STATE, **HERE, periods=6)
-    monkeypatch.setattr("contbreather.dynamics.impacting.MOST", 1)  # two in every period
+    monkeypatch.setattr("contbreather.dynamics.stretches.MOST", 1)  # two in every period
     cut = simulate(STATE, **HERE, periods=6)
     assert cut.stop is RunStop.CHATTER
     assert cut.periods == 0
@@ -85,7 +85,7 @@ def test_a_run_that_ends_later_keeps_the_periods_before(monkeypatch) -> None:
 @pytest.mark.parametrize(("room", "most"), [(1, 1), (16, 2), (17, 2), (32, 4), (7, 1)])
 def test_a_stretch_holds_what_has_room_and_a_period_at_least(monkeypatch, room, most) -> None:
     """Of four sites a period has eight numbers."""
-    monkeypatch.setattr("contbreather.dynamics.impacting.ROOM", room)
+    monkeypatch.setattr("contbreather.dynamics.stretches.ROOM", room)
     conditions = simulate(STATE, **HERE, periods=0).conditions
     start = State(*(np.array(x) for x in STATE))
     ahead = walk(start, conditions, periods=13, t0=0.0, progress=False)
@@ -98,7 +98,7 @@ def test_where_the_ring_does_not_go_on_a_branch_of_its_motions_ends(monkeypatch)
     shared = {**HERE, "damping": 0.05}
     own = periodic(simulate(STATE, **shared, periods=60).final, **shared)
     problem = own.problem
-    monkeypatch.setattr("contbreather.dynamics.impacting.MOST", 0)  # half a period has one
+    monkeypatch.setattr("contbreather.dynamics.stretches.MOST", 0)  # half a period has one
     with pytest.raises(ArithmeticError, match="has more than 0 impacts in period 0"):
         problem.residual(np.concatenate(own.state) + 1e-9, problem.params)
     monkeypatch.undo()

@@ -73,7 +73,7 @@ def test_run_goes_on_where_it_stopped_with_the_same_bits(tmp_path, state):
 
 
 def test_interrupted_recording_keeps_every_finished_period(tmp_path, state, monkeypatch):
-    advance = contbreather.dynamics.impacting.Machine.advance
+    advance = contbreather.dynamics.stretches.Machine.advance
     calls = []
 
     def interrupted(self, *args, **kwargs):
@@ -82,7 +82,7 @@ def test_interrupted_recording_keeps_every_finished_period(tmp_path, state, monk
             raise KeyboardInterrupt
         return advance(self, *args, **kwargs)
 
-    monkeypatch.setattr(contbreather.dynamics.impacting.Machine, "advance", interrupted)
+    monkeypatch.setattr(contbreather.dynamics.stretches.Machine, "advance", interrupted)
     first = record(tmp_path / "run", state, **CONDITIONS, periods=1000)
     assert (first.interrupted, first.stop) == (True, RunStop.INTERRUPTED)
     assert 0 < first.periods < 1000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contbreather.dynamics.impacting import IMPACT
+from contbreather.dynamics.stretches import IMPACT
 from contbreather.paper.fates import unlike_a_breather
 
 
