@@ -300,8 +300,10 @@ class OrbitMap:
             )
         if self.gamma == 0.0:
             return _counted(self._uncoupled(), 1.0)
-        if self._circle is not None:
-            return self._counted_on(self._circle)
+        if (told := self._circle) is not None:
+            least, where = told[loops.LEAST], told[loops.WHERE]
+            ends = told[loops.START], told[loops.END]
+            return _turned(told[loops.TURNING], told[loops.RESOLVED], least, where, *ends)
         kappa, F, resolved = self._resolved
         F = F.copy()
         # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa - 1), and of F at -1;
@@ -309,25 +311,9 @@ class OrbitMap:
         for end, inside in ((0, -1.0), (-1, 1.0)):
             if abs(F[end]) <= CERTAIN * self._terms:
                 F[end] = inside * abs(F[end]) or inside * 1e-300
-        turning = float(np.sum(np.angle(F[1:] * F[:-1].conj())))
-        half_turns = round(turning / math.pi)
-        size = np.abs(F) / self._terms
-        least = int(size.argmin())
-        certain = resolved and bool(size[least] > CERTAIN)
-        certain &= abs(turning / math.pi - half_turns) < 0.01
-        count = 1 - half_turns
-        ends = int(F[0].real > 0.0) + int(F[-1].real < 0.0)
-        nu = 2.0 * float(kappa[least].real)
-        return Count(count, certain, float(size[least]), nu, (count - ends) // 2)
-
-    def _counted_on(self, told: Array) -> Count:
-        half_turns = round(told[loops.TURNING] / math.pi)
-        certain = bool(told[loops.RESOLVED]) and told[loops.LEAST] > CERTAIN
-        certain &= abs(told[loops.TURNING] / math.pi - half_turns) < 0.01
-        count = 1 - half_turns
-        ends = int(told[loops.START] > 0.0) + int(told[loops.END] < 0.0)
-        least, nu = float(told[loops.LEAST]), 2.0 * float(told[loops.WHERE])
-        return Count(count, bool(certain), least, nu, (count - ends) // 2)
+        turning, size = np.sum(np.angle(F[1:] * F[:-1].conj())), np.abs(F) / self._terms
+        i = int(size.argmin())
+        return _turned(turning, resolved, size[i], kappa[i].real, F[0].real, F[-1].real)
 
     @cached_property
     def _circle(self) -> Array | None:
@@ -526,6 +512,16 @@ class OrbitMap:
         across = np.linspace(0.0, 0.5, 8 * more + 1)[:, None]
         near = (kappa[likely].real[:, None] - 1j * depth).ravel()
         return np.concatenate([(across - 1j * depth).ravel(), near])
+
+
+def _turned(
+    turning: float, resolved: float, least: float, where: float, start: float, end: float
+) -> Count:
+    """The count that F says on the upper half of the circle, from mu = 1 on."""
+    half_turns = round(turning / math.pi)
+    certain = bool(resolved) and least > CERTAIN and abs(turning / math.pi - half_turns) < 0.01
+    pairs = (1 - half_turns - int(start > 0.0) - int(end < 0.0)) // 2
+    return Count(1 - half_turns, bool(certain), float(least), 2.0 * float(where), pairs)
 
 
 def _inverse(lattice: Lattice, gamma: float, kappa: Array) -> Array:
