@@ -51,7 +51,7 @@ def test_run_on_disk_is_the_run_in_memory(tmp_path, state):
 
 def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path, monkeypatch):
     monkeypatch.setattr(recording, "LARGEST", 50_000)
-    monkeypatch.setattr(contbreather.dynamics.impacting, "ROOM", 2**14)
+    monkeypatch.setattr(contbreather.dynamics.stretches, "ROOM", 2**14)
     state = symmetric(0.7, 0.06, 0.2).state(20)
     peaks = []
     for name, periods in (("warm", 10), ("short", 3000), ("long", 30000)):
@@ -135,7 +135,7 @@ def test_memory_does_not_grow_with_the_length_of_a_run(tmp_path, state, monkeypa
         return write(run, pieces)
 
     monkeypatch.setattr(recording, "_write", watched)
-    monkeypatch.setattr(contbreather.dynamics.impacting, "ROOM", 500)
+    monkeypatch.setattr(contbreather.dynamics.stretches, "ROOM", 500)
     recorded = record(tmp_path / "run", state, **CONDITIONS, periods=600)
     assert recorded.periods == 600
     assert max(largest) <= 2500
