@@ -136,7 +136,7 @@ class Closure:
         values = tuple([(name, params.get(name, value)) for name, value in own])
         if values == own:
             return p, phi, a, gamma, k, self.forcing
-        return p, phi, a, gamma, k, _forcing_at(self.forcing, values)
+        return p, phi, a, gamma, k, forcing_with(self.forcing, values)
 
 
 def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
@@ -167,8 +167,9 @@ def sprung(lattice: Any, forcing: Forcing) -> Any:
 
 
 @lru_cache(maxsize=256)
-def _forcing_at(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Forcing:
-    # residual, Jacobian and sensitivities ask for the same few forcings in turn
+def forcing_with(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Forcing:
+    """The forcing with these values; kept, for residual, Jacobian and sensitivities ask for the
+    same few in turn."""
     return forcing.at(**dict(values))
 
 

@@ -26,7 +26,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.breathers.closure import EPS
+from contbreather.breathers.closure import EPS, forcing_with
 from contbreather.breathers.section import Impact, Section, Sequenced, check_both_walls
 from contbreather.errors import BadInput
 from contbreather.kernel import Kernel
@@ -246,12 +246,7 @@ def forcing_at(forcing: Forcing, params: Params) -> Forcing:
     if not own:
         return forcing
     values = tuple((name, float(params.get(name, value))) for name, value in own.items())
-    return forcing if values == tuple(own.items()) else _moved_forcing(forcing, values)
-
-
-@lru_cache(maxsize=256)
-def _moved_forcing(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Forcing:
-    return forcing.at(**dict(values))
+    return forcing if values == tuple(own.items()) else forcing_with(forcing, values)
 
 
 @lru_cache(maxsize=256)

@@ -106,10 +106,14 @@ def _after(motion: PeriodicMotion, state: Array) -> Array:
     return np.stack(completed(run).strobe, axis=1)
 
 
+def _shared(breather: Orbit, damping: float) -> dict[str, Any]:
+    on = {"a": breather.a, "gamma": breather.gamma, "k": breather.k, "damping": damping}
+    return {**on, "symmetric": True}
+
+
 def smooth_breather(breather: Orbit, m: float, damping: float, sites: int) -> PeriodicMotion | None:
     """The smooth ring's own breather next to the exact one; None if there is none."""
-    conditions: dict[str, Any] = {"a": breather.a, "gamma": breather.gamma, "k": breather.k}
-    shared: dict[str, Any] = {"damping": damping, "symmetric": True, **conditions}
+    shared = _shared(breather, damping)
     try:
         return periodic(breather.state(sites), m=m, **shared)
     except NotConverged:
@@ -120,8 +124,7 @@ def smooth_breather(breather: Orbit, m: float, damping: float, sites: int) -> Pe
 def softest(breather: Orbit, damping: float, sites: int) -> float:
     """The m at which the smooth ring's breather ends in a fold, coming from hard walls; NaN if it
     reaches m = 5."""
-    conditions: dict[str, Any] = {"a": breather.a, "gamma": breather.gamma, "k": breather.k}
-    shared: dict[str, Any] = {"damping": damping, "symmetric": True, **conditions}
+    shared = _shared(breather, damping)
     start = periodic(breather.state(sites), m=HARD, **shared)
     branch = trace(
         start, "m", within={"m": (5.0, HARD + 1.0)}, towards="down",
@@ -134,11 +137,10 @@ def enough_damping(breather: Orbit, sites: int) -> float:
     """The damping at which the breather of the ring with rigid walls becomes an attractor."""
     from scipy.optimize import brentq
 
-    conditions: dict[str, Any] = {"a": breather.a, "gamma": breather.gamma, "k": breather.k}
     start = breather.state(sites)
 
     def excess(damping: float) -> float:
-        return periodic(start, damping=damping, symmetric=True, **conditions).largest - 1.0
+        return periodic(start, **_shared(breather, damping)).largest - 1.0
 
     high = 0.01
     while high < MOST and excess(high) > 0.0:

@@ -135,17 +135,9 @@ def pair(data: Any, out: Any, found: Any, v: float) -> None:
 
 
 def slope(
-    data: Any,
-    out: Any,
-    found: Any,
-    which: int,
-    v: float,
-    by_nu: float,
-    by_v: float,
-    place: int,
-    by_k: float,
-    by_b: float,
-) -> None:
+    data: Any, out: Any, found: Any, which: int, v: float, by_nu: float, by_v: float, place: int,
+    by_k: float, by_b: float,
+) -> None:  # fmt: skip
     """Their derivative in one direction: its product rule, term by term."""
     nu, R, B, C = data[NU], out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]
     by_R = by_B = by_C = 0.0
