@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 from xml.etree import ElementTree
 
@@ -15,9 +16,17 @@ from nbclient import NotebookClient
 
 import contbreather as cb
 from contbreather.breathers.zones import KINDS, Zones
-from contbreather.dynamics import Axis, Sample, attraction, localisation, simulate_smooth, sweep
+from contbreather.dynamics import (
+    Axis,
+    Fate,
+    Sample,
+    attraction,
+    localisation,
+    simulate_smooth,
+    sweep,
+)
 from contbreather.errors import BadInput
-from contbreather.plotting import plot_orbit, style
+from contbreather.plotting import cards, plot_orbit, style
 from contbreather.plotting.canvas import CYCLE, GREY
 
 ON: dict[str, Any] = {"a": 0.5, "gamma": 0.08, "k": 0.8}
@@ -75,6 +84,81 @@ def test_each_value_shows_a_picture_and_a_table_and_fetches_nothing(values) -> N
         assert fetched == [], name
         assert "<script" not in shown
         assert len(shown) < 60_000, name
+
+
+def table_of(shown: str) -> list[list[str]]:
+    """The heading, if there is one, and the rows."""
+    page = ElementTree.fromstring(re.sub(r"<svg.*?</svg>", "", shown, flags=re.DOTALL))
+    return [["".join(cell.itertext()) for cell in row] for row in page.iterfind(".//tr")]
+
+
+@pytest.fixture
+def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cards, "inline", lambda draw: "")
+
+
+def test_rows_of_a_table_are_what_their_names_say(values, without_pictures) -> None:
+    """Numbers with eight digits, those of a sweep with five, of what the value itself has."""
+    shown = {name: table_of(value._repr_html_()) for name, value in values.items()}
+    numbers: dict[str, dict[str, float]] = {
+        name: {row[0]: float(row[1]) for row in rows if re.fullmatch(r"-?[\d.]+(e-?\d+)?", row[-1])}
+        for name, rows in shown.items()
+    }
+    near = partial(pytest.approx, rel=1e-7, abs=1e-15)
+    b, special, run = values["Orbit"], values["special Point"], values["Run"]
+    assert numbers["Orbit"] == {"a": 0.5, "gamma": 0.08, "k": 0.8, "damping": 0.0, "spring": 0.0}
+    words = dict(shown["Orbit"][5:])
+    assert [row[1] for row in shown["Orbit"] if row[0] == "impact of site 0"] == [
+        f"wall {hit.wall:+d}, t = {hit.time:.6g}, velocity {hit.before:.6g}" for hit in b.hits
+    ]
+    assert words["forcing"] == b.conditions.forcing.describe()
+    assert words["admissible"] in repr(b.admissibility())
+    assert words["stability"] == repr(b.stability()).strip("<>")
+    for sites, judged in ((100, True), (101, False)):
+        on_ring = b.on(cb.Ring(sites))._repr_html_()
+        assert (">stability<" in on_ring) == judged
+    own = {n: special[n] for n in (*special.curve.problem.names, *special.curve.problem.record)}
+    own |= {"arclength": special.arclength, "residual": float(f"{special.residual:.1e}")}
+    own |= {name: value for name, value in special.detail.items() if isinstance(value, float)}
+    assert numbers["special Point"] == near(own)
+    tree, zones, swept = values["Diagram"], values["Zones"], values["Sweep"]
+    assert shown["Diagram"] == [["branch", "born at", "points", "special", "end"]] + [
+        [str(i), birth.place.name if birth.place else "", str(len(one)),
+         " ".join(point.label for point in one.special), one.stop.value]
+        for i, (one, birth) in enumerate(zip(tree, tree.births, strict=True))
+    ]  # fmt: skip
+    assert shown["Zones"][0] == ["", "gamma", "a", "p"]
+    assert [row[0] for row in shown["Zones"][1:]] == [point.kind for point in zones.special]
+    for row, point in zip(shown["Zones"][1:], zones.special, strict=True):
+        assert [float(cell) for cell in row[1:]] == near([point[n] for n in ("gamma", "a", "p")])
+    names = ("value", "p", "amplitude", "participation", "tilt", "change")
+    assert shown["Sweep"][0] == ["a", *names[1:]]
+    for i, row in enumerate(shown["Sweep"][1:]):
+        exact = [float(f"{getattr(swept, name)[i]:.5g}") for name in names]
+        assert [float(cell) for cell in row] == pytest.approx(exact, nan_ok=True)
+    assert numbers["Run"] == near({
+        "sites": 10, "periods": 2, "impacts": len(run.impacts), "until t =": run.end,
+        "then |u| <=": abs(run.final.u).max(), "a": 0.5, "gamma": 0.08, "k": 0.8, "damping": 0.0,
+    })  # fmt: skip
+    assert "impacts" not in numbers["SmoothRun"]
+    assert shown["results on disk"] == [
+        [name, repr(value).strip("<>")] for name, value in values["results on disk"].items()
+    ]
+    basin, fates = values["Basin"], dict(shown["Basin"])
+    assert float(fates.pop("share that returned")) == pytest.approx(basin.share, rel=1e-3)
+    there = {fate.name.lower(): str(np.sum(basin.fate == fate)) for fate in Fate}
+    assert fates == {fate: count for fate, count in there.items() if count != "0"}
+
+
+def test_of_a_long_table_the_first_rows_are_shown_and_the_rest_is_counted(
+    without_pictures,
+) -> None:
+    jumps = [cb.user("mu", 0.02 * i) for i in range(1, 40)]
+    line = cb.Problem(**LINE, start={"x": 0.0}, params={"mu": 0.0})
+    branch = cb.trace(line, "mu", within={"mu": (0, 1)}, events=jumps)
+    shown = branch._repr_html_()
+    assert len(table_of(shown)) == 1 + 30
+    assert f"<p>and {len(branch.special) - 30} more</p>" in shown
 
 
 def test_the_table_of_a_branch_has_its_special_points(values) -> None:
