@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather.continuation import maps
+from contbreather.continuation.point import Meeting
 from contbreather.errors import BadInput
 
 
@@ -96,3 +98,21 @@ def test_two_branch_points_that_cannot_be_told_apart_are_doubtful() -> None:
         branch = cb.trace(problem, "mu", within=within, events=[cb.branch_point()], steps=steps)
         assert [point.kind for point in branch.special] == ["EP", "EP"]
         assert {point.kind for point in branch.doubtful} == {"BP"}
+
+
+MULTIPLIERS = {"BP": "+1", "LP": "+1", "PD": "-1", "NS": "pair"}
+
+
+@pytest.mark.parametrize("on", maps.MEETINGS)
+def test_two_kinds_of_maps_that_meet_have_one_name_whichever_is_followed(on: str) -> None:
+    """Both kinds, the one with the larger multiplier first; and what is looked for are theirs."""
+    order = list(MULTIPLIERS)
+    assert set(maps.MEETINGS[on]) == {"LP", "PD", "NS"} - {on, "LP" if on == "BP" else ""}
+    for met, events in maps.MEETINGS[on].items():
+        first, second = sorted((on, met), key=order.index)
+        meeting = events[-1]
+        assert meeting.kind == f"{first}{'-' if first == 'BP' else ''}{second}"
+        wanted, *_ = meeting.examine.args  # type: ignore[union-attr]
+        assert wanted == f"{MULTIPLIERS[first]} {MULTIPLIERS[second]}"
+        assert isinstance(meeting, Meeting)
+        assert meeting.base.kind == met

@@ -188,6 +188,8 @@ def test_a_boundary_goes_on_from_a_file(path: Path) -> None:
         found = load(path, problem=takens())[name]
         same(before, found)
         assert found[3].ground["x"] == before[3]["x"]
+        # its conditions are those of the point that it was born from, along all of it
+        assert max(abs(found.curve.equations(point.z)).max() for point in found) < 1e-9
         again = boundary(found[3], ("b2", "b1"), within=window, events=())
         exact = again["b1"] - (again["b2"] ** 2 / 4 if name == "folds" else 0)
         assert abs(exact).max() < 1e-13
