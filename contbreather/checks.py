@@ -41,7 +41,7 @@ def number(name: str, value: object, low: float, high: float, wanted: str) -> fl
     found = real(value)
     if low <= found <= high and math.isfinite(found):
         return found
-    raise BadInput(f"{name} = {value!r}: {wanted}, a finite number, was wanted.")
+    raise BadInput(f"{name} = {value!r}: {wanted}, a finite number, was expected.")
 
 
 def whole(name: str, value: object, least: int) -> int:
@@ -51,7 +51,7 @@ def whole(name: str, value: object, least: int) -> int:
             return int(value)
         if value > MOST:
             raise BadInput(f"{name} is above {MOST}: no computer counts that far.")
-    raise BadInput(f"{name} = {value!r}: a whole number, at least {least}, was wanted.")
+    raise BadInput(f"{name} = {value!r}: a whole number, at least {least}, was expected.")
 
 
 def numbers(name: str, value: object) -> NDArray[np.float64]:
@@ -69,7 +69,7 @@ def numbers(name: str, value: object) -> NDArray[np.float64]:
     except (TypeError, ValueError, OverflowError):  # rows of different lengths, for instance
         found = np.array(math.nan)
     if not np.isfinite(found).all():
-        raise BadInput(f"{name} = {value!r}: finite real numbers were wanted.")
+        raise BadInput(f"{name} = {value!r}: finite real numbers were expected.")
     return found
 
 
@@ -77,7 +77,7 @@ def row(name: str, value: object, wanted: str) -> NDArray[np.float64]:
     """A row of finite floats, at least one, or a sentence; a number is a row of one."""
     found = np.atleast_1d(numbers(name, value))
     if found.ndim != 1 or not found.size:
-        raise BadInput(f"{name} = {value!r}: {wanted}, a row of finite numbers, was wanted.")
+        raise BadInput(f"{name} = {value!r}: {wanted}, a row of finite numbers, was expected.")
     return found
 
 
@@ -103,7 +103,7 @@ def state_rows(given: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def check_kind(given: object, kinds: type | tuple[type, ...], wanted: str) -> None:
     """Refuse what is of another type than was wanted."""
     if not isinstance(given, kinds):
-        raise BadInput(f"{wanted} was wanted, got {kind_of(given)}")
+        raise BadInput(f"{wanted} was expected, got {kind_of(given)}")
 
 
 def kind_of(given: object) -> str:

@@ -1,4 +1,4 @@
-"""Errors of contbreather: sentences that say what was given, what was wanted, what to do."""
+"""Errors of contbreather: sentences that say what was given, what is expected, what to do."""
 
 from __future__ import annotations
 

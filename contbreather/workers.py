@@ -127,7 +127,7 @@ def each(
     """
     if not (executor is None or isinstance(executor, int) or hasattr(executor, "submit")):
         raise BadInput(
-            f"executor = {executor!r}: a number of processes was wanted, or an executor as "
+            f"executor = {executor!r}: a number of processes was expected, or an executor as "
             "concurrent.futures has them"
         )
     if isinstance(executor, int):

@@ -76,7 +76,7 @@ def test_what_an_atlas_is_drawn_over_has_to_be_clear(found: Any) -> None:
         plot_atlas(found, at={"c3": 0.5})
     with pytest.raises(cb.BadInput, match="no surface 'PD'; there are"):
         plot_atlas(found, at={"c3": 0.0}, kinds=["PD"])
-    with pytest.raises(cb.BadInput, match="an atlas was wanted"):
+    with pytest.raises(cb.BadInput, match="an atlas was expected"):
         plot_atlas(3)  # type: ignore[arg-type]
 
 
@@ -97,7 +97,7 @@ def test_the_command_writes_data_and_a_picture(run: Callable[[str], tuple[int, s
     ("line", "reason"),
     [
         ("--k 0.8:0.9", "neither a number nor LOW:HIGH:COUNT"),
-        ("--k 0.8 --over c3", "NAME=VALUE,VALUE,... was wanted"),
+        ("--k 0.8 --over c3", "NAME=VALUE,VALUE,... was expected"),
         ("--k 0.8 --over c3=1", "unknown forcing parameter c3"),
         ("", "values of exactly one of k, gamma, a"),
         ("--k 0.8 --save nowhere/a.nc", "there is no directory"),

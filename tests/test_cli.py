@@ -151,9 +151,12 @@ REFUSED = {
     ),
     "set without a number": (
         "point --a 0.5 --gamma 0.12 --k 0.4 --set c=lots",
-        r"NAME=VALUE was wanted",
+        r"NAME=VALUE was expected",
     ),
-    "set without a name": ("point --a 0.5 --gamma 0.12 --k 0.4 --set =1", r"NAME=VALUE was wanted"),
+    "set without a name": (
+        "point --a 0.5 --gamma 0.12 --k 0.4 --set =1",
+        r"NAME=VALUE was expected",
+    ),
     "no sites": (
         "point --a 0.5 --gamma 0.12 --k 0.4 --sites 0",
         r"a ring needs a whole number of sites",

@@ -200,14 +200,14 @@ def test_a_run_between_far_walls_and_one_without_a_lattice(run) -> None:
 
 POINT = f"point --a 0.6 {AT}"
 REFUSED = {
-    "no such lattice": (f"{POINT} --lattice cube:3", r"--lattice cube:3: wanted is ring:20, open"),
-    "no size": (f"{POINT} --lattice ring", r"--lattice ring: wanted is ring:20"),
-    "size zero": (f"{POINT} --lattice open:0", r"--lattice open:0: wanted is"),
-    "size negative": (f"{POINT} --lattice open:-3", r"--lattice open:-3: wanted is"),
-    "size no number": (f"{POINT} --lattice grid:5xfive", r"--lattice grid:5xfive: wanted is"),
-    "half a grid": (f"{POINT} --lattice grid:5", r"--lattice grid:5: wanted is"),
-    "unknown ends": (f"{POINT} --lattice open:9:loose", r"--lattice open:9:loose: wanted is"),
-    "ring with ends": (f"{POINT} --lattice ring:9:fixed", r"--lattice ring:9:fixed: wanted is"),
+    "no such lattice": (f"{POINT} --lattice cube:3", r"--lattice cube:3: expected ring:20, open"),
+    "no size": (f"{POINT} --lattice ring", r"--lattice ring: expected ring:20"),
+    "size zero": (f"{POINT} --lattice open:0", r"--lattice open:0: expected"),
+    "size negative": (f"{POINT} --lattice open:-3", r"--lattice open:-3: expected"),
+    "size no number": (f"{POINT} --lattice grid:5xfive", r"--lattice grid:5xfive: expected"),
+    "half a grid": (f"{POINT} --lattice grid:5", r"--lattice grid:5: expected"),
+    "unknown ends": (f"{POINT} --lattice open:9:loose", r"--lattice open:9:loose: expected"),
+    "ring with ends": (f"{POINT} --lattice ring:9:fixed", r"--lattice ring:9:fixed: expected"),
     "lattice and sites": (f"{POINT} --lattice ring:9 --sites 9", r"give one of the two"),
     "no such file": (f"{POINT} --lattice nowhere.csv", r"cannot read nowhere\.csv: No such file"),
     "no such graph": (f"{POINT} --lattice no.graphml", r"cannot read no\.graphml: No such file"),
@@ -232,7 +232,7 @@ REFUSED = {
     "weights in words": (f"{POINT} --lattice stiff.graphml", r"weights 'weight' of the edges must"),
     "negative weight": (f"{POINT} --lattice push.graphml", r"must be positive semidefinite"),
     "negative mass": (f"{POINT} --lattice heavy.graphml", r"masses\[1\] = -2: every mass must be"),
-    "mass in words": (f"{POINT} --lattice lead.graphml", r"one number for each site is wanted"),
+    "mass in words": (f"{POINT} --lattice lead.graphml", r"one number for each site is expected"),
     "site alone": (
         f"{POINT} --lattice apart.graphml --site 2",
         r"site 2 of this lattice has no bond to any other",
@@ -245,9 +245,12 @@ REFUSED = {
     ),
     "walls crossed": (f"{POINT} --lattice open:9 --walls 1,-1", r"two numbers low < high"),
     "walls nan": (f"{POINT} --lattice open:9 --walls nan,1", r"two numbers low < high"),
-    "half a wall": (f"{POINT} --lattice open:9 --walls 1", r"--walls 1: LOW,HIGH is wanted"),
-    "walls in words": (f"{POINT} --lattice open:9 --walls=up,1", r"--walls up,1: LOW,HIGH is want"),
-    "walls of no site": (f"{POINT} --lattice open:9 --walls x:-1,1", r"SITE:LOW,HIGH is wanted"),
+    "half a wall": (f"{POINT} --lattice open:9 --walls 1", r"--walls 1: LOW,HIGH is expected"),
+    "walls in words": (
+        f"{POINT} --lattice open:9 --walls=up,1",
+        r"--walls up,1: LOW,HIGH is expected",
+    ),
+    "walls of no site": (f"{POINT} --lattice open:9 --walls x:-1,1", r"SITE:LOW,HIGH is expected"),
     "walls twice": (f"{POINT} --lattice open:9 --walls -1,1 --walls -2,2", r"one pair for all"),
     "walls of a site twice": (
         f"{POINT} --lattice open:9 --walls 1:-1,1 --walls 1:-2,2",

@@ -96,7 +96,7 @@ def test_an_amplitude_that_is_none_is_named(bad: Any) -> None:
 
 
 def test_samples_without_sites_are_refused() -> None:
-    with pytest.raises(cb.BadInput, match="one site or several were wanted"):
+    with pytest.raises(cb.BadInput, match="one site or several were expected"):
         cb.dynamics.Sample(sites=())
 
 
@@ -122,9 +122,9 @@ def test_a_formula_is_a_forcing_wherever_one_is_taken(breather: cb.Orbit) -> Non
 
 @pytest.mark.parametrize("bad", [3, cb.Harmonic, {1: -1.0}, [1.0]], ids=repr)
 def test_what_is_no_forcing_is_refused(bad: Any, breather: cb.Orbit) -> None:
-    with pytest.raises(cb.BadInput, match=r"forcing = .* was wanted"):
+    with pytest.raises(cb.BadInput, match=r"forcing = .* was expected"):
         cb.symmetric(**HERE, forcing=bad)
-    with pytest.raises(cb.BadInput, match=r"forcing = .* was wanted"):
+    with pytest.raises(cb.BadInput, match=r"forcing = .* was expected"):
         cb.simulate(breather.state(4), **HERE, periods=1, forcing=bad)
 
 
@@ -151,7 +151,7 @@ def test_a_file_takes_its_equations_from_a_breather(
     back = cb.load(tmp_path / "b.nc", problem=breather)
     assert isinstance(back, cb.Branch)
     assert back.first("PF").solution.p == pytest.approx(branch.first("PF").solution.p, abs=1e-12)
-    with pytest.raises(cb.BadInput, match="a Problem was wanted"):
+    with pytest.raises(cb.BadInput, match="a Problem was expected"):
         cb.load(tmp_path / "b.nc", problem=3)  # type: ignore[call-overload, arg-type, unused-ignore]
 
 
@@ -184,7 +184,7 @@ PLOTS = ("plot", "plot_diagram", "plot_zones", "plot_motion", "plot_section", "p
 
 @pytest.mark.parametrize("name", PLOTS)
 def test_what_cannot_be_drawn_is_refused(name: str) -> None:
-    with pytest.raises(cb.BadInput, match="wanted, got an int"):
+    with pytest.raises(cb.BadInput, match="was expected, got an int"):
         getattr(cb.plotting, name)(3)
 
 

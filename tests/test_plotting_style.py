@@ -326,7 +326,7 @@ def test_a_branch_is_drawn_over_its_arclength_too(diagram) -> None:
 
 def test_a_run_is_looked_at_by_the_numbers_of_its_sites(run) -> None:
     for site in (0.5, "0", None, (0,)):
-        with pytest.raises(BadInput, match=r"site = .*: the number of a site was wanted"):
+        with pytest.raises(BadInput, match=r"site = .*: the number of a site was expected"):
             plot_section(run, site=site)
     with pytest.raises(BadInput, match=r"skip = 31: the run has 30 periods to leave out"):
         plot_section(run, skip=31)
@@ -350,5 +350,5 @@ def test_labels_of_multipliers_have_as_many_decimals_as_asked(diagram) -> None:
         assert all(len(w.partition(".")[2]) == digits for w in real)
     with pytest.raises(BadInput, match=r"^digits = -1"):
         plot_multipliers(b, sites=40, digits=-1)
-    with pytest.raises(BadInput, match="a breather was wanted, got a float"):
+    with pytest.raises(BadInput, match="a breather was expected, got a float"):
         plot_multipliers(0.5)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""What cannot be answered is refused in a sentence: what was given, what is wanted, what to do."""
+"""What cannot be answered is refused in a sentence: what was given, what was expected, and help."""
 
 from __future__ import annotations
 
@@ -112,8 +112,8 @@ CASES: list[tuple[Callable[[], Any], str]] = [
         r"site 2 of this lattice has no bond to any other: alone it is a single oscillator",
     ),
     # forcings
-    (lambda: Fourier(cos=[1.0]), r"cos = \[1\.0\]: coefficients by harmonic were wanted"),
-    (lambda: Fourier(cos={}, sin=3.0), r"sin = 3\.0: coefficients by harmonic were wanted"),
+    (lambda: Fourier(cos=[1.0]), r"cos = \[1\.0\]: coefficients by harmonic were expected"),
+    (lambda: Fourier(cos={}, sin=3.0), r"sin = 3\.0: coefficients by harmonic were expected"),
     *(
         (
             lambda m=m: Fourier(cos={m: 1.0}),
@@ -153,7 +153,7 @@ def told_as(value: Any) -> Any:
 CASES += [
     # events and points
     (lambda: Event("X", None), "an event of kind X needs a test, or at least a count"),
-    (lambda: Event("X", float, ends="all"), "ends='all': '', 'branch' or 'domain' was wanted"),
+    (lambda: Event("X", float, ends="all"), "ends='all': '', 'branch' or 'domain' was expected"),
     (
         lambda: replace(cb.trace(alone(), "a", steps=cb.Steps(most=2))[1], tangent=None).direction,
         r"^Point\(p=.*\) has no tangent: it is not on a walk",
@@ -164,7 +164,7 @@ CASES += [
     ),
     # orbits
     (lambda: alone().state(), "the infinite chain has no end: ask for state"),
-    (lambda: alone().state(sites=6, t=math.inf), "t = inf: a time, a finite number, was wanted"),
+    (lambda: alone().state(sites=6, t=math.inf), "t = inf: a time, a finite number, was expected"),
     (lambda: pair().c, "this orbit has an offset for each of 2 sites"),
     (
         lambda: alone().unfolded().road.equations.sensitivity(np.ones(5), HERE, "nu"),
@@ -184,7 +184,7 @@ CASES += [
     ),
     # as they are typed
     *(
-        (lambda typed=typed: lattice_by(typed, None), f"^--lattice {typed}: wanted is ring:20")
+        (lambda typed=typed: lattice_by(typed, None), f"^--lattice {typed}: expected ring:20")
         for typed in (
             "ring", "ring:", "ring:0", "ring:5x5", "ring:9:free", "ring:9999999999", "open:9:loose",
             "open:-3", "open:9:free:fixed", "grid:5", "grid:5x5:fixed", "grid:5x5x5", "torus:5",
@@ -196,11 +196,11 @@ CASES += [
         for typed in (("-1,1", "0,2"), ("3:-1,1", "3:0,2"))
     ),
     *(
-        (lambda typed=typed: walls_by([typed], None), f"^--walls {typed}: LOW,HIGH is wanted")
+        (lambda typed=typed: walls_by([typed], None), f"^--walls {typed}: LOW,HIGH is expected")
         for typed in ("-1", "-1,0,1", "low,1", "3:", "3:1")
     ),
     *(
-        (lambda typed=typed: walls_by([typed], None), f"^--walls {typed}: SITE:LOW,HIGH is wanted")
+        (lambda typed=typed: walls_by([typed], None), f"^--walls {typed}: SITE:LOW,HIGH is exp")
         for typed in (":-1,1", "a:-1,1", "-1:-1,1", "1.5:-1,1")
     ),
 ]  # fmt: skip
@@ -226,7 +226,7 @@ def test_lattices_and_walls_are_those_that_are_typed() -> None:
     ("content", "reason"),
     [
         ("1,a\n-1,1", "could not convert string to float: 'a'"),
-        ("1 -1", "1 rows of 2 numbers; a square matrix is wanted"),
+        ("1 -1", "1 rows of 2 numbers; a square matrix is expected"),
         ("1;-1\n-1 1 0\n", "2 rows of 2, 3 numbers"),
         ("\n", "0 rows of no numbers"),
     ],
@@ -266,7 +266,7 @@ def test_a_number_is_within_its_range_ends_included() -> None:
     for value in (0.0, 1, 0.5):
         assert number("k", value, 0.0, 1.0, "a share") == value
     for value in (-1e-9, 1.0000001, math.nan, math.inf, -math.inf, "0.5"):
-        with pytest.raises(BadInput, match=r"^k = .*: a share, a finite number, was wanted\."):
+        with pytest.raises(BadInput, match=r"^k = .*: a share, a finite number, was expected\."):
             number("k", value, 0.0, 1.0, "a share")
     with pytest.raises(BadInput):
         number("a", math.inf, 0.0, math.inf, "an amplitude")
@@ -276,7 +276,7 @@ def test_a_whole_number_is_one_that_can_be_counted() -> None:
     assert [whole("n", value, 1) for value in (1, 7, np.int64(3), MOST)] == [1, 7, 3, MOST]
     assert type(whole("n", np.int64(3), 1)) is int
     for value in (0, -5, 2.0, 1.5, True, "3", None):
-        with pytest.raises(BadInput, match=r"^n = .*: a whole number, at least 1, was wanted\."):
+        with pytest.raises(BadInput, match=r"^n = .*: a whole number, at least 1, was expected\."):
             whole("n", value, 1)
     with pytest.raises(BadInput, match=rf"^n is above {MOST}: no computer counts that far\."):
         whole("n", MOST + 1, 1)
@@ -291,7 +291,7 @@ def test_numbers_keep_their_shape() -> None:
     assert numbers("u", [Fraction(1, 2), 2]).tolist() == [0.5, 2.0]
     wrong = ([1.0, math.nan], [math.inf], ["1"], [True, False], [1j], [[1.0], [1.0, 2.0]], None)
     for value in (*wrong, [object()], [10**400]):
-        with pytest.raises(BadInput, match=r"^u = .*: finite real numbers were wanted\."):
+        with pytest.raises(BadInput, match=r"^u = .*: finite real numbers were expected\."):
             numbers("u", value)
 
 
@@ -309,7 +309,7 @@ def test_kinds_are_called_with_their_article() -> None:
     ]  # fmt: skip
     check_kind(1, (int, str), "a word or a number")
     check_kind("a", (int, str), "a word or a number")
-    with pytest.raises(BadInput, match=r"^a word or a number was wanted, got a list$"):
+    with pytest.raises(BadInput, match=r"^a word or a number was expected, got a list$"):
         check_kind([], (int, str), "a word or a number")
 
 

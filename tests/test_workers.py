@@ -91,7 +91,7 @@ def test_what_cannot_be_sent_is_refused_in_a_sentence() -> None:
     for executor in (2, None):
         with pytest.raises(cb.BadInput, match=r"cannot be sent to another process: .*lambda"):
             list(each(lambda number: time.sleep(0.3), range(9), executor=executor))
-    with pytest.raises(cb.BadInput, match="a number of processes was wanted"):
+    with pytest.raises(cb.BadInput, match="a number of processes was expected"):
         each(refuses_odd, [1], executor="two")  # type: ignore[arg-type]
     with pytest.raises(cb.BadInput, match="executor = 0"):
         each(refuses_odd, [1], executor=0)
@@ -220,7 +220,7 @@ def test_branches_over_a_grid_are_those_that_trace_finds() -> None:
 def test_several_starts_are_wanted() -> None:
     with pytest.raises(cb.BadInput, match="a list of them"):
         cb.trace_many(cb.symmetric(0.5, 0.04, 0.8), "a")  # type: ignore[arg-type]
-    with pytest.raises(cb.BadInput, match="a Problem was wanted"):
+    with pytest.raises(cb.BadInput, match="a Problem was expected"):
         cb.trace_many([3.0], "a")  # type: ignore[list-item]
 
 

@@ -80,7 +80,7 @@ def _orbit_at(point: Point) -> Orbit:
     if point.kind not in ("PF", "PD"):
         raise BadInput(
             f"{point!r} is {'a ' + point.kind if point.kind else 'not a special point'}: a "
-            "located PF or PD of a branch of orbits was wanted, see branch.special."
+            "located PF or PD of a branch of orbits was expected, see branch.special."
         )
     if not point.located:
         raise BadInput(f"{point!r} was seen but not located: nothing can start there.")

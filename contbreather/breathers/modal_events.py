@@ -113,7 +113,7 @@ def ring_neimark_sacker(threshold: float = THRESHOLD) -> Event:
     threshold. More than one pair close to the circle is a ring's usual state, see `Verdict`.
     """
     if not 1.0 <= threshold < math.inf:
-        raise BadInput(f"threshold = {threshold}: a finite modulus of at least 1 is wanted.")
+        raise BadInput(f"threshold = {threshold}: a finite modulus of at least 1 is expected.")
     locus = partial(_circle_locus, threshold)
     return Event("NS", partial(_outermost, threshold), locus=locus)
 

@@ -119,7 +119,7 @@ def _singles(choice: Sequence[int] | Mapping[int, Any], on: Conditions) -> list[
         chosen = dict(choice) if isinstance(choice, Mapping) else dict.fromkeys(choice, "upper")
     except TypeError:
         raise BadInput(
-            f"{choice!r}: a list of sites is wanted, or a dict of sites and orbits."
+            f"{choice!r}: a list of sites is expected, or a dict of sites and orbits."
         ) from None
     if not chosen or len(chosen) < len(choice):
         raise BadInput(f"{choice!r}: name at least one site, and each once.")
@@ -135,12 +135,12 @@ def _single(site: int, what: Any, on: Conditions) -> Single:
     elif not isinstance(what, Orbit):
         raise BadInput(
             f"site {site}: {what!r} was given; 'upper', 'lower' or an orbit of the single "
-            "oscillator is wanted."
+            "oscillator is expected."
         )
     elif what.lattice.sites != 1 and (what.gamma != 0.0 or not what.section.local):
         raise BadInput(
             f"site {site}: {what!r} has gamma = {what.gamma!r}; an orbit of the single oscillator, "
-            "without coupling, is wanted."
+            "without coupling, is expected."
         )
     return Single(site, what.section, tuple(what.times.tolist()))
 

@@ -303,7 +303,7 @@ class Orbit(Shown):
             If an impacting site is not on that lattice, or springs and damping cannot be.
         """
         if isinstance(lattice, type) or not hasattr(lattice, "sites"):
-            raise BadInput(f"lattice = {lattice!r}: InfiniteChain() or Ring(20), say, is wanted.")
+            raise BadInput(f"lattice = {lattice!r}: InfiniteChain() or Ring(20), say, is expected.")
         lattice = lattice_of(lattice) if isinstance(lattice, InfiniteChain) else finite(lattice)
         if lattice == self.lattice:
             return self

@@ -208,7 +208,7 @@ def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> 
     except (TypeError, ValueError):
         t = np.array([math.nan])
     if not np.isfinite(t).all():
-        raise BadInput(f"impact times {dict(times)}: finite numbers were wanted.")
+        raise BadInput(f"impact times {dict(times)}: finite numbers were expected.")
     return Modes.from_times(on, section, t)
 
 

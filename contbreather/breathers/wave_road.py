@@ -59,7 +59,7 @@ class Waves(GreenFlight):
         if not section.count == len(times) == len(impulses):
             raise BadInput(
                 f"{section.count} impacts, {len(times)} times, {len(impulses)} impulses: one time "
-                "and one impulse for each impact is wanted."
+                "and one impulse for each impact is expected."
             )
         check_order(section, times)
         named = zip(section.impacts, times, impulses, strict=True)

@@ -292,11 +292,11 @@ class GreenFlight:
         if len(self.offsets) != len(sites):
             raise BadInput(
                 f"{len(self.offsets)} offsets for {len(sites)} impacting sites {list(sites)}: one "
-                "for each is wanted."
+                "for each is expected."
             )
         if not np.isfinite(self.x).all():
             raise BadInput(
-                f"impacts {self.impacts}, offsets {self.offsets}: finite numbers are wanted."
+                f"impacts {self.impacts}, offsets {self.offsets}: finite numbers are expected."
             )
         for i, impact in enumerate(self.impacts):
             if impact.wall * impact.impulse >= 0.0:

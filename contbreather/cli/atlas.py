@@ -101,7 +101,7 @@ def _values(name: str, texts: tuple[str, ...]) -> list[float]:
 def _assigned(text: str) -> tuple[str, list[float]]:
     name, equals, values = text.partition("=")
     if not equals:
-        raise BadInput(f"--over {text!r}: NAME=VALUE,VALUE,... was wanted, c3=0,0.1 for instance")
+        raise BadInput(f"--over {text!r}: NAME=VALUE,VALUE,... was expected, c3=0,0.1 for instance")
     return name.strip(), _values(f"--over {name}", (values,))
 
 

@@ -45,7 +45,7 @@ def boundary(
     on = where.on(*pair)
     first, second = pair
     if first == second:
-        raise BadInput(f"--pair {first} {second}: two different parameters are wanted")
+        raise BadInput(f"--pair {first} {second}: two different parameters are expected")
     given = where.need(*(name for name in PARAMETERS if name not in pair))
     within = {first: interval(first, window, on.reach), second: interval(second, None, {})}
     like = {**given, **on.given, "within": within, "threshold": on.threshold}

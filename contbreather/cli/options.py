@@ -226,7 +226,7 @@ def _assignment(text: str) -> tuple[str, float]:
     except ValueError:
         number = None
     if not equals or not name.strip().isidentifier() or number is None:
-        raise BadInput(f"--set {text!r}: NAME=VALUE was wanted, for instance --set c=2.7")
+        raise BadInput(f"--set {text!r}: NAME=VALUE was expected, for instance --set c=2.7")
     return normalize("NFKC", name.strip()), number  # as Python reads the names in a formula
 
 
@@ -246,7 +246,7 @@ def interval(name: str, window: Span | None, reach: Mapping[str, Span]) -> Span:
     typed = f"{window[0]:g} to {window[1]:g}"
     if not all(math.isfinite(bound) for bound in window) or not window[0] < window[1]:
         raise BadInput(
-            f"window {typed} of {name}: two finite numbers were wanted, the smaller first"
+            f"window {typed} of {name}: two finite numbers were expected, the smaller first"
         )
     inside = max(low, window[0]), min(high, window[1])
     meaning = MEANING.get(name, "bounded")

@@ -75,9 +75,9 @@ class Asked:
         if self.stream is not None and not self.periods.is_integer():
             raise BadInput(f"--periods {self.periods:g}: a stream is of whole periods")
         if not (math.isfinite(self.perturb) and self.perturb >= 0.0):
-            raise BadInput(f"--perturb {self.perturb:g}: a size, at least 0, was wanted")
+            raise BadInput(f"--perturb {self.perturb:g}: a size, at least 0, was expected")
         if self.seed < 0:
-            raise BadInput(f"--seed {self.seed}: a whole number, at least 0, was wanted")
+            raise BadInput(f"--seed {self.seed}: a whole number, at least 0, was expected")
         if self.smooth is not None and where.walls:
             raise BadInput("--walls goes with rigid walls only: leave out --smooth")
         if where.threshold is not None:

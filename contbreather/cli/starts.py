@@ -12,7 +12,7 @@ from contbreather.files import read_text, write_whole
 if TYPE_CHECKING:
     from contbreather.dynamics import State
 
-WANTED = "JSON with u, v and t, or two columns u and v were wanted"
+WANTED = "JSON with u, v and t, or two columns u and v were expected"
 
 
 def read_state(path: str) -> tuple[tuple[Any, Any], float]:

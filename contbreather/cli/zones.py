@@ -87,6 +87,8 @@ def _fixed(
     k: tuple[float, ...], gamma: tuple[float, ...], a: tuple[float, ...]
 ) -> tuple[str, tuple[float, ...]]:
     """The parameter that is fixed, and its values."""
+    from contbreather.lattice.conditions import restitution_ratio
+
     given = {name: values for name, values in {"k": k, "gamma": gamma, "a": a}.items() if values}
     if not given:
         return "k", RESTITUTIONS
@@ -95,6 +97,8 @@ def _fixed(
             f"zones are drawn with one parameter fixed, but {' and '.join(given)} were given; "
             "leave one"
         )
+    for value in k:
+        restitution_ratio(value)
     return next(iter(given.items()))
 
 

@@ -140,7 +140,7 @@ class Branch(Columns, Shown):
             return self.points[key]
         except TypeError:
             raise BadInput(
-                f"branch[{key!r}]: the name of a column or the number of a point was wanted"
+                f"branch[{key!r}]: the name of a column or the number of a point was expected"
             ) from None
 
     def _piece(self, key: slice) -> Branch:

@@ -37,20 +37,22 @@ _ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
 def _check_shape(what: str, given: Any, shape: tuple[int, ...]) -> None:
     if is_sparse(given) and len(shape) == 2:
         if given.shape != shape:
-            raise BadInput(f"the {what} is sparse and has shape {given.shape}; {shape} was wanted")
+            raise BadInput(
+                f"the {what} is sparse and has shape {given.shape}; {shape} was expected"
+            )
         _check_entries(what, canonical(given))
         return
     if is_sparse(given):
         raise BadInput(
             f"the {what} is sparse, a {type(given).__name__}; a dense array of shape {shape} was "
-            "wanted: return its toarray()"
+            "expected: return its toarray()"
         )
     try:
         found = np.asarray(given, dtype=float).shape
     except (TypeError, ValueError) as error:
-        raise BadInput(f"the {what} is {given!r}; an array of numbers was wanted") from error
+        raise BadInput(f"the {what} is {given!r}; an array of numbers was expected") from error
     if found != shape:
-        raise BadInput(f"the {what} has shape {found}; {shape} was wanted")
+        raise BadInput(f"the {what} has shape {found}; {shape} was expected")
 
 
 def _check_entries(what: str, given: Matrix) -> None:
@@ -348,7 +350,7 @@ class Curve:
                 f"the equations have no value at the start {self.problem.shown()}: {error}"
             ) from error
         if value.dtype == bool:
-            raise BadInput(f"the residual is {value!r}; an array of numbers was wanted")
+            raise BadInput(f"the residual is {value!r}; an array of numbers was expected")
         try:
             self._check_shapes()
         except KeyError as error:

@@ -70,7 +70,7 @@ def check_names(what: str, names: Iterable[str]) -> None:
         if not good:
             raise BadInput(
                 f"{name!r} cannot be the name of a {what} in a file: at most {LONGEST} printable "
-                "bytes without / were wanted, and not . or ..; choose another name"
+                "bytes without / were expected, and not . or ..; choose another name"
             )
 
 

@@ -234,7 +234,7 @@ def _examine_double(sign: int, point: Point) -> Examined:
     size = max(1.0, float(np.linalg.norm(matrix, 2)))
     near = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
     if near.sum() != 2:
-        return f"{near.sum()} multipliers are {sign}; two were wanted"
+        return f"{near.sum()} multipliers are {sign}; two were expected"
     sizes = np.linalg.svd(matrix - sign * np.eye(len(matrix)), compute_uv=False)
     return f"two multipliers are {sign}, with two eigenvectors" if sizes[-2] < _RANK * size else {}
 
@@ -255,7 +255,7 @@ def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
     found += ["pair"] * ((len(on) - len(found)) // 2)
     if sorted(found) != sorted(wanted.split()):
         shown, these = np.array2string(on, precision=6), wanted.replace(" ", " and ")
-        return f"on the unit circle are {shown}, where {these} are wanted"
+        return f"on the unit circle are {shown}, where {these} are expected"
     return ""
 
 

@@ -301,7 +301,7 @@ class Event:
 
     def __post_init__(self) -> None:
         if self.ends not in ("", "branch", "domain"):
-            raise BadInput(f"ends={self.ends!r}: '', 'branch' or 'domain' was wanted")
+            raise BadInput(f"ends={self.ends!r}: '', 'branch' or 'domain' was expected")
         if self.test is None and self.count is None:
             raise BadInput(f"an event of kind {self.kind} needs a test, or at least a count")
 
@@ -422,7 +422,7 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
     """
 
     if not isinstance(name, str):
-        raise BadInput(f"user({name!r}, ...): the name of an unknown or a parameter was wanted")
+        raise BadInput(f"user({name!r}, ...): the name of an unknown or a parameter was expected")
     value = number("value", value, -1e300, 1e300, "the level to stop at")
     level = Level(name, value)
     return Event(

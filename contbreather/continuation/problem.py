@@ -152,9 +152,9 @@ class Problem:
         for name, value in (*self.start.items(), *self.params.items()):
             array = _real(name, value)
             if not array.size:
-                raise BadInput(f"{name!r} is empty; at least one number was wanted")
+                raise BadInput(f"{name!r} is empty; at least one number was expected")
             if array.ndim > (name in self.start):
-                raise BadInput(f"{name!r} has shape {array.shape}; a number was wanted")
+                raise BadInput(f"{name!r} has shape {array.shape}; a number was expected")
             if not np.isfinite(array).all():
                 raise BadInput(f"{name!r} must be finite, got {value}")
         taken = sorted({"arclength", "residual"} & {*self.start, *self.params, *self.record})
@@ -172,10 +172,10 @@ class Problem:
         """The pattern that was given, with what is made of it: it stays with the problem."""
         n = self.x.size
         if self.jacobian is not None:
-            raise BadInput("either a jacobian or a sparsity pattern was wanted, not both")
+            raise BadInput("either a jacobian or a sparsity pattern was expected, not both")
         shape = getattr(self.sparsity, "shape", None) or np.shape(self.sparsity)
         if shape != (n, n):
-            raise BadInput(f"the sparsity pattern has shape {shape}; {(n, n)} was wanted")
+            raise BadInput(f"the sparsity pattern has shape {shape}; {(n, n)} was expected")
         return Pattern(self.sparsity)
 
     @property
@@ -206,7 +206,9 @@ class Problem:
         for name in self.start.keys() & values.keys():
             if np.ndim(values[name]) != np.ndim(self.start[name]):
                 wanted = "an array" if np.ndim(self.start[name]) else "a number"
-                raise BadInput(f"{name} = {values[name]!r}: {wanted} was wanted, as it was before")
+                raise BadInput(
+                    f"{name} = {values[name]!r}: {wanted} was expected, as it was before"
+                )
         start = {name: values.get(name, value) for name, value in self.start.items()}
         params = {name: values.get(name, value) for name, value in self.params.items()}
         return replace(self, start=start, params=params)
@@ -244,11 +246,13 @@ class Problem:
             total = value.sum()
             finite = isinstance(total, complex) or math.isfinite(total)
         except TypeError as error:
-            raise BadInput(f"the residual is {value!r}; an array of numbers was wanted") from error
+            raise BadInput(
+                f"the residual is {value!r}; an array of numbers was expected"
+            ) from error
         if value.shape != x.shape:
             raise BadInput(
                 f"the residual has shape {value.shape} for {x.size} unknowns; "
-                f"as many equations as unknowns, {x.shape}, were wanted"
+                f"as many equations as unknowns, {x.shape}, were expected"
             )
         if isinstance(total, complex):  # what Python makes of (-1.0) ** 0.5
             raise Undefined("the equations are not real")
@@ -327,7 +331,7 @@ def problem_in(given: object) -> Problem:
     problem = given if isinstance(given, Problem) else getattr(given, "problem", None)
     if not isinstance(problem, Problem):
         raise BadInput(
-            "a Problem was wanted, or what has one: a breather, an orbit, a point; got "
+            "a Problem was expected, or what has one: a breather, an orbit, a point; got "
             f"{kind_of(given)}"
         )
     return problem

@@ -73,7 +73,7 @@ class Run(Shown, Mapping[str, Any]):
         """Where a result of that name is, or will be, in a folder."""
         check_names("result", [name])
         if os.path.isfile(self.path):
-            raise BadInput(f"{self.path} is one file; a folder is wanted for more of them")
+            raise BadInput(f"{self.path} is one file; a folder is expected for more of them")
         self.path.mkdir(parents=True, exist_ok=True)
         return self.path / f"{name}{_SUFFIX}"
 

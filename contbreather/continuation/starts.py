@@ -64,7 +64,7 @@ def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
         raise BadInput(f"events must be a list of them, got {events!r}") from error
     for event in several:
         if not isinstance(event, Event):
-            raise BadInput(f"an Event was wanted, got {event!r}")
+            raise BadInput(f"an Event was expected, got {event!r}")
     return several
 
 
@@ -98,9 +98,9 @@ def given(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, 
     try:
         tangent = np.asarray(along, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
-        raise BadInput(f"a direction of numbers was wanted, got {along!r}") from error
+        raise BadInput(f"a direction of numbers was expected, got {along!r}") from error
     if tangent.shape != curve.start.shape or not 0 < curve.length(tangent) < math.inf:
-        raise BadInput(f"a direction of shape {curve.start.shape} was wanted, got {along!r}")
+        raise BadInput(f"a direction of shape {curve.start.shape} was expected, got {along!r}")
     tangent, z = curve.normalised(tangent), curve.start
     # where curves cross the derivatives may vanish: how to take them, and their size, is seen a
     # little further on
@@ -153,7 +153,7 @@ def windows(within: Within | None) -> dict[str, tuple[float, float]]:
         return {}
     if not isinstance(within, Mapping):
         raise BadInput(
-            f"within={within!r}: windows by name were wanted, for instance {{'a': (0.0, 1.0)}}"
+            f"within={within!r}: windows by name were expected, for instance {{'a': (0.0, 1.0)}}"
         )
     return {name: _pair(name, window) for name, window in within.items()}
 

@@ -51,7 +51,7 @@ def save(path: str | Path, *results: Any, **named: Any) -> None:
                 "save(path, *results)"
             )
     if not every or len(every) < len(results) + len(named):
-        raise BadInput(f"results with different names are wanted, got {list(every) or 'none'}")
+        raise BadInput(f"results with different names are expected, got {list(every) or 'none'}")
     write(path, every, alone=len(every) == 1)
 
 

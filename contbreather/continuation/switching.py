@@ -156,7 +156,7 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
             return found.seeds() if lift is not _crossed else across(point)
     except OUT_OF_DOMAIN as error:
         raise NothingToSwitch(f"{point!r}: {error}", point) from error
-    raise BadInput(f"the lift of {point!r} is {found!r}; a Lift was wanted")
+    raise BadInput(f"the lift of {point!r} is {found!r}; a Lift was expected")
 
 
 def _nothing(point: Point) -> str:
@@ -216,7 +216,7 @@ def _start(seed: Seed, free: str) -> Problem:
     """The problem of an arm with its start at the seed."""
     curve = Curve(seed.problem, (free,))
     if np.shape(seed.z) != curve.start.shape:
-        raise BadInput(f"a seed of shape {curve.start.shape} was wanted, got {np.shape(seed.z)}")
+        raise BadInput(f"a seed of shape {curve.start.shape} was expected, got {np.shape(seed.z)}")
     values: Mapping[str, Any] = {name: seed.z[slot] for name, slot in curve.slots.items()}
     return seed.problem.at(**values)
 

@@ -40,7 +40,7 @@ def counted(event: Event, value: Any) -> Value:
         return float(value if alone else "")  # older versions of numpy take arrays of one, too
     except (TypeError, ValueError) as error:
         raise BadInput(
-            f"the test of {event.kind} gave {value!r}; one real number was wanted, or NaN where "
+            f"the test of {event.kind} gave {value!r}; one real number was expected, or NaN where "
             "it has no value"
         ) from error
 

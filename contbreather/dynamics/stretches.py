@@ -58,18 +58,20 @@ class Sample:
         whole("per_period", self.per_period, 1)
         if not np.iterable(self.sites) or not len(self.sites):
             raise BadInput(
-                f"sites = {self.sites!r}: one site or several were wanted, as in (0, 1)."
+                f"sites = {self.sites!r}: one site or several were expected, as in (0, 1)."
             )
         for n in self.sites:
             if not isinstance(n, int | np.integer) or isinstance(n, bool):
-                raise BadInput(f"sites = {self.sites!r}: whole numbers were wanted, {n!r} is none.")
+                raise BadInput(
+                    f"sites = {self.sites!r}: whole numbers were expected, {n!r} is none."
+                )
         object.__setattr__(self, "sites", tuple(int(n) for n in self.sites))
 
 
 def check_sample(sample: object, sites: int) -> None:
     """Refuse what is no `Sample` of a lattice of so many sites."""
     if not isinstance(sample, Sample | None):
-        raise BadInput(f"sample = {sample!r}: a Sample was wanted, as in Sample(sites=(0, 1)).")
+        raise BadInput(f"sample = {sample!r}: a Sample was expected, as in Sample(sites=(0, 1)).")
     for n in sample.sites if sample else ():
         if not -sites <= n < sites:
             raise BadInput(

@@ -34,7 +34,7 @@ def a_count(name: str, least: int, most: int) -> Read:
 
     def read(text: str) -> int:
         if not text.strip().isdecimal() or not least <= int(text) <= most:
-            raise BadInput(f"{name} = {text}: a whole number from {least} to {most} was wanted.")
+            raise BadInput(f"{name} = {text}: a whole number from {least} to {most} was expected.")
         return int(text)
 
     return read
@@ -48,7 +48,7 @@ def some_sites(text: str) -> tuple[int, ...]:
     except ValueError:
         found = ()
     if not 0 < len(found) <= 8:
-        raise BadInput(f"sites = {text}: one to eight whole numbers were wanted, as in 0, 1, 2.")
+        raise BadInput(f"sites = {text}: one to eight whole numbers were expected, as in 0, 1, 2.")
     return found
 
 

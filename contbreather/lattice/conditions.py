@@ -102,7 +102,7 @@ def _pair(given: Any, what: str) -> Pair:
         pair = (math.nan, math.nan)
     if not pair[0] < pair[1]:
         raise BadInput(
-            f"{what} = {given!r}: two numbers low < high are wanted, None for a wall that is not "
+            f"{what} = {given!r}: two numbers low < high are expected, None for a wall that is not "
             "there."
         )
     return pair

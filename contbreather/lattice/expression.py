@@ -137,7 +137,7 @@ def forcing_of(given: Forcing | str | sympy.Expr | None) -> Forcing:
         return Symbolic(given)
     if isinstance(given, type) or not hasattr(given, "harmonics"):
         raise BadInput(
-            f"forcing = {given!r}: F/a was wanted, a formula in t such as '-cos(t)', or a "
+            f"forcing = {given!r}: F/a was expected, a formula in t such as '-cos(t)', or a "
             "Harmonic, Fourier, Symbolic or Samples."
         )
     return given

@@ -167,7 +167,8 @@ class Lattice:
 
         if not isinstance(graph, nx.Graph) or graph.is_directed() or not len(graph):
             raise BadInput(
-                f"graph = {graph!r}: an undirected networkx graph with at least one node is wanted."
+                f"graph = {graph!r}: an undirected networkx graph with at least one node is "
+                "expected."
             )
         try:
             matrix = nx.laplacian_matrix(graph, weight=weight).toarray()
@@ -289,7 +290,7 @@ def _matrix(given: Any) -> FloatArray:
     except (TypeError, ValueError) as error:
         raise BadInput(f"the stiffness is not a matrix of numbers: {error}.") from error
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
-        raise BadInput(f"the stiffness has shape {matrix.shape}; a square matrix is wanted.")
+        raise BadInput(f"the stiffness has shape {matrix.shape}; a square matrix is expected.")
     if not np.isfinite(matrix).all():
         i, j = np.argwhere(~np.isfinite(matrix))[0]
         raise BadInput(f"stiffness[{i}, {j}] = {matrix[i, j]} is not finite.")
@@ -310,11 +311,11 @@ def _row(what: str, given: Any, sites: int) -> FloatArray:
     try:
         row = np.ones(sites) if given is None else np.array(given, dtype=float)
     except (TypeError, ValueError) as error:
-        raise BadInput(f"{what} = {given!r}: one number for each site is wanted.") from error
+        raise BadInput(f"{what} = {given!r}: one number for each site is expected.") from error
     if row.shape != (sites,):
         raise BadInput(f"{what} has shape {row.shape}; one number for each of {sites} sites.")
     if not np.isfinite(row).all():
-        raise BadInput(f"{what} = {row.tolist()}: finite numbers are wanted.")
+        raise BadInput(f"{what} = {row.tolist()}: finite numbers are expected.")
     row.setflags(write=False)
     return row
 
@@ -327,7 +328,7 @@ def finite(given: Any) -> Finite:
         or not hasattr(given, "basis")
     ):
         raise BadInput(
-            f"lattice = {given!r}: a finite one is wanted, Ring(20), OpenChain(9), Grid(5, 5) or "
+            f"lattice = {given!r}: a finite one is expected, Ring(20), OpenChain(9), Grid(5, 5) or "
             "Lattice(stiffness)."
         )
     lattice: Finite = given
@@ -429,7 +430,7 @@ def OpenChain(sites: int, *, ends: str = "free", **more: Any) -> Lattice:
     """
     matrix = _path(_count("sites", sites))
     if ends not in ("free", "fixed"):
-        raise BadInput(f"ends = {ends!r}: 'free' or 'fixed' is wanted.")
+        raise BadInput(f"ends = {ends!r}: 'free' or 'fixed' is expected.")
     if ends == "fixed":
         matrix[0, 0] += 1.0
         matrix[-1, -1] += 1.0
@@ -457,7 +458,7 @@ def Grid(rows: int, columns: int, *, periodic: bool = False, **more: Any) -> Lat
 
 def _count(what: str, given: Any) -> int:
     if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 1:
-        raise BadInput(f"{what} = {given!r}: a whole number of sites, at least 1, is wanted.")
+        raise BadInput(f"{what} = {given!r}: a whole number of sites, at least 1, is expected.")
     return int(given)
 
 

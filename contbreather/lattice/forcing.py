@@ -329,7 +329,7 @@ def _coefficients(kind: str, given: Mapping[int, float] | None) -> tuple[tuple[i
     if given is None:
         return ()
     if not isinstance(given, Mapping):
-        raise BadInput(f"{kind} = {given!r}: coefficients by harmonic were wanted, {{1: -1.0}}.")
+        raise BadInput(f"{kind} = {given!r}: coefficients by harmonic were expected, {{1: -1.0}}.")
     for m, value in given.items():
         if isinstance(m, bool) or not isinstance(m, int | np.integer) or m < 1 or m % 2 == 0:
             raise BadInput(

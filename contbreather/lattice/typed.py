@@ -47,7 +47,7 @@ def _usual(typed: str) -> Any:
                 return OpenChain(*sizes, ends=ends[0] if ends else "free")
             case "grid", 2, ([] | ["periodic"]):
                 return Grid(*sizes, periodic=bool(ends))
-    raise BadInput(f"--lattice {typed}: wanted is {KNOWN}")
+    raise BadInput(f"--lattice {typed}: expected {KNOWN}")
 
 
 def _of_matrix(path: str) -> Lattice:
@@ -62,7 +62,7 @@ def _of_matrix(path: str) -> Lattice:
     widths = {len(row) for row in rows}
     if widths != {len(rows)}:
         found = f"{len(rows)} rows of {', '.join(map(str, sorted(widths))) or 'no'} numbers"
-        raise BadInput(f"no stiffness matrix in {path}: {found}; a square matrix is wanted")
+        raise BadInput(f"no stiffness matrix in {path}: {found}; a square matrix is expected")
     return Lattice(rows)
 
 
@@ -96,7 +96,7 @@ def walls_by(typed: Sequence[str], sites: int | None) -> Any:
 def _own(text: str) -> tuple[int, Any]:
     site, _, pair = text.partition(":")
     if not site.isdecimal():
-        raise BadInput(f"--walls {text}: SITE:LOW,HIGH is wanted, for instance 3:none,0.8")
+        raise BadInput(f"--walls {text}: SITE:LOW,HIGH is expected, for instance 3:none,0.8")
     return int(site), _pair(pair, text)
 
 
@@ -105,7 +105,7 @@ def _pair(words: str, text: str) -> tuple[float | None, ...]:
         low, high = (None if word == "none" else float(word) for word in words.split(","))
     except ValueError as error:
         raise BadInput(
-            f"--walls {text}: LOW,HIGH is wanted, for instance -1,1; none for a wall that is not "
+            f"--walls {text}: LOW,HIGH is expected, for instance -1,1; none for a wall that is not "
             "there"
         ) from error
     return low, high

@@ -195,7 +195,7 @@ def _depth(threshold: float) -> float:
     if not 1.0 < threshold < math.inf:
         raise BadInput(
             f"threshold = {threshold}: multipliers of a ring sit on the unit circle; a modulus "
-            "above 1 is wanted, 1.005 in the paper"
+            "above 1 is expected, 1.005 in the paper"
         )
     return -0.5 * math.log(threshold) / math.pi
 

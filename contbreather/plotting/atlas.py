@@ -94,7 +94,7 @@ def _words(atlas: Any, name: str) -> list[str]:
         found = getattr(atlas, "attrs", {})[name]
     except KeyError as error:
         what = kind_of(atlas)
-        raise BadInput(f"an atlas was wanted, as contbreather.atlas makes; got {what}") from error
+        raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {what}") from error
     return (found if isinstance(found, str) else found.decode()).split()
 
 

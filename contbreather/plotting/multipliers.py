@@ -61,7 +61,7 @@ def plot_multipliers(
     ['0.6158', '1.0628']
     """
     if not hasattr(breather, "multipliers") or isinstance(breather, type):
-        raise BadInput(f"a breather was wanted, got {kind_of(breather)}")
+        raise BadInput(f"a breather was expected, got {kind_of(breather)}")
     whole("digits", digits, 0)
     own = breather.lattice.sites
     if sites is None and own is None:

@@ -113,7 +113,7 @@ def plot_section(
     check_kind(run, RUNS, "a run")
     whole("skip", skip, 0)
     if not isinstance(site, int | np.integer):
-        raise BadInput(f"site = {site!r}: the number of a site was wanted")
+        raise BadInput(f"site = {site!r}: the number of a site was expected")
     if not 0 <= skip <= run.periods:
         raise BadInput(f"skip = {skip}: the run has {run.periods} periods to leave out.")
     u, v = (row[skip:, site % run.sites] for row in run.strobe)

@@ -134,7 +134,7 @@ def check_threshold(threshold: float) -> None:
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
             f"threshold = {threshold!r}: on a ring multipliers sit on the unit circle; a modulus "
-            "above 1 is wanted, 1.005 in the paper"
+            "above 1 is expected, 1.005 in the paper"
         )
 
 
@@ -165,7 +165,7 @@ def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
     if not 1.0 <= real(threshold) < math.inf or _on_circle(map, threshold):
         raise BadInput(
             f"threshold = {threshold!r}: a lattice without damping always has multipliers on the "
-            "unit circle, so a finite threshold above 1 is wanted (the paper takes 1.005)."
+            "unit circle, so a finite threshold above 1 is expected (the paper takes 1.005)."
         )
     beyond = int(np.count_nonzero(np.abs(map.over_period) > threshold))
     return Verdict(name, map.period, float(threshold), beyond, map=map)

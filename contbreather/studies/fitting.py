@@ -16,7 +16,7 @@ def faults(study: Study, unread: Collection[str] = ()) -> Iterator[Fault]:
     """What does not fit together; `unread` are tables that are there, but have mistakes of their
     own."""
     if not (study.results or unread):
-        wanted = "a table [branch.NAME], [zones.NAME] or [atlas.NAME] is wanted"
+        wanted = "a table [branch.NAME], [zones.NAME] or [atlas.NAME] is expected"
         yield (), f"nothing is asked for: {wanted}"
     yield from _names(study)
     yield from _references(study, unread)
@@ -32,7 +32,7 @@ def _names(study: Study) -> Iterator[Fault]:
     for kind in KINDS:
         for name in getattr(study, kind):
             if not name.replace("-", "").replace("_", "").isalnum():
-                yield (kind, name), "a name of letters, digits, - and _ was wanted"
+                yield (kind, name), "a name of letters, digits, - and _ was expected"
             if name in taken:
                 yield (kind, name), f"{name!r} is there already, as {taken[name]}"
             taken[name] = kind
@@ -53,7 +53,7 @@ def _references(study: Study, unread: Collection[str]) -> Iterator[Fault]:
                 )
             elif (source in study.arms) != bool(member):
                 wanted = f"{source}/arm1" if source in study.arms else source
-                yield (kind, name, "of"), f"{wanted!r} was wanted, got {table.of!r}"
+                yield (kind, name, "of"), f"{wanted!r} was expected, got {table.of!r}"
             elif name in _origins(study, source):
                 yield (kind, name, "of"), f"it comes from itself, by way of {source!r}"
 
@@ -86,13 +86,13 @@ def _parameters(study: Study) -> Iterator[Fault]:
         if branch.free not in known:
             yield (
                 ("branch", name, "free"),
-                f"one of {', '.join(known)} was wanted, {branch.free!r} is none",
+                f"one of {', '.join(known)} was expected, {branch.free!r} is none",
             )
     for name, line in study.boundary.items():
         if len({*line.pair} & {*known}) < 2:
             yield (
                 ("boundary", name, "pair"),
-                f"two of {', '.join(known)} were wanted, got {line.pair}",
+                f"two of {', '.join(known)} were expected, got {line.pair}",
             )
 
 
@@ -100,7 +100,7 @@ def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> 
     if figure.file is not None and not figure.file.lower().endswith(FIGURES):
         yield (
             ("figure", name, "file"),
-            f"one of {', '.join(FIGURES)} was wanted, got {figure.file!r}",
+            f"one of {', '.join(FIGURES)} was expected, got {figure.file!r}",
         )
     draws = [one.partition("/")[0] for one in figure.draws]
     if set(draws) & set(unread):
@@ -114,4 +114,4 @@ def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> 
     alone = kinds == {"Atlas"} and len(draws) == 1
     if not (alone or kinds == {"Zones"} or not kinds & {"Zones", "Atlas"}):
         wanted = "zone diagrams, one atlas, or branches, arms and boundaries"
-        yield ("figure", name, "draws"), f"{wanted} were wanted, not some of each"
+        yield ("figure", name, "draws"), f"{wanted} were expected, not some of each"

@@ -26,14 +26,14 @@ def values(given: Any) -> list[float]:
     if isinstance(given, Mapping):
         if set(given) != SPREAD or not isinstance(given["count"], int) or given["count"] < 1:
             raise ValueError(
-                f"{given}: from, to and count were wanted, {{from=0.3, to=0.9, count=7}}"
+                f"{given}: from, to and count were expected, {{from=0.3, to=0.9, count=7}}"
             )
         low, high = (number(name, given[name], -1e300, 1e300, WANTED) for name in ("from", "to"))
         several = np.linspace(low, high, given["count"]).tolist()
         return [float(f"{one:.12g}") for one in several]  # as one would write them: 0.05
     several = given if isinstance(given, list) else [given]
     if not several:
-        raise ValueError("an empty list: at least one number was wanted")
+        raise ValueError("an empty list: at least one number was expected")
     return [number("value", one, -1e300, 1e300, WANTED) for one in several]
 
 
@@ -42,7 +42,7 @@ def window(given: Any) -> list[float]:
     good = isinstance(given, list) and len(given) == 2
     numbers = [one for one in given if isinstance(one, float | int)] if good else []
     if len(numbers) < 2 or not numbers[0] < numbers[1] or math.isinf(numbers[0]):
-        raise ValueError(f"{given}: two numbers were wanted, the smaller first, [0.0, 0.2]")
+        raise ValueError(f"{given}: two numbers were expected, the smaller first, [0.0, 0.2]")
     return [float(one) for one in numbers]
 
 
@@ -190,7 +190,7 @@ class Zones(Table):
         given = [name for name in PAIRS if getattr(self, name) is not None]
         if len(given) != 1:
             raise ValueError(
-                f"values of exactly one of k, gamma and a are wanted, got {given or 'none'}"
+                f"values of exactly one of k, gamma and a are expected, got {given or 'none'}"
             )
         wrong = sorted(set(self.within) - set(PAIRS[given[0]]))
         if wrong:

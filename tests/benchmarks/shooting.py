@@ -75,7 +75,7 @@ class Baseline:
 
 
 def guess(sites: int) -> Any:
-    """A point of the asymmetric branch beside the one that is wanted."""
+    """A point of the asymmetric branch beside the one that is expected."""
     import contbreather as cb
     from contbreather.breathers.shooting import shooting
 

@@ -86,7 +86,7 @@ def test_doubling_is_a_branch_point_of_the_orbit_run_through_twice():
 def test_only_a_located_doubling_doubles():
     start = asymmetric(0.8, 0.002, 0.95).problem
     branch = trace(start, "a", towards="up", within={"a": (0, 0.95)})
-    with pytest.raises(BadInput, match=r"a located PF or PD .* was wanted"):
+    with pytest.raises(BadInput, match=r"a located PF or PD .* was expected"):
         lift(branch[0])
     point = branch.first("PD")
     with pytest.raises(BadInput, match="not located"):

@@ -508,7 +508,7 @@ def test_orbit_goes_to_any_lattice_and_back() -> None:
     damped = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(24), damping=0.1)
     with pytest.raises(cb.BadInput, match="no damping, and springs only"):
         damped.on(cb.InfiniteChain())
-    with pytest.raises(cb.BadInput, match=r"lattice = 40: .* Ring\(20\), say, is wanted"):
+    with pytest.raises(cb.BadInput, match=r"lattice = 40: .* Ring\(20\), say, is expected"):
         damped.on(40)
     own = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(40), damping=0.1)
     assert damped.stability(sites=40).largest == pytest.approx(own.stability().largest)
@@ -543,7 +543,7 @@ def test_a_number_of_sites_names_a_ring_only() -> None:
     assert orbit.multipliers().size == 50
     chain = cb.InfiniteChain()
     for make in (cb.multibreather, lambda _, **on: cb.multibreathers(**on)):
-        with pytest.raises(cb.BadInput, match="a finite one is wanted"):
+        with pytest.raises(cb.BadInput, match="a finite one is expected"):
             make([0], a=0.5, gamma=0.03, k=0.8, lattice=chain)
 
 

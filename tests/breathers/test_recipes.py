@@ -185,7 +185,7 @@ def test_what_cannot_go_on_says_why_at_both_ends(branch: cb.Branch) -> None:
         (lambda: cb.extend(branch), r"last point it is at the edge of its window, a in \(0\.74, 0"),
         (lambda: cb.extend(wide, end="last"), "nothing to follow beyond the event"),
         (lambda: cb.extend(branch, end="up"), "'both', 'last' or 'first', got 'up'"),
-        (lambda: cb.extend(branch[3]), "a Branch is wanted|Branch"),
+        (lambda: cb.extend(branch[3]), "a Branch is expected|Branch"),
     ):
         with pytest.raises(cb.BadInput, match=sentence):
             call()

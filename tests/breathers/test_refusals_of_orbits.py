@@ -60,7 +60,7 @@ SEEDS: list[tuple[Callable[..., Any], str]] = [
     ),
     (
         lambda b, o, w: cb.shooting({"t1": "x"}, sites=4, sequence=((0, 1),), **HERE),
-        "impact times {'t1': 'x'}: finite numbers were wanted",
+        "impact times {'t1': 'x'}: finite numbers were expected",
     ),
     (lambda b, o, w: cb.shooting(3.0, sites=4, **HERE), "a seed is an orbit, .* float"),
     (lambda b, o, w: cb.shooting("ab", sites=4, **HERE), "a seed is an orbit, .* str"),
@@ -124,7 +124,7 @@ SEEDS: list[tuple[Callable[..., Any], str]] = [
     ),
     # questions
     (lambda b, o, w: o.displacement(0.5, 0.0), "n = 0.5: sites are whole numbers"),
-    (lambda b, o, w: o.velocity(0, math.nan), "finite real numbers were wanted"),
+    (lambda b, o, w: o.velocity(0, math.nan), "finite real numbers were expected"),
     (lambda b, o, w: w.phi, "phi belongs to symmetric orbits with one impact in half a period"),
     (lambda b, o, w: w.multipliers(half=True), "not known by half its period: it has no half"),
     (
@@ -139,7 +139,7 @@ SEEDS: list[tuple[Callable[..., Any], str]] = [
     # many sites
     (
         lambda b, o, w: cb.multibreather(3, lattice=Ring(6), **HERE),
-        "3: a list of sites is wanted, or a dict of sites and orbits",
+        "3: a list of sites is expected, or a dict of sites and orbits",
     ),
     (lambda b, o, w: cb.multibreather([], lattice=Ring(6), **HERE), "name at least one site"),
     (lambda b, o, w: cb.multibreather([2, 2], lattice=Ring(6), **HERE), "name at least one site"),
@@ -149,11 +149,11 @@ SEEDS: list[tuple[Callable[..., Any], str]] = [
     ),
     (
         lambda b, o, w: cb.multibreather({0: b}, lattice=Ring(6), **HERE),
-        "has gamma = 0.02; an orbit of the single oscillator, without coupling, is wanted",
+        "has gamma = 0.02; an orbit of the single oscillator, without coupling, is expected",
     ),
     (
         lambda b, o, w: cb.multibreather({0: o}, lattice=Ring(6), **HERE),
-        "has gamma = 0.02; an orbit of the single oscillator, without coupling, is wanted",
+        "has gamma = 0.02; an orbit of the single oscillator, without coupling, is expected",
     ),
     *(
         (
@@ -165,7 +165,7 @@ SEEDS: list[tuple[Callable[..., Any], str]] = [
     *(
         (
             lambda b, o, w, given=given: o.on(given),
-            r"InfiniteChain\(\) or Ring\(20\), say, is wanted",
+            r"InfiniteChain\(\) or Ring\(20\), say, is expected",
         )
         for given in (None, 7, "ring", Ring, np.ones(2))
     ),
@@ -184,7 +184,7 @@ SEEDS: list[tuple[Callable[..., Any], str]] = [
     (lambda b, o, w: cb.symmetric(**HERE, spring=np.ones(2)), "0 <= spring < 1"),
     (
         lambda b, o, w: cb.shooting(b.state(6), t="0", **HERE),
-        "t = '0': the time of a state, a finite number, was wanted",
+        "t = '0': the time of a state, a finite number, was expected",
     ),
     (lambda b, o, w: cb.shooting(b, sites=6, period=None), "period = None: .* a multiple of it"),
     (lambda b, o, w: cb.shooting(b.state(6), period=1e300, **HERE), r"2 pi n .* up to 10000"),
@@ -194,7 +194,7 @@ SEEDS: list[tuple[Callable[..., Any], str]] = [
     ),
     (
         lambda b, o, w: cb.multibreather([[0, 1], [2]], lattice=Ring(6), **HERE),
-        "a list of sites is wanted, or a dict",
+        "a list of sites is expected, or a dict",
     ),
     *(
         (
@@ -203,10 +203,10 @@ SEEDS: list[tuple[Callable[..., Any], str]] = [
         )
         for site in (1.7, "a", True, -1)
     ),
-    (lambda b, o, w: orbit_of(None, o.section, [0.0], [-1.0]), "Conditions was wanted, got None"),
+    (lambda b, o, w: orbit_of(None, o.section, [0.0], [-1.0]), "Conditions was expected, got None"),
     (
         lambda b, o, w: orbit_of(o.conditions, o.section, "0", [-1.0]),
-        "times = '0': finite real numbers were wanted",
+        "times = '0': finite real numbers were expected",
     ),
 ]
 

@@ -1158,7 +1158,7 @@ def test_solution_with_impacts_from_outside_is_no_orbit() -> None:
 
 def test_lifts_need_the_point_they_are_made_for() -> None:
     branch = symmetric_branch()
-    with pytest.raises(cb.BadInput, match="a located PF or PD of a branch of orbits was wanted"):
+    with pytest.raises(cb.BadInput, match="a located PF or PD of a branch of orbits was expected"):
         lift(branch[0])
     with pytest.raises(cb.NotConverged, match="is not a PD"):
         lift(replace(arm()[2], kind="PD"))

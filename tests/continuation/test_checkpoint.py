@@ -255,7 +255,7 @@ def test_folder_has_what_is_in_its_files_by_name(tmp_path: Path) -> None:
     assert run["inner/two/other/EP1"].arclength == run["inner/two/other"].first("EP1").arclength
     run.keep(curve=trace(parabola(), "mu", within={"x": (0.9, 1.1)}))
     assert run["curve"]["x"].max() == 1.1  # read anew, for the file has changed
-    with pytest.raises(BadInput, match="is one file; a folder is wanted"):
+    with pytest.raises(BadInput, match="is one file; a folder is expected"):
         Run(tmp_path / "study" / "curve.nc").keep(more=curve)
 
 

@@ -350,7 +350,7 @@ def test_a_start_that_is_no_solution_is_refused_like_anywhere() -> None:
     [{"depth": -1}, {"most": 0}, {"depth": "2"}, {"depth": 1.5}, {"most": None}, {"depth": True}],
 )
 def test_impossible_bounds_are_refused(given: dict[str, object]) -> None:
-    with pytest.raises(BadInput, match=r"a whole number, at least [01], was wanted"):
+    with pytest.raises(BadInput, match=r"a whole number, at least [01], was expected"):
         grown(PITCHFORK.problem, **given)
 
 

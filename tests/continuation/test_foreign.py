@@ -120,5 +120,5 @@ def test_a_residual_that_changes_its_shape_on_the_way_is_told() -> None:
 
 
 def test_a_sparse_residual_is_refused() -> None:
-    with pytest.raises(BadInput, match="an array of numbers was wanted"):
+    with pytest.raises(BadInput, match="an array of numbers was expected"):
         traced(lambda x, p: csr_array([[x[0] - p["mu"]]]))

@@ -265,7 +265,7 @@ def test_a_test_that_raises_where_it_has_no_value_is_looked_for_elsewhere() -> N
 def test_a_test_that_fails_at_the_start_is_a_mistake() -> None:
     with pytest.raises(BadInput, match=r"no 'nu' at this point; it has \['x', 'mu'\]"):
         on_line(user("nu", 0.3))
-    with pytest.raises(BadInput, match="an Event was wanted, got <function fold"):
+    with pytest.raises(BadInput, match="an Event was expected, got <function fold"):
         on_line(fold)  # not called
 
 

@@ -436,7 +436,7 @@ def test_doubling_keeps_an_analytic_jacobian() -> None:
 
 @pytest.mark.parametrize("period", [0, -1, 1.5, True, "2"])
 def test_a_period_that_is_no_positive_integer_is_refused(period: object) -> None:
-    with pytest.raises(BadInput, match="a whole number, at least 1, was wanted"):
+    with pytest.raises(BadInput, match="a whole number, at least 1, was expected"):
         FixedPoint(logistic, {"x": 0.6}, {"r": 2.5}, period=period)
 
 

@@ -58,9 +58,9 @@ def test_problems_that_make_no_sense_are_refused(given, sentence: str) -> None:
 def test_unknown_names_are_refused_with_the_known_ones() -> None:
     with pytest.raises(BadInput, match=r"no 'nu' in this problem; it has \['x', 'mu'\]"):
         LINE.problem.at(nu=1.0)
-    with pytest.raises(BadInput, match=r"x = \[1\.0, 2\.0\]: a number was wanted"):
+    with pytest.raises(BadInput, match=r"x = \[1\.0, 2\.0\]: a number was expected"):
         LINE.problem.at(x=[1.0, 2.0])
-    with pytest.raises(BadInput, match=r"u = 1\.0: an array was wanted, as it was before"):
+    with pytest.raises(BadInput, match=r"u = 1\.0: an array was expected, as it was before"):
         Problem(lambda u, _: u, {"u": np.ones(3)}, {"mu": 0.0}).at(u=1.0)
     for name in ("nu", "x"):
         with pytest.raises(BadInput, match=rf"{name!r} is not a parameter of this problem"):
@@ -236,10 +236,13 @@ def test_a_jacobian_that_is_wrong_only_further_on_is_named_in_the_reason() -> No
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"jacobian": lambda u, p: np.eye(3)}, r"Jacobian has shape \(3, 3\); \(2, 2\) was wanted"),
+        (
+            {"jacobian": lambda u, p: np.eye(3)},
+            r"Jacobian has shape \(3, 3\); \(2, 2\) was expected",
+        ),
         (
             {"jacobian": coupled_jacobian, "sensitivity": lambda u, p, name: np.zeros((2, 1))},
-            r"sensitivity has shape \(2, 1\); \(2,\) was wanted",
+            r"sensitivity has shape \(2, 1\); \(2,\) was expected",
         ),
     ],
 )

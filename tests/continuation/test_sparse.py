@@ -264,12 +264,12 @@ def test_a_nan_in_a_sparse_jacobian_is_named() -> None:
 
 def test_a_sparse_jacobian_of_the_wrong_shape_is_refused() -> None:
     said = refused(jacobian=lambda u, p: csr_array((30, 29)))
-    assert said == "the Jacobian is sparse and has shape (30, 29); (30, 30) was wanted"
+    assert said == "the Jacobian is sparse and has shape (30, 29); (30, 30) was expected"
 
 
 def test_a_sparse_sensitivity_is_refused_with_what_to_do() -> None:
     said = refused(sensitivity=lambda u, p, name: coo_array(np.exp(u)[:, None]))
-    assert said.endswith("a dense array of shape (30,) was wanted: return its toarray()")
+    assert said.endswith("a dense array of shape (30,) was expected: return its toarray()")
 
 
 def test_an_entry_that_the_pattern_misses_is_named() -> None:
@@ -282,7 +282,7 @@ def test_an_entry_that_the_pattern_misses_is_named() -> None:
 
 
 def test_a_pattern_of_the_wrong_shape_or_beside_a_jacobian_is_refused() -> None:
-    with pytest.raises(BadInput, match=r"pattern has shape \(3, 3\); \(30, 30\) was wanted"):
+    with pytest.raises(BadInput, match=r"pattern has shape \(3, 3\); \(30, 30\) was expected"):
         replace(bratu(second(30)), jacobian=None, sparsity=np.eye(3))
     with pytest.raises(BadInput, match="either a jacobian or a sparsity pattern"):
         replace(bratu(second(30)), sparsity=second(30))

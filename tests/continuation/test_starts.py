@@ -75,7 +75,7 @@ def test_unknowns_and_parameters_are_numbers(value) -> None:
 
 
 def test_a_problem_has_unknowns_by_name() -> None:
-    with pytest.raises(BadInput, match="'x' is empty; at least one number was wanted"):
+    with pytest.raises(BadInput, match="'x' is empty; at least one number was expected"):
         Problem(lambda x, p: x, {"x": np.zeros(0)}, {"mu": 0.0})
     with pytest.raises(BadInput, match=r"start must be a dict of names and values, got \[1.0\]"):
         Problem(lambda x, p: x, [1.0], {"mu": 0.0})
@@ -83,7 +83,7 @@ def test_a_problem_has_unknowns_by_name() -> None:
 
 @pytest.mark.parametrize("value", [None, "a", np.array([object()]), True])
 def test_a_residual_that_is_no_array_of_numbers_is_refused(value) -> None:
-    with pytest.raises(BadInput, match=r"the residual is array.*an array of numbers was wanted"):
+    with pytest.raises(BadInput, match=r"the residual is array.*an array of numbers was expected"):
         trace(Problem(lambda x, p: value, {"x": 0.0}, {"mu": 0.0}), "mu")
 
 
@@ -101,7 +101,7 @@ def test_a_residual_that_forgets_to_return_is_told_on_the_way() -> None:
 def test_a_test_that_gives_no_number_is_refused(value) -> None:
     for since in (-9.0, 0.5):
         event = Event("UZ", lambda point, since=since: 1.0 if point["mu"] < since else value)
-        with pytest.raises(BadInput, match=r"the test of UZ gave .*; one real number was wanted"):
+        with pytest.raises(BadInput, match=r"the test of UZ gave .*; one real number was expected"):
             trace(LINE.problem, "mu", within={"mu": (-1.0, 1.0)}, events=[event])
 
 

@@ -354,7 +354,7 @@ def test_what_cannot_be_written_or_read_is_refused(branch: Branch, path: Path) -
     (path.parent / "folder").mkdir()
     with pytest.raises(BadInput, match=r"cannot write .*folder"):
         save(path.parent / "folder", branch)
-    with pytest.raises(BadInput, match="results with different names are wanted, got none"):
+    with pytest.raises(BadInput, match="results with different names are expected, got none"):
         save(path)
     with pytest.raises(BadInput, match="results with different names"):
         save(path, branch, branch1=branch)

@@ -274,7 +274,7 @@ def test_what_is_no_lift_is_refused(found: object) -> None:
     event = Event("BP", lambda point: point["mu"] - 0.3)
     mine = replace(PITCHFORK.problem, lifts={"BP": lambda point: found})
     point = trace(mine, "mu", within=MU, events=[event]).first("BP")
-    with pytest.raises(BadInput, match=r"the lift of .*; a Lift was wanted"):
+    with pytest.raises(BadInput, match=r"the lift of .*; a Lift was expected"):
         switch(point)
 
 
@@ -428,5 +428,5 @@ def test_folds_are_no_branch_points_for_the_algebraic_bifurcation_equation() -> 
 def test_what_is_no_point_or_start_is_refused_by_its_type(thing: object, kind: str) -> None:
     with pytest.raises(BadInput, match=f"switch takes a special point .* got {kind}"):
         switch(thing)
-    with pytest.raises(BadInput, match=f"a Problem was wanted, or what has one: .* got {kind}"):
+    with pytest.raises(BadInput, match=f"a Problem was expected, or what has one: .* got {kind}"):
         trace(thing, "mu")

@@ -109,7 +109,7 @@ def test_a_test_counts_measures_or_has_no_value() -> None:
     assert [type(given(one)) for one in (3, np.int64(3), True, np.bool_(True))] == [int] * 4
     assert [type(given(one)) for one in (3.0, np.float64(3.0), np.array(2.0))] == [float] * 3
     for wrong in ("x", None, [1.0, 2.0], 1j):
-        with pytest.raises(BadInput, match=r"the test of X gave .*; one real number was wanted"):
+        with pytest.raises(BadInput, match=r"the test of X gave .*; one real number was expected"):
             given(wrong)
 
     def outside(point: Any) -> float:

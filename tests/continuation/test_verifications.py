@@ -325,14 +325,14 @@ def henon_curve(kind: str) -> Branch:
 @pytest.mark.parametrize(
     ("curve", "kind", "words"),
     [
-        ("LP", "R1", "multipliers are 1; two were wanted"),
-        ("PD", "R2", "multipliers are -1; two were wanted"),
-        ("NS", "R1", "multipliers are 1; two were wanted"),
-        ("NS", "R2", "multipliers are -1; two were wanted"),
-        ("LP", "LPPD", "where +1 and -1 are wanted"),
-        ("PD", "LPPD", "where +1 and -1 are wanted"),
-        ("LP", "LPNS", "where +1 and pair are wanted"),
-        ("PD", "PDNS", "where -1 and pair are wanted"),
+        ("LP", "R1", "multipliers are 1; two were expected"),
+        ("PD", "R2", "multipliers are -1; two were expected"),
+        ("NS", "R1", "multipliers are 1; two were expected"),
+        ("NS", "R2", "multipliers are -1; two were expected"),
+        ("LP", "LPPD", "where +1 and -1 are expected"),
+        ("PD", "LPPD", "where +1 and -1 are expected"),
+        ("LP", "LPNS", "where +1 and pair are expected"),
+        ("PD", "PDNS", "where -1 and pair are expected"),
         ("PD", "GPD", "the coefficient c = "),
     ],
 )

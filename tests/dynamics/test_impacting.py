@@ -544,7 +544,7 @@ def test_bad_input_is_refused_with_a_sentence(state, changed, sentence):
 
 
 def test_sites_of_a_sample_are_whole_numbers():
-    with pytest.raises(BadInput, match=r"sites = \(1\.7,\): whole numbers were wanted, 1\.7"):
+    with pytest.raises(BadInput, match=r"sites = \(1\.7,\): whole numbers were expected, 1\.7"):
         Sample((1.7,))
     assert Sample(np.array([0, -1])).sites == (0, -1)
 
@@ -567,7 +567,7 @@ def test_text_is_no_number(name):
 
 def test_what_is_no_sample_is_refused():
     for run, more in ((simulate, {}), (simulate_smooth, {"m": 6})):
-        with pytest.raises(BadInput, match="a Sample was wanted"):
+        with pytest.raises(BadInput, match="a Sample was expected"):
             run(([0.1], [0.2]), a=0.5, gamma=0.0, k=0.8, periods=1, sample=(0, 1), **more)
 
 

@@ -348,7 +348,7 @@ def test_an_axis_says_which_coordinate_it_is() -> None:
     for wrong in ([], [[0.1]]):
         with pytest.raises(BadInput, match=r"^values = .*: the values of an axis, a row"):
             Axis("u", 0, wrong)
-    with pytest.raises(BadInput, match=r"^values = \['x'\]: finite real numbers were wanted"):
+    with pytest.raises(BadInput, match=r"^values = \['x'\]: finite real numbers were expected"):
         Axis("u", 0, ["x"])
 
 

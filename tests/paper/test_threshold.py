@@ -137,7 +137,7 @@ def test_no_pair_at_all_is_no_crossing() -> None:
 
 @pytest.mark.parametrize("threshold", [1.0, 0.9, float("nan"), float("inf")])
 def test_threshold_must_be_above_one(threshold: float) -> None:
-    with pytest.raises(BadInput, match="a modulus above 1 is wanted"):
+    with pytest.raises(BadInput, match="a modulus above 1 is expected"):
         neimark_sacker(0.2, 0.8, threshold=threshold)
 
 
