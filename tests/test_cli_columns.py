@@ -256,7 +256,7 @@ def test_table_of_arms_holds_the_special_points_of_each(run) -> None:
     for row, (number, point) in zip(rows, special, strict=True):
         shown = dict(zip(heading, row, strict=True))
         assert shown["arm"] == str(number)
-        assert shown["label"] == point.get("parent", point["label"])
+        assert shown["label"] == point["label"]
         if "asymmetry" in heading:
             asymmetry = point["t2"] - point["t1"] - math.pi
             assert float(shown["asymmetry"]) == pytest.approx(asymmetry, abs=1e-11)
@@ -273,7 +273,7 @@ def pictures(monkeypatch) -> list:
     drawn: list = []
 
     def keep(figure, path):
-        drawn.append(figure.get_figure(root=True))
+        drawn.append(getattr(figure, "figure", figure).get_figure(root=True))
         return Path(path)
 
     monkeypatch.setattr(canvas, "save_figure", keep)
