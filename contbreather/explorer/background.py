@@ -45,14 +45,16 @@ class Periods(Bar):
     """Periods of a simulation, counted for `say`; a stop ends the run."""
 
     def __init__(self, say: Say, stop: threading.Event, total: int) -> None:
-        super().__init__(False, total)
-        self.say, self.stop = say, stop
+        super().__init__(True, total)
+        self.say, self.stop, self.after = say, stop, 0.0
 
     def advance(self, done: int) -> None:
-        """Say how many are done, or stop the run."""
+        """Say how many are done, unless that was said a moment ago, or stop the run."""
         if self.stop.is_set():
             raise KeyboardInterrupt
-        self.say(f"{done} of {self.total} {self.unit}")
+        if self.due:
+            self.after = time.monotonic() + INTERVAL
+            self.say(f"{done} of {self.total} {self.unit}")
 
 
 class Progress:
@@ -143,6 +145,8 @@ def _result(job: Job, progress: Progress) -> tuple[Any, bool, str]:
         return None, True, ""
     except ContbreatherError as error:
         return None, False, str(error)
-    except Exception as error:  # noqa: BLE001  # else the thread ends, and nothing works any more
+    except Exception as error:  # noqa: BLE001
+        # Whatever it is, it is said on the page: the thread is the only one, and if it ended here
+        # every button would wait for it for ever.
         return None, False, f"an error of the program: {type(error).__name__}: {error}"
     return value, isinstance(value, Run) and value.stop is RunStop.INTERRUPTED, ""

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from html import escape
 from typing import Any
 
 import panel as pn
+from bokeh.models.widgets import Div
 
 from contbreather.checks import number
 from contbreather.errors import BadInput
 from contbreather.explorer.style import WORDS
+from contbreather.lattice.typed import lattice_by
 
 Read = Callable[[str], Any]
+MOST = 2000  # sites
 
 
 def a_number(name: str, low: float = -math.inf, high: float = math.inf, wanted: str = "") -> Read:
@@ -52,6 +56,19 @@ def some_sites(text: str) -> tuple[int, ...]:
     return found
 
 
+def a_lattice(text: str) -> str:
+    """A lattice as it is typed at the command line, too; a number is a ring of so many."""
+    typed = f"ring:{text.strip()}" if text.strip().isdecimal() else text.strip()
+    sizes = [int(word) for word in re.findall(r"\d+", typed)]
+    if math.prod(sizes) > MOST and not typed.lower().endswith((".csv", ".graphml")):
+        raise BadInput(f"lattice {typed}: at most {MOST} sites are shown here.")
+    try:
+        lattice_by(typed)
+    except BadInput as error:
+        raise BadInput(str(error).removeprefix("--")) from error
+    return typed
+
+
 def optional(read: Read, otherwise: Any = None) -> Read:
     """The same, but nothing typed is an answer, too."""
     return lambda text: read(text) if text.strip() else otherwise
@@ -86,18 +103,35 @@ class Field:
         return value
 
 
-class Trouble:
-    """A sentence that is not there as long as nothing is wrong; screen readers say it."""
+class Words:
+    """A piece of HTML, there as long as it says something.
+
+    It is Bokeh's own: a pane of Panel fetches its style from elsewhere with each change of its
+    text in a notebook. There changes of Bokeh's models have to be pushed.
+    """
 
     def __init__(self) -> None:
-        self.view = pn.pane.HTML(
-            "", visible=False, margin=(0, 5), sizing_mode="stretch_width", stylesheets=[WORDS]
-        )
+        self.text = Div(
+            stylesheets=[WORDS], sizing_mode="stretch_width", disable_math=True, margin=(0, 5),
+            visible=False,
+        )  # fmt: skip
+        self.view = pn.pane.Bokeh(self.text)
+
+    def show(self, html: str) -> None:
+        """Something else."""
+        if html == self.text.text:
+            return
+        self.text.update(text=html, visible=bool(html))
+        pn.io.push_notebook(self.view)
+
+
+class Trouble(Words):
+    """A sentence that is not there as long as nothing is wrong; screen readers say it."""
 
     def say(self, sentence: str) -> None:
         """Another sentence, or none."""
-        self.view.object = f'<div class="trouble" role="alert">{escape(sentence)}</div>'
-        self.view.visible = bool(sentence)
+        said = f'<div class="trouble" role="alert">{escape(sentence)}</div>'
+        self.show(said if sentence else "")
 
 
 def read_all(fields: Mapping[str, Field]) -> dict[str, Any] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from io import BytesIO, StringIO
+from pathlib import Path
 from typing import Any
 
 import panel as pn
@@ -12,17 +13,20 @@ from contbreather.breathers.zones import WINDOWS
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.explorer import work
 from contbreather.explorer.fields import (
+    MOST,
     Field,
     Trouble,
     a_count,
+    a_lattice,
     a_number,
     in_rows,
     optional,
     read_all,
 )
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import State
+from contbreather.explorer.state import Chosen, State
 from contbreather.explorer.style import CARD, FORMS, WORDS
+from contbreather.lattice.typed import as_typed
 
 ABOUT = ("a", "gamma", "k")
 REACH = {**WINDOWS, "a": (0.01, 1.2)}  # where walks go unless a window is typed
@@ -44,6 +48,8 @@ class Forms:
         self.explorer = explorer
         self.buttons: dict[str, Any] = {}
         self.orbit: Any = None  # the one whose parameters the fields show
+        self.lattices: dict[str, str] = {}  # as they were typed
+        self.replaced = ""  # the file that the next press of the button replaces
         parts = (self._breather(), self._walks(), self._special(), self._run(), self._keep())
         self.view = pn.Column(
             *parts, sizing_mode="stretch_width", css_classes=["forms"], margin=0,
@@ -74,10 +80,12 @@ class Forms:
             "a": Field("amplitude a", "0.5", a_number("a", 0.0, 1e6, "above 0")),
             "gamma": Field("coupling γ", "0.08", a_number("gamma", 0.0, 0.25, "from 0 to 1/4")),
             "k": Field("restitution k", k, a_number("k", 0.0, 1.0, "from 0 to 1")),
-            "sites": Field(
-                "ring of", "", optional(a_count("sites", 3, 2000)), hint="infinite chain"
-            ),
             "forcing": Field("forcing F/a", "", str.strip, hint="-cos(t)"),
+            "lattice": Field("lattice", "", optional(a_lattice, ""), hint="infinite chain"),
+            "site": Field("impacts at site", "0", a_count("site", 0, MOST - 1)),
+            "spring": Field("spring", "", optional(a_number("spring", 0.0)), hint="none"),
+            "damping": Field("damping", "", optional(a_number("damping", 0.0)), hint="none"),
+            "walls": Field("walls", "", str.strip, hint="-1,1"),
         }
         self.breather_trouble = Trouble()
         button = self._button("Show", self._show, self.breather_trouble, color="primary")
@@ -87,12 +95,13 @@ class Forms:
     def _show(self) -> None:
         found = read_all(self.breather)
         if found is not None:
-            self.explorer.choose(work.breather(**found))
-            if (found["k"], found["forcing"]) != (
-                self.explorer.state.k,
-                self.explorer.state.forcing,
-            ):
-                self.explorer.look_at(found["k"], found["forcing"])
+            chosen = work.breather(**found)
+            self.orbit = chosen.orbit  # whose parameters are there already, as they were typed
+            self.lattices[chosen.orbit.lattice.describe()] = found["lattice"]
+            self.explorer.choose(chosen)
+            wanted = found["k"], found["forcing"]
+            if wanted != (self.explorer.state.k, self.explorer.state.forcing):
+                self.explorer.look_at(*wanted)
 
     # --- walks ------------------------------------------------------------------------------------
 
@@ -144,7 +153,7 @@ class Forms:
 
     def _run(self) -> Any:
         self.length = {
-            "sites": Field("ring of", "20", a_count("sites", 3, 2000)),
+            "sites": Field("ring of", "20", a_count("sites", 3, MOST)),
             "periods": Field("periods", "100", a_count("periods", 1, MANY)),
             "push": Field("push", "0.001", a_number("push", -10.0, 10.0, "a small velocity")),
         }
@@ -199,7 +208,12 @@ class Forms:
         return drawn
 
     def _save(self) -> None:
-        self.explorer.keep(self.file.get())
+        path = self.file.get()
+        if path not in ("", self.replaced) and Path(path).exists():
+            self.replaced = path
+            raise BadInput(f"{path} exists: press again to replace it, or name another file.")
+        self.replaced = ""
+        self.explorer.keep(path)
 
     # --- what can be done now ---------------------------------------------------------------------
 
@@ -218,15 +232,24 @@ class Forms:
         if chosen is not None:
             for select in (self.free, self.first, self.second):
                 offered(select, list(chosen.free))
-            self._say_where(chosen.orbit)
+            self._say_where(chosen)
 
-    def _say_where(self, orbit: Any) -> None:
+    def _say_where(self, chosen: Chosen) -> None:
         """In the fields are the parameters of what is looked at, however it was chosen."""
+        orbit = chosen.orbit
         if orbit is None or orbit is self.orbit:
             return
-        self.orbit = orbit
-        for name in ABOUT:
-            self.breather[name].input.value = f"{getattr(orbit, name):.10g}"
+        self.orbit, lattice = orbit, orbit.lattice
+        texts = {name: f"{getattr(orbit, name):.10g}" for name in ABOUT}
+        for name in ("spring", "damping"):
+            value = getattr(orbit, name)
+            texts[name] = f"{value:.10g}" if value or name in chosen.free else ""
+        named = "" if lattice.sites is None else lattice.describe()
+        texts["lattice"] = self.lattices.get(named, named.replace("ring of ", ""))
+        texts["site"] = str(orbit.section.hit[0])
+        texts["walls"] = as_typed(orbit.walls)
+        for name, text in texts.items():
+            self.breather[name].input.value = text
 
 
 def offered(select: Any, names: list[str], value: str | None = None) -> None:

@@ -52,9 +52,9 @@ class Explorer(Session):
         return Page(self).layout
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> Any:
-        from contbreather.explorer.page import in_notebook
+        from contbreather.explorer.page import for_notebook
 
-        return in_notebook(self, include, exclude)
+        return for_notebook(self, include, exclude)
 
     def __repr__(self) -> str:
         return f"<Explorer {self.state.title}: {len(self.state.curves)} curves>"

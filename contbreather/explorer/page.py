@@ -7,21 +7,26 @@ only, one tick later.
 
 from __future__ import annotations
 
+import asyncio
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from html import escape
 from typing import Any
 
 import panel as pn
+from bokeh.models.ui import UIElement
+from panel.io.notebook import block_comm, patch_inline_stylesheets
 
+from contbreather.display import in_notebook
 from contbreather.errors import ContbreatherError
 from contbreather.explorer import seen
-from contbreather.explorer.fields import Field, Trouble, a_count, read_all, some_sites
+from contbreather.explorer.fields import Field, Trouble, Words, a_count, read_all, some_sites
 from contbreather.explorer.forms import Forms, card, offered
 from contbreather.explorer.ink import DARK, LIGHT
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import State
-from contbreather.explorer.style import GRID, OUTER, STUCK, WORDS
+from contbreather.explorer.style import GRID, OUTER, STUCK
 from contbreather.explorer.views import (
     BranchView,
     MotionView,
@@ -54,6 +59,8 @@ class Page:
         self._words()
         self.layout = self._laid_out()
         self._quiet = self._due = False
+        self.drawing = threading.RLock()
+        self._later = self._in_its_thread()
         forget = explorer.listen(self._heard)
         if self._served:
             pn.state.on_session_destroyed(lambda _: forget())
@@ -101,8 +108,7 @@ class Page:
         }
         for field in self.asked.values():
             field.input.param.watch(lambda _: self._asked(), "value")
-        self.words = pn.pane.HTML("", stylesheets=[WORDS], sizing_mode="stretch_width")
-        self.status = pn.pane.HTML("", stylesheets=[WORDS], sizing_mode="stretch_width")
+        self.words, self.status = Words(), Words()
         self.stop = pn.widgets.Button(label="Stop", color="danger", width=90, visible=False)
         self.stop.on_click(lambda _: self.explorer.stop())
 
@@ -128,11 +134,11 @@ class Page:
                 css=["motion"],
             ),
             "multipliers": card("Multipliers", self.multipliers.figure, css=["multipliers"]),
-            "words": card("What it is", self.words, css=["words"]),
+            "words": card("What it is", self.words.view, css=["words"]),
         }
         self.run_card = card("Simulation", self.run.figure, css=["run"])
         top = pn.Row(
-            self.status, self.stop, sizing_mode="stretch_width", css_classes=["status"],
+            self.status.view, self.stop, sizing_mode="stretch_width", css_classes=["status"],
             stylesheets=[STUCK], min_height=40,
         )  # fmt: skip
         grid = pn.Column(
@@ -198,26 +204,37 @@ class Page:
 
     def _heard(self, _: State) -> None:
         """Something has changed, in whatever thread: draw it as soon as this page may."""
-        if not self._served:
+        if self._later is None:
             self.render()
         elif not self._due:
             self._due = True
-            self.document.add_next_tick_callback(self.render)
+            self._later(self.render)
+
+    def _in_its_thread(self) -> Callable[[Callable[[], None]], object] | None:
+        """What has something done in the thread of this page; None where any will do."""
+        if self._served:
+            return self.document.add_next_tick_callback
+        return asyncio.get_running_loop().call_soon_threadsafe if in_notebook() else None
 
     @contextmanager
     def _quietly(self) -> Iterator[None]:
-        self._quiet = True
-        try:
+        """Changes as the page's own: as one, for otherwise Bokeh goes through all models at each,
+        and a notebook has a message of each."""
+        with self.drawing, ExitStack() as all_at_once:
+            self._quiet = True
+            all_at_once.callback(setattr, self, "_quiet", False)
+            all_at_once.callback(pn.io.push_notebook, self.layout)
+            for model, _ in self.layout._models.values():
+                all_at_once.enter_context(model.document.models.freeze())
+            all_at_once.enter_context(block_comm())
             yield
-        finally:
-            self._quiet = False
 
     def render(self) -> None:
         """Draw what has changed."""
         self._due = False
-        new, old = self.explorer.state, self.drawn
-        self.drawn = new
         with self._quietly():
+            new, old = self.explorer.state, self.drawn
+            self.drawn = new
             self._render_status()
             self.forms.render(new)
             self._render_zones(new, old)
@@ -231,7 +248,7 @@ class Page:
         words, message = self.explorer.progress, self.explorer.message
         if not words:
             words = message or "Click into a diagram, or type the parameters of a breather."
-        self.status.object = f'<div role="status" aria-live="polite">{escape(words)}</div>'
+        self.status.show(f'<div role="status" aria-live="polite">{escape(words)}</div>')
         self.stop.visible = self.explorer.busy
 
     def _render_zones(self, new: State, old: State) -> None:
@@ -277,7 +294,7 @@ class Page:
         if new.chosen is None or wanted == (old.chosen, old.sites, old.ring):
             return
         orbit = new.chosen.orbit
-        self.words.object = _described(new)
+        self.words.show(_described(new))
         if orbit is None:
             return
         self.profile.show(seen.profile(orbit))
@@ -314,7 +331,30 @@ def _described(state: State) -> str:
     return f"<h2>{escape(chosen.title)}</h2><table>{rows}</table><dl>{said}</dl>"
 
 
-def in_notebook(explorer: Session, include: Any, exclude: Any) -> Any:
+def for_notebook(explorer: Session, include: Any, exclude: Any) -> Any:
     """The page as a notebook shows it."""
-    pn.extension()
-    return Page(explorer).layout._repr_mimebundle_(include, exclude)
+    pn.extension(inline=True)  # its scripts come from this machine, too
+    page = Page(explorer)
+    shown: Any = InKernel(page)
+    with page.drawing:
+        return shown._repr_mimebundle_(include, exclude)
+
+
+class InKernel(pn.Column):
+    """What a notebook shows. Messages of the browser may come in a thread of their own, and Panel
+    then drops what is drawn by half: so they wait for that."""
+
+    def __init__(self, page: Page) -> None:
+        super().__init__(page.layout, sizing_mode="stretch_width", hooks=[_styled])
+        self.drawing = page.drawing
+
+    def _on_msg(self, *message: Any) -> None:
+        with self.drawing:
+            super()._on_msg(*message)
+
+
+def _styled(_: Any, root: Any) -> None:
+    """Have all styles in the page, as Panel has a moment later: then there is a document, which
+    goes through all models at each change."""
+    for model in root.select({"type": UIElement}):
+        patch_inline_stylesheets(model)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -99,7 +100,7 @@ def motion(orbit: Orbit, sites: tuple[int, ...]) -> Motion:
 def multipliers(orbit: Orbit, ring: int) -> Multipliers:
     """On its own lattice if that is finite, otherwise on a ring of so many sites."""
     own, half = orbit.lattice.sites, orbit.symmetric
-    mu = orbit.multipliers(sites=ring if own is None else None, half=half)
+    mu = (orbit if own is not None else on_ring(orbit, ring)).multipliers(half=half)
     lattice = f"ring of {ring}" if own is None else orbit.lattice.describe()
     about = f"over {'half a' if half else 'a'} period, {lattice}"
     ringlike = own is None or isinstance(orbit.lattice, Ring)
@@ -107,6 +108,12 @@ def multipliers(orbit: Orbit, ring: int) -> Multipliers:
         return Multipliers(mu, np.abs(mu) > 1.0 + 1e-9, None, about)
     edge = math.sqrt(orbit.spring + 4.0 * orbit.gamma) * orbit.section.length / math.pi
     return Multipliers(mu, off_the_band(mu, edge, own or ring), min(edge, 1.0), about)
+
+
+@lru_cache(maxsize=1)
+def on_ring(orbit: Orbit, ring: int) -> Orbit:
+    """The same there, once: its multipliers are drawn and judged."""
+    return orbit.on(Ring(ring))
 
 
 def verdicts(orbit: Orbit, ring: int) -> Iterator[tuple[str, str]]:
@@ -118,7 +125,7 @@ def verdicts(orbit: Orbit, ring: int) -> Iterator[tuple[str, str]]:
         return
     yield "own lattice", _sentence(lambda: orbit.stability().describe())
     if orbit.lattice.sites is None:
-        yield f"ring of {ring}", _sentence(lambda: orbit.stability(sites=ring).describe())
+        yield f"ring of {ring}", _sentence(lambda: on_ring(orbit, ring).stability().describe())
         if orbit.symmetric and orbit.section.count == 1:
             yield "over-reflection", _sentence(lambda: _reflection(orbit))
 

@@ -165,7 +165,7 @@ class ZonesView:
         """Mark what is looked at, if it lies in this plane."""
         place: dict[str, list[float]] = {"x": [], "y": []}
         orbit = None if chosen is None else chosen.orbit
-        if orbit is not None and abs(orbit.k - k) < 1e-9:
+        if orbit is not None and abs(orbit.k - k) < 1e-9 and not (orbit.spring or orbit.damping):
             place = {"x": [orbit.gamma], "y": [orbit.a]}
         self.here.data = place
 

@@ -16,6 +16,7 @@ from contbreather.errors import BadInput
 from contbreather.explorer.background import Job, Progress
 from contbreather.explorer.state import Chosen
 from contbreather.lattice import Ring
+from contbreather.lattice.typed import lattice_by, walls_by
 
 Window = tuple[float, float]
 MOMENTS = 32  # in a period, at which a simulation is seen
@@ -46,21 +47,26 @@ class Work:
     setup: tuple[str, ...] = ()
 
 
-def breather(sites: int | None = None, forcing: str = "", **values: float) -> Chosen:
-    """A breather by its parameters, typed in or clicked at: a, gamma, k, damping, spring.
+def breather(lattice: str = "", **values: Any) -> Chosen:
+    """A breather by its parameters, typed in or clicked at: what `symmetric` takes, lattice and
+    walls as at the command line; None, and text that is empty, for what was not given.
 
     Raises
     ------
     BadInput
         If there is none, or a value is out of range.
     """
-    lattice = None if sites is None else Ring(sites)
-    given: dict[str, Any] = {**values, "lattice": lattice, "forcing": forcing or None}
-    orbit = symmetric(**given)
-    words = [f"{name}={value!r}" for name, value in values.items()]
-    words += [] if sites is None else [f"lattice=cb.Ring({sites})"]
-    words += [f"forcing={forcing!r}"] if forcing else []
-    return Chosen(f"cb.symmetric({', '.join(words)})", orbit)
+    given = {name: value for name, value in values.items() if value not in (None, "")}
+    codes = {name: repr(value) for name, value in given.items() if (name, value) != ("site", 0)}
+    if lattice:
+        given["lattice"] = on = lattice_by(lattice)
+        code = f"cb.lattice.lattice_by({lattice!r})"
+        codes["lattice"] = f"cb.{on!r}" if isinstance(on, Ring) else code
+    if "walls" in given:
+        given["walls"] = walls_by(given["walls"].split(), lattice_by(lattice or None).sites)
+        codes["walls"] = repr(given["walls"])
+    words = ", ".join(f"{name}={code}" for name, code in codes.items())
+    return Chosen(f"cb.symmetric({words})", symmetric(**given))
 
 
 def point_of(code: str, branch: Branch, index: int) -> Chosen:

@@ -6,6 +6,7 @@ from contbreather.lattice.expression import Symbolic, forcing_of
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, Samples
 from contbreather.lattice.means import Lattice, check_gamma
 from contbreather.lattice.modes import InfiniteChain, Ring, lattice_of
+from contbreather.lattice.typed import lattice_by
 
 __all__ = [
     "Forcing",
@@ -18,5 +19,6 @@ __all__ = [
     "Symbolic",
     "check_gamma",
     "forcing_of",
+    "lattice_by",
     "lattice_of",
 ]

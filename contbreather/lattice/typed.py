@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from contbreather.errors import BadInput
 from contbreather.files import read_text
+from contbreather.lattice.conditions import Walls
+from contbreather.lattice.modes import InfiniteChain, Ring
 
 if TYPE_CHECKING:
     from contbreather.lattice.finite import Lattice
@@ -17,10 +20,8 @@ KNOWN = (
 )
 
 
-def lattice_by(typed: str | None, sites: int | None) -> Any:
+def lattice_by(typed: str | None, sites: int | None = None) -> Any:
     """The lattice of `--lattice`, or of `--sites`, which is short for a ring."""
-    from contbreather.lattice import InfiniteChain, Ring
-
     if typed is None:
         return InfiniteChain() if sites is None else Ring(sites)
     if sites is not None:
@@ -34,7 +35,6 @@ def lattice_by(typed: str | None, sites: int | None) -> Any:
 
 def _usual(typed: str) -> Any:
     """Ring, open chain or grid, by its sizes."""
-    from contbreather.lattice import Ring
     from contbreather.lattice.finite import Grid, OpenChain
 
     name, size, *ends = typed.lower().split(":") if ":" in typed else (typed, "")
@@ -91,6 +91,23 @@ def walls_by(typed: Sequence[str], sites: int | None) -> Any:
     if not own or sites is None:
         return of_all[0] if of_all else own or None
     return {**dict.fromkeys(range(sites), *of_all), **own} if of_all else own
+
+
+def as_typed(walls: Walls) -> str:
+    """What `walls_by` makes them of; nothing for the usual ones.
+
+    Examples
+    --------
+    >>> as_typed(Walls.given({3: (None, 0.8)}))
+    '3:none,0.8'
+    """
+    usual = walls.of_all == Walls().of_all
+    pairs = ([] if usual else [("", walls.of_all)]) + [(f"{n}:", pair) for n, pair in walls.own]
+    ends = {-math.inf: "none", math.inf: "none"}
+    return " ".join(
+        f"{site}{ends.get(low, repr(low))},{ends.get(high, repr(high))}"
+        for site, (low, high) in pairs
+    )
 
 
 def _own(text: str) -> tuple[int, Any]:

@@ -37,13 +37,13 @@ def press(page: Page, name: str) -> None:
 
 
 def sentence(trouble: Any) -> str:
-    assert trouble.view.visible == ('role="alert"></div>' not in trouble.view.object)
-    return str(trouble.view.object) if trouble.view.visible else ""
+    assert trouble.text.visible == bool(trouble.text.text)
+    return str(trouble.text.text)
 
 
 def test_a_click_into_the_zones_shows_that_breather(page: Page) -> None:
     page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
-    assert "<td>p</td><td>0.808749129989</td>" in page.words.object
+    assert "<td>p</td><td>0.808749129989</td>" in page.words.text.text
     assert page.zones.here.data == {"x": [0.08], "y": [0.5]}
     assert page.profile.sites.data["n"].size == 21
     assert page.motion.lines.data["site"] == ["site 0", "site 1", "site 2"]
@@ -74,8 +74,12 @@ def test_the_diagram_has_its_curves_regions_and_meetings(page: Page) -> None:
         ("a", "nan", "a = nan"),
         ("gamma", "0.3", "from 0 to 1/4"),
         ("k", "", "is not a number"),
-        ("sites", "2.5", "a whole number from 3 to 2000"),
-        ("sites", "1e9", "a whole number"),
+        ("lattice", "2.5", "lattice 2.5: wanted is ring:20, open:9"),
+        ("lattice", "grid:100000x100000", "at most 2000 sites"),
+        ("lattice", "0", "lattice ring:0: wanted"),
+        ("site", "-1", "a whole number"),
+        ("spring", "-1", "spring = -1"),
+        ("damping", "some", "is not a number"),
     ],
 )
 def test_bad_input_is_refused_beside_its_field(
@@ -176,7 +180,7 @@ def test_a_page_that_is_loaded_again_shows_what_there_was(page: Page) -> None:
     press(page, "Continue")
     page.point.value = 3
     again = Page(page.explorer)
-    assert again.words.object == page.words.object
+    assert again.words.text.text == page.words.text.text
     assert again.point.value == 3
     assert again.branches.special.data["text"] == page.branches.special.data["text"]
     assert page.explorer.chosen.code == "branch1[3]"  # the new page has chosen nothing itself
@@ -194,8 +198,68 @@ def test_a_notebook_shows_the_same_page(page: Page) -> None:
     bundle, _ = page.explorer._repr_mimebundle_()
     assert "text/html" in bundle
     assert "Neimark" in bundle["text/html"]
+    assert "cdn." not in bundle["text/html"]  # nothing is fetched from elsewhere
 
 
 def test_the_second_of_two_quick_clicks_counts_too(page: Page) -> None:
     for view in (page.zones, page.branches):
         assert {"tap", "doubletap"} <= set(view.figure._event_callbacks)
+
+
+def typed(page: Page, **texts: str) -> None:
+    """Type into the fields of the breather, and have it shown."""
+    for name, text in texts.items():
+        page.forms.breather[name].input.value = text
+    press(page, "Show")
+
+
+@pytest.mark.parametrize(
+    ("texts", "given"),
+    [
+        ({"spring": "0.1"}, {"spring": 0.1}),
+        ({"lattice": "12", "damping": "0.02"}, {"lattice": cb.Ring(12), "damping": 0.02}),
+        ({"lattice": "open:9", "site": "4"}, {"lattice": cb.OpenChain(9), "site": 4}),
+        (
+            {"lattice": "ring:12", "walls": "-0.9,0.9 3:none,none"},
+            {"lattice": cb.Ring(12), "walls": dict.fromkeys(range(12), (-0.9, 0.9)) | {3: None}},
+        ),
+    ],
+)  # fmt: skip
+def test_lattice_springs_and_walls_are_typed(page: Page, texts: Any, given: Any) -> None:
+    page.explorer.watch((0,), 20)
+    typed(page, **texts)
+    wanted = cb.symmetric(a=0.5, gamma=0.08, k=0.8, **given)
+    chosen = page.explorer.chosen
+    assert chosen.orbit.p == wanted.p
+    assert eval(chosen.code, {"cb": cb}).p == wanted.p
+    press(page, "Continue")
+    upper = page.explorer.state.curve("branch1")["p"].argmax()
+    page.point.value = int(upper)
+    fields = {name: field.input.value for name, field in page.forms.breather.items()}
+    assert fields["lattice"].removeprefix("ring:") == texts.get("lattice", "").removeprefix("ring:")
+    press(page, "Show")
+    again = page.explorer.chosen.orbit.p
+    assert again == pytest.approx(page.explorer.state.curve("branch1")["p"][upper], rel=1e-7)
+
+
+def test_what_the_chain_cannot_have_is_refused_with_the_sentence_of_the_library(page: Page) -> None:
+    typed(page, damping="0.02")
+    assert "take Ring(N) or another finite lattice" in sentence(page.forms.breather_trouble)
+    typed(page, damping="", walls="-1")
+    assert "--walls -1: LOW,HIGH" in sentence(page.forms.breather_trouble)
+
+
+def test_a_file_that_exists_is_replaced_at_the_second_press_only(page: Page, tmp_path: Any) -> None:
+    path = tmp_path / "run.nc"
+    path.write_text("of last week")
+    press(page, "Show")
+    press(page, "Continue")
+    page.forms.file.input.value = str(path)
+    press(page, "Save all curves")
+    assert "press again to replace it" in sentence(page.forms.keep_trouble)
+    assert path.read_text() == "of last week"
+    press(page, "Save all curves")
+    assert sentence(page.forms.keep_trouble) == ""
+    assert cb.load(path)["branch1"].names
+    press(page, "Save all curves")  # and is asked about again the next time
+    assert "press again" in sentence(page.forms.keep_trouble)
