@@ -116,12 +116,20 @@ class Words:
             visible=False,
         )  # fmt: skip
         self.view = pn.pane.Bokeh(self.text)
+        self.html = ""
 
     def show(self, html: str) -> None:
         """Something else."""
-        if html == self.text.text:
+        if html == self.html:
             return
-        self.text.update(text=html, visible=bool(html))
+        self.html, document = html, self.text.document
+        if document is not None and document.session_context is not None:
+            document.add_next_tick_callback(self._change)  # of a server: when that is allowed
+        else:
+            self._change()
+
+    def _change(self) -> None:
+        self.text.update(text=self.html, visible=bool(self.html))
         pn.io.push_notebook(self.view)
 
 
