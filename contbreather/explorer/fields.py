@@ -112,10 +112,9 @@ class Words:
 
     def __init__(self) -> None:
         self.text = Div(
-            stylesheets=[WORDS], sizing_mode="stretch_width", disable_math=True, margin=(0, 5),
-            visible=False,
-        )  # fmt: skip
-        self.view = pn.pane.Bokeh(self.text)
+            sizing_mode="stretch_width", disable_math=True, margin=(0, 5), visible=False
+        )
+        self.view = pn.pane.Bokeh(self.text, stylesheets=[WORDS])
         self.html = ""
 
     def show(self, html: str) -> None:
