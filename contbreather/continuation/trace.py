@@ -442,7 +442,7 @@ class Walker:
     def strider(self) -> Strider | None:
         """Who takes the plain steps, where the equations can be compiled."""
         curve, steps = self.curve, self.steps
-        bounds = [(b.slot, b.low, b.high) for b in self.bounds if isinstance(b.slot, int)]
+        bounds = [(b.slot, *self._inner(b)) for b in self.bounds if isinstance(b.slot, int)]
         if curve.start.size > WIDEST or len(bounds) < len(self.bounds):
             return None
         loops = curve.loops()
@@ -451,6 +451,12 @@ class Walker:
         metric = np.ones(curve.start.size) if curve.metric is None else curve.metric
         origin = curve.dual(self.origin.direction), curve.start
         return None if loops is None else Strider(loops, rules, bounds, metric, origin)
+
+    def _inner(self, bound: Bound) -> tuple[float, float]:
+        """Where plain steps end short of a bound: it is landed on, unless the walk begins there."""
+        start, ends = bound.value(self.curve.start), (bound.low, bound.high)
+        off = [_rounding(end) if abs(start - end) > _rounding(end) else 0.0 for end in ends]
+        return ends[0] + off[0], ends[1] - off[1]
 
     def _rim(self, point: Point, stop: Stop) -> str:
         """Where a branch ended at a bound that is not of the window but of the domain."""
@@ -547,14 +553,16 @@ class Walker:
         first, nearest = None, math.inf
         for bound in self.bounds:
             start, end = bound.value(before), bound.value(after)
-            value = bound.low if end < bound.low else bound.high if end > bound.high else None
-            if value is None:
-                continue
-            if abs(start - value) <= 4 * math.ulp(value or 1e-16):
-                raise Failed(Stop.BOUND)
-            fraction = (value - start) / (end - start)
-            if fraction < nearest:
-                first, nearest = (bound, value), fraction
+            for value, beyond in ((bound.low, bound.low - end), (bound.high, end - bound.high)):
+                on_it = abs(start - value) <= _rounding(value)
+                # a step that ends short of it by rounding ends on it, unless it goes along it
+                if beyond <= (0 if on_it else -_rounding(value)):
+                    continue
+                if on_it:
+                    raise Failed(Stop.BOUND)
+                fraction = (value - start) / (end - start)
+                if fraction < nearest:
+                    first, nearest = (bound, value), fraction
         return first
 
     def _land(self, point: Point, predicted: Array, bound: Bound, value: float) -> Solution:
@@ -688,7 +696,8 @@ class Walker:
     ) -> tuple[list[Point], Stop | None]:
         """What to yield for this step, in order, and whether the walk ends with it."""
         near = 1e-8 * (step.point.arclength - point.arclength)
-        starts = [p for p in found.points if p.arclength <= point.arclength + near]
+        at_start = [p for p in found.points if p.arclength <= point.arclength + near]
+        starts = at_start if first else []  # later, what the step before ended short of is found
         line = (starts or [point]) if first else []
         ended = {id(special.event) for special in starts}
         if any(id(event) in ended for event in self._broken(found)):
@@ -736,6 +745,11 @@ class Walker:
 def _quiet() -> np.errstate:
     """Where equations overflow or divide by zero the branch ends, with its reason."""
     return np.errstate(over="ignore", invalid="ignore", divide="ignore")
+
+
+def _rounding(value: float) -> float:
+    """How far from a bound rounding may end a step that should end on it."""
+    return 4 * math.ulp(value or 1e-16)
 
 
 def _angle(curve: Curve, one: Array, other: Array) -> float:

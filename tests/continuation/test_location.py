@@ -178,6 +178,20 @@ def test_two_branch_points_within_one_step() -> None:
         assert places(branch) == pytest.approx([0.5, 0.501], abs=1e-12)
 
 
+@pytest.mark.parametrize("largest", [0.01, 0.02, 0.05, 0.1, 0.5])
+def test_a_branch_point_is_found_wherever_steps_end_beside_it(largest: float) -> None:
+    """Ten steps of 0.01 end 1e-17 short of it, 23 short of the end of the window, where there is an
+    event as well; one of 0.5 has all of it."""
+    mine = scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.1})
+    ends = {"mu": (-0.1, 0.13)}
+    events = [branch_point(), user("mu", -0.1), user("mu", 0.13)]
+    steps = Steps(first=largest, largest=largest)
+    branch = trace(mine, "mu", within=ends, events=events, steps=steps)
+    found = [(point.label, point["mu"]) for point in branch.special]
+    assert [label for label, _ in found] == ["UZ1", "BP1", "UZ2"]
+    assert [mu for _, mu in found] == pytest.approx([-0.1, 0.0, 0.13], abs=1e-15)
+
+
 def test_branch_point_knows_both_tangents() -> None:
     # x = mu and x = -2 mu cross at the origin
     cross = scalar(lambda x, p: (x - p["mu"]) * (x + 2 * p["mu"]) * (3 + x), 0.5, {"mu": 0.5})

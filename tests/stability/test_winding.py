@@ -196,3 +196,11 @@ def test_many_counts_at_once_are_those_of_one_by_one():
     assert single == [outside(*one, CHAIN) for one in zip(gamma, k, b, strict=True)]
     far = (kind > 3) & (gamma > 1e-9) & (gamma < 0.2499) & (k < 1.0)
     assert np.mean(found[far] < 0) < 0.02
+
+
+@pytest.mark.parametrize("given", [{}, {"radius": 1.2}, {"radius": 1.2, "lattice": Ring(12)}])
+def test_a_distance_is_relative_to_terms_that_grow_with_b(given):
+    for b in (-1.0, 1.0):
+        one, other = (unstable_count(0.1, 0.8, b * size, **given).distance for size in (1e4, 1e7))
+        assert one == pytest.approx(other, rel=1e-2)
+        assert 0.1 < one < 1.0
