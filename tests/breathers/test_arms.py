@@ -21,11 +21,12 @@ from contbreather.breathers.shooting import shooting
 from contbreather.breathers.symmetric_events import form_at
 from contbreather.breathers.wave_events import orbit_neimark_sacker, period_doubling
 from contbreather.breathers.waves import OrbitEquations
-from contbreather.continuation import Steps, Stop, boundary, load, save, trace
+from contbreather.continuation import Steps, Stop, boundary, trace
 from contbreather.continuation.diagram import diagram
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
+from contbreather.runs import load, save
 
 RICH = Fourier(cos={1: -1.0, 3: 0.1}, sin={1: 0.1, 5: -0.3})
 
