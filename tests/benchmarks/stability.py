@@ -103,9 +103,11 @@ def boundary_row(kind: str, branch: Any, steps: int = 100) -> Row:
 
     point = branch.first(kind)
     within = {"gamma": (0.0, 0.2499), "a": (0.0, 1.0)}
+    ends = cb.boundary(point, ("gamma", "a"), within=within)["arclength"][[0, -1]]
+    step = abs(ends[1] - ends[0]) / steps
 
     def walk() -> Any:
-        return cb.boundary(point, ("gamma", "a"), within=within, steps=cb.Steps(largest=1 / steps))
+        return cb.boundary(point, ("gamma", "a"), within=within, steps=cb.Steps(largest=step))
 
     line = walk()
     seconds = best_of(walk, clock=time.process_time) / len(line)
