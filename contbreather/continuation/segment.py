@@ -63,7 +63,7 @@ class Segment:
             curve, (guess, slope) = self.curve, self.guess(u)
             settled = self._settled(guess, slope)
             if settled is not None:
-                z, tangent, residual = settled
+                z, tangent, residual, _ = settled
                 self._near(guess, z)
                 return self._known.setdefault(u, self._point(u, z, tangent, residual))
             found = newton(
@@ -81,7 +81,7 @@ class Segment:
             self._known[u] = self._point(u, found.z, tangent, found.residual)
         return self._known[u]
 
-    def _settled(self, guess: Array, slope: Array) -> tuple[Array, Array, float] | None:
+    def _settled(self, guess: Array, slope: Array) -> tuple[Array, Array, float, int] | None:
         """The point solved for and its tangent, where the equations can be compiled."""
         settler = self.curve.settler
         if settler is None:

@@ -161,16 +161,18 @@ class Settler:
 
     def settled(
         self, guess: Array, across: Array, slope: Array, tolerance: float
-    ) -> tuple[Array, Array, float] | None:
-        """The point in the plane across a vector, its tangent on the side of another, and the
-        residual; None where the walker's own solvers have to do."""
+    ) -> tuple[Array, Array, float, int] | None:
+        """The point in the plane across a vector, its tangent on the side of another, the residual
+        and how many iterations it took; None where the walker's own solvers have to do."""
         self.rules[plain.TOLERANCE] = tolerance
         for mine, given in zip(self.own, (across, slope, guess), strict=False):
             mine[:] = given
         self.call = self.call or self._compiled()
-        if (self._as_it_is() if self.call is None else self.call()) < 0:
+        iterations = self._as_it_is() if self.call is None else self.call()
+        if iterations < 0:
             return None
-        return self.own[2].copy(), self.own[3].copy(), float(self.state[plain.RESIDUAL])
+        residual = float(self.state[plain.RESIDUAL])
+        return self.own[2].copy(), self.own[3].copy(), residual, iterations
 
     def _arrays(self) -> list[Array]:
         return [self.data, self.rules, self.metric, self.state, *self.own, *self.scratch]

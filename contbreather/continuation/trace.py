@@ -532,7 +532,10 @@ class Walker:
         curve = self.curve
         across = row if curve.metric is None else row / curve.metric
         known = curve.settler and curve.settler.settled(guess, across, slope, self.steps.tolerance)
-        return Solution(known[0], True, 0, known[2], 0.0) if known else self._correct(guess, row)
+        if not known:
+            return self._correct(guess, row)
+        z, _, residual, iterations = known
+        return Solution(z, True, iterations, residual, 0.0)
 
     def _correct(self, predicted: Array, row: Array) -> Solution:
         found = newton(

@@ -248,7 +248,7 @@ def test_code_that_needs_what_is_not_there_is_refused(monkeypatch) -> None:
     llvm = pytest.importorskip("llvmlite.binding")
     monkeypatch.setattr(llvm, "address_of_symbol", lambda name: None)
     with pytest.raises(native.NotCompiled, match="needs exp2, which this Python does not have"):
-        native._load(b"entry\nnumba_unpickle exp2\nobject")
+        native._load(b"entry\nexp2\nobject")
 
 
 def test_code_goes_by_what_is_in_memory_numbers_from_elsewhere_included() -> None:

@@ -231,7 +231,9 @@ class Field:
                 seen += [flight.sol(s) for s in at if t <= s < flight.t[-1]]
             t, x = float(flight.t[-1]), flight.y[:, -1].copy()
             for ((n, w), place), when in zip(places.items(), flight.t_events, strict=True):
-                if when.size and t < stop:
+                # two at once, to rounding: the second is beyond its wall before its event is seen
+                beside = flight.status == 1 and abs(x[n] - place) < 1e-12 < w * x[self.sites + n]
+                if (when.size or beside) and t < stop:
                     hits.append((n, t, w, x[self.sites + n]))
                     x[n], x[self.sites + n] = place, -self.on.k * x[self.sites + n]
         return x, hits, np.array(seen)
