@@ -140,7 +140,9 @@ def _key(function: Function, kinds: str) -> str:
     if _is_foreign(function):  # which may be defined anew: good for this session
         return f"{id(function)} {kinds}"
     made = [_content(one) for one in _called(function, {})]
-    machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.llvm_version_info)
+    # two machines with processors of one name may differ in what their hosts let through
+    cpu = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    machine = (llvm.get_process_triple(), *cpu, llvm.llvm_version_info)
     about = repr((_FORMAT, made, kinds, sys.version_info[:2], machine))
     return hashlib.sha256(about.encode()).hexdigest()
 
@@ -182,7 +184,10 @@ def _place() -> Path:
     if os.access(beside if beside.exists() else beside.parent, os.W_OK):
         return beside
     home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
-    return (Path(home) if home else Path.home() / ".cache") / "contbreather"
+    try:
+        return (Path(home) if home else Path.home() / ".cache") / "contbreather"
+    except RuntimeError:  # a user without a home, as in a container: nothing is kept
+        return beside
 
 
 def _file(function: Function, kinds: str) -> Path:
@@ -213,9 +218,11 @@ def _read(path: Path) -> bytes | None:
 
 def _made(function: Function, kinds: str) -> Any:
     try:
-        from numba import cfunc, types
+        from numba import cfunc, config, types
     except ImportError as error:
         raise NotCompiled(f"{error}; pip install numba") from error
+    if getattr(config, "DISABLE_JIT", 0):
+        raise NotCompiled("numba is switched off, by NUMBA_DISABLE_JIT")
     letters = {"p": types.CPointer(types.float64), "i": types.int64, "f": types.int64}
     signature = types.int64(*(letters[kind] for kind in kinds))
     plain = getattr(function, "py_func", None) or _twin(function, {}).py_func

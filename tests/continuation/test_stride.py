@@ -8,7 +8,8 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from types import FunctionType
+from pathlib import Path
+from types import FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -268,6 +269,39 @@ def test_code_is_kept_where_the_user_may_write(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(native.os, "access", lambda *_: False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert native._place() == tmp_path / "contbreather"
+
+
+def test_nothing_is_kept_for_a_user_without_a_home(tmp_path, monkeypatch) -> None:
+    def nobody() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(native.os, "access", lambda *_: False)
+    monkeypatch.setattr(native.Path, "home", nobody)
+    assert native._place() == Path(native.__file__).parent / "__pycache__"
+
+
+def test_code_is_not_taken_to_a_processor_of_the_same_name_that_can_do_less(monkeypatch) -> None:
+    llvm = pytest.importorskip("llvmlite.binding")
+
+    def key(features: str) -> str:
+        told = SimpleNamespace(flatten=lambda: features)
+        monkeypatch.setattr(llvm, "get_host_cpu_features", lambda: told)
+        native._key.cache_clear()
+        return native._key(native.call, "ppp")
+
+    assert key("+avx2,+avx512f") != key("+avx2,-avx512f")
+    native._key.cache_clear()
+
+
+def test_numba_that_is_switched_off_is_a_reason(tmp_path, monkeypatch) -> None:
+    numba = pytest.importorskip("numba")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
+    monkeypatch.setattr(native, "_loaded", {})
+    with pytest.raises(native.NotCompiled, match="switched off, by NUMBA_DISABLE_JIT"):
+        native.address(strider.plain.settle, strider.plain.SETTLING)
 
 
 # --- functions that a user gave -----------------------------------------------------------------
