@@ -196,6 +196,10 @@ def test_all_mistakes_are_said_at_once_each_with_its_line(tmp_path: Path) -> Non
         assert line.strip().startswith(f"line {number}, {reason}")
 
 
+ONE = "[branch.b]\nfree = 'a'\ngamma = 0\nk = 0.8"
+RING = "[chain]\nlattice = 'ring:6'\n"
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -218,6 +222,12 @@ def test_all_mistakes_are_said_at_once_each_with_its_line(tmp_path: Path) -> Non
         ("[zones.z]\nk = 0.8\n[arms.y]\nof = 'z'\nat = 'PF1'", "no branch, arms or boundary 'z'"),
         ("[zones.z]\nk=0.8\n[atlas.y]\nk=0.8\n[figure.f]\ndraws=['z','y']", "not some of each"),
         ("[zones.z]\nk=2\n[figure.f]\ndraws=['y']", "nothing is called 'y'; there are z"),
+        ("[chain]\ndamping = 0.1\n" + ONE, "line 2, chain.damping: on the infinite chain site 0"),
+        ("[chain]\nsite = 1\n" + ONE, "leave site out, or name a lattice, 'ring:20'"),
+        ("[chain]\nwalls = ['-2,2']\n" + ONE, "between walls at -1 and 1, without damping"),
+        (RING + "walls = ['3:-1,2']\n" + ONE, "line 3, chain.walls: the walls are not symmetric"),
+        (RING + "walls = ['9:-2,2']\n" + ONE, "walls of site 9: there is no such site"),
+        ("[branch.b]\nfree = 'damping'\na = 1\ngamma = 0\nk = 0.8", "'damping' is none"),
         ("[colours]\nred = 1\n[zones.z]\nk = 0.8", "colours: unknown here; there are title"),
     ],
 )
@@ -239,7 +249,7 @@ def test_a_study_that_is_not_there_is_refused(run: Command) -> None:
 def test_the_file_of_a_lattice_is_looked_for_beside_the_study(tmp_path: Path) -> None:
     (tmp_path / "spring.csv").write_text("1, -1\n-1, 1\n")
     path = tmp_path / "study.toml"
-    path.write_text('[chain]\nlattice = "spring.csv"\n[zones.z]\nk = 0.8\n')
+    path.write_text('[chain]\nlattice = "spring.csv"\n' + ONE)
     assert read(path).chain.place.sites == 2
 
 
@@ -258,11 +268,10 @@ ALL = """
 lattice = "open:6"
 forcing = "-cos(t) + c3*cos(3*t)"
 parameters = {c3 = 0.1}
-threshold = 1.01
 damping = 0.02
 spring = 0.3
 site = 2
-walls = ["-1,1", "3:none,0.8"]
+walls = ["-1,1", "3:-0.8,0.8"]
 
 [branch.ways]
 free = "a"
@@ -290,6 +299,21 @@ at = "LP1"
 pair = ["k", "gamma"]
 within = {k = [0.6, 0.8]}
 largest = 0.03
+"""
+
+PLANE = """
+[chain]
+lattice = "ring:6"
+forcing = "-cos(t) + c3*cos(3*t)"
+parameters = {c3 = 0.1}
+threshold = 1.01
+spring = 0.0
+
+[branch.soft]
+free = "a"
+gamma = 0.04
+k = 0.7
+window = [0.3, 0.6]
 
 [zones.plane]
 k = 0.8
@@ -318,26 +342,28 @@ def test_every_key_of_a_study_reaches_the_library(
     for name in ("find_symmetric", "problem_with", "trace", "switch", "boundary", "drawn"):
         monkeypatch.setattr(parts, name, told(name))
     path.write_text(ALL)
+    plane = tmp_path / "plane.toml"
+    plane.write_text(PLANE)
     quiet = {"progress": False}
     on = {
         "lattice": cb.OpenChain(6), "site": 2, "damping": 0.02, "spring": 0.3,
-        "walls": dict.fromkeys(range(6), (-1.0, 1.0)) | {3: (None, 0.8)},
+        "walls": dict.fromkeys(range(6), (-1.0, 1.0)) | {3: (-0.8, 0.8)},
     }  # fmt: skip
-    own = {part.name: part for part in parts_of(read(path))}
-    assert list(own) == ["ways", "fixed", "plane", "arms", "line"]
+    own = {part.name: part for file in (path, plane) for part in parts_of(read(file))}
+    assert list(own) == ["ways", "fixed", "arms", "line", "soft", "plane"]
     drives = [cb.Symbolic("-cos(t) + c3*cos(3*t)", c3=c3) for c3 in (0.05, 0.1)]
     wanted = {
         "ways": [
             ("find_symmetric", ("a", (0.3, 0.6)),
              {"root": 2, "gamma": 0.04, "k": 0.7, **on, "forcing": drives[0]}),
-            ("problem_with", (arm, "a"), {"threshold": 1.01}),
+            ("problem_with", (arm, "a"), {"threshold": 1.005}),
             ("trace", (arm, "a"),
              {"within": {"a": (0.3, 0.6)}, "steps": cb.Steps(largest=0.05), **quiet}),
         ],
         "fixed": [
             ("find_symmetric", ("gamma", (0.03, 0.03)),
              {"root": 1, "a": 0.5, "gamma": 0.03, "k": 0.9, **on, "forcing": drives[1]}),
-            ("problem_with", (arm, "gamma"), {"threshold": 1.01}),
+            ("problem_with", (arm, "gamma"), {"threshold": 1.005}),
             ("trace", (arm, "gamma"), {"within": {"gamma": window_of("gamma")}, **quiet}),
         ],
         "arms": [("switch", (("PF2", arm),), {"within": {"a": (0.35, 0.5)}, **quiet})],
@@ -347,14 +373,72 @@ def test_every_key_of_a_study_reaches_the_library(
         ],
         "plane": [
             ("drawn", (Slice("k", 0.8, drives[1]),),
-             {"lattice": cb.OpenChain(6), "threshold": 1.01, "within": {"gamma": (0.0, 0.1)},
+             {"lattice": cb.Ring(6), "threshold": 1.01, "within": {"gamma": (0.0, 0.1)},
               "past_folds": True}),
+        ],
+        "soft": [
+            ("find_symmetric", ("a", (0.3, 0.6)),
+             {"root": 1, "gamma": 0.04, "k": 0.7, "lattice": cb.Ring(6), "spring": 0.0,
+              "forcing": drives[1]}),
+            ("problem_with", (arm, "a"), {"threshold": 1.01}),
+            ("trace", (arm, "a"), {"within": {"a": (0.3, 0.6)}, **quiet}),
         ],
     }  # fmt: skip
     for name, calls in wanted.items():
         asked.clear()
         parts._COMPUTED[own[name].kind](own[name], tmp_path)
         assert asked == calls
+
+
+IGNORED = """
+[chain]
+lattice = "open:6"
+threshold = 1.01
+damping = 0.03
+spring = 0.1
+site = 7
+walls = ["-2,2"]
+
+[branch.one]
+free = "a"
+gamma = 0.04
+k = 0.8
+mistake = 1
+
+[arms.two]
+of = "one"
+at = "PF1"
+
+[zones.q]
+k = 0.5
+
+[atlas.r]
+gamma = [0.1, 2]
+"""
+
+
+def test_what_diagrams_and_arms_cannot_do_is_refused_and_never_passed_over(tmp_path: Path) -> None:
+    """Each key of the chain, with its line, its remedy, and all other mistakes."""
+    path = tmp_path / "ignored.toml"
+    path.write_text(IGNORED)
+    with pytest.raises(cb.BadInput) as refused:
+        read(path)
+    first, *lines = str(refused.value).splitlines()
+    wanted = [
+        (3, "chain.lattice: zones and atlas: diagrams are of the infinite chain or of a ring"),
+        (4, "chain.threshold: arms are judged by the paper's 1.005; leave threshold out"),
+        (5, "chain.damping: zones and atlas: diagrams are of site 0"),
+        (6, "chain.spring: zones and atlas: diagrams are of site 0"),
+        (7, "chain.site: impact (7, 1): no such site on the open chain"),
+        (7, "chain.site: zones and atlas: diagrams are of site 0"),
+        (8, "chain.walls: zones and atlas: diagrams are of site 0"),
+        (14, "branch.one.mistake: unknown here"),
+        (24, "atlas.r.gamma: gamma = 2"),
+    ]
+    assert first == f"ignored.toml has {len(wanted)} mistakes:"
+    for (number, reason), line in zip(wanted, lines, strict=True):
+        assert line.strip().startswith(f"line {number}, {reason}")
+    assert "leave damping out, or keep [branch] and [boundary]" in lines[2]
 
 
 # --- interruptions and clusters -------------------------------------------------------------------

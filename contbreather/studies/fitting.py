@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
+from contbreather.breathers.section import Section, check_walls
 from contbreather.breathers.zones import PAIRS
-from contbreather.studies.plan import Figure, Study
+from contbreather.errors import BadInput
+from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.stability.verdict import THRESHOLD
+from contbreather.studies.plan import Chain, Figure, Study
 
 Fault = tuple[tuple[str, ...], str]  # where it is said, and what is wrong
 KINDS = ("branch", "arms", "boundary", "zones", "atlas")
@@ -21,6 +26,7 @@ def faults(study: Study, unread: Collection[str] = ()) -> Iterator[Fault]:
     yield from _names(study)
     yield from _references(study, unread)
     if "chain" not in unread:
+        yield from _of_the_chain(study, unread)
         yield from _of_the_forcing(study)
         yield from _parameters(study)
     for name, figure in study.figure.items():
@@ -71,6 +77,61 @@ def _origins(study: Study, name: str) -> list[str]:
     return found
 
 
+def _of_the_chain(study: Study, unread: Collection[str]) -> Iterator[Fault]:
+    """What the library cannot do with its keys: nothing that is said there is passed over."""
+    chain = study.chain
+    motion = [name for name in ("damping", "spring", "site", "walls") if getattr(chain, name)]
+    if chain.place.sites is None:
+        for name in {*motion} - {"spring"}:
+            yield (
+                ("chain", name),
+                "on the infinite chain site 0 impacts, between walls at -1 and 1, without "
+                f"damping; leave {name} out, or name a lattice, 'ring:20'",
+            )
+    else:
+        yield from _impacting(chain)
+    asked = [kind for kind in ("zones", "atlas") if getattr(study, kind) or kind in unread]
+    if asked:
+        yield from _in_the_plane(chain, motion, " and ".join(asked))
+    if (study.arms or "arms" in unread) and chain.verge != THRESHOLD:
+        yield (
+            ("chain", "threshold"),
+            f"arms are judged by the paper's {THRESHOLD}; leave threshold out, or keep the arms "
+            "in a study of their own",
+        )
+
+
+def _impacting(chain: Chain) -> Iterator[Fault]:
+    """A site that is not there, or walls that it cannot hit in turn."""
+    on = Conditions(1.0, 0.0, 1.0, walls=Walls.given(chain.on.get("walls")), lattice=chain.place)
+    try:
+        section = Section(((chain.site, 1),), sign=-1).placed(chain.place)
+    except BadInput as error:
+        yield ("chain", "site"), str(error)
+        return
+    try:
+        check_walls(section, on)
+    except BadInput as error:
+        yield ("chain", "walls"), str(error)
+
+
+def _in_the_plane(chain: Chain, motion: Collection[str], asked: str) -> Iterator[Fault]:
+    """Zone diagrams know breathers of eq. (11) alone."""
+    instead = "keep [branch] and [boundary], which know it, in a study of their own"
+    for name in motion:
+        yield (
+            ("chain", name),
+            f"{asked}: diagrams are of site 0 between walls at -1 and 1, without damping and "
+            f"springs; leave {name} out, or {instead}",
+        )
+    if not isinstance(chain.place, InfiniteChain | Ring):
+        yield (
+            ("chain", "lattice"),
+            f"{asked}: diagrams are of the infinite chain or of a ring, not of {chain.lattice}; "
+            f"take 'ring:20', or {instead}",
+        )
+
+
 def _of_the_forcing(study: Study) -> Iterator[Fault]:
     own = study.chain.drive.params
     for kind in ("branch", "zones", "atlas"):
@@ -81,7 +142,8 @@ def _of_the_forcing(study: Study) -> Iterator[Fault]:
 
 
 def _parameters(study: Study) -> Iterator[Fault]:
-    known = sorted({*PAIRS, "damping", "spring", *study.chain.drive.params})
+    own = {"spring"} if study.chain.place.sites is None else {"damping", "spring"}
+    known = sorted({*PAIRS, *own, *study.chain.drive.params})
     for name, branch in study.branch.items():
         if branch.free not in known:
             yield (

@@ -123,9 +123,10 @@ class Chain(Table):
     @property
     def on(self) -> dict[str, Any]:
         """As `symmetric` takes it, but for the forcing."""
-        more = {"site": self.site, "walls": walls_by(self.walls, self.place.sites)}
-        given = {"damping": self.damping, "spring": self.spring, **more}
-        return {"lattice": self.place, **{n: v for n, v in given.items() if v not in (None, 0)}}
+        walls = walls_by(self.walls, self.place.sites)
+        given = {"site": self.site or None, "damping": self.damping or None, "walls": walls}
+        given["spring"] = self.spring  # one of 0 is a parameter, too
+        return {"lattice": self.place, **{n: v for n, v in given.items() if v is not None}}
 
 
 class Branch(Table):
