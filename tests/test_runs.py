@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -117,6 +119,19 @@ def test_all_that_has_columns_gives_them_as_tables(name: str, tmp_path: Path) ->
             assert all(cell in ("", repr(float(cell or "0"))) for cell in cells)
         else:
             assert cells == [str(cell) for cell in frame[own]]
+
+
+@pytest.mark.parametrize("name", ["branch", "diagram", "zones", "run", "smooth"])
+def test_a_process_that_has_done_nothing_else_reads_a_file_of_every_kind(
+    name: str, tmp_path: Path
+) -> None:
+    value = TABLES[name]()
+    cb.save(tmp_path / "kept.nc", value)
+    code = "import contbreather as cb; print(type(cb.load('kept.nc')).__name__)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout.strip(), done.stderr) == (type(value).__name__, "")
 
 
 def test_table_of_a_branch_has_labels_and_no_count_that_rounding_decides() -> None:

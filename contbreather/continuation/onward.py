@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -17,6 +17,7 @@ from .starts import Within, all_of, windows
 from .steps import Steps
 from .trace import trace
 
+_EDGE = 1e-9  # relative, within which an end is on the edge of a window
 _OVER: dict[Stop | None, str] = {
     Stop.CLOSED: "it is closed: there is nothing beyond",
     Stop.EVENT: "there is nothing to follow beyond the event that ended it",
@@ -104,15 +105,21 @@ def _over(branch: Branch, side: str, asked: Settings) -> str:
     """Why a branch cannot go on at one end; empty if it can."""
     last = side == "last"
     stop, reason = (branch.stop, branch.reason) if last else (branch.began, branch.began_reason)
-    old = Settings() if branch.settings is None else branch.settings
+    at = -1 if last else 0
     if stop in _OVER:
         return _OVER[stop]
-    if stop is Stop.BOUND and (reason or asked.within == old.within):
-        windows = ", ".join(f"{name} in ({a:g}, {b:g})" for name, (a, b) in old.within.items())
+    if stop is Stop.BOUND and (reason or _at_edge(branch, at, asked.within)):
+        windows = ", ".join(f"{name} in ({a:g}, {b:g})" for name, (a, b) in asked.within.items())
         return reason or f"it is at the edge of its window, {windows}: give a wider one"
-    if branch[-1 if last else 0].tangent is None:
+    if branch[at].tangent is None:
         return "no direction is known"
     return ""
+
+
+def _at_edge(branch: Branch, at: int, within: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether an end is on an edge of a window, which may be wider than the one it stopped at."""
+    ends = ((float(branch[name][at]), edge) for name, both in within.items() for edge in both)
+    return any(abs(value - edge) <= _EDGE * (1.0 + abs(edge)) for value, edge in ends)
 
 
 def _further(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ..display import Shown
 from ..errors import BadInput
 from ..files import named, writable
+from . import diagram  # noqa: F401 - enters diagrams
 from .contents import made_of
 from .groups import check_names
 from .netcdf import read, write

@@ -179,6 +179,15 @@ def test_extended_branch_is_the_one_that_was_walked_further(
     assert (last["a"].min(), last.stop) == (AROUND["a"][0], cb.Stop.EVENT)
 
 
+def test_ends_go_on_one_after_the_other_in_the_same_wider_window(branch: cb.Branch) -> None:
+    wide = {"a": (0.7, 0.85)}
+    first = cb.extend(branch, end="first", within=wide)
+    both = cb.extend(first, end="last")
+    assert both["a"][[0, -1]] == pytest.approx([0.7, 0.85], abs=1e-12)
+    with pytest.raises(cb.BadInput, match=r"edge of its window, a in \(0\.7, 0\.85\)"):
+        cb.extend(both)
+
+
 def test_what_cannot_go_on_says_why_at_both_ends(branch: cb.Branch) -> None:
     wide = cb.trace(symmetric(), "a", towards="up")
     for call, sentence in (
