@@ -210,7 +210,8 @@ def _read(path: Path) -> bytes | None:
         text = path.read_bytes()
     except OSError:
         return None
-    return text[32:] if hashlib.sha256(text[32:]).digest() == text[:32] else None
+    code = text[32:]
+    return code if code and hashlib.sha256(code).digest() == text[:32] else None
 
 
 # --- with numba ---------------------------------------------------------------------------------

@@ -537,6 +537,13 @@ def test_bad_place_for_a_figure_is_refused(
         save_figure(figure, name)
 
 
+@pytest.mark.parametrize("given", ["x", None, [], [[]], 3])
+def test_what_has_no_figure_is_refused(given, tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="a figure or something drawn in one is expected, got"):
+        save_figure(given, tmp_path / "x.png")
+    assert not list(tmp_path.iterdir())
+
+
 def test_drawing_and_saving_does_without_pyplot(tmp_path: Path) -> None:
     """pyplot opens windows and keeps every figure; a library has no business with it."""
     code = (

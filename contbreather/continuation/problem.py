@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..checks import kind_of
 from ..errors import BadInput, NotConverged
 from .curve import Curve, Params
-from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, newton
+from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, newton, rounding
 from .recipes import Recipe
 from .sparse import Matrix, Pattern
 from .strider import Compilable
@@ -281,6 +281,8 @@ class Problem:
                 f"iteration from it leaves the domain: {error}",
                 residual=before,
             ) from error
+        if not found.converged and self._is_solved(curve):
+            return self, Solution(self.x, True, 0, before, 0.0)
         small = 1e-6 * (1 + float(abs(found.z).max())) * curve.row_sizes(found.z)
         if not found.converged or (abs(curve.equations(found.z)) > small).any():
             raise NotConverged(
@@ -292,6 +294,12 @@ class Problem:
                 last=self._started(found.z) if np.isfinite(found.z).all() else None,
             )
         return self._started(found.z), found
+
+    def _is_solved(self, curve: Curve) -> bool:
+        """Whether the start solves the equations to rounding: at a fold or a branch point Newton's
+        iteration wanders off from the best there is."""
+        left = abs(curve.equations(self.x))
+        return bool((left <= rounding(curve.jacobian(self.x), self.x)).all())
 
     def _started(self, x: Array) -> Problem:
         """The same problem with its start at x."""

@@ -10,6 +10,7 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from contbreather.checks import kind_of
 from contbreather.display import in_notebook
 from contbreather.errors import BadInput
 from contbreather.files import writable, write_whole
@@ -191,15 +192,17 @@ def save_figure(figure: Figure | Artist | Sequence[Any], path: str | Path) -> Pa
     Raises
     ------
     BadInput
-        For another suffix, a directory, or a place that cannot be written.
+        For what has no figure, another suffix, a directory, or a place that cannot be written.
     """
     target = figure_path(path)
     kind = target.suffix.lower().removeprefix(".")
     # no date inside: the same figure gives the same file
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
-    one = figure
-    while isinstance(one, Sequence):
+    one: Any = figure
+    while isinstance(one, list | tuple) and one:
         one = one.axes if isinstance(one, Drawn) else one[0]
+    if not hasattr(one, "get_figure"):
+        raise BadInput(f"a figure or something drawn in one is expected, got {kind_of(figure)}")
     whole = one.get_figure(root=True)  # a figure is its own
     if whole is None:
         raise BadInput("these axes have no figure any more; draw them anew")

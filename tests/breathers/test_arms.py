@@ -535,3 +535,13 @@ def test_an_amplitude_at_which_no_breather_is_found_is_refused() -> None:
         with pytest.raises(NotConverged, match=rf"no orbit at the amplitude {amplitude:g}.*{why}"):
             lifted.arm(amplitude)
     assert orbit_at(beside(lifted, 0.3)).asymmetry == pytest.approx(0.3, rel=0.05)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_where_an_arm_begins_a_ring_has_a_verdict_too(side) -> None:
+    """The matrix is singular there: Newton's iteration would leave a start that is a solution."""
+    fork = trace(symmetric(a=0.7, gamma=0.04, k=0.8), "a").first("PF")
+    first, second = (point.solution for point in switch(fork)[side].points[:2])
+    verdicts = [orbit.stability(sites=400) for orbit in (first, second)]
+    assert [verdict.stable for verdict in verdicts] == [True, True]
+    assert verdicts[0].largest == pytest.approx(verdicts[1].largest, abs=1e-3)
