@@ -19,7 +19,7 @@ WORD = re.compile(r"#[0-9A-Fa-f]{6}\b|(?<![#\w])[A-Za-z_]\w*")
 ONCE = {
     "colours": "#17405a #274B63 #2CC295 #343a40 #4d3320 #777777 #868e96 #8a9097 #A8D8F5 #BFDDF2"
     " #E29DC3 #F2B84B #dddddd #dee2e6 #e9ecef #f5f5f5 #ffffff",
-    "python and the system": "LOCALAPPDATA NFKC NUMBA_NUM_THREADS __args__ _inheriting win32 xb"
+    "python and the system": "NFKC NUMBA_NUM_THREADS __args__ _inheriting win32 xb"
     " _max_workers backslashreplace pthread_sigmask",
     "numba": "NRT_Free numba_do_raise numba_gil_ensure numba_gil_release numba_unpickle"
     " forceinline numba_runtime_build_excinfo_struct jitdefault",
