@@ -100,10 +100,13 @@ def state_rows(given: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return u, v
 
 
-def check_kind(given: object, kinds: type | tuple[type, ...], wanted: str) -> None:
+def check_kind(
+    given: object, kinds: type | tuple[type, ...], wanted: str, remedy: str = ""
+) -> None:
     """Refuse what is of another type than was wanted."""
     if not isinstance(given, kinds):
-        raise BadInput(f"{wanted} was expected, got {kind_of(given)}")
+        what = f"{wanted} was expected, got {kind_of(given)}"
+        raise BadInput(f"{what}; {remedy}" if remedy else what)
 
 
 def kind_of(given: object) -> str:

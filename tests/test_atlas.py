@@ -39,7 +39,7 @@ def test_an_atlas_has_the_points_of_each_diagram_in_order(found: Any) -> None:
 def test_values_without_a_diagram_are_listed_with_the_reason(found: Any) -> None:
     assert found.failed_k.to_numpy().tolist() == [2.0, 2.0]
     assert found.failed_c3.to_numpy().tolist() == [0.0, 0.01]
-    assert all(b"0 <= k <= 1" in reason for reason in found.reason.to_numpy())
+    assert all("0 <= k <= 1" in reason for reason in found.reason.to_numpy())
     with pytest.raises(cb.BadInput, match="0 <= k <= 1"):
         cb.atlas(k=[2.0], executor=1)
 
@@ -55,9 +55,15 @@ def test_an_atlas_out_of_a_file_is_drawn_as_the_one_that_was_written(
     found: Any, tmp_path: Path
 ) -> None:
     path = save_atlas(tmp_path / "atlas.nc", found)
+    for one in (found, *found.variables.values()):
+        assert not any(isinstance(value, bytes) for value in one.attrs.values())
     with xarray.open_dataset(path, engine="h5netcdf", decode_cf=False) as again:
         assert np.array_equal(again.a, found.a)
         assert words(again, "kind") == words(found, "kind")
+        assert again.attrs == found.attrs
+        assert [
+            one.tobytes().decode().rstrip("\0") for one in again.reason.to_numpy()
+        ] == found.reason.to_numpy().tolist()
         for one in (found, again):
             axes = plot_atlas(one, over="c3", at={"k": 0.8}, kinds=["LP"]).axes
             assert len(axes.lines) == 2  # one for each c3

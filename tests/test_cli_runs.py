@@ -49,7 +49,9 @@ def test_one_result_of_a_file_goes_on_and_others_stay(kept: Callable[[str], Outp
     branch = cb.load("b.nc")
     cb.save("two.nc", one=branch, other=branch)
     Path("b.nc").unlink()
-    assert kept("extend two.nc other --window 0.68 0.76 --end first --most 1")[0] == 0
+    status, out, _ = kept("extend two.nc other --window 0.68 0.76 --end first --most 1")
+    assert (status, "raise --most of contbreather extend to go on" in out) == (0, True)
+    assert "Steps" not in out
     run = cb.load("two.nc")
     assert (len(run["one"]), list(run)) == (len(branch), ["one", "other"])
     assert run["other"].began is cb.Stop.MOST

@@ -62,6 +62,21 @@ def test_python_on_a_page_gives_what_it_shows(page: Path, tmp_path: Path) -> Non
         example.evaluate()
 
 
+@pytest.mark.slow
+def test_the_last_recipe_of_the_page_on_figures_gives_a_finished_figure(tmp_path: Path) -> None:
+    page = DOCS / "how-to" / "figures.md"
+    (tmp_path / page.name).write_text(TEXT[page], encoding="utf-8")
+    document = Sybil([PythonCodeBlockParser(doctest_optionflags=FLAGS)]).parse(tmp_path / page.name)
+    for example in document.examples():
+        example.evaluate()
+    ax = document.namespace["ax"]
+    ax.figure.draw_without_rendering()
+    (word,), tick = ax.get_legend().get_texts(), ax.get_xticklabels()[0]
+    assert word.get_fontsize() <= tick.get_fontsize()
+    assert ax.get_legend().get_window_extent().y0 >= ax.bbox.y1
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\gamma$", "$a$")
+
+
 # --- commands -----------------------------------------------------------------------------------
 
 

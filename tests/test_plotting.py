@@ -265,6 +265,36 @@ def test_second_call_on_the_same_axes_takes_the_next_colour(in_a: Branch) -> Non
     assert len({line.get_color() for line in curves(ax)}) == len(first) + 1
 
 
+@pytest.mark.parametrize("count", [8, 20])
+def test_more_values_than_colours_of_the_cycle_have_one_each_and_a_legend(count: int) -> None:
+    several = [
+        cb.trace(cb.Problem(lambda x, p: x - p["mu"] * p["c"], {"x": c}, {"mu": 1.0, "c": c}), "mu",
+                 within={"mu": (0.9, 1.1)}, events=[])
+        for c in reversed(range(1, count + 1))
+    ]  # fmt: skip
+    ax = plot(*several).axes
+    colours = {line.get_color(): line for line in curves(ax)}
+    assert len(colours) == count
+    legend = ax.get_legend()
+    named = zip(legend.get_texts(), legend.get_lines(), strict=True)
+    shown = {
+        float(text.get_text().removeprefix("$c$ = ")): line.get_color() for text, line in named
+    }
+    assert list(shown) == sorted(shown)
+    assert {1.0, float(count)} <= {*shown}
+    assert len(shown) == min(count, 13)
+    for c, colour in shown.items():
+        x, y = colours[colour].get_data()
+        assert np.allclose(y, c * np.asarray(x))
+    ax.figure.draw_without_rendering()
+    assert legend.get_window_extent().y0 >= ax.bbox.y1
+
+
+def test_a_diagram_is_refused_with_what_draws_it(diagram: Zones) -> None:
+    with pytest.raises(BadInput, match=r"a branch was expected, got a Zones; .*plot_diagram draws"):
+        plot(diagram)  # type: ignore[arg-type]
+
+
 def test_unknown_column_is_refused_with_the_known_ones(in_a: Branch) -> None:
     with pytest.raises(BadInput, match=r"no column 'b'; this branch has"):
         plot(in_a, x="b")

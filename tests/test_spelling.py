@@ -25,7 +25,7 @@ ONCE = {
     " forceinline numba_runtime_build_excinfo_struct jitdefault",
     "numpy and scipy": "COLAMD LM MMD_AT_PLUS_A NATURAL bc bck jab jbc kiajb kiajc kja kjb xyz",
     "netCDF and HDF5": "_nc4_ long_name",
-    "matplotlib": "Creator butt mplstyle mutation_scale ffpi ffpii",
+    "matplotlib": "Creator butt mplstyle mutation_scale ffpi ffpii viridis",
     "panel, bokeh and browsers": "Available Py box_zoom danger dashdot diamond localhost"
     " inverted_triangle pan synchronous top_right triangle wheel_zoom",
     "others": "KilledWorker extra_forbidden forbid free_symbols markdown mem sig value_error xx",

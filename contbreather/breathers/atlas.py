@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.zones import KINDS, Zones
 from contbreather.breathers.zones_many import Slice, drawn, slices_of
+from contbreather.continuation.groups import text
 from contbreather.continuation.netcdf import image
 from contbreather.errors import BadInput, keeping, taking
 from contbreather.files import write_whole
@@ -83,7 +84,7 @@ def atlas(
     --------
     >>> found = atlas(k=[0.7, 0.8], within={"gamma": (0.0, 0.03)}, executor=1)
     >>> found.sizes["point"] > 400, found.kind.attrs["flag_meanings"]
-    (True, b'LP GR PF NS')
+    (True, 'LP GR PF NS')
     >>> fold = found.where(found.kind == 0, drop=True)
     >>> round(float(fold.a.sel(point=(fold.k == 0.8) & (fold.gamma == 0.0)).item()), 9)
     0.070559228
@@ -135,13 +136,13 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
 def _coded(name: str, words: Sequence[str], known: Sequence[str]) -> Variable:
     """Words as numbers, with what each of them means, as CF has it."""
     shown = " ".join(word or "none" for word in known)
-    flags = {"flag_values": np.arange(len(known), dtype="i1"), "flag_meanings": shown.encode()}
+    flags = {"flag_values": np.arange(len(known), dtype="i1"), "flag_meanings": shown}
     codes = {word: code for code, word in enumerate(known)}
     return "point", np.array([codes[word] for word in words], dtype="i1"), _meaning(name) | flags
 
 
 def _meaning(name: str) -> dict[str, Any]:
-    return {"long_name": MEANINGS[name].encode()} if name in MEANINGS else {}
+    return {"long_name": MEANINGS[name]} if name in MEANINGS else {}
 
 
 def _failed(
@@ -153,7 +154,7 @@ def _failed(
     found: dict[str, Variable] = {f"failed_{fixed}": ("failed", [s.value for s, _ in pairs], {})}
     for name in over:
         found[f"failed_{name}"] = ("failed", [s.forcing.params[name] for s, _ in pairs], {})
-    found["reason"] = ("failed", np.array([one.reason.encode() for _, one in pairs], "S"), {})
+    found["reason"] = ("failed", np.array([one.reason for _, one in pairs], "U"), {})
     return found
 
 
@@ -167,19 +168,23 @@ def _about(one: Slice, diagrams: Sequence[Zones | Failed]) -> dict[str, Any]:
         "over": " ".join(one.forcing.params),
         "forcing": one.forcing.describe(),
     }
-    return {name: text.encode() for name, text in about.items() if text}
+    return {name: text for name, text in about.items() if text}
 
 
 def words(atlas: Dataset, name: str) -> list[str]:
     """A column of numbers with flags as words, empty where it says none."""
-    meanings = atlas[name].attrs["flag_meanings"]
-    known = (meanings if isinstance(meanings, str) else meanings.decode()).split()
-    known = ["" if word == "none" else word for word in known]
+    known = ["" if word == "none" else word for word in atlas[name].attrs["flag_meanings"].split()]
     return [known[code] for code in atlas[name].to_numpy().tolist()]
 
 
 def save_atlas(path: str | Path, atlas: Dataset) -> Path:
     """Write an atlas to a netCDF-4 file, whole or not at all; anything that reads netCDF or HDF5
     reads it, ``xarray.open_dataset(path, decode_cf=False)`` for instance."""
-    content = image(atlas)
+    reason = atlas.reason.to_numpy()
+    reason = np.char.encode(reason, "utf-8") if reason.dtype.kind == "U" else reason
+    plain = atlas.assign(reason=("failed", reason))
+    parts: list[Any] = [plain, *plain.variables.values()]
+    for one in parts:  # as HDF5 and all that read it take text
+        one.attrs = {n: text(v) if isinstance(v, str) else v for n, v in one.attrs.items()}
+    content = image(plain)
     return write_whole(path, lambda file: file.write(content))

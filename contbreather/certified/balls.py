@@ -42,6 +42,13 @@ class Interval(NamedTuple):
     def __contains__(self, x: object) -> bool:
         return isinstance(x, float | int) and self.low <= x <= self.high
 
+    @property
+    def shown(self) -> str:
+        """In words, with as many digits as tell its ends apart."""
+        ends = ((f"{self.low:.{n}g}", f"{self.high:.{n}g}") for n in range(9, 18))
+        low, high = next((own for own in ends if own[0] != own[1]), (repr(self.low),) * 2)
+        return f"[{low}, {high}]"
+
 
 @contextmanager
 def working() -> Iterator[None]:

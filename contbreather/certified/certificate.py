@@ -158,7 +158,7 @@ class Covering:
         return tuple(Interval(min(own)[0], max(one.high for one in own)) for own in runs)
 
     def describe(self) -> str:
-        parts = ", ".join(f"[{low:.9g}, {high:.9g}]" for low, high in self.covered) or "nowhere"
+        parts = ", ".join(one.shown for one in self.covered) or "nowhere"
         whole = "one smooth curve" if self.connected else "not proved to be one curve"
         lines = [
             f"Proved over {self.free} in {parts} by {len(self.tiles)} tiles ({whole}): breathers "

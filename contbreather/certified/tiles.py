@@ -228,4 +228,4 @@ def _missing(free: str, tiles: Sequence[Tile]) -> Iterator[str]:
         if what:
             own = list(run)
             low, high = min(one.covers.low for one in own), max(one.covers.high for one in own)
-            yield f"for {free} in [{low:.9g}, {high:.9g}], {own[0].why}"
+            yield f"for {free} in {Interval(low, high).shown}, {own[0].why}"

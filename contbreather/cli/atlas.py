@@ -129,7 +129,6 @@ def _rows(found: Dataset) -> Iterator[dict[str, Any]]:
 
 def _failed(found: Dataset) -> list[dict[str, Any]]:
     columns = {str(n): c.to_numpy().tolist() for n, c in found.items() if c.dims == ("failed",)}
-    columns["reason"] = [text.decode() for text in columns["reason"]]
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 

@@ -177,7 +177,8 @@ def ends(branch: Branch) -> list[str]:
     for point, stop, reason in sides:
         if stop is not None:
             why = reason or _grazed(point)
-            sentences.append(f"{point.label}: {stop.value}{f' ({why})' if why else ''}")
+            said = stop.value.replace("Steps.most", "--most of contbreather extend")
+            sentences.append(f"{point.label}: {said}{f' ({why})' if why else ''}")
     return sentences
 
 

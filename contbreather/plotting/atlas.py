@@ -89,13 +89,13 @@ def plot_atlas(
 
 
 def _words(atlas: Any, name: str) -> list[str]:
-    """Of an attribute; out of a file they may come as text."""
+    """Of an attribute."""
     try:
-        found = getattr(atlas, "attrs", {})[name]
+        found: str = getattr(atlas, "attrs", {})[name]
     except KeyError as error:
         what = kind_of(atlas)
         raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {what}") from error
-    return (found if isinstance(found, str) else found.decode()).split()
+    return found.split()
 
 
 def _only(atlas: Dataset, at: Mapping[str, float]) -> str:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
 
 Array = NDArray[np.float64]
+Values = tuple[tuple[str, float], ...]  # of parameters, by their names
 
 STABILITY = "unstable"  # the column that counts unstable directions, if a problem records one
 STABLE: Literal["-"] = "-"
@@ -35,6 +36,9 @@ WORDS: dict[Literal["-", "--", ":"], str] = {
 }
 FINE = 6  # pieces of the line between two points
 SAME = 12.0  # typographic points, half a word: markers of one name that close need it once
+BRIGHTEST = 0.85  # of the colour map: its yellow is not seen on white
+MOST = 13  # values in a legend
+OTHERS = "plotting.plot_diagram draws diagrams, plotting.plot_zones zones"
 TEXT = "black"  # of labels, unless they go by the colour of their branches
 ROUNDING = 1e-9  # relative; what varies by less is constant
 
@@ -81,7 +85,7 @@ def plot(
     if not branches:
         raise BadInput("plot needs at least one branch")
     for branch in branches:
-        check_kind(branch, Branch, "a branch")
+        check_kind(branch, Branch, "a branch", OTHERS)
     for name in (x, y):
         check_kind(name, (str, type(None)), "the name of a column")
     x = branches[0].free if x is None else x
@@ -98,8 +102,10 @@ def _draw(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
     # colours go on from what the axes show already
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
     members = _members(branches)
-    order = list(dict.fromkeys(members)) if members else range(len(branches))
-    colours = {one: CYCLE[(taken + i) % len(CYCLE)] for i, one in enumerate(order)}
+    order: Any = list(dict.fromkeys(members)) or range(len(branches))
+    if members and len(order) > len(CYCLE):
+        order = sorted(order, key=lambda one: [value for _, value in one])
+    colours = dict(zip(order, _colours(taken, len(order), bool(members)), strict=True))
     own = [colours[one] for one in members or order]
     styles: set[str] = set()
     for branch, colour in zip(branches, own, strict=True):
@@ -108,21 +114,31 @@ def _draw(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
     for axis, name in ((ax.xaxis, x), (ax.yaxis, y)):
         _calm(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
     if members or len(styles) > 1 or BEYOND in styles:
-        _legend(ax, styles, dict(zip(members, own, strict=True)) if members else {})
+        _legend(ax, styles, {one: colours[one] for one in order} if members else {})
     _words(ax, branches, x, y, own if members else [TEXT] * len(own))
 
 
-def _members(branches: tuple[Branch, ...]) -> list[str]:
-    """The parameters that are fixed along each branch and not the same on all: what they are worth
-    on each, in words. None where nothing differs, or more than there are colours for."""
+def _colours(taken: int, count: int, values: bool) -> list[str]:
+    """The colours of so many branches or values; no two values have the same one."""
+    if not values or count <= len(CYCLE):
+        return [CYCLE[(taken + i) % len(CYCLE)] for i in range(count)]
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return [to_hex(one) for one in colormaps["viridis"](np.linspace(0.0, BRIGHTEST, count))]
+
+
+def _members(branches: tuple[Branch, ...]) -> list[Values]:
+    """The parameters that are fixed along each branch and not the same on all, with what they are
+    worth on each, to six digits. None where nothing differs."""
     fixed = [
         {name: value for name, value in one.problem.params.items() if name not in one.curve.varied}
         for one in branches
     ]
     common = [name for name in fixed[0] if all(name in one for one in fixed)]
     differ = [name for name in common if len({one[name] for one in fixed}) > 1]
-    found = [", ".join(f"{symbol(name)} = {one[name]:.6g}" for name in differ) for one in fixed]
-    return found if differ and len(set(found)) <= len(CYCLE) else []
+    found = [tuple((name, float(f"{one[name]:.6g}")) for name in differ) for one in fixed]
+    return found if differ else []
 
 
 def _ordinate(branch: Branch) -> str:
@@ -259,14 +275,19 @@ def _calm(axis: Axis, scale: float) -> None:
         axis.axes.autoscale_view()
 
 
-def _legend(ax: Axes, styles: set[str], members: dict[str, str]) -> None:
+def _legend(ax: Axes, styles: set[str], members: dict[Values, str]) -> None:
     from matplotlib.lines import Line2D
 
     shown = [style for style in WORDS if style in styles] if styles != {STABLE} else []
-    handles = [Line2D([], [], color=colour) for colour in members.values()]
+    few = np.unique(np.linspace(0, len(members) - 1, min(len(members), MOST)).round().astype(int))
+    named = [list(members.items())[i] for i in few]  # colours between two of them are in between
+    handles = [Line2D([], [], color=colour) for _, colour in named]
     handles += [Line2D([], [], color="black", linestyle=style) for style in shown]
-    words = [*members, *(WORDS[style] for style in shown)]
-    ax.legend(handles, words, frameon=False, loc="best", handlelength=2.2)
+    words = [", ".join(f"{symbol(name)} = {x:g}" for name, x in one) for one, _ in named]
+    words += (WORDS[style] for style in shown)
+    above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3}
+    place = above if len(members) > len(CYCLE) else {"loc": "best"}
+    ax.legend(handles, words, frameon=False, handlelength=2.2, **place)
 
 
 def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str, colours: Sequence[str]) -> None:

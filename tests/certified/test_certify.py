@@ -189,6 +189,15 @@ def test_on_a_boundary_one_parameter_stays_what_it_is() -> None:
 # --- branches -----------------------------------------------------------------------------------
 
 
+def test_ends_that_differ_are_printed_differently() -> None:
+    low, high = 0.1196343, 0.1196343 + 3e-13
+    assert Interval(low, high).shown == "[0.1196343, 0.1196343000003]"
+    assert Interval(0.02, 0.03).shown == "[0.02, 0.03]"
+    assert Interval(0.3, 0.3).shown == "[0.3, 0.3]"
+    gap = (certificate.Tile("a", {}, Interval(low, high), None, None, "no proof"),)
+    assert list(tiles._missing("a", gap)) == ["for a in [0.1196343, 0.1196343000003], no proof"]
+
+
 def test_the_branch_at_half_the_amplitude_is_proved_where_it_exists() -> None:
     b = cb.symmetric(a=0.5, gamma=0.0, k=0.8)
     branch = cb.trace(b, "gamma", within={"gamma": (0.0, 0.24)}, towards="up")
