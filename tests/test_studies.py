@@ -197,6 +197,7 @@ def test_all_mistakes_are_said_at_once_each_with_its_line(tmp_path: Path) -> Non
 
 
 ONE = "[branch.b]\nfree = 'a'\ngamma = 0\nk = 0.8"
+ARMS = "\n[arms.x]\nof = 'b'\nat = 'PF1'"
 RING = "[chain]\nlattice = 'ring:6'\n"
 
 
@@ -225,6 +226,10 @@ RING = "[chain]\nlattice = 'ring:6'\n"
         ("[chain]\ndamping = 0.1\n" + ONE, "line 2, chain.damping: on the infinite chain site 0"),
         ("[chain]\nsite = 1\n" + ONE, "leave site out, or name a lattice, 'ring:20'"),
         ("[chain]\nwalls = ['-2,2']\n" + ONE, "between walls at -1 and 1, without damping"),
+        (
+            "[chain]\nspring = 0.1\n" + ONE + ARMS,
+            "line 2, chain.spring: arms on the infinite chain",
+        ),
         (RING + "walls = ['3:-1,2']\n" + ONE, "line 3, chain.walls: the walls are not symmetric"),
         (RING + "walls = ['9:-2,2']\n" + ONE, "walls of site 9: there is no such site"),
         ("[branch.b]\nfree = 'damping'\na = 1\ngamma = 0\nk = 0.8", "'damping' is none"),

@@ -93,7 +93,15 @@ def _of_the_chain(study: Study, unread: Collection[str]) -> Iterator[Fault]:
     asked = [kind for kind in ("zones", "atlas") if getattr(study, kind) or kind in unread]
     if asked:
         yield from _in_the_plane(chain, motion, " and ".join(asked))
-    if (study.arms or "arms" in unread) and chain.verge != THRESHOLD:
+    if not (study.arms or "arms" in unread):
+        return
+    if chain.place.sites is None and chain.spring:
+        yield (
+            ("chain", "spring"),
+            "arms on the infinite chain are without springs; leave spring out, or name a lattice, "
+            "'ring:200'",
+        )
+    if chain.verge != THRESHOLD:
         yield (
             ("chain", "threshold"),
             f"arms are judged by the paper's {THRESHOLD}; leave threshold out, or keep the arms "
