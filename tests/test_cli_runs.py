@@ -86,7 +86,7 @@ def test_every_command_that_computes_keeps_its_results(
         ("show nothing.nc", "cannot read nothing.nc: No such file"),
         ("show bad.nc", "cannot read bad.nc: it is not a netCDF-4 file"),
         ("show folder", "there is no file in it that `save` wrote"),
-        ("show b.nc PF7", r"no 'PF7' in b.nc; there are \['branch'\] and points \[\]"),
+        ("show b.nc PF7", r"no 'PF7' in b.nc; there are \['branch'\] and points \['EP1', 'EP2'\]"),
         ("extend b.nc", "goes no further: at its last point it is at the edge of its window"),
         ("extend b.nc EP1", "'EP1' is not a branch or a boundary; there are branch"),
         ("extend b.nc --window 0.9 1", "the start has a=0.76, outside"),

@@ -81,8 +81,8 @@ def least_rival(orbit: Watch, site: int | None, t: float, *, mirrored: bool = Fa
 
 def rivals_data(orbit: Watch, packed: Any, site: Any, t: float, *, mirrored: bool) -> FloatArray:
     """The data of `clearance_loops.rivals`."""
-    felt = [orbit.felt(n) for n in packed.sites]
-    return np.array([*packed.data, packed.sites.index(site), t, mirrored, *felt])
+    felt = (orbit.felt(n) for n in packed.sites)
+    return np.concatenate([packed.data, [packed.sites.index(site), t, mirrored, *felt]])
 
 
 def gaps_of_others(orbit: Watch, site: int) -> list[Gap]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -145,17 +145,17 @@ class Point(Shown):
     @property
     def ground(self) -> Point:
         """On a boundary: this point as one of the original problem, without tangent."""
-        beneath = self.curve.problem.beneath
+        own, beneath = self.curve, self.curve.problem.beneath
         if beneath is None:
             return self
-        # once: all events ask for it in turn, and know its orbit by the array
-        own = self.curve
 
         def under(z: Array) -> tuple[Curve, Array]:
             return beneath(z[: own.size], own.params(z), own.free)
 
+        # once: all events ask for it in turn, and know its orbit by the array
         curve, z = own.once("ground", self.z, under)
-        return replace(self, curve=curve, z=z, tangent=None)
+        others = (getattr(self, name) for name in _OTHERS)  # `replace` takes three times as long
+        return Point(curve, z, None, *others)
 
     @property
     def solution(self) -> Any:
@@ -199,6 +199,9 @@ class Point(Shown):
             return f"Point({self.title + ': ' if self.label else ''}{values})"
         reason = f": {self.detail['reason']}" if "reason" in self.detail else ""
         return f"Point({self.label or self.kind}?: {values}; not located{reason})"
+
+
+_OTHERS = tuple(one.name for one in fields(Point))[3:]  # than its curve, place and tangent
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ class Run(Shown, Mapping[str, Any]):
                 f"{key!r} is a point of several: {where}; say which, "
                 f"{places[0][0] + '/' + label!r} for instance"
             )
-        labels = sorted({p.label for _, p in self.points() if p.kind not in ("", "EP")})
+        labels = sorted({p.label for _, p in self.points() if p.kind})
         raise BadInput(f"no {key!r} in {self.path}; there are {list(found)} and points {labels}")
 
     def place(self, name: str) -> tuple[Path, str]:

@@ -333,9 +333,12 @@ def wave_table(
     n = np.array(distances)
     first = np.asarray(lattice.first_harmonic(scaled, n)) - moments.sum(axis=1)
     second = 0.25 * np.asarray(lattice.first_harmonic(0.25 * scaled, n)) - moments @ _QUARTERS
-    ends = np.stack([first, -second], axis=1) / math.pi
-    table = np.concatenate([moments @ _bernoulli().T, ends], axis=1)
-    return np.ascontiguousarray(periods * table)
+    table = np.empty((len(distances), POWERS + 2))
+    np.matmul(moments, _bernoulli().T, out=table[:, :POWERS])
+    table[:, POWERS] = first / math.pi
+    table[:, POWERS + 1] = second / -math.pi
+    table *= periods
+    return table
 
 
 @lru_cache(maxsize=64)
@@ -364,7 +367,9 @@ def wave_rows(
         return None
     # a harmonic beyond the second is too small for a maximum to hide between these places
     largest = abs(table @ _all_around()).max(axis=1)
-    return np.ascontiguousarray(np.column_stack([table, 1.01 * largest]))
+    rows = np.empty((len(table), POWERS + 3))
+    rows[:, :-1], rows[:, -1] = table, 1.01 * largest
+    return rows
 
 
 @lru_cache(maxsize=1)
