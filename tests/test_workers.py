@@ -20,6 +20,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import workers
+from contbreather.kernel import workers_process
 from contbreather.workers import Failed, processes
 
 each = partial(workers.each, unit="items")
@@ -283,3 +284,9 @@ def test_a_script_that_calls_without_a_guard_is_one_sentence_that_says_where_to_
     last = found.stderr.splitlines()[-1]
     assert last.startswith("contbreather.errors.NotConverged: the worker processes ended before")
     assert "put the call below `if __name__ == '__main__':`" in last
+
+
+def test_who_works_for_another_process_knows() -> None:
+    with processes(1) as pool:
+        assert pool.submit(workers_process).result() is True
+    assert workers_process() is False
