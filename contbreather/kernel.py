@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 import logging
-import sys
 from collections.abc import Callable
 
 from contbreather import native
 
-
-def workers_process() -> bool:
-    """Whether this process works for another one: then there is much to do, and what is kept is
-    loaded at once."""
-    known = sys.modules.get("multiprocessing.process")  # by then a worker has it
-    return known is not None and known.parent_process() is not None
-
-
 # Code is loaded, 0.02 s, and compiled, some seconds, once as many calls were made without as would
 # have paid for it: so nothing takes more than twice the time it needs.
-LOADING = 1 if workers_process() else 200
+LOADING = 1 if native.workers_process() else 200
 COMPILING = 40_000
 
 _log = logging.getLogger("contbreather")

@@ -46,6 +46,13 @@ _ONE_AT_A_TIME = threading.RLock()  # neither compiler nor loader likes company 
 _loaded: dict[str, tuple[int, Any]] = {}  # by key: the address, and what keeps it alive
 
 
+def workers_process() -> bool:
+    """Whether this process works for another one: then there is much to do, and what is kept is
+    loaded at once."""
+    known = sys.modules.get("multiprocessing.process")  # by then a worker has it
+    return known is not None and known.parent_process() is not None
+
+
 class NotCompiled(Exception):
     """There is no machine code of a function; carries the reason."""
 

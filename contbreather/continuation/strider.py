@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import native
-from ..kernel import workers_process
 from . import stride as plain
 
 Array = NDArray[np.float64]
@@ -23,7 +22,7 @@ _AT_ONCE = 256  # steps in one call of compiled code
 _AS_IT_IS = 16  # and of plain text, after each of which a signal is seen
 # Code is loaded, and compiled where it is not kept, once steps have taken as long without, in
 # seconds: so no call takes more than twice the time it needs.
-_LOADING = 0.0 if workers_process() else 0.05
+_LOADING = 0.0 if native.workers_process() else 0.05
 _COMPILING = 3.0
 
 _stride: Callable[..., int] = plain.stride
