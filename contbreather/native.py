@@ -40,7 +40,7 @@ _NEVER = (
 )
 
 _FORMAT = 2  # of what is kept, and of how it is compiled
-_NEEDED = re.compile(r'^(?:declare [^@]*)?@"?([\w.]+)"?(?:\(| = external)', re.MULTILINE)
+_NEEDED = re.compile(r'^(?:declare [^@]*)?@"?([^"(\s]+)"?(?:\(| = external)', re.MULTILINE)
 
 _ONE_AT_A_TIME = threading.RLock()  # neither compiler nor loader likes company of other threads
 _loaded: dict[str, tuple[int, Any]] = {}  # by key: the address, and what keeps it alive

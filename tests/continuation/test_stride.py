@@ -245,6 +245,18 @@ def test_code_is_loaded_beside_a_numba_that_was_imported_and_has_compiled_nothin
     assert said == [(0, "1.0 True\n", ""), (0, "1.0 False\n", ""), (0, "1.0 True\n", "")]
 
 
+def test_what_code_needs_is_read_off_whatever_it_is_called() -> None:
+    text = """
+declare i32 @"numba$x.1"(i8*)
+declare double @cos(double) local_unnamed_addr
+@PyExc_A = external global i8
+@"a b" = private constant i8 0
+define i64 @own(i64 %x) {
+  call void @inner(i64 1)
+"""
+    assert native._NEEDED.findall(text) == ["numba$x.1", "cos", "PyExc_A"]
+
+
 def test_code_that_needs_what_is_not_there_is_refused(monkeypatch) -> None:
     llvm = pytest.importorskip("llvmlite.binding")
     monkeypatch.setattr(llvm, "address_of_symbol", lambda name: None)
