@@ -7,10 +7,11 @@ from functools import partial
 
 from contbreather.breathers.clearance import LIMIT
 from contbreather.breathers.lifts import OrbitLift, lift
+from contbreather.breathers.normal_form import pitchfork_form
 from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.symmetric import symmetric
-from contbreather.breathers.symmetric_events import form_at, pitchfork
+from contbreather.breathers.symmetric_events import pitchfork
 from contbreather.continuation import Problem, trace
 from contbreather.errors import BadInput, NoSolution, keeping
 from contbreather.lattice import Forcing, Lattice, check_gamma, forcing_of, lattice_of
@@ -66,7 +67,7 @@ def asymmetric(
     branch = walked(start, events=[pitchfork()], within=reach)
     tried = []
     for point in (p for p in branch.special if p.kind == "PF"):
-        bend = form_at(point.solution.flight).coefficient
+        bend = pitchfork_form(point.solution).coefficient
         up = bend > 0.0
         tried.append(f"{point['a']:.6g} ({'upwards' if up else 'downwards'})")
         if (a > point["a"]) != up:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.clearance import Terms
 from contbreather.breathers.grazing import Crest, grazing
 from contbreather.breathers.modal_flight import EPS, ModalFlight
+from contbreather.breathers.normal_form import bends
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.section import Section
 from contbreather.continuation import Event, Locus, Point, branch_point, fold
@@ -55,7 +56,7 @@ def events_of(section: Section, threshold: float = THRESHOLD) -> tuple[Event, ..
 def symmetry_breaking() -> Event:
     """PF, on half a symmetric orbit: its half map has the multiplier +1."""
     count = partial(_beyond, 1.0)
-    return Event("PF", _symmetry_test, count=count, locus=_symmetry_locus)
+    return Event("PF", _symmetry_test, count=count, locus=_symmetry_locus, examine=bends)
 
 
 def _symmetry_test(point: Point) -> float:

@@ -22,6 +22,7 @@ from contbreather.breathers.clearance import Terms, Watch
 from contbreather.breathers.closed_form import SymmetricFlight, flight_slope_of
 from contbreather.breathers.grazing import ALIKE, Crest
 from contbreather.breathers.grazing import grazing as followed
+from contbreather.breathers.normal_form import bends
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.watched import phase
 from contbreather.checks import check_kind
@@ -41,7 +42,6 @@ from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.isolated import closest_approach
-from contbreather.stability.normal_form import PitchforkForm, pitchfork_form
 from contbreather.stability.pairs import outermost
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.stability.winding import many_outside, outside, unstable_count
@@ -259,20 +259,6 @@ def _scalar_slope(slope: Slope, curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([[slope(breather, name) for name in _names(curve)]])
 
 
-def _pitchfork_form(point: Point) -> Mapping[str, Any]:
-    """How the arms leave, along a branch in one parameter."""
-    if point.curve.problem.beneath is not None or _flight(point).lattice.spring:
-        return {}
-    form = form_at(_flight(point), point.curve.free[0])
-    return {"criticality": form.criticality, "coefficient": form.coefficient}
-
-
-def form_at(flight: SymmetricFlight, free: str = "a") -> PitchforkForm:
-    """Normal form of the pitchfork of a symmetric breather, in one of its parameters."""
-    on, x = (flight.a, flight.gamma, flight.k), (flight.p, flight.phi)
-    return pitchfork_form(*on, *x, flight.forcing, flight.lattice, free=free)
-
-
 def _examine_pitchfork(point: Point) -> str | Mapping[str, Any]:
     breather = _flight(point)
     size = abs(breather.acceleration) + breather.p
@@ -280,7 +266,7 @@ def _examine_pitchfork(point: Point) -> str | Mapping[str, Any]:
         return f"a f'' - 2 p sigma = {_pitchfork(breather):.2g} is not zero"
     if abs(_fold(breather)) < _ZERO * size:
         return "a fold of the closure, not a pitchfork"
-    return _pitchfork_form(point)
+    return bends(point)
 
 
 # --- Neimark-Sacker on the infinite chain -------------------------------------------------------

@@ -88,7 +88,7 @@ def _lines(point: Point, parent: Branch, arms: Sequence[Branch]) -> Iterator[obj
     """Where it was switched, the special points of all arms, their stability and their ends."""
     free = point.curve.free[0]
     yield f"{point.label} at {free} = {point[free]:.12g}, on {parent.describe()}."
-    if "criticality" in point.detail:
+    if "coefficient" in point.detail:
         size = f"(t2 - t1 - pi)^2 / ({free} - {point[free]:.6g}) -> {point['coefficient']:.9g}"
         yield f"{point.detail['criticality'].capitalize()}: {size}."
     yield _table(arms)

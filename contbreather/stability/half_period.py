@@ -56,6 +56,10 @@ class HalfMap:
         held = 2.0 * d * d / lattice.tau(self.gamma) if lattice.spring else 0.0
         return 0.5 * c2 * lattice.psi(self.gamma) + held - self.b
 
+    def beyond(self, place: float) -> int:
+        """How many real multipliers are farther out than 1 or -1, on its side: one or none."""
+        return int(self.crosses(place) < 0.0)
+
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
         """On the infinite chain by the window of b in which a pair is outside; on a ring by how
         much the first one is short of the circle."""

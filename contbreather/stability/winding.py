@@ -149,18 +149,21 @@ def _crossings(F: Array, noise: float) -> int:
 def _ends(
     gamma: float, k: float, b: float, chain: InfiniteChain
 ) -> tuple[float, float, float, float]:
-    """beta0, which has the sign of -D(1), and D(-1), each with the size of its terms."""
+    """beta0, which has the sign of -D(1), and D(-1), each with the size of its terms; what is
+    rounding of these is 0, so that a multiplier on the circle is not outside."""
     half_c2, d = 0.5 * (1.0 + k) ** 2, 0.5 * (1.0 - k)
     pitchfork, fold = half_c2 * chain.psi(gamma), half_c2 * chain.eta(gamma)
     if chain.spring:
         pitchfork += 2.0 * d * d / chain.tau(gamma)
     chi = chain.chi(gamma)
     return (
-        b - pitchfork,
-        abs(b) + abs(pitchfork),
-        d * d + 0.5 * chi * (b + fold),
-        d * d + 0.5 * chi * (abs(b) + fold),
+        *_cleared(b - pitchfork, abs(b) + abs(pitchfork)),
+        *_cleared(d * d + 0.5 * chi * (b + fold), d * d + 0.5 * chi * (abs(b) + fold)),
     )
+
+
+def _cleared(value: float, size: float) -> tuple[float, float]:
+    return value if abs(value) > ROUNDING * size else 0.0, size
 
 
 def _chain_count(gamma: float, k: float, b: float, chain: InfiniteChain) -> Count:
@@ -173,7 +176,7 @@ def _chain_count(gamma: float, k: float, b: float, chain: InfiniteChain) -> Coun
     where = (0.0, float(arc.nu[i + 1]), 1.0)[nearest]
     miss = window(gamma, k, chain.spring).miss(b)
     room = 0.25 * (1.0 - chain.spring) - gamma
-    pairs = int(miss < 0.0)
+    pairs = int(miss < -ROUNDING)
     certain = min(distances[nearest], abs(miss)) > ROUNDING + 1e-16 / room and room > RIM
     if k < 1.0 and gamma > 0.0:
         certain &= pairs == _crossings(F, NOISE * (abs(b) + 1.0))
@@ -189,7 +192,7 @@ def outside(gamma: float, k: float, b: float, chain: InfiniteChain) -> int:
     gamma = check_gamma(gamma, chain.spring)
     k, b = check_kb(k, b)
     beta0, _, fold, _ = _ends(gamma, k, b, chain)
-    return _total(beta0, fold, int(window(gamma, k, chain.spring).miss(b) < 0.0))
+    return _total(beta0, fold, int(window(gamma, k, chain.spring).miss(b) < -ROUNDING))
 
 
 def many_outside(gamma: Array, k: Array, b: Array) -> NDArray[np.int64]:

@@ -14,11 +14,11 @@ from contbreather.breathers.arms import asymmetric, beside
 from contbreather.breathers.asymmetric import AsymmetricEquations, divided
 from contbreather.breathers.images import shifted, simpler_than
 from contbreather.breathers.lifts import lift
+from contbreather.breathers.normal_form import pitchfork_form
 from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.section import Section
 from contbreather.breathers.shooting import shooting
-from contbreather.breathers.symmetric_events import form_at
 from contbreather.breathers.wave_events import orbit_neimark_sacker, period_doubling
 from contbreather.breathers.waves import OrbitEquations
 from contbreather.continuation import Steps, Stop, boundary, trace
@@ -229,7 +229,7 @@ def test_following_an_arm_back_finds_the_pitchfork_and_goes_through():
 def test_arms_leave_as_the_normal_form_says():
     for gamma, coefficient in ((0.04, 8.761463), (0.0, 9.165893)):
         point = pitchfork_point(gamma, 0.8)
-        assert form_at(point.solution.flight).coefficient == pytest.approx(coefficient, abs=1e-6)
+        assert pitchfork_form(point.solution).coefficient == pytest.approx(coefficient, abs=1e-6)
         branch = switch(point, steps=Steps(largest=0.01), within={"a": (0, 0.8)})[0]
         asymmetry, rise = branch["asymmetry"][1:6], branch["a"][1:6] - point["a"]
         # the ratio has its limit where the asymmetry vanishes, quadratically
@@ -273,7 +273,7 @@ def test_arms_of_a_subcritical_pitchfork_go_down():
     branch = trace(start, "a", within=window, events=[pitchfork()], inadmissible=True)
     point = branch.first("PF")
     one, _ = switch(point, events=(), within={"a": (0.5, 2)}, steps=Steps(most=15))
-    assert not form_at(point.solution.flight).supercritical
+    assert not pitchfork_form(point.solution).supercritical
     assert one["a"][1] < one["a"][0]
 
 

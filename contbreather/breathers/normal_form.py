@@ -1,0 +1,172 @@
+"""Normal form of the pitchfork: which way the arms that break the symmetry bend, and how strongly.
+
+On every road the whole period of a symmetric orbit solves ``G(x, parameter) = 0``, with null
+vectors v and w of ``G_x`` at its pitchfork. Along an arm ``x = x_0 + s v + s^2 h + ...`` and
+``parameter = its value + s^2 bend``, hence
+
+    ``G_x h + G_parameter bend = -G_xx v v/2``,
+    ``w (G_xx v h + G_x,parameter v bend) = -w G_xxx v v v/6``:
+
+one linear system, for by symmetry neither right side of the first equation has a share of w.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.breathers.orbit import Orbit
+from contbreather.continuation import Point
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.newton import OUT_OF_DOMAIN, Undefined
+from contbreather.continuation.normal_forms import Forms, solve
+from contbreather.errors import BadInput
+
+FloatArray = NDArray[np.float64]
+
+_SINGULAR = 1e-6  # least singular value of G_x, relative to its largest
+_STEEP = 1e9  # a bend beyond it is rounding over rounding
+_ASIDE = 1e-3  # how far off the pitchfork its multiplier is looked at
+_PASSED = 1e-6  # and how far beyond 1 it is then outside: those of a free mean are at 1 to rounding
+
+
+@dataclass(frozen=True)
+class PitchforkForm:
+    """How the arms leave a pitchfork.
+
+    Attributes
+    ----------
+    free : str
+        The parameter.
+    coefficient : float
+        Limit of ``(t2 - t1 - pi)^2/(parameter - its value at the pitchfork)``; of several impacts
+        in half a period the one that is shifted most.
+    supercritical : bool
+        The arms exist where the symmetric orbit has lost its stability.
+    """
+
+    free: str
+    coefficient: float
+    supercritical: bool
+
+    @property
+    def criticality(self) -> str:
+        return "supercritical" if self.supercritical else "subcritical"
+
+
+def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:
+    """Criticality and coefficient of the pitchfork of a symmetric orbit, on any road.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        At its pitchfork, ``branch.first("PF").solution``.
+    free : str
+        Any of its parameters.
+
+    Raises
+    ------
+    BadInput
+        If there is no such parameter, or this orbit is at no pitchfork.
+    Undefined
+        Where a second multiplier is 1, or no orbit is beside this one.
+
+    Examples
+    --------
+    At gamma = 0 everything is elementary:
+
+    >>> import contbreather as cb, math
+    >>> a = 2 * math.sqrt(4 + (math.pi / 9) ** 2) / (math.pi**2 - 4)
+    >>> form = pitchfork_form(cb.symmetric(a, 0.0, 0.8))
+    >>> form.criticality, round(form.coefficient, 3)
+    ('supercritical', 9.166)
+    """
+    if not orbit.symmetric:
+        raise BadInput(f"{orbit.describe()}: only half a symmetric orbit has a pitchfork.")
+    curve = Curve(orbit.unfolded().problem, (free,))
+    forms = _Bordered(Point(curve, curve.start))
+    left, sizes, right = np.linalg.svd(forms.A[:, :-1])
+    if sizes[-1] > _SINGULAR * sizes[0]:
+        raise BadInput(
+            f"{orbit!r} is no pitchfork: the least singular value of its equations is "
+            f"{sizes[-1]:.2g}, not 0."
+        )
+    shifts = right[-1][_slots(curve, 1)] - right[-1][_slots(curve, 0)]
+    # so that s is the asymmetry
+    v, w = right[-1] / shifts[abs(shifts).argmax()], left[:, -1]
+    bend = _bend(forms, v, w)
+    return PitchforkForm(free, 1.0 / bend, bend * _loss(orbit, free) > 0.0)
+
+
+def bends(point: Point) -> Mapping[str, Any]:
+    """What a pitchfork knows besides where it is, on a branch in one parameter."""
+    if len(point.curve.varied) > 1:
+        return {}
+    try:
+        form = pitchfork_form(point.solution, point.curve.free[0])
+    except OUT_OF_DOMAIN as error:
+        return {"criticality": f"unknown: {error}"}
+    return {"criticality": form.criticality, "coefficient": form.coefficient}
+
+
+class _Bordered(Forms):
+    """Derivatives of the equations in their unknowns, with the column of the parameter."""
+
+    agreed = 1e-7  # of five places: seven are then good to 1e-10, and flights take long
+
+    def _matrix(self, z: FloatArray) -> Any:
+        return self.curve.jacobian(z)
+
+
+def _slots(curve: Curve, half: int) -> list[int]:
+    """Where the times of the impacts in one half of the period are."""
+    times = [f"t{j + 1}" for j in range(curve.size) if f"t{j + 1}" in curve.problem.start]
+    m = len(times) // 2
+    return [curve.slots[name] for name in times[m * half : m * half + m]]
+
+
+def _bend(forms: Forms, v: FloatArray, w: FloatArray) -> float:
+    """Of the parameter along the arms."""
+    jet, n, A = forms.jet(v), v.size, forms.A
+    matrix, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
+    matrix[:n, :n], matrix[:n, n], matrix[:n, -1] = A[:, :-1], w, A[:, -1]
+    matrix[n, :n] = v
+    row = w @ jet.B
+    matrix[-1, :n], matrix[-1, -1] = row[:-1], row[-1]
+    right[:n] = -0.5 * (jet.B[:, :-1] @ v)
+    right[-1] = -(w @ jet.C[:, :-1] @ v) / 6.0
+    bend = float(solve(matrix, right)[-1])
+    if abs(bend) > _STEEP:
+        raise Undefined(
+            "the multiplier touches 1 and does not pass it: no normal form"
+        )
+    return bend
+
+
+def _loss(orbit: Orbit, free: str) -> int:
+    """1 where the symmetric orbit loses its stability with a growing parameter, -1 where it gains
+    it: on which side there is one real multiplier more outside."""
+    curve = Curve(orbit.problem, (free,))
+    along = np.append(-np.linalg.solve(*np.split(curve.jacobian(curve.start), [-1], axis=1)), 1.0)
+    step = _ASIDE * along / np.linalg.norm(along)
+    found = [_outside(curve, curve.start + side * step) for side in (-1.0, 1.0)]
+    low, high = (one if one is not None else _other(found[1 - i]) for i, one in enumerate(found))
+    if low == high:
+        raise Undefined("no real multiplier passes 1 there: no normal form of this kind")
+    return 1 if high > low else -1
+
+
+def _other(count: int | None) -> int:
+    """What the count is on the side where there is no orbit, as at the end of a domain."""
+    return 1 if not count else count - 1
+
+
+def _outside(curve: Curve, z: FloatArray) -> int | None:
+    try:
+        return int(Point(curve, z).solution.map.beyond(1.0 + _PASSED))
+    except OUT_OF_DOMAIN:
+        return None
