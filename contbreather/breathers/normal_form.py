@@ -141,9 +141,7 @@ def _bend(forms: Forms, v: FloatArray, w: FloatArray) -> float:
     right[-1] = -(w @ jet.C[:, :-1] @ v) / 6.0
     bend = float(solve(matrix, right)[-1])
     if abs(bend) > _STEEP:
-        raise Undefined(
-            "the multiplier touches 1 and does not pass it: no normal form"
-        )
+        raise Undefined("the multiplier touches 1 and does not pass it: no normal form")
     return bend
 
 

@@ -308,10 +308,12 @@ class OrbitMap:
         F = F.copy()
         # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa - 1), and of F at -1;
         # a real multiplier on the circle to within rounding is not outside
-        for end, inside in ((0, -1.0), (-1, 1.0)):
-            if abs(F[end]) <= CERTAIN * self._terms:
-                F[end] = inside * abs(F[end]) or inside * 1e-300
-        turning, size = np.sum(np.angle(F[1:] * F[:-1].conj())), np.abs(F) / self._terms
+        for ahead, inside in ((F, -1.0), (F[::-1], 1.0)):
+            blurred = abs(ahead) <= CERTAIN * self._terms
+            near = ahead[: blurred.argmin()]
+            near[:] = inside * np.maximum(abs(near), 1e-300)
+        turns, size = np.angle(F[1:] * F[:-1].conj()), np.abs(F) / self._terms
+        turning = np.sum(np.where(turns < -loops.HALF, -turns, turns))
         i = int(size.argmin())
         return _turned(turning, resolved, size[i], kappa[i].real, F[0].real, F[-1].real)
 
@@ -423,7 +425,7 @@ class OrbitMap:
             for kick, later in zip(own, ends, strict=True):
                 free = np.array([[1.0, later.time - kick.time], [0.0, 1.0]])
                 M = free @ saltation(self.k, kick.b) @ M
-            found.append(np.linalg.eigvals(M).astype(complex))
+            found.append(_pair(M))
         return np.concatenate(found)
 
     @cached_property
@@ -522,6 +524,15 @@ def _turned(
     certain = bool(resolved) and least > CERTAIN and abs(turning / math.pi - half_turns) < 0.01
     pairs = (1 - half_turns - int(start > 0.0) - int(end < 0.0)) // 2
     return Count(1 - half_turns, bool(certain), float(least), 2.0 * float(where), pairs)
+
+
+def _pair(M: Array) -> Array:
+    """Eigenvalues of a 2x2 matrix, a double one where rounding cannot tell two apart: elastic
+    impacts have it at +1 and -1, and neither is outside."""
+    half, product = 0.5 * float(np.trace(M)), float(np.linalg.det(M))
+    apart = half * half - product
+    root = np.sqrt(complex(apart if abs(apart) > FLAT * np.sum(M * M) else 0.0))
+    return np.array([half + root, half - root])
 
 
 def _inverse(lattice: Lattice, gamma: float, kappa: Array) -> Array:

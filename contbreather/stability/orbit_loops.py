@@ -29,6 +29,7 @@ MINUS, TURNING, LEAST, WHERE, START, END, RESOLVED, APPROACH = range(8)
 GRID, TURN, DEPTH, MOST = 24, 0.6, 40, 2**12  # as in `orbit` and `refined`
 CERTAIN, FLAT, FARTHEST = 1e-12, 1e-14, 0.25  # as in `orbit`
 SHARP = 1e-13
+HALF = 3.1  # F turns as far in one step past a multiplier on the circle only: it is not outside
 TWO_PI = 2.0 * math.pi
 WIDEST = 18  # rows of the determinant: of eight impacts
 # scratch: sums of one pair, a matrix, one value; the tails of all pairs, six each; four columns of
@@ -316,9 +317,11 @@ def told(data: Any, work: Any, found: Any, here: int, count: int, low: float, hi
     # D has the sign of -F next to mu = 1 and of F at -1; a real multiplier on the circle to within
     # rounding is not outside
     if low == 0.0:
-        settled(work, found, here, least, -1.0, START)
+        settled(work, here, 4, count, least, -1.0)
+        found[START] = work[here + 2]
     if high == 0.5:
-        settled(work, found, here + 4 * (count - 1), least, 1.0, END)
+        settled(work, here + 4 * (count - 1), -4, count, least, 1.0)
+        found[END] = work[here + 4 * count - 2]
     for i in range(count):
         at = here + 4 * i
         a, b = work[at + 2], work[at + 3]
@@ -327,15 +330,17 @@ def told(data: Any, work: Any, found: Any, here: int, count: int, low: float, hi
             found[LEAST], found[WHERE] = size, work[at + 1]
         if i + 1 < count:
             c, d = work[at + 6], work[at + 7]
-            found[TURNING] += math.atan2(d * a - c * b, c * a + d * b)
+            turn = math.atan2(d * a - c * b, c * a + d * b)
+            found[TURNING] += -turn if turn < -HALF else turn
 
 
-def settled(work: Any, found: Any, at: int, least: float, inside: float, which: int) -> None:
-    a, b = work[at + 2], work[at + 3]
-    size = math.sqrt(a * a + b * b)
-    if size <= least:
-        work[at + 2], work[at + 3] = inside * max(size, 1e-300), 0.0
-    found[which] = work[at + 2]
+def settled(work: Any, at: int, step: int, count: int, least: float, inside: float) -> None:
+    for i in range(count):
+        re = at + i * step + 2
+        size = math.sqrt(work[re] * work[re] + work[re + 1] * work[re + 1])
+        if size > least:
+            return
+        work[re], work[re + 1] = inside * max(size, 1e-300), 0.0
 
 
 def approach(work: Any, found: Any, at: int) -> None:

@@ -226,6 +226,17 @@ def test_following_an_arm_back_finds_the_pitchfork_and_goes_through():
     assert np.abs(again[0]["a"][-1] - arms(0.04, 0.8)[0]["a"][-1]) < 1e-10
 
 
+@pytest.mark.parametrize("gamma", [0.0, 0.02, 0.03, 0.05])
+@pytest.mark.parametrize("k", [0.4, 0.6, 0.8, 1.0])
+def test_at_a_pitchfork_breather_and_arm_count_alike(gamma, k):
+    """The multiplier on the circle is not outside, on either road, and neither is certain."""
+    point = pitchfork_point(gamma, k)
+    verdicts = [one.stability() for one in (point.solution, point.solution.unfolded())]
+    assert [one.unstable for one in verdicts] == [0, 0]
+    assert not any(one.certain for one in verdicts)
+    assert point["unstable"] == switch(point, events=(), steps=Steps(most=1))[0][0]["unstable"] == 0
+
+
 def test_arms_leave_as_the_normal_form_says():
     for gamma, coefficient in ((0.04, 8.761463), (0.0, 9.165893)):
         point = pitchfork_point(gamma, 0.8)
