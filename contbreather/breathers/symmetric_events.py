@@ -50,9 +50,6 @@ Array = NDArray[np.float64]
 Scalar = Callable[[SymmetricFlight], float]
 Slope = Callable[[SymmetricFlight, str], float]
 
-# 1/tau grows like the root of the spring from 0 on: as a curve in the spring that of pitchforks
-# has no tangent there.
-_SOFT = 1e-9
 # As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, and at
 # k = 1 there are none: within rounding of the edge the curve cannot be followed.
 _ELASTIC = 1.0 - 1e-5
@@ -73,11 +70,11 @@ def pitchfork() -> Event:
     """PF: the half map QS has the multiplier +1, ``a f''(phi) = 2 p sigma(gamma)``. The multiplier
     is the end of the band, so no eigenvalue is followed."""
     loops = partial(_with, closed_loops.pitchfork, closed_loops.pitchfork_slopes)
-    domain = {"spring": (_SOFT, math.inf)}
+    held = _scalar_locus(_pitchfork, _pitchfork_slope, loops)
     return Event(
         "PF",
         partial(_on_breather, _pitchfork),
-        locus=_scalar_locus(_pitchfork, _pitchfork_slope, loops, domain),
+        locus=partial(_pitchfork_locus, held),
         examine=_examine_pitchfork,
     )
 
@@ -198,30 +195,30 @@ def _fold_driven(breather: SymmetricFlight, name: str) -> float:
     return chi * _driven(breather, 2, name, phi) + q * _driven(breather, 1, name, phi)
 
 
-def _pitchfork(breather: SymmetricFlight) -> float:
+def _pitchfork(breather: SymmetricFlight, edge: float | None = None) -> float:
     """2p/c^2 times ``b - c^2 psi/2``, which is D(1) without its pole; eta + psi = 2 sigma. Springs,
     with which it has none, add ``2 d^2/tau``."""
-    return breather.a * breather.forcing.d2f(breather.phi) - 2.0 * breather.p * _turning(breather)
+    forced = breather.a * breather.forcing.d2f(breather.phi)
+    return forced - 2.0 * breather.p * _turning(breather, edge)
 
 
-def _turning(breather: SymmetricFlight) -> float:
+def _turning(breather: SymmetricFlight, edge: float | None = None) -> float:
     lattice: Any = breather.lattice
-    gamma = breather.gamma
-    sigma = lattice.sigma(gamma)
-    return sigma + 0.5 * breather.q**2 / lattice.tau(gamma) if lattice.spring else sigma
+    sigma = lattice.sigma(breather.gamma)
+    if edge is None and not lattice.spring:
+        return sigma
+    return sigma + 0.5 * breather.q**2 / lattice.tau(breather.gamma, edge)
 
 
 def _turning_slope(breather: SymmetricFlight, name: str) -> float:
     lattice: Any = breather.lattice
     gamma = breather.gamma
-    slope = lattice.by_spring(gamma, "sigma") if name == "spring" else lattice.dsigma(gamma)
     if not lattice.spring:
-        return slope if name == "gamma" else 0.0
+        return lattice.dsigma(gamma) if name == "gamma" else 0.0
     tau, q = lattice.tau(gamma), breather.q
     if name == "k":
         return -2.0 * q / (tau * (1.0 + breather.k) ** 2)
-    by = lattice.tau_by_spring(gamma) if name == "spring" else lattice.dtau(gamma)
-    return slope - 0.5 * (q / tau) ** 2 * by
+    return lattice.dsigma(gamma) - 0.5 * (q / tau) ** 2 * lattice.dtau(gamma)
 
 
 def _pitchfork_slope(breather: SymmetricFlight, name: str) -> float:
@@ -230,19 +227,28 @@ def _pitchfork_slope(breather: SymmetricFlight, name: str) -> float:
     if name == "phi":
         return breather.a * breather.forcing.d3f(breather.phi)
     driven = _driven(breather, 2, name, breather.phi)
-    if name in ("gamma", "k", "spring"):
+    if name in ("gamma", "k"):
         driven -= 2.0 * breather.p * _turning_slope(breather, name)
     return driven
 
 
-def _scalar_locus(
-    value: Scalar,
-    slope: Slope,
-    loops: Callable[[Loops, int], Loops],
-    domain: Mapping[str, tuple[float, float]] | None = None,
-) -> Always:
+def _pitchfork_locus(held: Always, point: Point) -> Locus:
+    """Where the spring varies, with the lower edge of the band, its root, as an unknown: 1/tau
+    grows in proportion to that from no spring on, where the curve in the spring has no tangent."""
+    if "spring" not in point.curve.free:
+        return held(point)
+    edge = math.sqrt(_flight(point).lattice.spring)
+    return Locus({"edge": edge}, _pitchfork_at_edge, domain={"edge": (0.0, 1.0)})
+
+
+def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
+    breather, edge = _breather(curve, z), float(extra[0])
+    return np.array([_pitchfork(breather, edge), edge * edge - breather.lattice.spring])
+
+
+def _scalar_locus(value: Scalar, slope: Slope, loops: Callable[[Loops, int], Loops]) -> Always:
     row = partial(_scalar_slope, slope)
-    return Always(Locus({}, partial(_scalar, value), row, domain=domain or {}, loops=loops))
+    return Always(Locus({}, partial(_scalar, value), row, loops=loops))
 
 
 def _with(evaluate: Any, derive: Any, closure: Loops, n: int) -> Loops:

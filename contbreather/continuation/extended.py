@@ -127,7 +127,10 @@ def extended(base: Curve, locus: Locus, event: Event | None = None) -> Problem:
         together,
         {**problem.start, **locus.extra, released: problem.params[released]},
         {name: value for name, value in problem.params.items() if name != released},
-        domain={**problem.domain, **{n: d for n, d in locus.domain.items() if n in base.free}},
+        domain={
+            **problem.domain,
+            **{n: d for n, d in locus.domain.items() if n in base.free or n in locus.extra},
+        },
         scales={**sizes, **problem.scales},
         derivatives=together.derivatives,
         beneath=together.beneath,

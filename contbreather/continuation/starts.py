@@ -27,6 +27,7 @@ Within = Mapping[str, tuple[float, float]]
 _GAP = 1e-6  # what is closer than this, relative to 1 + |z|, is at the start
 _REACH = 0.5  # how far, relative to 1 + |z|, the nearest solution may be
 _AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
+_LEVEL = 1e-9  # a parameter that changes by less, of the length of a tangent, does not
 _SKEW = 1e-3  # how far a direction that was given may be off the tangent
 _ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
@@ -135,7 +136,18 @@ def first_tangent(curve: Curve) -> tuple[Array, int]:
                 return closest(found.tangents, curve.dual(along)), 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
-    return tangent_at(curve, z, along)
+    tangent, side = tangent_at(curve, z, along)
+    return (tangent if abs(tangent[-1]) > _LEVEL else _inward(curve, tangent)), side
+
+
+def _inward(curve: Curve, tangent: Array) -> Array:
+    """Where the parameter does not change at first: towards the side on which the domain goes on,
+    if it ends at the start."""
+    for bound in bounds_of(curve, None):
+        end = {bound.low: -1.0, bound.high: 1.0}.get(bound.value(curve.start), 0.0)
+        if end * bound.slope(curve.start, tangent) > _LEVEL:
+            return -tangent
+    return tangent
 
 
 def _nearly_singular(curve: Curve, z: Array, along: Array) -> bool:

@@ -52,22 +52,20 @@ class InfiniteChain(TranslationInvariant):
     def describe(self) -> str:
         return "infinite chain"
 
-    def tau(self, gamma: float) -> float:
-        """``<cot(pi w/2)/w>``: what a mean push does; infinite where no spring holds the chain."""
-        s = self.spring
-        loose = 2.0 / math.pi / math.sqrt(s * (s + 4.0 * gamma)) if s else math.inf
-        return loose + self._mean(gamma, "tau")
+    def tau(self, gamma: float, edge: float | None = None) -> float:
+        """``<cot(pi w/2)/w>``: what a mean push does; infinite where no spring holds the chain.
+
+        ``edge``, the lower one of the band, is the root of the spring unless given: 1/tau is smooth
+        in both.
+        """
+        edge = math.sqrt(self.spring) if edge is None else edge
+        stiff = 0.5 * math.pi * edge * math.sqrt(edge * edge + 4.0 * gamma)
+        return (1.0 / stiff if stiff else math.inf) + self._mean(gamma, "tau")
 
     def dtau(self, gamma: float) -> float:
         """Derivative of `tau` with respect to gamma, for a spring above 0."""
         s, edge = self.spring, self.spring + 4.0 * gamma
         return self._slope(gamma, "tau") - 4.0 / (math.pi * edge * math.sqrt(s * edge))
-
-    def tau_by_spring(self, gamma: float) -> float:
-        """Derivative of `tau` with respect to the spring, above 0."""
-        s, edge = self.spring, self.spring + 4.0 * gamma
-        loose = (s + edge) / (math.pi * (s * edge) ** 1.5)
-        return self.by_spring(gamma, "tau") - loose
 
     def _excess(self, z: float) -> float:
         r = math.sqrt(1.0 - z)

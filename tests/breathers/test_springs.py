@@ -226,16 +226,37 @@ def test_what_is_not_known_of_springs_says_where_it_is() -> None:
     assert "1 arm not followed" in repr(found)
 
 
+def fork(spring: float) -> cb.Point:
+    start = cb.symmetric(0.7, 0.05, 0.8, spring=spring)
+    return cb.trace(start, "a", within={"a": (0.5, 0.9)}).first("PF")
+
+
+@pytest.mark.parametrize("pair", [("spring", "a"), ("a", "spring"), ("spring", "gamma")])
+def test_the_curve_of_pitchforks_begins_without_a_spring(pair) -> None:
+    free = fork(0.0)
+    line = cb.boundary(free, pair, within={"spring": (0, 0.05)}, towards="up")
+    assert line["spring"][[0, -1]] == pytest.approx([0, 0.05], abs=1e-15)
+    for point in line[1:]:
+        b = point.ground.solution
+        chain, q = InfiniteChain(b.spring), 1 / 9
+        inverse = chain.chi(b.gamma) - 2 * chain.sigma(b.gamma) - q * q / chain.tau(b.gamma)
+        assert b.p == pytest.approx(1 / inverse, abs=1e-10)
+
+
 def test_pitchforks_begin_like_the_root_of_the_spring() -> None:
-    """So their curve is followed down to the softest spring, and does not start without one."""
-    free = cb.trace(cb.symmetric(0.7, 0.05, 0.8, spring=0.0), "a", within={"a": (0.5, 0.9)})
-    held = cb.trace(cb.symmetric(0.7, 0.05, 0.8, spring=0.03), "a", within={"a": (0.5, 0.9)})
-    line = cb.boundary(
-        held.first("PF"), ("spring", "a"), within={"spring": (0, 0.05)}, towards="down"
-    )
-    assert line[-1].kind == "EP"
-    assert line[-1]["spring"] == pytest.approx(1e-9, rel=1e-6)
-    above = line[-1]["a"] - free.first("PF")["a"]
-    assert above / math.sqrt(1e-9) == pytest.approx(0.0162, abs=1e-4)
-    with pytest.raises(cb.BadInput, match="spring=0, outside"):
-        cb.boundary(free.first("PF"), ("spring", "a"), within={"spring": (0, 0.05)})
+    """With ``1/tau = pi edge sqrt(gamma)`` at first: a regular curve in the edge of the band."""
+    a = fork(0.0)["a"]
+    line = cb.boundary(fork(0.03), ("spring", "a"), within={"spring": (0, 0.05)}, towards="down")
+    assert line[-1]["spring"] == pytest.approx(0, abs=1e-20)
+    assert line[-1]["a"] == pytest.approx(a, abs=1e-12)
+    start = cb.Steps(first=1e-5, largest=1e-5, most=2)
+    near = cb.boundary(fork(0.0), ("spring", "a"), towards="up", steps=start)[1]
+    assert near["edge"] == pytest.approx(math.sqrt(near["spring"]), rel=1e-9)
+    chain, q = InfiniteChain(), 1 / 9
+    p, sigma = 1 / (chain.chi(0.05) - 2 * chain.sigma(0.05)), chain.sigma(0.05)
+    # of a = sqrt((1 - p chi)^2 + p^2 q^2), 1/p = chi - 2 sigma - q^2/tau
+    rise = p * p * q * q * math.pi * math.sqrt(0.05)
+    slope = ((p * chain.chi(0.05) - 1) * chain.chi(0.05) + p * q * q) * rise / a
+    assert 1 - p * chain.chi(0.05) == pytest.approx(-2 * p * sigma, abs=1e-14)
+    assert slope == pytest.approx(0.0162, abs=1e-4)
+    assert (near["a"] - a) / near["edge"] == pytest.approx(slope, rel=1e-3)

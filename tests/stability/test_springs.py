@@ -62,8 +62,10 @@ def test_slopes_are_those_of_the_means(name: str, spring: float, gamma: float) -
 
     in_spring = slope(lambda e: getattr(InfiniteChain(spring + e), name)(gamma))
     in_gamma = slope(lambda e: getattr(chain, name)(gamma + e))
-    by_spring = chain.tau_by_spring(gamma) if name == "tau" else chain.by_spring(gamma, name)
-    assert by_spring == pytest.approx(in_spring, rel=1e-7)
+    if name == "tau":  # less its pole in the lower edge of the band
+        loose = slope(lambda e: 2 / math.pi / math.sqrt((spring + e) * (spring + e + 4 * gamma)))
+        in_spring -= loose
+    assert chain.by_spring(gamma, name) == pytest.approx(in_spring, rel=1e-7)
     assert getattr(chain, "d" + name)(gamma) == pytest.approx(in_gamma, rel=1e-7)
 
 
