@@ -32,7 +32,8 @@ class InfiniteChain(TranslationInvariant):
     spring: float = 0.0  # to the ground, at every site
 
     def __post_init__(self) -> None:
-        spring = number("spring", self.spring, 0.0, 1.0, "0 <= spring < 1")
+        wanted = "0 <= spring < 1, a band below the drive (for one above it take lattice=Ring(40))"
+        spring = number("spring", self.spring, 0.0, 1.0, wanted)
         check_gamma(0.0, spring)
         object.__setattr__(self, "_expansions", means(None, spring))
         object.__setattr__(self, "_limit", 0.25 * (1.0 - spring))
