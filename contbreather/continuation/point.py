@@ -220,9 +220,8 @@ class Locus:
     events : tuple of Event
         What can happen on the boundary itself, a cusp on a fold curve for instance.
     domain : dict, optional
-        ``{name: (low, high)}``, bounds of its own unknowns, and of parameters, where they are freed,
-        within which the conditions can be followed, as far as they are narrower than those of the
-        problem.
+        ``{name: (low, high)}``, bounds of its own unknowns, and of parameters where they are freed:
+        where the conditions can be followed, as far as that is narrower than for the problem.
     meets : dict, optional
         ``{kind: events}`` to look for on the boundary in place of the meeting with an event of that
         kind, where that has names of its own: on a fold curve BT and ZH are those with HB.

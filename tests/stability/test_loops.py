@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from contbreather.kernel import Kernel
+from contbreather.lattice import InfiniteChain
 from contbreather.stability import arc, arc_loops, orbit, orbit_loops
 from contbreather.stability.aliases import EXACT, ORDERS, POWERS
 from contbreather.stability.orbit import OrbitMap
@@ -67,6 +68,26 @@ MAPS = [
 ]
 
 
+def by_loops(map: OrbitMap) -> tuple[OrbitMap, np.ndarray]:
+    """The map as if the loops had been asked, and what they tell."""
+    n = map.periods
+    kicks = [entry for kick in map.kicks for entry in (kick.time / n, n * kick.b)]
+    data = (map.scaled, map.k, map._terms, len(map.kicks), 1.0, *kicks)
+    told = asked(orbit_loops.orbit, data, constants(), orbit_loops.SIZE, 8)
+    compiled = OrbitMap(map.gamma, map.k, map.kicks, n)
+    vars(compiled)["_circle"] = told
+    return compiled, told
+
+
+@pytest.mark.parametrize("gamma", [0.01, 0.025, 0.03, 0.06])
+def test_several_multipliers_at_1_are_not_outside(gamma: float) -> None:
+    """Elastic impacts have them at the pitchfork, and rounding alone puts them on a side."""
+    b = 2.0 * InfiniteChain().psi(gamma)
+    map = OrbitMap(gamma, 1.0, [(0, 0.0, b), (0, math.pi, b)])
+    for count in (map.count(), by_loops(map)[0].count()):
+        assert (count.count, count.certain) == (0, False)
+
+
 @pytest.mark.parametrize("map", MAPS, ids=repr)
 def test_what_an_orbit_tells_of_its_multipliers(
     map: OrbitMap, monkeypatch: pytest.MonkeyPatch
@@ -79,12 +100,7 @@ def test_what_an_orbit_tells_of_its_multipliers(
             return lambda *_: 1
 
     assert "_circle" not in vars(map) or map._circle is None
-    n = map.periods
-    kicks = [entry for kick in map.kicks for entry in (kick.time / n, n * kick.b)]
-    data = (map.scaled, map.k, map._terms, len(map.kicks), 1.0, *kicks)
-    told = asked(orbit_loops.orbit, data, constants(), orbit_loops.SIZE, 8)
-    compiled = OrbitMap(map.gamma, map.k, map.kicks, n)
-    vars(compiled)["_circle"] = told  # as if the loops had been asked
+    compiled, told = by_loops(map)
     found = compiled.count()
     assert (found.count, found.certain, found.pairs) == (count.count, count.certain, count.pairs)
     assert found.distance == pytest.approx(count.distance, abs=1e-9)
@@ -93,4 +109,4 @@ def test_what_an_orbit_tells_of_its_multipliers(
     assert told[orbit_loops.APPROACH] == pytest.approx(approach, abs=1e-6)
     # more impacts than fit are left to the arrays
     monkeypatch.setattr(orbit, "_ORBIT", Text())
-    assert OrbitMap(map.gamma, map.k, map.kicks, n).count() == count
+    assert OrbitMap(map.gamma, map.k, map.kicks, map.periods).count() == count
