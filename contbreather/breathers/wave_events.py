@@ -18,6 +18,14 @@ from numpy.typing import NDArray
 from contbreather.breathers.clearance import Terms
 from contbreather.breathers.grazing import Crest, Ends, grazing, solution_at
 from contbreather.breathers.images import simpler_than
+from contbreather.breathers.multipliers import (
+    Conditions,
+    OnCircle,
+    examine_angle,
+    examine_real,
+    pair_beyond,
+    real_multiplier,
+)
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.watched import moved
 from contbreather.continuation import Event, Lift, Locus, Point, fold
@@ -28,15 +36,13 @@ from contbreather.continuation.point import Always
 from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
 from contbreather.stability.orbit import OrbitMap
-from contbreather.stability.pairs import beyond, outermost
-from contbreather.stability.verdict import THRESHOLD, check_threshold
+from contbreather.stability.section_map import ModalMap
+from contbreather.stability.verdict import beyond, check_threshold
 from contbreather.stability.winding import Count
 
 Array = NDArray[np.float64]
 
 EQUAL = 1e-9  # flights that differ by less are equal
-_EPS = float(np.finfo(float).eps)
-_BLURRED = 1e-8  # rounding of multipliers that hides which of them is outside
 
 # As k -> 1 the line of Neimark-Sacker points of arms runs into their pitchfork, angle and asymmetry
 # shrinking like sqrt(1 - k), or the angle into the edge of the band, like (1 - k)^2: within
@@ -94,71 +100,39 @@ def _asymmetry(point: Point) -> float:
 
 def period_doubling() -> Event:
     """PD: a multiplier passes -1 (`OrbitMap.crosses`)."""
-    return Event(
-        "PD",
-        _doubling_test,
-        count=_outside,
-        locus=Always(Locus({}, _minus_one, partial(_slopes, _minus_one))),
-        examine=_examine_doubling,
-    )
+    locus, examine = Always(OnCircle(_slopes, nu=1.0).locus()), partial(examine_real, -1.0)
+    return Event("PD", _doubling_test, count=_outside, locus=locus, examine=examine)
 
 
-def orbit_neimark_sacker(*, on: Lattice | None = None, threshold: float = THRESHOLD) -> Event:
-    """NS: a complex pair of multipliers leaves the unit circle.
-
-    Of the infinite chain unless ``on`` is a ring: there the first pair passes the modulus
-    ``threshold`` over one period, as in the paper; others follow it and change no verdict.
-    """
-    if not isinstance(on, Ring):
-        return Event(
-            "NS", _off_circle, count=_pairs_outside, locus=_arc_locus, examine=_examine_angle
-        )
-    check_threshold(threshold)
-    return Event(
-        "NS",
-        partial(_outermost, threshold),
-        locus=partial(_circle_locus, threshold),
-        examine=_examine_angle,
-    )
-
-
-def _outermost(threshold: float, point: Point) -> float:
-    orbit = solution_at(point)
-    # where an impulse vanishes one multiplier grows beyond all bounds, and with it the rounding
-    if _EPS * float(np.abs(orbit.entries).max()) > _BLURRED:
-        return math.nan
-    return outermost(_multipliers(orbit.map), threshold)
+def orbit_neimark_sacker() -> Event:
+    """NS: a complex pair of multipliers of the infinite chain leaves the unit circle."""
+    return Event("NS", _off_circle, count=_pairs_outside, locus=_arc_locus, examine=examine_angle)
 
 
 def events_on(lattice: Lattice, threshold: float) -> tuple[Event, ...]:
     """The events that any orbit with impacts can meet, apart from multipliers +1."""
-    pairs = orbit_neimark_sacker(on=lattice, threshold=threshold)
-    own = (period_doubling(), pairs, grazing(_crest, ends=_ends_of_grazing))
-    return own if isinstance(lattice, Ring) else (*own, tally())
-
-
-def unstable(orbit: Orbit, threshold: float) -> int:
-    """Multipliers outside: isolated ones on the infinite chain, beyond the threshold on a ring."""
-    return _counted(orbit.map, 1.0 if orbit.lattice.sites is None else threshold).count
+    touch = grazing(_crest, ends=_ends_of_grazing)
+    if isinstance(lattice, Ring):
+        check_threshold(threshold)
+        return real_multiplier("PD", -1.0, _slopes), pair_beyond(threshold, _slopes), touch
+    return period_doubling(), orbit_neimark_sacker(), touch, tally()
 
 
 @lru_cache(maxsize=512)
-def _counted(map: OrbitMap, radius: float) -> Count:
+def _counted(map: OrbitMap) -> Count:
     # the event asks at every step, the column of a table after the walk for the same counts
-    return map.count(radius)
+    return map.count()
+
+
+def unstable(orbit: Orbit, threshold: float) -> float:
+    """Multipliers outside: isolated ones on the infinite chain, beyond the threshold on a ring."""
+    found: OrbitMap | ModalMap = orbit.map
+    return _counted(found).count if isinstance(found, OrbitMap) else beyond(found, threshold)
 
 
 def _outside(point: Point) -> int:
     """Beside PD: two multipliers that pass -1 within one step are seen by it."""
-    map = solution_at(point).map
-    if map.lattice.sites is not None:
-        return beyond(_multipliers(map), -1.0)
-    return _counted(map, 1.0).count
-
-
-@lru_cache(maxsize=512)
-def _multipliers(map: OrbitMap) -> NDArray[np.complex128]:
-    return map.over_period
+    return _counted(point.solution.map).count
 
 
 def tally() -> Event:
@@ -167,12 +141,8 @@ def tally() -> Event:
 
 
 def _certainly_outside(point: Point) -> float | int:
-    found = _counted(solution_at(point).map, 1.0)
+    found = _counted(solution_at(point).map)
     return found.count if found.certain else math.nan
-
-
-def _at(curve: Curve, z: Array) -> Orbit:
-    return solution_at(Point(curve, z))
 
 
 # --- equal flights ------------------------------------------------------------------------------
@@ -203,17 +173,6 @@ def _doubling_test(point: Point) -> float:
     return solution_at(point).map.crosses(-1.0)
 
 
-def _minus_one(curve: Curve, z: Array, extra: Array) -> Array:
-    return np.array([_at(curve, z).map.crosses(-1.0)])
-
-
-def _examine_doubling(point: Point) -> str:
-    map = solution_at(point).map
-    size = float(np.prod([1.0 + abs(kick.b) for kick in map.kicks]))
-    value = map.crosses(-1.0)
-    return "" if abs(value) < 1e-8 * size else f"D(-1) = {value:.2g} is not zero"
-
-
 # --- Neimark-Sacker -------------------------------------------------------------------------------
 
 
@@ -233,48 +192,18 @@ def _pairs_outside(point: Point) -> int:
 def _arc_locus(point: Point) -> Locus:
     """F = 0 on the circle, at the angle where it is nearest to that."""
     map = solution_at(point).map
-    if map.gamma == 0.0 and map.lattice.sites is None:
+    if map.gamma == 0.0:
         raise Undefined("at gamma = 0 there is no band for a pair to come out of")
     ends = {"k": (0.0, _ELASTIC)}
-    slopes = partial(_slopes, _arc_conditions, room=_room)
-    return Locus({"kappa": map.nearest()}, _arc_conditions, slopes, domain=ends)
-
-
-def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
-    value = _at(curve, z).map.on_circle(2.0 * extra[0])
-    return np.array([value.real, value.imag])
+    return OnCircle(partial(_slopes, room=_room)).locus(2.0 * map.nearest(), domain=ends)
 
 
 def _room(curve: Curve, z: Array, extra: Array) -> float:
     """A step for gamma and the angle that keeps off the edge of the band, where F has a root."""
-    map = _at(curve, z).map
-    steepness = 2.0 * map.periods**2 / map.edge  # of the edge in gamma
-    return max(0.02 * abs(map.edge - float(extra[0])) / (1.0 + steepness), 1e-8)
-
-
-def _examine_angle(point: Point) -> str:
-    """A pair outside may also turn real, one of the two coming in through +1 or -1 later on."""
-    kappa = point.detail.get("kappa")
-    if kappa is None:
-        return "a pair was seen to leave or to turn real, but no angle solves the locus"
-    if not 1e-6 < abs(float(kappa)) < 0.5 - 1e-6:
-        return "a real multiplier passes the circle, no pair"
-    return ""
-
-
-def _circle_locus(threshold: float, point: Point) -> Locus:
-    """A multiplier of the ring on the circle of the threshold."""
-    mu = solution_at(point).map.over_period
-    mu = mu[mu.imag > 0.0]
-    first = mu[int(np.abs(mu).argmax())]
-    kappa = float(np.angle(first)) / (2.0 * math.pi)
-    conditions = partial(_on_circle, threshold)
-    return Locus({"kappa": kappa}, conditions, partial(_slopes, conditions))
-
-
-def _on_circle(threshold: float, curve: Curve, z: Array, extra: Array) -> Array:
-    value = _at(curve, z).map.on_circle(2.0 * extra[0], threshold)
-    return np.array([value.real, value.imag])
+    map = solution_at(Point(curve, z)).map
+    edge = 2.0 * map.edge  # as nu
+    steepness = 4.0 * map.periods**2 / map.edge  # of the edge in gamma
+    return max(0.02 * abs(edge - float(extra[0])) / (1.0 + steepness), 1e-8)
 
 
 # --- derivatives of conditions that have none in closed form ------------------------------------
@@ -286,7 +215,7 @@ _FORWARD: _Stencil = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4
 
 
 def _slopes(
-    conditions: Callable[[Curve, Array, Array], Array],
+    conditions: Conditions,
     curve: Curve,
     z: Array,
     extra: Array,

@@ -177,7 +177,7 @@ def _images(
     return tuple(image.flight.x for image in images_of(_orbit(equations, on, x, values)))
 
 
-def _unstable(threshold: float, point: Point) -> int:
+def _unstable(threshold: float, point: Point) -> float:
     return unstable(point.solution, threshold)
 
 

@@ -35,6 +35,7 @@ from contbreather.lattice.conditions import Conditions, check_amplitude, restitu
 from contbreather.lattice.periodic import check_coupling, wave, wave_slope, wave_table
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.saltation import Kick
+from contbreather.stability.section_map import ModalMap, ring_map
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -376,8 +377,8 @@ class GreenFlight:
         return self.profile(sites, time, 0), self.profile(sites, time, 1)
 
     @cached_property
-    def map(self) -> OrbitMap:
-        """The map of small perturbations over one period."""
+    def map(self) -> OrbitMap | ModalMap:
+        """The map of small perturbations over one period, of a ring by its modes."""
         on, first, T = self.conditions, self.impacts[0].time, self.section.period
         _, impulses, _ = self.equations.split(self.x)
         b = -((1.0 + on.k) ** 2) * self.accelerations / impulses
@@ -386,9 +387,12 @@ class GreenFlight:
             for impact, entry in zip(self.impacts, b.tolist(), strict=True)
         ]
         kicks.sort(key=lambda kick: kick.time)
-        return OrbitMap(on.gamma, on.k, tuple(kicks), self.section.turns, on.lattice)
+        if on.lattice.sites is not None:
+            return ring_map(on.lattice, on.gamma, on.k, tuple(kicks), T)
+        return OrbitMap(on.gamma, on.k, tuple(kicks), self.section.turns)
 
     def multipliers(self) -> NDArray[np.complex128]:
+        assert isinstance(self.map, ModalMap)  # the infinite chain has a continuous spectrum
         return self.map.multipliers()
 
 

@@ -1,9 +1,9 @@
-"""Stability of any periodic orbit with impacts: the monodromy matrix, reduced to the impacts.
+"""Stability of periodic orbits with impacts on the infinite chain, reduced to the impacts.
 
 Over n forcing periods ``M = Q(T_m) S_m ... Q(T_1) S_1``: free flights Q and one 2x2 block ``S_j``
 at the impacting site for each of the m impacts (19). A perturbation that grows by mu a period is
 known from what it is at the impacts, ``x_i = sum over j of X_ij(mu) (S_j - 1) x_j`` with the mean
-propagators X of `contbreather.stability.propagators`. So, whatever the number of sites,
+propagators X of `contbreather.stability.propagators`. So, with as many sites as there are,
 
     ``D(mu) = det(1 - X(mu) (S - 1))``,   2m x 2m,   D -> 1 as mu -> infinity,
 
@@ -23,15 +23,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
-from contbreather.flows.modes import turn
 from contbreather.kernel import Kernel
-from contbreather.lattice import InfiniteChain, Lattice, Ring
+from contbreather.lattice import InfiniteChain
 from contbreather.lattice.periodic import check_coupling
 from contbreather.stability import orbit_loops as loops
 from contbreather.stability.propagators import (
@@ -45,7 +44,6 @@ from contbreather.stability.propagators import (
 )
 from contbreather.stability.refined import refined
 from contbreather.stability.saltation import Kick, saltation
-from contbreather.stability.section_map import Blow, ModalMap
 from contbreather.stability.winding import Count
 
 Array = NDArray[Any]
@@ -71,7 +69,6 @@ class OrbitMap:
         The impacts of one period in order; b as in `saltation_entry`.
     periods : int
         n, for an orbit of period 2 pi n.
-    lattice : InfiniteChain or Ring
 
     Raises
     ------
@@ -91,7 +88,7 @@ class OrbitMap:
     k: float
     kicks: tuple[Kick, ...]
     periods: int = 1
-    lattice: Lattice = InfiniteChain()
+    lattice: ClassVar[InfiniteChain] = InfiniteChain()
 
     def __post_init__(self) -> None:
         kicks = tuple(Kick(int(site), float(time), float(b)) for site, time, b in self.kicks)
@@ -132,9 +129,7 @@ class OrbitMap:
         """Sites of the impacts, from the first one on, and distances between any two impacts."""
         sites = np.array([kick.site for kick in self.kicks])
         sites = sites - sites.min()
-        apart = np.abs(sites[:, None] - sites)
-        ring = self.lattice.sites
-        return sites, apart if ring is None else np.minimum(apart % ring, -apart % ring)
+        return sites, np.abs(sites[:, None] - sites)
 
     @cached_property
     def _propagators(self) -> list[tuple[Array, Array, Propagators]]:
@@ -144,7 +139,7 @@ class OrbitMap:
         found = []
         for distance in np.unique(self._sites[1]):
             i, j = np.nonzero(self._sites[1] == distance)
-            same = propagators(self.lattice, self.scaled, int(distance), apart[i, j])
+            same = propagators(self.scaled, int(distance), apart[i, j])
             found.append((i, j, same))
         return found
 
@@ -197,7 +192,7 @@ class OrbitMap:
             column, line = self._border(at, alias)
             matrix[:, : 2 * m, 2 * m + row] = on[:, None] * column
             matrix[:, 2 * m + row, : 2 * m] = on[:, None] * line
-            matrix[:, 2 * m + row, 2 * m + row] = _inverse(self.lattice, self.scaled, at)
+            matrix[:, 2 * m + row, 2 * m + row] = _inverse(self.scaled, at)
         return np.asarray(np.linalg.det(matrix))
 
     def _border(self, kappa: Array, alias: int) -> tuple[Array, Array]:
@@ -230,7 +225,7 @@ class OrbitMap:
             inside = np.flatnonzero(in_band(self.scaled, at))
             if inside.size:
                 column, row = self._border(at[inside], alias)
-                g = resolvent(self.lattice, self.scaled, at[inside], 0)
+                g = resolvent(self.scaled, at[inside], 0)
                 # what the border brings: -g column row
                 matrix[inside] += (g[:, None] * column)[:, :, None] * row[:, None, :]
         return matrix.reshape(-1, 2 * m, 2 * m)
@@ -267,7 +262,7 @@ class OrbitMap:
         if told is not None:
             return float(told[loops.MINUS])
         half = np.array([0.5 + 0j])
-        inverse = complex(_inverse(self.lattice, self.scaled, half)[0])
+        inverse = complex(_inverse(self.scaled, half)[0])
         size = abs(inverse) ** 2
         if size > 1.0 or self._sites[0].any():
             value = np.linalg.det(self._matrix(half))[0] * size
@@ -277,29 +272,17 @@ class OrbitMap:
 
     # --- counting ---
 
-    def count(self, radius: float = 1.0) -> Count:
-        """Number of multipliers over the period outside a circle, a complex pair counting two.
-
-        Parameters
-        ----------
-        radius : float
-            1 on the infinite chain: the exact question of stability, answered on the circle
-            itself. On a ring above 1; there all multipliers are computed and counted.
+    def count(self) -> Count:
+        """Number of multipliers over the period outside the unit circle, a complex pair counting
+        two: the exact question of stability, answered on the circle itself.
 
         Returns
         -------
         Count
             ``nu`` is 2 kappa: the place nearest to zero is at ``mu = exp(i pi nu)``.
         """
-        if self.lattice.sites is not None:
-            return self._ring_count(radius)
-        if radius != 1.0:
-            raise BadInput(
-                f"radius = {radius}: on the infinite chain multipliers are counted outside the "
-                "unit circle, radius=1."
-            )
         if self.gamma == 0.0:
-            return _counted(self._uncoupled(), 1.0)
+            return _counted(self._uncoupled())
         if (told := self._circle) is not None:
             least, where = told[loops.LEAST], told[loops.WHERE]
             ends = told[loops.START], told[loops.END]
@@ -323,7 +306,7 @@ class OrbitMap:
         return self._told(whole=True)
 
     def _told(self, *, whole: bool) -> Array | None:
-        single = self.lattice.sites is None and not self._sites[0].any()
+        single = not self._sites[0].any()
         code = _ORBIT.code() if single and (self.gamma > 0.0 or not whole) else None
         if code is None:
             return None
@@ -334,18 +317,21 @@ class OrbitMap:
         failed = code(data.ctypes.data, table.ctypes.data, work.ctypes.data, found.ctypes.data)
         return None if failed else found
 
-    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
+    def pairs(self) -> tuple[float, int]:
         """How far the next pair is off the circle, negative while an odd number is outside, and
         how many are."""
-        if self.lattice.sites is not None:
-            return self.modal.pairs(radius)
         outside = self.count().pairs
         return (-self.approach() if outside % 2 else self.approach()), outside
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
-        """Vanishes where ``radius exp(i pi angle)`` is a multiplier."""
-        kappa = np.array([0.5 * angle - 0.5j * math.log(radius) / math.pi])
-        return complex((self.F(kappa) if radius == 1.0 else self.D(kappa))[0])
+        """Vanishes where ``exp(i pi angle)`` is a multiplier; of real ones the scalar."""
+        if angle in (0.0, 1.0):
+            return self.crosses(1.0 - 2.0 * angle)
+        return complex(self.F(np.array([0.5 * angle + 0j]))[0])
+
+    def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
+        """The same: it is smooth wherever it is evaluated."""
+        return OrbitMap.on_circle
 
     def nearest(self) -> float:
         """kappa on the circle where a multiplier is closest to passing: a start for its angle."""
@@ -406,15 +392,7 @@ class OrbitMap:
         places = [0.0, *sorted(edges), 0.5]
         return [piece for piece in pairwise(places) if piece[1] > piece[0]]
 
-    # --- rings, and sites without coupling ---
-
-    def _ring_count(self, radius: float) -> Count:
-        if not 1.0 < radius < math.inf:
-            raise BadInput(
-                f"radius = {radius}: a ring has its band on the unit circle; count its "
-                "multipliers outside a radius above 1 (the paper takes 1.005)."
-            )
-        return _counted(self.over_period, radius)
+    # --- sites without coupling ---
 
     def _uncoupled(self) -> Array:
         """gamma = 0: every impacting site for itself."""
@@ -428,55 +406,6 @@ class OrbitMap:
             found.append(_pair(M))
         return np.concatenate(found)
 
-    @cached_property
-    def modal(self) -> ModalMap:
-        """The map on a ring, mode by mode, from just before the first impact."""
-        ring = self._ring()
-        basis = ring.basis(tuple(sorted({kick.site for kick in self.kicks})))
-        z, lam = self.gamma * basis.lam, self.gamma * basis.unseen
-        times = [kick.time for kick in self.kicks]
-        times = [times[0], *times, times[0] + self.period]
-        turns = tuple(turn(z, later - time) for time, later in pairwise(times))
-        shapes = basis.at(np.array([kick.site for kick in self.kicks]))
-        blows = tuple(
-            Blow(shape, shape, saltation(self.k, kick.b))
-            for shape, kick in zip(shapes, self.kicks, strict=True)
-        )
-        return ModalMap(ring, self.gamma, 0.0, z, lam, turns, blows, self.period)
-
-    def _ring(self) -> Ring:
-        if not isinstance(self.lattice, Ring):
-            raise BadInput(
-                "the infinite chain has a continuous spectrum; ask for all multipliers on a "
-                "ring, or for the isolated ones outside the circle, unstable_multipliers()."
-            )
-        return self.lattice
-
-    @property
-    def over_period(self) -> Array:
-        """On a ring: multipliers of the modes that some impact sees, the others left out."""
-        return self.modal.over_period
-
-    @property
-    def idle(self) -> float:
-        """Largest modulus of those of all other modes, 0 if there are none."""
-        return self.modal.idle
-
-    def multipliers(self) -> Array:
-        """All 2N multipliers over the period on a ring.
-
-        Those of modes with a node at the impacting site are ``exp(+-i w T)`` exactly. Together
-        they multiply to ``k^(2m)``.
-
-        Examples
-        --------
-        >>> kicks = [(0, 0.0, 0.3), (0, 2.0, 0.5)]
-        >>> mu = OrbitMap(0.1, 0.8, kicks, lattice=Ring(9)).multipliers()
-        >>> mu.size, round(float(np.prod(mu).real), 12)  # 0.8^4
-        (18, 0.4096)
-        """
-        return self.modal.multipliers()
-
     def unstable_multipliers(self) -> Array:
         """The multipliers outside the unit circle on the infinite chain, largest first.
 
@@ -487,8 +416,6 @@ class OrbitMap:
         NotConverged
             If fewer or more zeros are found than the winding number asks for.
         """
-        if self.lattice.sites is not None:
-            raise BadInput("on a ring ask for multipliers() and compare with a threshold.")
         if self.gamma == 0.0:
             mu = self._uncoupled()
             mu = mu[np.abs(mu) > 1.0]
@@ -535,24 +462,18 @@ def _pair(M: Array) -> Array:
     return np.array([half + root, half - root])
 
 
-def _inverse(lattice: Lattice, gamma: float, kappa: Array) -> Array:
+def _inverse(gamma: float, kappa: Array) -> Array:
     """1/g, which is 0 at kappa = 0 and at the band's edges."""
     safe = np.where(kappa == 0.0, 1.0, kappa)
-    square, r = safe * safe, root(gamma, safe)
-    inverse = -square * r
-    if lattice.sites is not None:
-        lap = (-4.0 * gamma / (square * (1.0 + r) ** 2)) ** lattice.sites
-        with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = inverse * (1.0 - lap) / (1.0 + lap)
-    return np.where(kappa == 0.0, 0.0, inverse)
+    return np.where(kappa == 0.0, 0.0, -safe * safe * root(gamma, safe))
 
 
-def _counted(mu: Array, radius: float) -> Count:
+def _counted(mu: Array) -> Count:
     """A count by the multipliers themselves."""
     size = np.abs(mu)
-    nearest = int(np.argmin(np.abs(size - radius)))
-    distance = float(abs(size[nearest] - radius))
-    outside = mu[size > radius + CERTAIN]
+    nearest = int(np.argmin(np.abs(size - 1.0)))
+    distance = float(abs(size[nearest] - 1.0))
+    outside = mu[size > 1.0 + CERTAIN]
     pairs = int(np.count_nonzero(outside.imag > 0.0))
     nu = abs(float(np.angle(mu[nearest]))) / math.pi
     return Count(outside.size, distance > CERTAIN, distance, nu, pairs)

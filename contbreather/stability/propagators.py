@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice import InfiniteChain, Lattice, Ring
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.zeta import binomial, zeta
 
 Array = NDArray[Any]
@@ -62,19 +62,16 @@ def in_band(gamma: float, kappa: Array) -> Array:
     return (kappa.imag == 0.0) & (kappa.real**2 <= 4.0 * gamma)
 
 
-def resolvent(lattice: Lattice, gamma: float, kappa: Array, distance: int) -> Array:
-    """``<cos(d theta)/(w^2 - kappa^2)>`` for Im kappa <= 0; on the chain's band the limit from
+def resolvent(gamma: float, kappa: Array, distance: int) -> Array:
+    """``<cos(d theta)/(w^2 - kappa^2)>`` for Im kappa <= 0; on the band the limit from
     below, infinite at kappa = 0 and at the band's edges."""
     with np.errstate(divide="ignore", invalid="ignore"):
         r = root(gamma, kappa)
         square = kappa * kappa
         g = -1.0 / (square * r)
-        if lattice.sites is None and distance == 0:
+        if distance == 0:
             return g
-        xi = -4.0 * gamma / (square * (1.0 + r) ** 2)
-        if lattice.sites is None:
-            return g * xi**distance
-        return g * (xi**distance + xi ** (lattice.sites - distance)) / (1.0 - xi**lattice.sites)
+        return g * (-4.0 * gamma / (square * (1.0 + r) ** 2)) ** distance
 
 
 @dataclass(frozen=True)
@@ -85,7 +82,6 @@ class Propagators:
     aliases beyond `NEAR` add to (turn, reach, pull).
     """
 
-    lattice: Lattice
     gamma: float
     distance: int
     times: Array  # (pairs,)
@@ -100,7 +96,7 @@ class Propagators:
         """
         s = kappa + _ALIASES[:, None]
         own = 1.0 if self.distance == 0 else 0.0
-        g = resolvent(self.lattice, self.gamma, s, self.distance)
+        g = resolvent(self.gamma, s, self.distance)
         for alias in without:
             g[alias + NEAR] = 0.0
         is_g = 1j * s * g
@@ -116,10 +112,7 @@ class Propagators:
 
     def deep(self, kappa: Array) -> Entries:
         """Entries for |Im kappa| >= `DEEP` by modes, with ``exp(i kappa s)`` left out again."""
-        sites = MODES + 2 * self.distance
-        if self.lattice.sites is not None:
-            sites = min(sites, self.lattice.sites)
-        theta, weight, w = Ring(sites).nodes(self.gamma)
+        theta, weight, w = Ring(MODES + 2 * self.distance).nodes(self.gamma)
         amplitude = weight * np.cos(self.distance * theta)
         late = np.where(self.times <= 0.0, 1.0, 0.0)
         mu = np.exp(2j * math.pi * kappa)
@@ -142,16 +135,16 @@ class Propagators:
         )
 
 
-def propagators(lattice: Lattice, gamma: float, distance: int, times: Array) -> Propagators:
+def propagators(gamma: float, distance: int, times: Array) -> Propagators:
     """`Propagators` for pairs of impacts the times apart, at one distance."""
-    moments = lattice.moments(distance)[:ORDERS] * (4.0 * gamma) ** np.arange(ORDERS)
+    moments = InfiniteChain().moments(distance)[:ORDERS] * (4.0 * gamma) ** np.arange(ORDERS)
     which, number = _expansions()
     weights = np.zeros((3, _HIGHEST, POWERS), dtype=complex)
     weights[np.arange(3)[:, None, None], which, np.arange(POWERS)] = number * moments[:, None]
     tails = _sums(times) @ weights
     tails[0] *= 1j
     phases = np.exp(1j * np.multiply.outer(times, _ALIASES))
-    return Propagators(lattice, gamma, distance, times, phases, tails)
+    return Propagators(gamma, distance, times, phases, tails)
 
 
 @lru_cache(maxsize=1)

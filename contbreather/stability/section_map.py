@@ -9,15 +9,19 @@ every impacting site are left out: their multipliers are those of a free flight.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.flows.modes import Turn, free_multipliers
+from contbreather.flows.modes import Turn, free_multipliers, turn
+from contbreather.lattice import Ring
 from contbreather.stability.pairs import REAL, beyond, outermost
+from contbreather.stability.saltation import Kick, saltation
 from contbreather.stability.secular import Secular
 
 FloatArray = NDArray[np.float64]
@@ -26,6 +30,7 @@ Array = NDArray[Any]
 
 LARGE = 90  # multipliers: of more, those next to a circle are found without all others
 BESIDE = 1e-6  # how far off the poles of free modes on the circle multipliers beyond are looked for
+_SHORT = 0.7  # of the longest: below that, not the one of several alike that comes first
 DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
 
@@ -53,7 +58,11 @@ class Map(Protocol):
         first of all pairs), and a number that changes wherever one does."""
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
-        """Vanishes where ``radius exp(i pi angle)`` is a multiplier over the section."""
+        """Vanishes where ``radius exp(i pi angle)`` is a multiplier over the section; real where
+        that is."""
+
+    def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
+        """The same of maps and angles next to this one, exact to first order where it vanishes."""
 
 
 class Blow(NamedTuple):
@@ -176,8 +185,59 @@ class ModalMap:
         return Secular(self.z, self.damping, self.length, self.turns, self.blows)
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
-        """``det(M - mu)``, in units of what it is without impacts."""
-        mu = radius * np.exp(1j * math.pi * angle)
-        one, other = free_multipliers(self.z, self.damping, self.length)
-        sign, size = np.linalg.slogdet(self.matrix - mu * np.eye(len(self.matrix)))
-        return complex(sign * math.exp(size - np.log(abs((one - mu) * (other - mu))).sum()))
+        """The least singular value of ``M - mu``, with the phase of the determinant: so it is
+        smooth where it vanishes."""
+        return _weakest(self, _multiplier(angle, radius))[0]
+
+    def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
+        """One perturbation flown, with no matrix, between the singular vectors."""
+        _, left, right = _weakest(self, _multiplier(angle, radius))
+        return lambda map, angle: left @ (map.applied(right) - _multiplier(angle, radius) * right)
+
+
+def _multiplier(angle: float, radius: float) -> complex:
+    """``radius exp(i pi angle)``, real for whole angles."""
+    return radius * (1.0 - 2.0 * angle if angle in (0.0, 1.0) else np.exp(1j * math.pi * angle))
+
+
+@lru_cache(maxsize=16)
+def _weakest(map: ModalMap, mu: complex) -> tuple[complex, Array, Array]:
+    """`on_circle`, and the vectors it is between, with its phase in the left one."""
+    left, sizes, right = np.linalg.svd(map.matrix - mu * np.eye(len(map.matrix)))
+    phase = np.linalg.det(left) * np.linalg.det(right)
+    return phase * sizes[-1], phase * left[:, -1].conj(), right[-1].conj()
+
+
+@lru_cache(maxsize=64)
+def ring_map(
+    ring: Ring, gamma: float, k: float, kicks: tuple[Kick, ...], period: float = 2.0 * math.pi
+) -> ModalMap:
+    """The map of a ring over one period of an orbit, from within a flight that is not short: next
+    to an impact, others at the same time would move from one end of the period to the other.
+
+    Examples
+    --------
+    The multipliers of m impacts multiply to ``k^(2m)``:
+
+    >>> kicks = Kick(0, 0.0, 0.3), Kick(0, 2.0, 0.5)
+    >>> mu = ring_map(Ring(9), 0.1, 0.8, kicks).multipliers()
+    >>> mu.size, round(float(np.prod(mu).real), 12)  # 0.8^4
+    (18, 0.4096)
+    """
+    basis = ring.basis(tuple(sorted({kick.site for kick in kicks})))
+    z, lam = gamma * basis.lam, gamma * basis.unseen
+    times = [kick.time for kick in kicks]
+    free = np.diff([*times, times[0] + period])
+    last = int(np.argmax(free > _SHORT * free.max()))  # before it
+    kicks = (
+        *kicks[last + 1 :],
+        *(kick._replace(time=kick.time + period) for kick in kicks[: last + 1]),
+    )
+    start = times[last] + 0.5 * float(free[last])
+    times = [start, *(kick.time for kick in kicks), start + period]
+    turns = tuple(turn(z, later - time) for time, later in pairwise(times))
+    shapes = basis.at(np.array([kick.site for kick in kicks]))
+    blows = tuple(
+        Blow(shape, shape, saltation(k, kick.b)) for shape, kick in zip(shapes, kicks, strict=True)
+    )
+    return ModalMap(ring, gamma, 0.0, z, lam, turns, blows, period)

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from contbreather.breathers import pitchfork, symmetric
+from contbreather.breathers import neimark_sacker, pitchfork, symmetric
 from contbreather.breathers.arms import asymmetric, beside
 from contbreather.breathers.asymmetric import AsymmetricEquations, divided
 from contbreather.breathers.images import shifted, simpler_than
@@ -411,7 +411,7 @@ def test_neimark_sacker_line_in_k_and_gamma_follows_the_edge_of_the_band_to_elas
     assert (line.began, line.stop) == (Stop.BOUND, Stop.BOUND)
     assert line[0]["k"] == line[-1]["k"] == 1.0 - 1e-5
     near = [
-        (2.0 * math.sqrt(point["gamma"]) - point["kappa"]) / (1.0 - point["k"]) ** 2
+        (4.0 * math.sqrt(point["gamma"]) - point["nu"]) / (1.0 - point["k"]) ** 2
         for point in line.points[: len(line) // 2]
         if 3e-5 < 1.0 - point["k"] < 2e-3
     ]
@@ -433,10 +433,10 @@ def test_a_pair_leaves_the_circle_where_its_locus_says():
     arm = switch(point, events=[orbit_neimark_sacker()], within={"a": (0, 0.95)})[0]
     assert arm["margin"][-1] < 0 < arm["margin"][0]
     event = arm.first("NS")
-    kappa = event.detail["kappa"]
-    assert 0 < kappa < 0.5
+    nu = event.detail["nu"]
+    assert 0 < nu < 1
     map = event.solution.map
-    assert abs(map.F(np.array([kappa]))[0]) < 1e-11
+    assert abs(map.F(np.array([0.5 * nu]))[0]) < 1e-11
     window = {"a": (event["a"] - 1e-4, event["a"] + 1e-4)}
     before, after = (
         trace(event, "a", events=(), within=window, inadmissible=True)[i] for i in (0, -1)
@@ -444,11 +444,11 @@ def test_a_pair_leaves_the_circle_where_its_locus_says():
     assert before.solution.map.count().count == 0
     assert after.solution.map.count().count == 2
     mu = after.solution.map.unstable_multipliers()
-    assert np.abs(np.angle(mu)).max() / (2 * math.pi) == pytest.approx(kappa, abs=1e-2)
+    assert np.abs(np.angle(mu)).max() / math.pi == pytest.approx(nu, abs=2e-2)
     line = boundary(event, ("gamma", "a"), events=(), within={"gamma": (0.055, 0.065)})
     assert len(line) > 4
     for point in (line[0], line[-1]):
-        F = orbit_at(point.ground.problem).map.F(np.array([point["kappa"]]))
+        F = orbit_at(point.ground.problem).map.F(np.array([0.5 * point["nu"]]))
         assert abs(F[0]) < 1e-9
 
 
@@ -516,14 +516,12 @@ def test_doubling_line_reaches_elastic_impacts():
 def test_on_a_ring_the_papers_threshold_is_met_exactly():
     ring = Ring(20)
     point = pitchfork_point(0.06, 0.8, ring, inadmissible=True)
-    arm = switch(
-        point, events=[orbit_neimark_sacker(on=ring, threshold=1.05)], within={"a": (0, 1.2)}
-    )[0]
+    arm = switch(point, events=[neimark_sacker(threshold=1.05)], within={"a": (0, 1.2)})[0]
     event = arm.first("NS")
     size = np.abs(event.solution.multipliers())
     assert np.abs(size - 1.05).min() < 1e-10
     with pytest.raises(BadInput, match="threshold"):
-        orbit_neimark_sacker(on=ring, threshold=1.0)
+        switch(point, events=[neimark_sacker(threshold=1.0)], within={"a": (0, 1.2)})
 
 
 def test_doubling_line_in_restitution_is_that_of_the_single_oscillator():

@@ -196,7 +196,7 @@ def test_a_locus_lifted_onto_another_boundary_has_its_columns_in_their_places(me
 
 
 def place_extra(curve: Curve) -> list[str]:
-    return [name for name in curve.problem.start if name in ("nu", "t", "kappa")]
+    return [name for name in curve.problem.start if name in ("nu", "t")]
 
 
 # --- what ends the grazing of a crest -------------------------------------------------------------

@@ -22,7 +22,7 @@ from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.clearance import _limits
 from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
-from contbreather.breathers.modal_events import contact, events_of, ring_neimark_sacker
+from contbreather.breathers.modal_events import contact, events_of
 from contbreather.breathers.modal_flight import ModalFlight
 from contbreather.breathers.modal_road import Modes, ShootingEquations
 from contbreather.breathers.orbit import Orbit, orbit_at
@@ -1177,7 +1177,7 @@ def test_orbit_of_one_ring_goes_to_another_or_says_why_not() -> None:
     with pytest.raises(cb.BadInput, match="not shot as a symmetric one"):
         shooting(tilted(), symmetric=True)
     with pytest.raises(cb.BadInput, match="threshold = 0"):
-        ring_neimark_sacker(0.5)
+        events_of(in_phase().section, 0.5)
     assert [event.kind for event in events_of(in_phase().section)] == [
         "LP", "BP", "PF", "NS", "GR",
     ]  # fmt: skip

@@ -409,9 +409,9 @@ def test_a_pair_that_turns_real_is_no_neimark_sacker_point_of_an_orbit() -> None
     (event,) = (event for event in arm.events if event.kind == "NS")
     point = trace(arm, "a", within={"a": (0.819, 0.821)}, events=())[0]
     assert "no angle solves" in reason(event, point)
-    for kappa in (0.0, 1e-8, 0.5, 0.5 - 1e-9):
-        assert "a real multiplier passes the circle" in reason(event, point, kappa=kappa)
-    assert reason(event, point, kappa=0.2) == ""
+    for nu in (0.0, 1e-8, 1.0, 1.0 - 1e-9):
+        assert "a real multiplier passes the circle" in reason(event, point, nu=nu)
+    assert reason(event, point, nu=0.4) == ""
 
 
 # --- the start ----------------------------------------------------------------------------------

@@ -18,6 +18,8 @@ from contbreather.stability import (
 )
 from contbreather.stability.half_map import eigenvector, half_multipliers
 from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.saltation import Kick
+from contbreather.stability.section_map import ring_map
 
 CHAIN = InfiniteChain()
 
@@ -106,12 +108,10 @@ def test_the_winding_number_of_an_orbit_is_the_argument_of_its_determinant() -> 
     assert {0, 1} <= set(counts)
 
 
-@pytest.mark.parametrize("sites", [None, 11])
-def test_poles_are_taken_off_alike_whatever_sites_are_hit(sites: int | None) -> None:
+def test_poles_are_taken_off_alike_whatever_sites_are_hit() -> None:
     """F is D without the poles of the band, and they are those of the lattice alone."""
-    lattice = InfiniteChain() if sites is None else Ring(sites)
-    one = OrbitMap(0.08, 0.8, [(0, 0.0, 0.4), (0, 2.0, -0.3)], lattice=lattice)
-    two = OrbitMap(0.08, 0.8, [(0, 0.0, 0.7), (1, 0.9, 0.2), (3, 2.5, -0.6)], lattice=lattice)
+    one = OrbitMap(0.08, 0.8, [(0, 0.0, 0.4), (0, 2.0, -0.3)])
+    two = OrbitMap(0.08, 0.8, [(0, 0.0, 0.7), (1, 0.9, 0.2), (3, 2.5, -0.6)])
     edge = 2 * 0.08**0.5  # in units of the circle, 0.566: all aliases overlap above 1 - edge
     for kappa in (0.07, 0.25, 0.42, 0.45, 0.49):
         assert kappa < edge
@@ -158,8 +158,8 @@ def test_an_orbit_with_a_multiplier_on_the_circle_is_not_certain_and_says_where(
 
 @pytest.mark.parametrize("b", [-2.5, 0.7, 3.0])
 def test_without_coupling_an_orbit_counts_the_multipliers_of_its_sites(b: float) -> None:
-    kicks = [(0, 0.0, b), (0, 2.2, 0.4)]
-    single = OrbitMap(0.0, 0.8, kicks, lattice=Ring(1)).multipliers()
+    kicks = (Kick(0, 0.0, b), Kick(0, 2.2, 0.4))
+    single = ring_map(Ring(1), 0.0, 0.8, kicks).multipliers()
     map = OrbitMap(0.0, 0.8, kicks)
     assert map.count().count == np.sum(np.abs(single) > 1)
     found = map.unstable_multipliers()

@@ -10,18 +10,14 @@ import pytest
 from contbreather.lattice import Ring
 from contbreather.lattice.finite import Grid
 from contbreather.stability import section_map
-from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.pairs import beyond, outermost
-from contbreather.stability.section_map import ModalMap
+from contbreather.stability.saltation import Kick
+from contbreather.stability.section_map import ModalMap, ring_map
 from contbreather.stability.secular import Secular
 
-ONE = [(0, 0.0, 0.3)]
-ARM = [(0, 0.0, 0.5), (0, 2.9, 0.2)]
-PAIR = [(0, 0.0, 0.9), (5, 1.2, -0.4), (0, 3.1, 0.8), (5, 4.4, 0.1)]
-
-
-def ring_map(kicks: list[tuple[int, float, float]], gamma: float, sites: int = 40) -> ModalMap:
-    return OrbitMap(gamma, 0.8, kicks, lattice=Ring(sites)).modal
+ONE = (Kick(0, 0.0, 0.3),)
+ARM = (Kick(0, 0.0, 0.5), Kick(0, 2.9, 0.2))
+PAIR = (Kick(0, 0.0, 0.9), Kick(5, 1.2, -0.4), Kick(0, 3.1, 0.8), Kick(5, 4.4, 0.1))
 
 
 def grid_map(damping: float) -> ModalMap:
@@ -31,13 +27,13 @@ def grid_map(damping: float) -> ModalMap:
     return cb.symmetric(**on, lattice=Grid(6, 6), site=14).flight.map
 
 
-FAR = [(3, 3.2, -2.2)]  # a pair of modulus 2, and eight more just outside
+FAR = (Kick(3, 3.2, -2.2),)  # a pair of modulus 2, and eight more just outside
 MAPS = {
-    "far outside": OrbitMap(0.0916, 0.378, FAR, lattice=Ring(109)).modal,
-    "one impact": ring_map(ONE, 0.04),
-    "many outside": ring_map(ONE, 0.12),
-    "two impacts": ring_map(ARM, 0.08),
-    "two sites": ring_map(PAIR, 0.06),
+    "far outside": ring_map(Ring(109), 0.0916, 0.378, FAR),
+    "one impact": ring_map(Ring(40), 0.04, 0.8, ONE),
+    "many outside": ring_map(Ring(40), 0.12, 0.8, ONE),
+    "two impacts": ring_map(Ring(40), 0.08, 0.8, ARM),
+    "two sites": ring_map(Ring(40), 0.06, 0.8, PAIR),
     "a grid": grid_map(0.0),
     "with damping": grid_map(0.02),
 }
@@ -82,7 +78,7 @@ def test_a_large_lattice_is_asked_for_what_is_next_to_the_circle_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(section_map, "LARGE", 20)
-    map = ring_map(ARM, 0.13)
+    map = ring_map(Ring(40), 0.13, 0.8, ARM)
     first, count = map.outermost(1.005), (map.beyond(1.0), map.beyond(-1.0))
     assert "coupled" not in vars(map)
     mu = map.coupled

@@ -1,0 +1,152 @@
+"""Where an orbit has a multiplier that decides: PF, PD and NS, one test and one locus for each.
+
+The map of a road says where it has one (`contbreather.stability.section_map.Map`), the road how
+that changes along its unknowns. On finite lattices the events are the same whatever the road.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation import Event, Locus, Point
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.newton import Undefined
+from contbreather.continuation.point import Always
+from contbreather.errors import BadInput
+from contbreather.stability.pairs import REAL
+
+Array = NDArray[np.float64]
+Conditions = Callable[[Curve, Array, Array], Array]
+Slopes = Callable[[Conditions, Curve, Array, Array], Array]
+
+EPS = float(np.finfo(float).eps)
+VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding
+
+
+@dataclass(frozen=True)
+class OnCircle:
+    """``radius exp(i pi nu)`` is a multiplier over the section.
+
+    Parameters
+    ----------
+    slopes : callable
+        ``slopes(conditions, curve, z, extra)``, how conditions change along a road's curves.
+    radius : float
+    nu : float, optional
+        0 or 1, for a real multiplier; else one more unknown.
+    of : callable
+        The map of an orbit.
+    """
+
+    slopes: Slopes
+    radius: float = 1.0
+    nu: float | None = None
+    of: Callable[[Any], Any] = attrgetter("map")
+
+    def locus(self, nu: float | None = None, **more: Any) -> Locus:
+        return Locus({} if nu is None else {"nu": nu}, self.conditions, self.derivative, **more)
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return self._parts(self._map(curve, z).on_circle(self._angle(extra), self.radius))
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        beside = self._map(curve, z).beside(self._angle(extra), self.radius)
+
+        def near(curve: Curve, z: Array, extra: Array) -> Array:
+            return self._parts(beside(self._map(curve, z), self._angle(extra)))
+
+        return self.slopes(near, curve, z, extra)
+
+    def _map(self, curve: Curve, z: Array) -> Any:
+        return self.of(Point(curve, z).solution)
+
+    def _angle(self, extra: Array) -> float:
+        return float(extra[0]) if self.nu is None else self.nu
+
+    def _parts(self, value: complex) -> Array:
+        return np.array([value.real, value.imag] if self.nu is None else [value.real])
+
+
+# --- finite lattices ------------------------------------------------------------------------------
+
+
+def real_multiplier(kind: str, mu: float, slopes: Slopes) -> Event:
+    """PF or PD: a multiplier over the section is mu, 1 or -1."""
+    locus = Always(OnCircle(slopes, nu=0.5 * (1.0 - mu)).locus())
+    examine = partial(examine_real, mu)
+    return Event(
+        kind, partial(crosses, mu), count=partial(beyond, mu), locus=locus, examine=examine
+    )
+
+
+def crosses(mu: float, point: Point) -> float:
+    """``det(M - mu)`` over a section, in units of what it is without impacts.
+
+    Each impact brings a pole where its velocity vanishes, which is divided out.
+    """
+    orbit = point.solution
+    velocities = np.abs(orbit.incoming)
+    if velocities.min() < VANISHED:
+        return math.nan  # the end of the branch, where rounding decides
+    return float(orbit.map.crosses(mu) * velocities.prod())
+
+
+def beyond(mu: float, point: Point) -> int:
+    return int(point.solution.map.beyond(mu))
+
+
+def examine_real(mu: float, point: Point) -> str:
+    orbit = point.solution
+    value, size = orbit.map.on_circle(0.5 * (1.0 - mu)), np.prod(1.0 + np.abs(orbit.entries))
+    return "" if abs(value) < 1e-8 * size else f"D({mu:g}) = {value.real:.2g} is not zero"
+
+
+def pair_beyond(threshold: float, slopes: Slopes) -> Event:
+    """NS, by the ring's rule: the first complex pair whose modulus over the whole period passes a
+    threshold. More than one pair close to the circle is a ring's usual state, see `Verdict`.
+    """
+    if not 1.0 <= threshold < math.inf:
+        raise BadInput(f"threshold = {threshold}: a finite modulus of at least 1 is expected.")
+    locus = partial(_outermost_locus, threshold, slopes)
+    return Event("NS", partial(_outermost, threshold), locus=locus, examine=examine_angle)
+
+
+def _outermost(threshold: float, point: Point) -> float:
+    orbit = point.solution
+    # where an impact loses its velocity one multiplier grows beyond all bounds, and with it
+    # the rounding of all others: no pair can be told from that
+    if EPS * np.linalg.norm(orbit.map.matrix) > REAL:
+        return math.nan
+    return float(orbit.map.outermost(_radius(orbit, threshold)))
+
+
+def _radius(orbit: Any, threshold: float) -> float:
+    """The threshold over the whole period, as one over a section."""
+    return math.sqrt(threshold) if orbit.symmetric else threshold
+
+
+def _outermost_locus(threshold: float, slopes: Slopes, point: Point) -> Locus:
+    mu = point.solution.map.coupled
+    mu = mu[mu.imag > REAL]
+    if not mu.size:
+        raise Undefined("no complex multipliers on this ring")
+    nu = float(np.angle(mu[abs(mu).argmax()])) / math.pi
+    return OnCircle(slopes, _radius(point.solution, threshold)).locus(nu)
+
+
+def examine_angle(point: Point) -> str:
+    """A pair outside may also turn real, one of the two coming in through +1 or -1 later on."""
+    nu = point.detail.get("nu")
+    if nu is None:
+        return "a pair was seen to leave or to turn real, but no angle solves the locus"
+    if not 2e-6 < abs(float(nu)) < 1.0 - 2e-6:
+        return "a real multiplier passes the circle, no pair"
+    return ""
