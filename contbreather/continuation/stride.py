@@ -1,7 +1,7 @@
 """Plain steps along a curve of a few unknowns, many in one go, up to where somebody has to look.
 
 This text is compiled where the equations of a problem can be (see `native`) and runs as it is
-until that pays: floats, loops, and lists for pointers. It steps by the rules of `Walker`, which
+until that pays: floats, loops, and lists for pointers. It steps by the rules of `Stepper`, which
 takes over where a step crosses the edge of the window, another branch or the start of the walk,
 and where none comes off. So there is one engine, and its plain step has two forms.
 """
