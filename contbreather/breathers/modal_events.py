@@ -20,6 +20,7 @@ from contbreather.breathers.modal_flight import ModalFlight
 from contbreather.breathers.multipliers import (
     Conditions,
     beyond,
+    by_differences,
     pair_beyond,
     real_multiplier,
 )
@@ -29,7 +30,7 @@ from contbreather.breathers.section import Section
 from contbreather.continuation import Event, Locus, Point, branch_point, fold
 from contbreather.continuation.branch_points import bordered
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.derivatives import differences, directional
+from contbreather.continuation.derivatives import RELATIVE, directional
 from contbreather.continuation.loci import Singular
 from contbreather.continuation.newton import Undefined
 from contbreather.stability.verdict import THRESHOLD
@@ -120,24 +121,24 @@ def _slopes(conditions: Conditions, curve: Curve, z: FloatArray, extra: FloatArr
     flight = _at(curve, z)
     m, size = flight.t.size, 2 * flight.q.size
 
-    def near(both: FloatArray) -> FloatArray:
-        return conditions(curve, both[: z.size], both[z.size :])
+    def near(z: FloatArray) -> FloatArray:
+        return conditions(curve, z, extra)
 
-    both, scales = np.append(z, extra), np.append(curve.scales, np.ones(extra.size))
-    others = [*range(m), *range(m + size, both.size)]
+    others = [*range(m), *range(m + size, z.size + extra.size)]
     slow = min(abs(one.velocity) for one in flight.arrivals)
-    columns = differences(near, both, others, scales=scales, finer=max(1.0, SLOW / slow))
-    rows = np.zeros((len(columns), both.size))
+    step = RELATIVE * min(1.0, slow / SLOW)
+    columns = by_differences(conditions, curve, z, extra, others, step)
+    rows = np.zeros((len(columns), z.size + extra.size))
     rows[:, others] = columns
     values = [(abs(one.velocity), abs(one.acceleration)) for one in flight.arrivals]
     sizes = [max(pair[: 1 + i]) for pair in values for i in range(2)]
     for shown, moved, large in zip(
         flight.impact_slopes, np.linalg.pinv(flight.impact_slopes).T, sizes, strict=True
     ):
-        step = np.zeros(both.size)
-        step[m : m + size] = STEP * large * moved
+        along = np.zeros(z.size)
+        along[m : m + size] = STEP * large * moved
         rows[:, m : m + size] += np.multiply.outer(
-            directional(near, both, step), shown / (STEP * large)
+            directional(near, z, along), shown / (STEP * large)
         )
     return rows
 

@@ -7,7 +7,7 @@ that changes along its unknowns. On finite lattices the events are the same what
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
+from contbreather.continuation.derivatives import RELATIVE, differences
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import Always
 from contbreather.errors import BadInput
@@ -28,7 +29,26 @@ Conditions = Callable[[Curve, Array, Array], Array]
 Slopes = Callable[[Conditions, Curve, Array, Array], Array]
 
 EPS = float(np.finfo(float).eps)
+STEP = 1e-4  # of unknowns of the order of one, and of parameters
 VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding
+
+
+def by_differences(
+    conditions: Conditions,
+    curve: Curve,
+    z: Array,
+    extra: Array,
+    columns: Sequence[int] | None = None,
+    step: float = STEP,
+) -> Array:
+    """To one side where a parameter is at the end of its domain: curves set out from gamma = 0."""
+
+    def near(both: Array) -> Array:
+        return conditions(curve, both[: z.size], both[z.size :])
+
+    both, scales = np.append(z, extra), np.append(curve.scales, np.ones(extra.size))
+    finer = float(RELATIVE / step)
+    return differences(near, both, columns, scales=scales, finer=finer, one_sided=True)
 
 
 @dataclass(frozen=True)
@@ -37,7 +57,7 @@ class OnCircle:
 
     Parameters
     ----------
-    slopes : callable
+    slopes : callable, optional
         ``slopes(conditions, curve, z, extra)``, how conditions change along a road's curves.
     radius : float
     nu : float, optional
@@ -46,7 +66,7 @@ class OnCircle:
         The map of an orbit.
     """
 
-    slopes: Slopes
+    slopes: Slopes = by_differences
     radius: float = 1.0
     nu: float | None = None
     of: Callable[[Any], Any] = attrgetter("map")
@@ -78,7 +98,7 @@ class OnCircle:
 # --- finite lattices ------------------------------------------------------------------------------
 
 
-def real_multiplier(kind: str, mu: float, slopes: Slopes) -> Event:
+def real_multiplier(kind: str, mu: float, slopes: Slopes = by_differences) -> Event:
     """PF or PD: a multiplier over the section is mu, 1 or -1."""
     locus = Always(OnCircle(slopes, nu=0.5 * (1.0 - mu)).locus())
     examine = partial(examine_real, mu)
@@ -109,7 +129,7 @@ def examine_real(mu: float, point: Point) -> str:
     return "" if abs(value) < 1e-8 * size else f"D({mu:g}) = {value.real:.2g} is not zero"
 
 
-def pair_beyond(threshold: float, slopes: Slopes) -> Event:
+def pair_beyond(threshold: float, slopes: Slopes = by_differences) -> Event:
     """NS, by the ring's rule: the first complex pair whose modulus over the whole period passes a
     threshold. More than one pair close to the circle is a ring's usual state, see `Verdict`.
     """

@@ -19,8 +19,10 @@ from contbreather.breathers.clearance import Terms
 from contbreather.breathers.grazing import Crest, Ends, grazing, solution_at
 from contbreather.breathers.images import simpler_than
 from contbreather.breathers.multipliers import (
+    STEP,
     Conditions,
     OnCircle,
+    by_differences,
     examine_angle,
     examine_real,
     pair_beyond,
@@ -100,7 +102,7 @@ def _asymmetry(point: Point) -> float:
 
 def period_doubling() -> Event:
     """PD: a multiplier passes -1 (`OrbitMap.crosses`)."""
-    locus, examine = Always(OnCircle(_slopes, nu=1.0).locus()), partial(examine_real, -1.0)
+    locus, examine = Always(OnCircle(nu=1.0).locus()), partial(examine_real, -1.0)
     return Event("PD", _doubling_test, count=_outside, locus=locus, examine=examine)
 
 
@@ -114,7 +116,7 @@ def events_on(lattice: Lattice, threshold: float) -> tuple[Event, ...]:
     touch = grazing(_crest, ends=_ends_of_grazing)
     if isinstance(lattice, Ring):
         check_threshold(threshold)
-        return real_multiplier("PD", -1.0, _slopes), pair_beyond(threshold, _slopes), touch
+        return real_multiplier("PD", -1.0), pair_beyond(threshold), touch
     return period_doubling(), orbit_neimark_sacker(), touch, tally()
 
 
@@ -195,53 +197,15 @@ def _arc_locus(point: Point) -> Locus:
     if map.gamma == 0.0:
         raise Undefined("at gamma = 0 there is no band for a pair to come out of")
     ends = {"k": (0.0, _ELASTIC)}
-    return OnCircle(partial(_slopes, room=_room)).locus(2.0 * map.nearest(), domain=ends)
+    return OnCircle(_off_the_edge).locus(2.0 * map.nearest(), domain=ends)
 
 
-def _room(curve: Curve, z: Array, extra: Array) -> float:
-    """A step for gamma and the angle that keeps off the edge of the band, where F has a root."""
+def _off_the_edge(conditions: Conditions, curve: Curve, z: Array, extra: Array) -> Array:
+    """By steps of gamma and the angle that keep off the edge of the band, where F has a root."""
     map = solution_at(Point(curve, z)).map
-    edge = 2.0 * map.edge  # as nu
-    steepness = 4.0 * map.periods**2 / map.edge  # of the edge in gamma
-    return max(0.02 * abs(edge - float(extra[0])) / (1.0 + steepness), 1e-8)
-
-
-# --- derivatives of conditions that have none in closed form ------------------------------------
-
-_STEP = 1e-4
-_Stencil = tuple[tuple[int, float], ...]
-_CENTRAL: _Stencil = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
-_FORWARD: _Stencil = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4))
-
-
-def _slopes(
-    conditions: Conditions,
-    curve: Curve,
-    z: Array,
-    extra: Array,
-    room: Callable[[Curve, Array, Array], float] | None = None,
-) -> Array:
-    """Differences of fourth order, one-sided where a parameter is next to the end of its domain:
-    boundaries start at gamma = 0 as well. Their step is at most `room`."""
-    both = np.concatenate([z, extra])
-    ends = {curve.slots[name]: ends for name, ends in curve.problem.domain.items()
-            if name in curve.slots}  # fmt: skip
-    columns = []
-    step = _STEP if room is None else min(_STEP, room(curve, z, extra))
-    for i in range(both.size):
-        low, high = ends.get(i, (-math.inf, math.inf))
-        side, stencil = 1.0, _CENTRAL
-        if both[i] - 2.0 * step < low:
-            stencil = _FORWARD
-        elif both[i] + 2.0 * step >= high:
-            side, stencil = -1.0, _FORWARD
-        column = np.zeros(1)
-        for place, weight in stencil:
-            near = both.copy()
-            near[i] += side * place * step
-            column = column + weight * conditions(curve, near[: z.size], near[z.size :])
-        columns.append(side * column / step)
-    return np.stack(columns, axis=-1)
+    steepness = 4.0 * map.periods**2 / map.edge  # of the edge, as nu, in gamma
+    room = 0.02 * abs(2.0 * map.edge - float(extra[0])) / (1.0 + steepness)
+    return by_differences(conditions, curve, z, extra, step=min(STEP, max(room, 1e-8)))
 
 
 # --- grazing --------------------------------------------------------------------------------------

@@ -524,6 +524,17 @@ def test_on_a_ring_the_papers_threshold_is_met_exactly():
         switch(point, events=[neimark_sacker(threshold=1.0)], within={"a": (0, 1.2)})
 
 
+def test_neimark_sacker_line_of_an_arm_on_a_ring_keeps_a_pair_at_the_threshold():
+    arm = asymmetric(0.82, 0.03, 0.8, lattice=Ring(9)).problem
+    event = trace(arm, "gamma", towards="down", within={"gamma": (0.01, 0.03)}).first("NS")
+    line = boundary(event, ("a", "gamma"), events=(), within={"a": (0.815, 0.825)})
+    assert len(line) > 2
+    for point in line:
+        mu = point.ground.solution.multipliers()
+        wanted = 1.005 * np.exp(1j * math.pi * point["nu"])
+        assert abs(mu - wanted).min() < 1e-10
+
+
 def test_doubling_line_in_restitution_is_that_of_the_single_oscillator():
     arm = switch(pitchfork_point(0.0, 0.8), events=[period_doubling()], within={"a": (0, 0.99)})[0]
     line = boundary(arm.first("PD"), ("k", "a"), events=(), within={"k": (0.6, 0.95)})
