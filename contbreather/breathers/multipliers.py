@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -62,37 +61,35 @@ class OnCircle:
     radius : float
     nu : float, optional
         0 or 1, for a real multiplier; else one more unknown.
-    of : callable
-        The map of an orbit.
     """
 
     slopes: Slopes = by_differences
     radius: float = 1.0
     nu: float | None = None
-    of: Callable[[Any], Any] = attrgetter("map")
 
     def locus(self, nu: float | None = None, **more: Any) -> Locus:
         return Locus({} if nu is None else {"nu": nu}, self.conditions, self.derivative, **more)
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return self._parts(self._map(curve, z).on_circle(self._angle(extra), self.radius))
+        return self._parts(_map(curve, z).on_circle(self._angle(extra), self.radius))
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        beside = self._map(curve, z).beside(self._angle(extra), self.radius)
+        beside = _map(curve, z).beside(self._angle(extra), self.radius)
 
         def near(curve: Curve, z: Array, extra: Array) -> Array:
-            return self._parts(beside(self._map(curve, z), self._angle(extra)))
+            return self._parts(beside(_map(curve, z), self._angle(extra)))
 
         return self.slopes(near, curve, z, extra)
-
-    def _map(self, curve: Curve, z: Array) -> Any:
-        return self.of(Point(curve, z).solution)
 
     def _angle(self, extra: Array) -> float:
         return float(extra[0]) if self.nu is None else self.nu
 
     def _parts(self, value: complex) -> Array:
         return np.array([value.real, value.imag] if self.nu is None else [value.real])
+
+
+def _map(curve: Curve, z: Array) -> Any:
+    return Point(curve, z).solution.map
 
 
 # --- finite lattices ------------------------------------------------------------------------------
@@ -113,8 +110,8 @@ def crosses(mu: float, point: Point) -> float:
     Each impact brings a pole where its velocity vanishes, which is divided out.
     """
     orbit = point.solution
-    velocities = np.abs(orbit.incoming)
-    if velocities.min() < VANISHED:
+    velocities = orbit.incoming * [one.wall for one in orbit.impacts]
+    if np.abs(velocities).min() < VANISHED:
         return math.nan  # the end of the branch, where rounding decides
     return float(orbit.map.crosses(mu) * velocities.prod())
 

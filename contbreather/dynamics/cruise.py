@@ -7,172 +7,30 @@ may be cut after any period and taken up later, bit for bit.
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.dynamics.compiled import compiled, inlined
-from contbreather.dynamics.contact import CLOSE, LOST, NEVER, column_bound, first_contact
+from contbreather.dynamics.contact import LOST, NEVER, column_bound, first_contact
 from contbreather.dynamics.flow import (
     Array,
-    Bonds,
-    Drive,
     driven,
     driven_bound,
-    driven_jerk,
     driven_terms,
     ends,
     expand,
     expand_any,
-    near,
     site_at,
     state_at,
 )
+from contbreather.dynamics.law import Law, Log, Watch, Work
+from contbreather.dynamics.resting import comes_to_rest, lead, outward, release, resting
 
 TOGETHER = 1e-12  # impacts closer than this happen at the same time
-GENTLE = 1e-6  # below this rebound velocity the rest of a chatter takes a moment and is summed up
-SLOWLY = 0.3  # how far ahead, and how much of its push, a chatter is summed up
-FLOOR = 1e-9  # below this one a site that is pushed outwards is at rest, chatter or not
 FAST = 1e9  # a velocity beyond all reason
 
 DONE, FULL, CHATTER, ASTRAY, WILD = 0, 1, 2, 3, 4
 HIT, REST, LEAVE = 0, 1, 2
-
-
-class Law(NamedTuple):
-    """What does not change during a run: the lattice, its damping, its walls, its forcing."""
-
-    ring: bool  # without springs: nothing but neighbours pulls, by gamma, so a stencil will do
-    gamma: float
-    bonds: Bonds
-    # by sites, in rows: the low and the high wall, infinite where there is none; the smaller
-    # distance of both from 0
-    walls: Array
-    mu: float
-    k: float
-    step: float
-    rest_step: float  # with a site at rest, which moves with all harmonics of the forcing
-    size: int  # terms of the series in time
-    most: int  # impacts of one site in one period
-    motion: Drive  # a g(t), g'' + mu g' = F/a
-    force: Drive  # F(t)
-
-
-class Log(NamedTuple):
-    """Events in the order of time; ``used`` of them are filled."""
-
-    used: NDArray[np.int64]
-    period: NDArray[np.int64]
-    phase: Array
-    site: NDArray[np.int64]
-    kind: NDArray[np.int8]
-    wall: NDArray[np.int8]
-    before: Array
-    after: Array
-    push: Array  # acceleration just before an impact; how long after its last one a rest begins
-
-
-class Watch(NamedTuple):
-    """Sites recorded densely: at the times ``grid`` after the start of each period."""
-
-    sites: NDArray[np.int64]
-    grid: Array
-    u: Array  # (periods, times, sites)
-    v: Array
-
-
-class Work(NamedTuple):
-    """Room for one step. ``rows`` of site n are powers of (s - origin[n])/h, s the step's time."""
-
-    v: Array  # at the start of the step, or at the present event
-    w: Array
-    rows: Array
-    origin: Array
-    last_v: Array  # at the end of the step, where no event intervenes
-    last_w: Array
-    reach: Array  # no |v| is larger during the step
-    patch: Array
-    lift: Array
-    column: Array
-    when: Array
-    side: NDArray[np.int8]
-    held: NDArray[np.int8]
-    place: Array  # of the wall that holds a site
-    fresh: NDArray[np.int8]
-    changed: NDArray[np.int8]
-    hits: NDArray[np.int64]
-    busy: NDArray[np.int64]  # the sites that may have an event in this step, ``many`` of them
-    many: NDArray[np.int64]
-    listed: NDArray[np.int8]
-
-
-@inlined
-def outward(law: Law, work: Work, n: int, sign: float, t: float) -> tuple[float, float]:
-    """Push of site n into its wall while at rest there, and how fast that changes."""
-    bonds, v, w = law.bonds, work.v, work.w
-    motion, velocity, _ = driven(law.motion, t)
-    force, change, _ = driven(law.force, t)
-    own, extra, ground = bonds.pulls[:, n]
-    drive = 1.0 + extra
-    push = drive * force - ground * motion - (own * v[n] - near(bonds, v, n))
-    # at rest the unforced part moves against the forced one
-    rate = drive * change - ground * velocity + (own * velocity + near(bonds, w, n))
-    return sign * push, sign * rate
-
-
-@compiled
-def pushing(law: Law, n: int) -> Drive:
-    """What drives site n at rest: its part of F and the pull on the common motion."""
-    _, extra, ground = law.bonds.pulls[:, n]
-    drive = 1.0 + extra
-    c = drive * law.force.c - ground * law.motion.c
-    return Drive(law.force.m, c, drive * law.force.s - ground * law.motion.s)
-
-
-@compiled
-def release(law: Law, work: Work, n: int, t: float, h: float) -> float:
-    """When the wall ceases to hold site n: the push on it passes zero. ``t`` is that of s = 0."""
-    lift, bonds, force = work.lift, law.bonds, pushing(law, n)
-    sign, origin = float(work.held[n]), work.origin[n]
-    for j in range(lift.shape[0]):
-        lift[j, 0] = -bonds.pulls[0, n] * work.rows[j, n]
-    for i in range(bonds.start[n], bonds.start[n + 1]):
-        other = bonds.other[i]
-        shift = (origin - work.origin[other]) / h
-        _add_shifted(work.rows, other, shift, bonds.weight[i], lift)
-    if sign * (lift[0, 0] + driven(force, t + origin)[0]) <= 0.0:
-        return origin
-    room = h - origin
-    last = site_at(lift, 0, h, room / h)[0] + driven(force, t + h)[0]
-    local = first_contact(lift, 0, h, force, t + origin, -sign, 0.0, 0.0, room, -sign * last)
-    return local if local < 0.0 else origin + local
-
-
-@compiled
-def _add_shifted(rows: Array, n: int, shift: float, factor: float, out: Array) -> None:
-    """Add a column, re-expanded about a later time if its origin is an earlier one."""
-    top = rows.shape[0] - 1
-    if shift == 0.0:
-        for j in range(top + 1):
-            out[j, 0] += factor * rows[j, n]
-        return
-    column = rows[:, n].copy()
-    for i in range(top):  # Horner's scheme, over and over: Taylor's shift
-        for j in range(top - 1, i - 1, -1):
-            column[j] += shift * column[j + 1]
-    for j in range(top + 1):
-        out[j, 0] += factor * column[j]
-
-
-@compiled
-def lead(law: Law, work: Work, n: int, t: float, h: float) -> float:
-    """How long a site just released certainly moves away: velocity and acceleration are zero."""
-    sign = float(work.fresh[n])
-    jerk = sign * (6.0 * work.rows[3, n] / h**3 + driven_jerk(law.motion, t))
-    snap = column_bound(work.rows, n, 1.0, 4) / h**4 + driven_bound(law.motion, 4)
-    return min(h, -jerk / snap) if jerk < -1e-9 else min(h, 1e-3)
 
 
 @inlined
@@ -232,34 +90,6 @@ def note(
 
 
 @inlined
-def comes_to_rest(law: Law, work: Work, n: int, sign: float, t: float, after: float) -> float:
-    """How long ever smaller rebounds go on, where they end on the wall soon; else `NEVER`.
-
-    With the push A into the wall, rebounds k, k^2, ... times the velocity ``after`` take the time
-    ``T = 2 after/(A (1 - k))`` together. Below `GENTLE` they stay closer to the wall than 1e-12/A.
-    For k close to 1 a rebound loses less than rounding puts back, `CLOSE` in its height, at
-    velocities above that: what follows from there is summed as well. If the push changes at the
-    rate R, slow against a rebound, a rebound's velocity v falls at A (1 - k)/2, and v^3/A
-    would be kept without losses, so that T becomes ``(A/R) ((1 + 5/3 R T/A)^(3/5) - 1)``.
-    """
-    push, rate = outward(law, work, n, sign, t)
-    if push <= 0.0:
-        return NEVER
-    if law.k >= 1.0:
-        return 0.0 if after <= FLOOR else NEVER
-    loss = 1.0 - law.k
-    if after > max(GENTLE, 2.0 * math.sqrt(2.0 * CLOSE * push / loss)):
-        return NEVER
-    remaining = 2.0 * after / (push * loss)
-    change = remaining * rate / push
-    if abs(change) > SLOWLY or remaining > SLOWLY:
-        return 0.0 if after <= FLOOR else NEVER
-    if abs(change) < 1e-6:
-        return remaining
-    return remaining / change * ((1.0 + 5.0 / 3.0 * change) ** 0.6 - 1.0)
-
-
-@inlined
 def settle(law: Law, work: Work, log: Log, period: int, t: float, dt: float) -> int:
     """Apply every contact and release of the step's time dt; a site + 1 where one chatters.
 
@@ -300,15 +130,6 @@ def settle(law: Law, work: Work, log: Log, period: int, t: float, dt: float) -> 
             if not note(log, period, t, n, REST, wall, after, 0.0, rest):
                 return -1
     return 0
-
-
-@inlined
-def resting(held: NDArray[np.int8]) -> bool:
-    """Whether any site rests on a wall."""
-    count = 0
-    for n in range(held.size):
-        count += abs(held[n])
-    return count > 0
 
 
 @inlined

@@ -19,7 +19,7 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.progress import Bar, line_of
 
 if TYPE_CHECKING:
-    from contbreather.dynamics.cruise import Law, Log, Watch, Work
+    from contbreather.dynamics.law import Law, Log, Watch, Work
 
 Array = NDArray[Any]
 
@@ -221,7 +221,7 @@ class Machine:
 
 
 def work_of(sites: int, count: int) -> Work:
-    from contbreather.dynamics.cruise import Work
+    from contbreather.dynamics.law import Work
 
     v, w, origin, last_v, last_w, reach, when, place = np.zeros((8, sites))
     side, held, fresh, changed, listed = np.zeros((5, sites), np.int8)
@@ -235,7 +235,7 @@ def work_of(sites: int, count: int) -> Work:
 
 def log_of(size: int, old: Log | None = None) -> Log:
     """An empty log, or a longer copy of an old one."""
-    from contbreather.dynamics.cruise import Log
+    from contbreather.dynamics.law import Log
 
     kinds: tuple[Any, ...] = ("i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
     columns: list[NDArray[Any]] = [np.zeros(size, kind) for kind in kinds]
@@ -249,7 +249,7 @@ def log_of(size: int, old: Log | None = None) -> Log:
 
 
 def watch_of(sample: Sample | None, periods: int, sites: int) -> Watch:
-    from contbreather.dynamics.cruise import Watch
+    from contbreather.dynamics.law import Watch
 
     if sample is None:
         empty = np.empty((periods, 0, 0))

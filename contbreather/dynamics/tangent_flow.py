@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.dynamics.compiled import compiled
-from contbreather.dynamics.cruise import Law
 from contbreather.dynamics.flow import Array, expand, expand_any, state_at
+from contbreather.dynamics.law import Law
 
 
 @compiled
