@@ -38,7 +38,7 @@ from contbreather.lattice.green import response_weights
 from contbreather.native import bound
 from contbreather.stability import arc_loops
 from contbreather.stability.arc import OnArc, arc_table, on_arc, window
-from contbreather.stability.characteristic import D, D_gradient, Gradient
+from contbreather.stability.characteristic import D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.isolated import closest_approach
@@ -377,8 +377,8 @@ def _lengthened(closure: Loops, evaluate: Any, derive: Any, more: Sequence[float
 
 
 def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
-    breather = _breather(curve, z)
-    return np.asarray(_on_arc(breather, extra[0]).value)
+    value = _chain_map(_breather(curve, z)).on_circle(float(extra[0]))
+    return np.array([value.real, value.imag])
 
 
 def _arc_derivative(curve: Curve, z: Array, extra: Array) -> Array:
@@ -449,16 +449,14 @@ class _RingWave:
         meets = Meeting("NS-NS", self._test, ends="domain", base=base, examine=self._next)
         return Locus({"nu": angle}, self._conditions, self._derivative, events=(meets,))
 
-    def _inward(self, nu: float) -> complex:
-        return nu - 1j * math.log(self.radius) / math.pi  # exp(i pi ...) has this modulus
-
     def _conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        breather, nu = _breather(curve, z), self._inward(extra[0])
-        value = complex(D(breather.gamma, nu, breather.k, breather.b, self.ring))
+        map = replace(_breather(curve, z).map, lattice=self.ring)
+        value = map.on_circle(float(extra[0]), self.radius)
         return np.array([value.real, value.imag])
 
     def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        breather, nu = _breather(curve, z), self._inward(extra[0])
+        breather = _breather(curve, z)
+        nu = extra[0] - 1j * math.log(self.radius) / math.pi  # exp(i pi nu) has this modulus
         gradient = D_gradient(breather.gamma, nu, breather.k, breather.b, self.ring)
         row = _along(curve, breather, gradient)
         return np.array([row.real, row.imag])

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.lattice import InfiniteChain, Ring
@@ -15,7 +14,6 @@ from contbreather.stability.arc import on_arc, window
 from contbreather.stability.characteristic import D, sites_of
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import unstable_multipliers
-from contbreather.stability.pairs import outermost
 from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
 from contbreather.stability.winding import Count, unstable_count
 
@@ -60,14 +58,10 @@ class HalfMap:
         """How many real multipliers are farther out than 1 or -1, on its side: one or none."""
         return int(self.crosses(place) < 0.0)
 
-    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
-        """On the infinite chain by the window of b in which a pair is outside; on a ring by how
-        much the first one is short of the circle."""
-        if self.lattice.sites is None:
-            own = window(self.gamma, self.k, self.lattice.spring)
-            return own.miss(self.b), own.passed(self.b)
-        upper = self.half[self.half.imag > 0.0]
-        return -outermost(upper, radius), int(np.count_nonzero(abs(upper) > radius))
+    def pairs(self) -> tuple[float, int]:
+        """On the infinite chain, by the window of b in which a pair is outside."""
+        own = window(self.gamma, self.k, self.lattice.spring)
+        return own.miss(self.b), own.passed(self.b)
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
         """D at ``radius exp(i pi angle)``; on the band of the infinite chain F of `on_arc`."""

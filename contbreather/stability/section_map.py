@@ -38,8 +38,10 @@ class Map(Protocol):
     """The map of small perturbations over a section of an orbit.
 
     No matrix is promised: on the infinite chain +1 is the end of the band, and a pair leaves the
-    unit circle in a limit from outside. On finite lattices ``over_period`` has the multipliers
-    over the period of the modes that impacts see, ``idle`` the largest modulus of all others.
+    unit circle in a limit from outside; ``pairs()`` are a float that changes sign where one does,
+    and a number that changes wherever one does. On finite lattices ``over_period`` has the
+    multipliers over the period of the modes that impacts see, ``idle`` the largest modulus of all
+    others.
     """
 
     @property
@@ -52,10 +54,6 @@ class Map(Protocol):
 
     def crosses(self, mu: float) -> float:
         """A smooth scalar that changes sign where a multiplier over the section is mu, 1 or -1."""
-
-    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
-        """A float that changes sign where a complex pair passes a circle (of a finite lattice the
-        first of all pairs), and a number that changes wherever one does."""
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
         """Vanishes where ``radius exp(i pi angle)`` is a multiplier over the section; real where
@@ -160,11 +158,6 @@ class ModalMap:
         one, other = free_multipliers(self.z, self.damping, self.length)
         free = np.maximum(abs(((one - mu) * (other - mu)).real), DAMPED)
         return float(sign * math.exp(min(size - np.log(free).sum(), 700.0)))
-
-    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
-        """By how much the first pair is short of a circle, and how many are outside."""
-        upper = self.coupled[self.coupled.imag > 0.0]
-        return -outermost(upper, radius), int(np.count_nonzero(abs(upper) > radius))
 
     def outermost(self, radius: float) -> float:
         """By how much the first pair has left a circle, negative where none has (far inside by as

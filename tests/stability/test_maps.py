@@ -33,7 +33,8 @@ def half_by_modes(sites: int, gamma: float, k: float, b: float, damping: float =
 def test_half_a_ring_and_its_modes_have_the_same_multipliers_and_verdict(b: float) -> None:
     half, modes = HalfMap(0.11, 0.8, b, Ring(30)), half_by_modes(30, 0.11, 0.8, b)
     assert np.sort(abs(half.half)) == pytest.approx(np.sort(abs(modes.coupled)), abs=1e-10)
-    assert half.pairs(1.001) == pytest.approx(modes.pairs(1.001), abs=1e-10)
+    first = outermost(half.half[half.half.imag > 0.0], 1.001)
+    assert first == pytest.approx(modes.outermost(1.001), abs=1e-10)
     assert half.idle == modes.idle == 1.0
     one, other = verdict(half), verdict(modes)
     # of a ring nu is NaN, which is not equal to itself
@@ -120,11 +121,10 @@ def test_scalars_of_modes_have_the_phase_of_determinants_and_vanish_with_them(
             (modes.coupled.imag == 0.0) & (modes.coupled.real * mu > 1.0)
         )
     upper = modes.coupled[modes.coupled.imag > 0.0]
-    for given, radius in (((), 1.0), ((0.9,), 0.9), ((1.01,), 1.01)):
-        short, outside = modes.pairs(*given)
-        assert outside == np.count_nonzero(abs(upper) > radius)
-        assert short == pytest.approx(-outermost(upper, radius), abs=1e-12)
-        assert (short < 0.0) == (outside > 0)
+    for radius in (1.0, 0.9, 1.01):
+        first = modes.outermost(radius)
+        assert first == pytest.approx(outermost(upper, radius), abs=1e-12)
+        assert (first > 0.0) == bool(np.count_nonzero(abs(upper) > radius))
 
 
 def test_losses_let_every_mode_decay() -> None:
