@@ -13,6 +13,7 @@ import xarray
 
 import contbreather as cb
 from contbreather.breathers.atlas import save_atlas, words
+from contbreather.cli.atlas import _lines
 from contbreather.plotting import plot_atlas
 
 FEW = {"gamma": (0.0, 0.02)}
@@ -116,3 +117,11 @@ def test_what_the_command_cannot_use_is_refused(
     status, out, err = run(f"atlas {line}")
     assert (status, out) == (2, "")
     assert reason in err
+
+
+def test_the_command_counts_diagrams_that_are_there_and_names_those_that_are_not() -> None:
+    made = cb.atlas(k=[0.8, 2.0, 0.7], within=FEW, executor=1)
+    first, *missing = _lines(made)
+    assert str(first).startswith("2 diagrams: ")
+    assert [str(line)[:28] for line in missing] == ["No diagram at k = 2: k = 2.0"]
+    assert str(missing[0]).endswith("choose k in that range.")

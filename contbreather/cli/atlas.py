@@ -136,13 +136,13 @@ def _lines(found: Dataset) -> Iterator[object]:
     """How many there are, and what is missing."""
     kinds = _columns(found)["kind"]
     counts = ", ".join(f"{kinds.count(kind)} points of {kind}" for kind in dict.fromkeys(kinds))
-    count = int(found.slice.max()) + 1
+    count = len({*found.slice.values.tolist()})
     yield f"{count} diagram{'s' if count > 1 else ''}: {counts}."
     for one in _failed(found):
         at = ", ".join(
             f"{n.removeprefix('failed_')} = {v:g}" for n, v in one.items() if n != "reason"
         )
-        yield f"No diagram at {at}: {one['reason']}."
+        yield f"No diagram at {at}: {one['reason'].rstrip('.')}."
 
 
 def _figure(found: Dataset) -> Any:

@@ -155,7 +155,6 @@ class Drawn(list["Artist"]):
     """
 
     def __init__(self, axes: Any) -> None:
-        super().__init__()
         self.axes, self._before = axes, set(axes.get_children())
 
     @property
