@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import Parameter
 
+from contbreather.cli.interrupts import STATUS as INTERRUPTED
 from contbreather.cli.interrupts import computing
 from contbreather.cli.options import PARAMETERS, KeepRun, On, Where, Whole
 from contbreather.cli.output import check_places, note, say, to_csv, to_figure, to_json
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 SITES = 20  # the paper's ring
 WINDOW = 6  # periods drawn densely
-INTERRUPTED = 130
 CLOSE = 0.05  # an impact so close to t = 0 is at the end of a period
 IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "acceleration")
 

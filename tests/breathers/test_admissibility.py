@@ -21,6 +21,7 @@ from contbreather.breathers import (
 )
 from contbreather.breathers.clearance import Gap
 from contbreather.breathers.rivals import rivals
+from contbreather.breathers.watched import phase
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples
 
@@ -415,3 +416,12 @@ def test_repr_is_one_line_with_the_verdict_and_what_is_closest() -> None:
         assert shown.startswith(f"<Admissibility {word}, margin {margins.margin:.6g}: ")
         assert margins.reason.rstrip(".") in shown
         assert "\n" not in shown
+
+
+def test_the_phase_of_a_single_time_is_that_of_an_array_in_any_flight() -> None:
+    flight = symmetric(0.5, 0.08, 0.8).flight
+    times = flight.phi + math.pi * (np.arange(-6, 7)[:, None] + [0.1, 0.5, 0.9]).ravel()
+    y, sign = flight._phase(times)
+    one, other = np.transpose([phase(flight, float(t)) for t in times])
+    np.testing.assert_allclose(one, y, atol=1e-14)
+    np.testing.assert_array_equal(other, sign)

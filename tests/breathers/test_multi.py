@@ -165,3 +165,13 @@ def test_an_arm_far_out_of_reach_is_not_converged(amplitude: float) -> None:
     fork = cb.trace(shot, "a", within={"a": (0.6, 0.9)}).first("PF")
     with pytest.raises(cb.NotConverged, match="amplitude"):
         lift(fork).arm(amplitude)
+
+
+@pytest.mark.parametrize("lattice", [cb.Ring(3), cb.OpenChain(2), cb.OpenChain(5)])
+def test_only_orbits_without_coupling_stand_for_a_site(lattice: cb.AnyLattice) -> None:
+    coupled = cb.symmetric(0.5, 0.04, 0.8, lattice=lattice)
+    with pytest.raises(cb.BadInput, match=r"site 0: .* has gamma = 0.04; an orbit of the single"):
+        cb.multibreather({0: coupled}, lattice=cb.Ring(10), **AT)
+    alone = cb.symmetric(0.5, 0.0, 0.8, lattice=lattice)
+    found = cb.multibreather({0: alone}, lattice=cb.Ring(10), **AT)
+    assert found.times == pytest.approx(cb.multibreather([0], lattice=cb.Ring(10), **AT).times)
