@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from numbers import Complex, Real
 from typing import Any
 
@@ -12,6 +13,22 @@ from numpy.typing import NDArray
 from .errors import BadInput
 
 MOST = 2**53  # what a double still counts one by one
+_LONG = 200  # characters of a value in a sentence
+
+
+def shown(value: object) -> str:
+    """A value as a sentence shows it, however long it is.
+
+    Examples
+    --------
+    >>> shown("x"), shown([1.0]), len(shown(10**5000)) < 250
+    ("'x'", '[1.0]', True)
+    """
+    try:
+        text = repr(value)
+    except ValueError:  # Python does not write out integers of more than 4300 digits
+        text = f"about {'-' * (value < 0)}2**{value.bit_length()}"  # type: ignore
+    return text if len(text) <= _LONG else f"{text[:_LONG]}... ({len(text)} characters)"
 
 
 def real(value: object) -> float:
@@ -41,7 +58,23 @@ def number(name: str, value: object, low: float, high: float, wanted: str) -> fl
     found = real(value)
     if low <= found <= high and math.isfinite(found):
         return found
-    raise BadInput(f"{name} = {value!r}: {wanted}, a finite number, was expected.")
+    raise BadInput(f"{name} = {shown(value)}: {wanted}, a finite number, was expected.")
+
+
+def flag(name: str, value: object) -> bool:
+    """Yes or no, or a sentence."""
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise BadInput(f"{name} = {shown(value)}: True or False was expected.")
+
+
+def one_of(name: str, value: Any, choices: Sequence[str | int]) -> Any:
+    """One of a few words or numbers, or a sentence."""
+    plain = isinstance(value, str | int | np.integer) and not isinstance(value, bool)
+    if plain and value in choices:
+        return value
+    *most, last = map(repr, choices)
+    raise BadInput(f"{name} must be {', '.join(most)} or {last}, got {shown(value)}")
 
 
 def whole(name: str, value: object, least: int) -> int:
@@ -51,7 +84,7 @@ def whole(name: str, value: object, least: int) -> int:
             return int(value)
         if value > MOST:
             raise BadInput(f"{name} is above {MOST}: no computer counts that far.")
-    raise BadInput(f"{name} = {value!r}: a whole number, at least {least}, was expected.")
+    raise BadInput(f"{name} = {shown(value)}: a whole number, at least {least}, was expected.")
 
 
 def numbers(name: str, value: object) -> NDArray[np.float64]:
@@ -69,7 +102,7 @@ def numbers(name: str, value: object) -> NDArray[np.float64]:
     except (TypeError, ValueError, OverflowError):  # rows of different lengths, for instance
         found = np.array(math.nan)
     if not np.isfinite(found).all():
-        raise BadInput(f"{name} = {value!r}: finite real numbers were expected.")
+        raise BadInput(f"{name} = {shown(value)}: finite real numbers were expected.")
     return found
 
 
@@ -77,7 +110,7 @@ def row(name: str, value: object, wanted: str) -> NDArray[np.float64]:
     """A row of finite floats, at least one, or a sentence; a number is a row of one."""
     found = np.atleast_1d(numbers(name, value))
     if found.ndim != 1 or not found.size:
-        raise BadInput(f"{name} = {value!r}: {wanted}, a row of finite numbers, was expected.")
+        raise BadInput(f"{name} = {shown(value)}: {wanted}, a row of finite numbers, was expected.")
     return found
 
 
@@ -86,7 +119,7 @@ def state_rows(given: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     try:
         one, other = given
         u, v = np.array(one, dtype=float), np.array(other, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(f"a state is a pair (u, v) of rows of numbers: {error}.") from error
     if u.ndim != 1 or u.shape != v.shape or not u.size:
         raise BadInput(

@@ -10,6 +10,7 @@ from html import escape
 from importlib import import_module
 from typing import Any, Self, TypeVar
 
+from .checks import flag
 from .display import in_notebook
 
 PATIENCE = 1.0  # seconds before anything is shown
@@ -63,7 +64,9 @@ class _Shown:
 
     def __init__(self, shown: bool | None, total: int | None = None, unit: str = "periods") -> None:
         self.page = in_notebook()
-        self.wanted = (self.page or sys.stderr.isatty()) if shown is None else shown
+        self.wanted = (
+            (self.page or sys.stderr.isatty()) if shown is None else flag("progress", shown)
+        )
         self.after = time.monotonic() + PATIENCE
         self.total, self.unit = total, unit
         self.line: _Page | _Terminal | None = None
@@ -124,4 +127,6 @@ class Counter(_Shown):
         """Count points, and show the last of them if enough time has passed."""
         self.count += count
         if self.due:
-            self.show(f"{self.title}{self.count} points, {self.free} = {point[self.free]:.6g}")
+            hint = f"; {point.curve.hint}" if point.curve.hint else ""
+            at = f"{self.free} = {point[self.free]:.6g}"
+            self.show(f"{self.title}{self.count} points, {at}{hint}")

@@ -21,7 +21,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     as_completed,
 )
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
@@ -132,6 +132,8 @@ def each(
         )
     if isinstance(executor, int):
         whole("executor", executor, 1)
+    if not (callable(work) and isinstance(items, Iterable)):
+        raise BadInput(f"a function and what it works on were expected, got {work!r}, {items!r}")
     return _shown(_Work(work, tuple(items), together), executor, progress, unit)
 
 
@@ -335,13 +337,6 @@ def processes(most: int) -> Iterator[Executor]:
             raise
         finally:
             telling.close()
-
-
-@contextmanager
-def given_or_processes(executor: Executor | None) -> Iterator[Executor]:
-    """An executor that was given, or processes on all cores."""
-    with processes(os.cpu_count() or 1) if executor is None else nullcontext(executor) as pool:
-        yield pool
 
 
 @contextmanager

@@ -9,7 +9,6 @@ which of them end on the breather, which in silence?
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -49,10 +48,7 @@ def basin_of_attraction(points: int) -> Basin:
     own = periodic(state, symmetric=True, **ATTRACTOR)
     u = Axis("u", 0, np.linspace(-0.99, 0.99, points))
     v = Axis("v", 0, np.linspace(-3.0, 3.0, points))
-    with ThreadPoolExecutor(1) as workers:  # leave it out to use all cores
-        found = attraction(
-            own.state, u, v, periods=120, executor=workers, progress=False, **ATTRACTOR
-        )
+    found = attraction(own.state, u, v, periods=120, progress=False, **ATTRACTOR)
     print(f"of {points}^2 starts {found.share:.0%} come back to the breather")
     return found
 

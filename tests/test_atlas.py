@@ -75,6 +75,21 @@ def test_an_atlas_out_of_a_file_is_drawn_as_the_one_that_was_written(
             assert set(line[1]) == {0.01}
 
 
+def test_the_legend_says_which_limits_are_curves_alone(found: Any) -> None:
+    def legend(atlas: Any, **at: Any) -> list[str]:
+        shown = plot_atlas(atlas, over="c3", at={"k": 0.8}, kinds=["LP", "GR"]).axes
+        return [text.get_text() for text in shown.get_legend().get_texts()]
+
+    assert legend(found) == ["fold (LP)", "grazing (GR)"]
+    grazing = (found.kind == 1) & (found.k == 0.8)
+    torn = found.isel(point=~(grazing & (found.c3 == 0.01)))
+    assert legend(torn) == ["fold (LP)", "grazing (GR), curves alone"]
+    third = torn.assign(c3=torn.c3 + 0.02, curve=torn.curve + 100)
+    assert legend(xarray.concat([found, third], "point", data_vars="minimal")) == [
+        "fold (LP)", "grazing (GR), partly curves alone",
+    ]  # fmt: skip
+
+
 def test_what_an_atlas_is_drawn_over_has_to_be_clear(found: Any) -> None:
     both = found.assign(k=found.k + found.c3)
     with pytest.raises(cb.BadInput, match="k and c3 have several values: say over which"):

@@ -159,7 +159,7 @@ REFUSED = {
     ),
     "no sites": (
         "point --a 0.5 --gamma 0.12 --k 0.4 --sites 0",
-        r"a ring needs a whole number of sites",
+        r"sites = .*: a whole number, at least 1",
     ),
     "sites no number": (
         "point --a 0.5 --gamma 0.12 --k 0.4 --sites many",
@@ -907,8 +907,9 @@ def test_warm_says_how_much_is_compiled(run: Callable[..., Output], monkeypatch)
     from contbreather.breathers import ahead
 
     monkeypatch.setattr(ahead, "compile_ahead", lambda: 6)
-    status, out, _ = run("warm")
+    status, out, said = run("warm")
     assert (status, out.strip()) == (0, "6 sets of equations are compiled and kept.")
+    assert "compiling the steps of branches and boundaries, about 20 s" in said
     monkeypatch.setattr(ahead, "compile_ahead", lambda: 0)
     status, _, said = run("warm")
     assert status == 1

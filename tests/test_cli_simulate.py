@@ -314,7 +314,7 @@ REFUSED = {
     "too hard": (f"{LOST} --smooth 1e5", r"m = 100000\.0: a hardness .* 0\.5 to 1e4"),
     "one place for two": (f"{LOST} --csv a.csv --impacts ./a.csv", r"give different names"),
     "one figure for two": (f"{LOST} --final a.png -o ./a.png", r"give different names"),
-    "no sites": (f"{LOST} --sites 0", r"a ring needs a whole number of sites"),
+    "no sites": (f"{LOST} --sites 0", r"sites = .*: a whole number, at least 1"),
     "negative damping": (f"{STABLE[:-5]} -0.01", r"damping = -0\.01: a damping .* at least 0"),
     "negative length": (f"{LOST} --periods -3", r"periods = -3\.0: a length"),
     "length nan": (f"{LOST} --periods nan", r"periods = nan"),

@@ -134,7 +134,7 @@ REFUSED = {
         "switch --free a --gamma 0 --k 0.8 --sites 20",
         r"do not feel each other .* take sites=1",
     ),
-    "no ring": (f"{SWITCH} --sites 0", r"a ring needs a whole number of sites"),
+    "no ring": (f"{SWITCH} --sites 0", r"sites = .*: a whole number, at least 1"),
     "start outside of the window": (f"{SWITCH} --a 0.4 --window 0.5 0.9", r"outside of the window"),
     "table nowhere": (f"{SWITCH} --csv nowhere/a.csv", r"there is no directory nowhere"),
     "one file twice": (f"{SWITCH} --csv a.svg --output a.svg", r"--csv and --output both name"),

@@ -146,7 +146,7 @@ def test_rows_of_a_table_are_what_their_names_say(values, without_pictures) -> N
     ]
     basin, fates = values["Basin"], dict(shown["Basin"])
     assert float(fates.pop("share that returned")) == pytest.approx(basin.share, rel=1e-3)
-    there = {fate.name.lower(): str(np.sum(basin.fate == fate)) for fate in Fate}
+    there = {fate.words: str(np.sum(basin.fate == fate)) for fate in Fate}
     assert fates == {fate: count for fate, count in there.items() if count != "0"}
 
 

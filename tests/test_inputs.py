@@ -89,6 +89,68 @@ def test_what_is_no_number_is_refused_at_every_entry(breather: cb.Orbit) -> None
     assert [entry for entry in answered if entry[:2] not in welcome] == []
 
 
+ODD: tuple[Any, ...] = (
+    *NO_NUMBERS, -1, 0, "", 1e300, ("a",), [[1], [2, 3]], {"a": 1}, np.array(3.0),
+)  # fmt: skip
+
+
+def options(b: cb.Orbit) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    """Public entries with what is well for their options."""
+    window, few = {"a": (0.45, 0.55)}, cb.Steps(most=1)
+    walk = {"within": window, "towards": "up", "events": None, "steps": few, "progress": None,
+            "along": None, "inadmissible": False}  # fmt: skip
+    branch = cb.trace(b, "a", within={"a": (0.45, 0.9)})
+    point, along = branch.first("PF"), {"events": None, "steps": few, "progress": None}
+    run = cb.simulate(b.state(4), **HERE, periods=1)
+
+    def traced(start: Any = b, free: Any = "a", **more: Any) -> Any:
+        return cb.trace(start, free, **more)
+
+    def followed(start: Any = point, pair: Any = ("gamma", "a"), **more: Any) -> Any:
+        return cb.boundary(start, pair, **{"towards": "up", **more})
+
+    def solved(residual: Any = lambda x, p: x - p["mu"], **more: Any) -> Any:
+        return cb.trace(cb.Problem(residual, {"x": 0.0}, {"mu": 0.0}, **more), "mu", steps=few)
+
+    def cycle(map_: Any = lambda x, p: p["r"] * x * (1.0 - x), **more: Any) -> Any:
+        return cb.trace(cb.FixedPoint(map_, {"x": 0.6}, {"r": 2.5}, **more), "r", steps=few)
+
+    return {
+        "trace": (traced, {"start": b, "free": "a", **walk}),
+        "boundary": (followed, {"start": point, "pair": ("gamma", "a"), **along}),
+        "switch": (cb.switch, {"point": point, **along}),
+        "extend": (cb.extend, {"branch": branch, "end": "last", "steps": few}),
+        "problem": (solved, dict.fromkeys(("jacobian", "sparsity"))),
+        "problem by name": (solved, {what: {} for what in ("record", "domain", "scales")}),
+        "map": (cycle, dict.fromkeys(("jacobian", "events", "record", "domain", "scales"))),
+        "user": (cb.user, {"name": "a", "value": 0.5, "terminal": False}),
+        "open chain": (cb.OpenChain, {"sites": 3, "ends": "free", "masses": None}),
+        "grid": (cb.Grid, {"rows": 2, "columns": 2, "periodic": False}),
+        "lattice": (cb.Lattice, {"stiffness": [[1.0]], "masses": None, "drive": None}),
+        "samples": (cb.Samples, {"values": [-1.0, 0.0, 1.0, 0.0]}),
+        "simulate": (cb.simulate, {"state": b.state(4), **HERE, "periods": 1, "progress": None}),
+        "multipliers": (b.multipliers, {"half": False}),
+        "peak": (cb.breathers.neighbour_peak, {"orbit": b, "n": 1}),
+        "branch": (branch.first, {"kind": "PF"}),
+        "column": (point.__getitem__, {"name": "a"}),
+        "impacts": (run.at_site, {"n": 0, "wall": 1}),
+        "chain": (cb.InfiniteChain().chi, {"gamma": 0.1}),
+        "axis": (cb.dynamics.Axis, {"name": "u", "site": 0, "values": [0.0]}),
+    }
+
+
+def test_whatever_is_given_comes_to_an_answer_or_to_a_sentence(breather: cb.Orbit) -> None:
+    """Each argument of each entry is replaced in turn by three odd things."""
+    rng = random.Random(10)
+    for name, (call, good) in options(breather).items():
+        for argument in good:
+            for odd in rng.sample(ODD, 3):
+                try:
+                    call(**{**good, argument: odd})
+                except cb.errors.ContbreatherError as error:
+                    assert 10 < len(str(error)) < 2000, (name, argument)  # noqa: PT017
+
+
 @pytest.mark.parametrize("bad", ["0.5", True, [0.5], 1j, None, float("nan")], ids=repr)
 def test_an_amplitude_that_is_none_is_named(bad: Any) -> None:
     with pytest.raises(cb.BadInput, match=r"a = .*amplitude"):

@@ -140,11 +140,12 @@ def test_ends_of_several_branches_are_dots_without_names(in_a: Branch) -> None:
     assert len(dots) == sum(point.kind == "EP" for b in (in_a, other) for point in b.special)
 
 
-def test_points_of_one_name_in_a_corner_are_named_once() -> None:
+def test_points_of_one_name_in_a_corner_are_named_once_and_counted() -> None:
     """The doublings of a cascade, each the first of its branch, crowd at its end."""
     logistic = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
     ax = cb.plotting.plot_diagram(cb.diagram(logistic, "r", within={"r": (0.5, 3.6)}, depth=5)).axes
-    words = [text for text in ax.texts if text.get_text() == "PD1"]
+    words = [text for text in ax.texts if text.get_text().startswith("PD1")]
+    assert sorted(text.get_text() for text in words) == ["PD1", "PD1 \N{MULTIPLICATION SIGN}5"]
     places = [ax.transData.transform(word.xy) for word in words]
     apart = [np.hypot(*(a - b)) for a, b in itertools.combinations(places, 2)]
     assert len(words) == 2  # at 3, and from 3.45 on

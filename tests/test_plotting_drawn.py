@@ -345,7 +345,7 @@ def test_each_fate_has_the_colour_that_the_legend_says() -> None:
         for text, patch in zip(legend.get_texts(), legend.get_patches(), strict=True)
     }
     named = {
-        Fate.RETURNED: "comes back",
+        Fate.RETURNED: "back at the breather",
         Fate.OTHER: "another breather",
         Fate.SPREAD: "impacts, no breather",
         Fate.QUIET: "no impacts",

@@ -106,7 +106,7 @@ def test_sweep_of_one_value_is_a_point(state):
 
 def test_unknown_column_of_a_sweep_is_refused(state):
     loop = sweep(state, "a", [0.2], periods=5, **SET)
-    with pytest.raises(cb.BadInput, match="no column 'height' to draw; there are p, amplitude"):
+    with pytest.raises(cb.BadInput, match=r"y must be 'p', 'amplitude', .*, got 'height'"):
         plot_sweep(loop, y="height")
 
 
@@ -117,11 +117,11 @@ def test_each_fate_has_its_own_colour_and_the_legend_names_those_that_are_there(
     (mesh,) = ax.collections
     mesh.update_scalarmappable()
     drawn = [to_hex(colour) for colour in mesh.get_facecolor().reshape(-1, 4)]
-    wanted = [to_hex(to_rgba(FATES[Fate(fate)][1])) for fate in fates.ravel()]
+    wanted = [to_hex(to_rgba(FATES[Fate(fate)])) for fate in fates.ravel()]
     assert drawn == wanted
     assert len(set(drawn)) == len(Fate)
     names = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert names == [FATES[fate][0] for fate in FATES]
+    assert names == [fate.words for fate in FATES]
     assert ax.get_ylabel() == r"$\dot u_{2}$"
 
 

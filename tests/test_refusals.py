@@ -13,12 +13,15 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
+from scipy import sparse
 
 import contbreather as cb
+from contbreather.breathers import find_symmetric, neighbour_peak
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.orbit import orbit_of
 from contbreather.checks import MOST, check_kind, kind_of, number, numbers, real, row, whole
 from contbreather.continuation import Event
+from contbreather.dynamics import judge, open_recording, periodic, simulate_smooth
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions
@@ -182,6 +185,40 @@ CASES += [
         lambda: cb.symmetric(**HERE, spring=1.0, lattice=cb.OpenChain(9), site=0),
         "a mode of the open chain with free ends, 9 sites with the frequency 1 is in resonance",
     ),
+    # what is larger than anything, or not even text
+    (lambda: cb.OpenChain(10**400), "^sites is above 9007199254740992: no computer counts"),
+    (lambda: cb.OpenChain(10_001), "^sites = 10001: a lattice by its matrix has at most"),
+    (lambda: cb.Grid(10**400, 2), "^rows is above 9007199254740992"),
+    (lambda: cb.Grid(200, 200), "^rows x columns = 40000: a lattice by its matrix has at most"),
+    (lambda: cb.Lattice(sparse.eye_array(10**6)), "^sites = 1000000: a lattice by its matrix"),
+    (lambda: cb.Lattice(10**400), "^the stiffness is not a matrix of numbers"),
+    (lambda: Ring(10**5000), "^sites is above 9007199254740992"),
+    (lambda: Ring(-(10**5000)), r"^sites = about -2\*\*16610: a whole number, at least 1"),
+    (lambda: number("a", "x" * 10**6, 0, 1, "a share"), r"^a = 'x{199}\.\.\. \(1000002 char"),
+    (lambda: cb.FixedPoint(grown, {"x": 0.5}, {"r": 2.0}, period=10**400), "^period is above"),
+    (lambda: cb.trace(problem(), "mu", steps=np.zeros(2)), "^steps must be given as Steps"),
+    (lambda: cb.trace(problem(), "mu", towards=np.zeros(2)), "^towards must be 'both', 'up' or"),
+    (lambda: cb.trace(problem(), "mu", inadmissible=np.zeros(2)), "^inadmissible = .*: True or F"),
+    (lambda: cb.trace(problem(), "mu", progress="no"), "^progress = 'no': True or False was"),
+    (lambda: cb.trace(problem(domain={"mu": 3}), "mu"), "^the window of 'mu' must be a pair"),
+    (lambda: problem(events=[1]), r"^events must be a list of them, got \[1\]"),
+    (lambda: problem().solve(tolerance="x"), "^tolerance = 'x': a relative size"),
+    (
+        lambda: cb.trace(cb.FixedPoint(lambda x, p: None, {"x": 0.5}, {"r": 2.0}), "r"),
+        r"the map makes array\(None, .* of array\(\[0\.5\]\); 1 numbers were expected",
+    ),
+    (lambda: find_symmetric("b", (0, 1), **HERE), "^the parameter must be 'a', 'gamma', 'k', "),
+    (lambda: find_symmetric("a", (0, 1), k=0.8), "^a breather needs gamma, too"),
+    (lambda: find_symmetric("a", 3, **HERE), "^the window of 'a' must be a pair"),
+    (lambda: neighbour_peak(3), "^an orbit was expected, got an int"),
+    (lambda: cb.zones(k=[[1], [2, 3]]), "^k = 1: zones need 0 < k < 1"),
+    (lambda: InfiniteChain().chi("x"), "^gamma = 'x': the coupling must be a number"),
+    (lambda: judge(3), "^a run of simulate was expected, got an int"),  # type: ignore[arg-type]
+    (lambda: periodic(alone().state(4), **HERE, m=6, walls=(-1, 2)), "^smooth walls are at -1"),
+    (lambda: simulate_smooth(alone().state(4), **HERE, m=6, periods=1, solver=3), "^a solver, Exp"),
+    (lambda: open_recording(3), "^3 is not the name of a file"),  # type: ignore[arg-type]
+    (lambda: cb.plotting.new_figure(0), "^rows = 0: a whole number, at least 1"),
+    (lambda: cb.plot(cb.trace(problem(), "mu"), ax=3), "^matplotlib Axes to draw in were expected"),
     # as they are typed
     *(
         (lambda typed=typed: lattice_by(typed, None), f"^--lattice {typed}: expected ring:20")

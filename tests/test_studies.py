@@ -199,6 +199,7 @@ def test_all_mistakes_are_said_at_once_each_with_its_line(tmp_path: Path) -> Non
 ONE = "[branch.b]\nfree = 'a'\ngamma = 0\nk = 0.8"
 ARMS = "\n[arms.x]\nof = 'b'\nat = 'PF1'"
 RING = "[chain]\nlattice = 'ring:6'\n"
+DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
 
 
 @pytest.mark.parametrize(
@@ -222,6 +223,10 @@ RING = "[chain]\nlattice = 'ring:6'\n"
         ("[arms.x]\nof = 'y/arm1'\nat = 'PD1'\n[arms.y]\nof = 'x/arm1'\nat = 'PD1'", "itself"),
         ("[zones.z]\nk = 0.8\n[arms.y]\nof = 'z'\nat = 'PF1'", "no branch, arms or boundary 'z'"),
         ("[zones.z]\nk=0.8\n[atlas.y]\nk=0.8\n[figure.f]\ndraws=['z','y']", "not some of each"),
+        (DRAWN.format("zones", "x='a'"), "line 5, figure.f.x: x and y are columns of branches"),
+        (DRAWN.format("zones", "over='k'"), "leave over out of a figure of zones"),
+        (DRAWN.format("atlas", "y='a'"), "leave y out of a figure of atlas"),
+        (ONE + "\n[figure.f]\ndraws=['b']\nat={k=0.8}", "leave at out of a figure of branch"),
         ("[zones.z]\nk=2\n[figure.f]\ndraws=['y']", "nothing is called 'y'; there are z"),
         ("[chain]\ndamping = 0.1\n" + ONE, "line 2, chain.damping: on the infinite chain site 0"),
         ("[chain]\nsite = 1\n" + ONE, "leave site out, or name a lattice, 'ring:20'"),

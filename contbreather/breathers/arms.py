@@ -12,9 +12,10 @@ from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.symmetric import symmetric
 from contbreather.breathers.symmetric_events import pitchfork
+from contbreather.checks import flag, one_of
 from contbreather.continuation import Problem, trace
-from contbreather.errors import BadInput, NoSolution, keeping
-from contbreather.lattice import Forcing, Lattice, check_gamma, forcing_of, lattice_of
+from contbreather.errors import NoSolution, keeping
+from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
 
 OFF = 2e-3  # asymmetry of a start beside a pitchfork
 
@@ -57,11 +58,10 @@ def asymmetric(
     >>> round(orbit.p, 7), round(abs(orbit.c), 7)
     (1.093139, 0.0373542)
     """
-    if arm not in (1, -1):
-        raise BadInput(f"arm = {arm!r}: the arms are 1 and -1.")
+    one_of("arm", arm, (1, -1))
     drive, lattice = forcing_of(forcing), lattice_of(lattice)
-    gamma, k = check_gamma(gamma), float(k)
     start = symmetric(a, gamma, k, forcing=drive, lattice=lattice)
+    a, gamma, k = start.a, start.gamma, start.k
     reach = {"a": (0.05 * a, 20.0 * a)}
     walked = partial(trace, free="a", inadmissible=True, progress=False)  # the end is judged below
     branch = walked(start, events=[pitchfork()], within=reach)
@@ -101,7 +101,7 @@ def _solved(problem: Problem, inadmissible: bool) -> Orbit:
     solved, _ = problem.solve(tolerance=1e-11)
     orbit = orbit_at(solved)
     verdict = orbit.admissibility()
-    if not inadmissible and verdict.margin < -LIMIT:
+    if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
         raise Inadmissible(
             f"no asymmetric breather at a = {orbit.a!r} (gamma = {orbit.gamma}, k = {orbit.k}): "
             f"{verdict.reason} With inadmissible=True it is returned nevertheless.",

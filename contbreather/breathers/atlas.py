@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.zones import KINDS, Zones
 from contbreather.breathers.zones_many import Slice, drawn, slices_of
+from contbreather.checks import kind_of
 from contbreather.continuation.groups import text
 from contbreather.continuation.netcdf import image
 from contbreather.errors import BadInput, keeping, taking
@@ -180,6 +181,8 @@ def words(atlas: Dataset, name: str) -> list[str]:
 def save_atlas(path: str | Path, atlas: Dataset) -> Path:
     """Write an atlas to a netCDF-4 file, whole or not at all; anything that reads netCDF or HDF5
     reads it, ``xarray.open_dataset(path, decode_cf=False)`` for instance."""
+    if not hasattr(atlas, "reason"):
+        raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {kind_of(atlas)}")
     reason = atlas.reason.to_numpy()
     reason = np.char.encode(reason, "utf-8") if reason.dtype.kind == "U" else reason
     plain = atlas.assign(reason=("failed", reason))

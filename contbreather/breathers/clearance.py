@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers import clearance_loops
+from contbreather.checks import kind_of, whole
 from contbreather.errors import BadInput
 from contbreather.kernel import Kernel
 
@@ -204,7 +205,7 @@ def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
     >>> round(height, 12), abs(b.velocity(1, t)) < 1e-14
     (0.667948289045, True)
     """
-    watch, sites = orbit.watch, np.array([n])
+    watch, sites = _watched(orbit), np.array([whole("n", n, -(10**9))])
     if n == 1 and not watch.idle.size:
         return watch.start, 0.0
     if any(orbit.lattice.distance(n - own.site) == 0 for own in watch.flights):
@@ -212,6 +213,13 @@ def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
     u = watch.profiles(sites, points_of(watch, watch.length))
     (gap,) = gaps_of(watch, sites, u, sites.tolist())
     return gap.time, _height(watch, gap)
+
+
+def _watched(orbit: Any) -> Watch:
+    if not hasattr(orbit, "watch") or isinstance(orbit, type):
+        raise BadInput(f"an orbit was expected, got {kind_of(orbit)}")
+    watch: Watch = orbit.watch
+    return watch
 
 
 def highest_neighbour(orbit: Any) -> tuple[int, float, float]:
@@ -226,7 +234,7 @@ def highest_neighbour(orbit: Any) -> tuple[int, float, float]:
     >>> [highest_neighbour(b)[0] for b in symmetric_roots(0.9, 0.12, 0.8)]
     [1, 2]
     """
-    watch = orbit.watch
+    watch = _watched(orbit)
     idle = gaps_of_idle(watch)
     found = min(idle, default=_nobody(watch))
     assert found.site is not None
@@ -235,7 +243,7 @@ def highest_neighbour(orbit: Any) -> tuple[int, float, float]:
 
 def centre_margin(orbit: Any) -> float:
     """How far the impacting sites keep off their walls between their impacts, (B3)."""
-    return min(gaps_of_flights(orbit.watch)).margin
+    return min(gaps_of_flights(_watched(orbit))).margin
 
 
 _MARGIN = Kernel(clearance_loops.margin, "pppp")

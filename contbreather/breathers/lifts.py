@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.orbit import Orbit, checked, orbit_at
+from contbreather.checks import check_kind
 from contbreather.continuation import Lift, Point, Problem
 from contbreather.continuation.curve import Curve
 from contbreather.errors import BadInput, NotConverged
@@ -77,6 +78,7 @@ def lift(point: Point) -> OrbitLift:
 
 def _orbit_at(point: Point) -> Orbit:
     """The orbit of a point that others of a longer section leave."""
+    check_kind(point, Point, "a point of a branch")
     if point.kind not in ("PF", "PD"):
         raise BadInput(
             f"{point!r} is {'a ' + point.kind if point.kind else 'not a special point'}: a "

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.breathers.clearance import Admissibility, Watch, clearance
 from contbreather.breathers.road import ROADS, Road
 from contbreather.breathers.section import Impact, Section, check_order
-from contbreather.checks import check_kind, number, numbers, row
+from contbreather.checks import check_kind, flag, number, numbers, row
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.curve import Curve
 from contbreather.display import Shown
@@ -443,7 +443,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
                 "the infinite chain has a continuous spectrum; ask for multipliers(sites=N) on a "
                 "ring of N, or for stability().multipliers, the isolated ones outside the circle."
             )
-        if half and not own.symmetric:
+        if flag("half", half) and not own.symmetric:
             raise BadInput("this orbit is not known by half its period: it has no half map.")
         found = own.road.multipliers()
         return found if half or not own.symmetric else found * found

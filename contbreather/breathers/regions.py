@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.checks import numbers, shown
+from contbreather.errors import BadInput
+
 Array = NDArray[np.float64]
 Box = tuple[tuple[float, float], tuple[float, float]]  # of the pair, abscissa first
 Count = Callable[[float, float], int | None]
@@ -72,11 +75,19 @@ def regions(lines: Iterable[Array], box: Box, count: Count) -> tuple[Region, ...
     >>> sorted([above.verdict, below.verdict])
     ['', 'US']
     """
-    low, high = np.array(box, dtype=float).T
+    low, high = box_of(box).T
     size = np.where(high > low, high - low, 1.0)
     return tuple(
         _region(piece, low, size, count) for piece in _pieces([(one - low) / size for one in lines])
     )
+
+
+def box_of(given: object) -> Array:
+    """A rectangle as two pairs of numbers, or a sentence."""
+    box = numbers("box", given)
+    if box.shape != (2, 2):
+        raise BadInput(f"box = {shown(given)}: ((x0, x1), (y0, y1)) was expected.")
+    return box
 
 
 def _pieces(lines: Sequence[Array]) -> Iterator[Any]:

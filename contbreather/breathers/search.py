@@ -14,7 +14,9 @@ from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.shooting import shooting
 from contbreather.breathers.symmetric import symmetric_roots
 from contbreather.breathers.zones import WINDOWS
+from contbreather.checks import check_kind, one_of
 from contbreather.continuation import Branch, Point, Problem, trace
+from contbreather.continuation.boundary import named_pair
 from contbreather.continuation.starts import windows
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, NoSolution
@@ -36,7 +38,7 @@ def window_of(name: str) -> Window:
 
 def rooted(found: tuple[Any, ...], root: int) -> Any:
     """The solution of (11) with that number, counted from 1 by falling p."""
-    if not 1 <= root <= len(found):
+    if not (isinstance(root, int | np.integer) and 1 <= root <= len(found)):
         there = ", ".join(f"{i}: p = {one.p:.9g}" for i, one in enumerate(found, start=1))
         raise BadInput(f"root {root}: the solutions of (11) are {there}; choose one of them")
     return found[root - 1]
@@ -73,6 +75,11 @@ def find_symmetric(free: str, within: Window, *, root: int = 1, **given: Any) ->
     0.6075
     """
     reason, refusal = "", None
+    check_kind(free, str, "the name of a parameter")
+    missing = {"a", "gamma", "k"} - {free, *given}
+    if missing:
+        raise BadInput(f"a breather needs {' and '.join(sorted(missing))}, too")
+    within = windows({free: within})[free]
     for value in _places(free, within, given):
         try:
             found = rooted(symmetric_roots(**_with(given, free, value)), root)
@@ -99,6 +106,7 @@ def _with(given: Mapping[str, Any], name: str, value: float) -> dict[str, Any]:
     forcing = forcing_of(given.get("forcing"))
     if name in forcing.params:
         return {**given, "forcing": forcing.at(**{name: value})}
+    one_of("the parameter", name, ("a", "gamma", "k", *SMALL, *forcing.params))
     return {**given, name: value}
 
 
@@ -166,13 +174,14 @@ def find_event(
     >>> round(start["a"], 12)
     0.777632425944
     """
-    first, free = pair
+    first, free = named_pair(pair)
+    check_kind(kind, str, "the kind of an event, 'PF' for instance,")
     if kind == "PD" and threshold != THRESHOLD:
         raise BadInput(
             f"threshold = {threshold:g}: PD is found on arms, which are judged by the paper's "
             f"{THRESHOLD}; leave it out"
         )
-    checked = windows(within or {})
+    checked = windows(within)
     span, reach = (checked.get(name) or window_of(name) for name in pair)
     reason = ""
     for value in _combed(first, given.get(first), span):

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contbreather.breathers.refusals import ImpossibleSequence
+from contbreather.checks import one_of
 from contbreather.errors import BadInput
 from contbreather.lattice import Ring, check_gamma
 from contbreather.lattice.conditions import Conditions
@@ -70,8 +71,7 @@ class Section:
         object.__setattr__(self, "impacts", checked_impacts(self.impacts))
         if not _whole(self.turns) or self.turns < 1:
             raise BadInput(f"turns = {self.turns!r}: periods are 2 pi n with a whole n >= 1.")
-        if self.sign not in (1, -1):
-            raise BadInput(f"sign = {self.sign!r}: a section closes with the sign 1 or -1.")
+        one_of("sign", self.sign, (1, -1))
         if self.symmetric and self.turns % 2 == 0:
             raise BadInput(
                 f"a symmetric orbit of period {2 * self.turns} pi: u(t + pi n) = -u(t) needs an "

@@ -14,7 +14,7 @@ from contbreather.breathers.orbit import Orbit, checked, orbit_at
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.section import Section, check_possible, checked_impacts
 from contbreather.breathers.seeds import from_orbit, from_state, from_times
-from contbreather.checks import kind_of, number, real
+from contbreather.checks import flag, kind_of, number, real
 from contbreather.continuation import Point, Problem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Ring, forcing_of
@@ -110,7 +110,7 @@ def shooting(
     }  # fmt: skip
     t = number("t", t, -math.inf, math.inf, "the time of a state")
     threshold = number("threshold", threshold, 1.0, 1e300, "a modulus above 1")
-    sign = None if symmetric is None else -1 if symmetric else 1
+    sign = None if symmetric is None else -1 if flag("symmetric", symmetric) else 1
     flight = _guess(seed, given, _lattice(lattice, sites), sequence, _turns(period), sign, t)
     check_possible(flight.section, flight.conditions)
     problem = modal_problem(Orbit(flight), threshold)
@@ -126,7 +126,7 @@ def shooting(
     orbit = orbit_at(solved)
     checked(orbit, found.iterations)
     verdict = orbit.admissibility()
-    if not inadmissible and verdict.margin < -LIMIT:
+    if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
         raise Inadmissible(
             f"{verdict.reason} What solves the equations is returned with inadmissible=True.",
             orbit=orbit,
@@ -179,7 +179,8 @@ def _guess(
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
         section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
         return from_times(_conditions(given, lattice), section, seed)
-    if isinstance(seed, str) or not isinstance(seed, Sequence | np.ndarray) or len(seed) != 2:
+    listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
+    if isinstance(seed, str) or not listed or len(seed) != 2:
         raise BadInput(
             f"a seed is an orbit, a point of a branch, a state (u, v) or a dict of impact times; "
             f"got {kind_of(seed)}."

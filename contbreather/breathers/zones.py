@@ -20,6 +20,7 @@ from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.regions import PROBES, Box, Region, regions
 from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
 from contbreather.breathers.symmetric_events import unstable
+from contbreather.checks import flag
 from contbreather.columns import Columns, stacked
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.checkpoint import Checkpoint, Inner, Nowhere, Save, checkpoint
@@ -91,7 +92,7 @@ class Zones(Columns, Shown):
                 yield kind, branch
 
     def __getitem__(self, kind: str) -> tuple[Branch, ...]:
-        if kind not in self.curves:
+        if not isinstance(kind, str) or kind not in self.curves:
             raise BadInput(f"no curves {kind!r}; there are {list(self.curves)}")
         return self.curves[kind]
 
@@ -273,18 +274,19 @@ def zones(
     >>> {kind: len(diagram.curves[kind]) for kind in ("LP", "GR", "PF", "NS")}
     {'LP': 1, 'GR': 1, 'PF': 1, 'NS': 1}
     """
-    given = {name: v for name, v in {"k": k, "gamma": gamma, "a": a}.items() if v is not None}
+    every: dict[str, Any] = {"k": k, "gamma": gamma, "a": a}
+    given = {name: v for name, v in every.items() if v is not None}
     if len(given) != 1:
         raise BadInput(
             f"zones need exactly one of k, gamma and a fixed, got {given or 'none'}; "
             "zones(k=0.8) draws the plane (gamma, a)"
         )
     ((name, value),) = given.items()
-    if np.ndim(value):
+    if np.iterable(value) and not isinstance(value, str):
         shared = {"forcing": forcing, "lattice": lattice, "within": within, "progress": progress}
         return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds)
     CHECKS[name](value)
-    value = float(value)  # type: ignore[arg-type]
+    value = float(value)
     if name == "k" and value in (0.0, 1.0):
         raise BadInput(
             f"k = {value:g}: zones need 0 < k < 1. At k = 1 the folds are at a = 0 and every "
@@ -295,7 +297,9 @@ def zones(
     if past_folds is None:
         past_folds = sum(bool(c or s) for _, c, s in drive.harmonics) > 1
     chain = lattice_of(lattice)
-    search = _Search(name, value, drive, chain, within or {}, threshold, past_folds)
+    search = _Search(
+        name, value, drive, chain, windows(within), threshold, flag("past_folds", past_folds)
+    )
     line = line_of(progress, lambda own: Counter(own, search.pair[0]))
     with checkpoint(save, "zones") as search.kept, line as shown, keeping(search.so_far):
         search.run(shown)

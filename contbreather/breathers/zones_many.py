@@ -10,7 +10,7 @@ from itertools import product
 from typing import Any
 
 from contbreather.breathers.zones import PAIRS, Zones, zones
-from contbreather.checks import row
+from contbreather.checks import check_kind, row
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Lattice, forcing_of
 from contbreather.stability.verdict import THRESHOLD
@@ -66,7 +66,7 @@ def zones_many(
     <Zones in ('gamma', 'a') at k = 0.7; LP: 1, GR: 1, PF: 1, NS: 0>
     <Zones in ('gamma', 'a') at k = 0.8; LP: 1, GR: 1, PF: 1, NS: 0>
     """
-    slices = slices_of({"k": ks, "gamma": gamma, "a": a}, over or {}, forcing)
+    slices = slices_of({"k": ks, "gamma": gamma, "a": a}, over, forcing)
     draw = partial(
         drawn, lattice=lattice, within=within, threshold=threshold, past_folds=past_folds
     )
@@ -91,10 +91,12 @@ def drawn(where: Slice, **shared: Any) -> Zones:
 
 def slices_of(
     given: Mapping[str, float | Sequence[float] | None],
-    over: Mapping[str, float | Sequence[float]],
+    over: Mapping[str, float | Sequence[float]] | None,
     forcing: Forcing | str | None,
 ) -> list[Slice]:
     """All planes, those of the first value first."""
+    over = {} if over is None else over
+    check_kind(over, Mapping, "a dict of parameters of the forcing with their values")
     fixed = {name: values for name, values in given.items() if values is not None}
     if len(fixed) != 1:
         raise BadInput(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contbreather.cli.interrupts import computing
-from contbreather.cli.output import say
+from contbreather.cli.output import note, say
 from contbreather.errors import NotConverged
 
 
@@ -14,6 +14,7 @@ def warm() -> None:
     """
     from contbreather.breathers.ahead import compile_ahead
 
+    note("compiling the steps of branches and boundaries, about 20 s")
     with computing():
         sets = compile_ahead()
     if not sets:

@@ -24,7 +24,7 @@ from .point import Counting, Event, Locus, Meeting, Point
 from .problem import Problem
 from .scope import scope, titled, walls_are_lifted
 from .starts import Within, all_of, windows
-from .steps import Steps
+from .steps import Steps, steps_of
 from .trace import trace
 
 _MOST = 500  # steps in each direction
@@ -91,7 +91,8 @@ def boundary(
     check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
     event = _traceable(point)
     longer = boundary_problem(point.ground, event, pair, events, inadmissible=inadmissible)
-    settings = Settings(windows(within), all_of(events), steps or Steps(most=_MOST), inadmissible)
+    steps = steps_of(steps, Steps(most=_MOST))
+    settings = Settings(windows(within), all_of(events), steps, inadmissible)
 
     def born(line: Branch) -> Branch:
         return replace(line, settings=settings, origin=point)
@@ -111,6 +112,14 @@ def boundary(
     return line
 
 
+def named_pair(pair: Any) -> tuple[str, str]:
+    """Two different names, or a sentence."""
+    listed = isinstance(pair, tuple | list) and all(isinstance(name, str) for name in pair)
+    if not listed or len(pair) != 2 or pair[0] == pair[1]:
+        raise BadInput(f"a boundary needs two different parameters, got {pair!r}")
+    return pair[0], pair[1]
+
+
 def boundary_problem(
     ground: Point,
     event: Event,
@@ -121,9 +130,7 @@ def boundary_problem(
 ) -> Problem:
     """The problem whose curve in ``pair[0]`` is the boundary through a point, `pair[1]` being one
     of its unknowns."""
-    named = isinstance(pair, tuple | list) and all(isinstance(name, str) for name in pair)
-    if not named or len(pair) != 2 or pair[0] == pair[1]:
-        raise BadInput(f"a boundary needs two different parameters, got {pair!r}")
+    named_pair(pair)
     asked = all_of(events)
     base, given = scope(ground.problem, asked, inadmissible=inadmissible)
     for name in pair:

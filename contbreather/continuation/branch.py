@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, cast, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import check_kind
 from ..columns import Columns
 from ..display import Shown
 from ..errors import BadInput
@@ -192,6 +193,7 @@ class Branch(Columns, Shown):
 
     def first(self, kind: str) -> Point:
         """The first special point of a kind (``"PF"``) or with a label (``"PF2"``)."""
+        check_kind(kind, str, "a kind or a label, 'PF' or 'PF2' for instance,")
         for point in self.special:
             if kind in (point.kind, point.label):
                 return point
@@ -199,6 +201,7 @@ class Branch(Columns, Shown):
 
     def join(self, other: Branch) -> Branch:
         """This branch followed by another that starts where this one ends, relabelled."""
+        check_kind(other, Branch, "a Branch")
         if not np.allclose(self.points[-1].z, other.points[0].z, rtol=0, atol=1e-8):
             raise BadInput("branches join where one ends and the other starts; these do not meet")
         shift = self.points[-1].arclength - other.points[0].arclength
@@ -277,7 +280,8 @@ class Branch(Columns, Shown):
             head = f"{title} in {self.free}" + (f" ({fixed})" if fixed else "")
         end = f"{self.stop.value}{': ' + self.reason if self.reason else ''}"
         moved = f"; the start was moved by {self.moved:.2g}" if self.moved else ""
-        return f"{head}: {len(self)} points; {end}{moved}"
+        hint = f"; {self.curve.hint}" if self.curve.hint else ""
+        return f"{head}: {len(self)} points; {end}{moved}{hint}"
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         yield self.table(width=options.max_width)
@@ -303,6 +307,7 @@ def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
     >>> round(float(more["height"][0]), 9)
     0.552886482
     """
+    check_kind(branch, Branch, "a Branch")
     problem, curve = branch.problem, copy(branch.curve)
     curve.problem = replace(problem, record={**problem.record, **columns})
 

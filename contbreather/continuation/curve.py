@@ -31,6 +31,7 @@ Params = Mapping[str, float]
 
 _UNKNOWN = "not asked yet"
 _VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
+_MANY, _THIN = 500, 0.05  # unknowns, and the share of entries that are not zero: worth a pattern
 _ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
 
 
@@ -49,7 +50,7 @@ def _check_shape(what: str, given: Any, shape: tuple[int, ...]) -> None:
         )
     try:
         found = np.asarray(given, dtype=float).shape
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(f"the {what} is {given!r}; an array of numbers was expected") from error
     if found != shape:
         raise BadInput(f"the {what} has shape {found}; {shape} was expected")
@@ -81,6 +82,8 @@ class Curve:
     metric : ndarray or None
         Weights of the squared arclength, None where all are 1. An array unknown counts as its
         mean square, so that a refined mesh keeps its steps.
+    hint : str
+        What would make a large problem cheaper; empty if there is nothing to say.
     rows : ndarray
         Size of the derivative of each equation along the latest piece of curve: what is small
         against it counts as zero.
@@ -111,6 +114,7 @@ class Curve:
         self._settler: Any = _UNKNOWN
         self._rows: Array | None = None
         self._passed: list[Array] = []
+        self.hint = ""  # what would make all of this cheaper
         self._known: dict[str, list[tuple[Array, Any]]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -223,7 +227,19 @@ class Curve:
     def jacobian(self, z: Array) -> Matrix:
         """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
         be written to."""
-        return self.once("jacobian", z, self._derivatives)
+        matrix: Matrix = self.once("jacobian", z, self._derivatives)
+        if self.size >= _MANY and not self.hint and not is_sparse(matrix):
+            self._look(matrix)
+        return matrix
+
+    def _look(self, matrix: Array) -> None:
+        """See whether a large derivative is dense for want of a word."""
+        own = self.problem.derivatives is None and self.problem.beneath is None
+        if own and np.count_nonzero(matrix) < _THIN * matrix.size:
+            self.hint = (
+                f"a derivative of {self.size} x {self.size} entries, nearly all of them 0: "
+                "Problem(..., sparsity=pattern), or a sparse jacobian, is faster"
+            )
 
     def factors(self, z: Array, row: Array) -> Dense | Factors:
         """The derivative factorised, to be solved with a row below."""

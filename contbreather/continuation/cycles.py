@@ -39,15 +39,21 @@ class Iterate:
 
     def after(self, x: Array, params: Params, times: int) -> Array:
         for _ in range(times):
-            # a map may write to what it is given, and return one array each time
-            x = np.array(self.map(x.copy(), params))
+            x = self.image(x, params)
         return x
+
+    def image(self, x: Array, params: Params) -> Array:
+        """One iterate; a map may write to what it is given, and return one array each time."""
+        found = np.array(self.map(x.copy(), params))
+        if found.shape != x.shape or not np.issubdtype(found.dtype, np.number):
+            raise BadInput(f"the map makes {found!r} of {x!r}; {x.size} numbers were expected")
+        return found
 
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
         """The other points of the cycle, each a start of the same one."""
         points = []
         for _ in range(self.period - 1):
-            x = np.array(self.map(x.copy(), params))
+            x = self.image(x, params)
             points.append(x)
         return tuple(points)
 
@@ -59,8 +65,13 @@ class Iterate:
             own = self.derivative(x.copy(), params)
             if is_sparse(own):
                 raise BadInput("the Jacobian of a map is sparse; give its toarray() instead")
+            if np.shape(own) != product.shape:
+                raise BadInput(
+                    f"the Jacobian of the map has shape {np.shape(own)}; {product.shape} was "
+                    "expected"
+                )
             product = np.asarray(own) @ product
-            x = np.array(self.map(x.copy(), params))
+            x = self.image(x, params)
         return product - np.eye(x.size)
 
 

@@ -23,7 +23,7 @@ from .point import Event, Point
 from .problem import Problem
 from .recognition import Likeness, recognised, same_place, simplest
 from .starts import Within, all_of, windows
-from .steps import Steps
+from .steps import Steps, steps_of
 from .switching import follow, lift_of, seeds_at
 from .trace import Startable, trace
 
@@ -274,7 +274,7 @@ def diagram(
     depth, most = whole("depth", depth, 0), whole("most", most, 1)
     with checkpoint(save, "diagram") as kept, Counter(progress, free) as shown:
         growth = _Growth(
-            free, windows(within), depth, all_of(events), steps or Steps(), most, shown, kept
+            free, windows(within), depth, all_of(events), steps_of(steps), most, shown, kept
         )
         with keeping(growth.so_far):
             growth.run(start)

@@ -106,13 +106,13 @@ def FixedPoint(
         jacobian=None if jacobian is None else iterate.jacobian,
         events=EVENTS if events is None else all_of(events) or (),
         record={**(record or {}), "unstable": Counting(_unstable)},
-        domain=domain or {},
-        scales=scales or {},
+        domain={} if domain is None else domain,
+        scales={} if scales is None else scales,
         interpret=cycle,
         images=iterate.phases,
         simpler=shorter,
         lifts={"PD": _doubled},
-        label=label or generic(iterate.period),
+        label=generic(iterate.period) if label == "" else label,
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Literal
 
-from ..checks import check_kind
+from ..checks import check_kind, one_of
 from ..errors import BadInput, keeping, taking
 from .branch import Branch, Settings, Stop
 from .checkpoint import Checkpoint, Inner, Save, checkpoint
@@ -14,7 +14,7 @@ from .extended import event_of
 from .point import Event
 from .restored import missing
 from .starts import Within, all_of, windows
-from .steps import Steps
+from .steps import Steps, steps_of
 from .trace import trace
 
 _EDGE = 1e-9  # relative, within which an end is on the edge of a window
@@ -69,8 +69,7 @@ def extend(
     (['EP1', 'PF1', 'EP2'], 0.777632426)
     """
     check_kind(branch, Branch, "a Branch")
-    if end not in ("both", "last", "first"):
-        raise BadInput(f"end must be 'both', 'last' or 'first', got {end!r}")
+    one_of("end", end, ("both", "last", "first"))
     if branch.problem.residual is missing:
         missing()
     if event_of(branch.problem) and events is not None:
@@ -96,7 +95,7 @@ def _asked(branch: Branch, within: Within | None, events: Any, steps: Steps | No
     return Settings(
         old.within if within is None else windows(within),
         old.events if events is None else all_of(events),
-        steps or old.steps,
+        steps_of(steps, old.steps),
         old.inadmissible,
     )
 

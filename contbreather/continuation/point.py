@@ -13,7 +13,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import number
+from ..checks import check_kind, flag, number
 from ..display import Shown
 from ..errors import BadInput
 from .curve import Curve
@@ -82,6 +82,8 @@ class Point(Shown):
         What was found here is there by its full name too: ``point["a of BT"]`` is a coefficient
         of the normal form where ``point["a"]`` is a parameter of the problem.
         """
+        if type(name) is not str:
+            check_kind(name, str, "the name of a column")
         slots = self.curve.slots
         if name in slots:
             value = self.z[slots[name]]
@@ -432,8 +434,8 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
         "UZ",
         level,
         locus=Always(Locus({}, level.conditions)),
-        ends="branch" if terminal else "",
-        recipe=Recipe("UZ", {"name": name, "value": value, "terminal": terminal}),
+        ends="branch" if flag("terminal", terminal) else "",
+        recipe=Recipe("UZ", {"name": name, "value": value, "terminal": bool(terminal)}),
     )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import kind_of
+from ..checks import check_kind, kind_of, number, numbers, real
 from ..errors import BadInput, NotConverged
 from .curve import Curve, Params
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, newton, rounding
@@ -162,8 +162,12 @@ class Problem:
             raise BadInput(f"rename {taken} in the problem: every branch has columns of that name")
         self.check_names((*self.scales, *self.domain))
         for name, size in self.scales.items():
-            if not 0 < _real(name, size) < math.inf:
+            if not 0 < real(size) < math.inf:
                 raise BadInput(f"the scale of {name!r} must be finite and positive, got {size}")
+        check_kind(self.label, str, "a label as text")
+        listed = isinstance(self.events, tuple | list)
+        if not (listed and all(hasattr(event, "kind") for event in self.events)):
+            raise BadInput(f"events must be a list of them, got {self.events!r}")
 
         if self.sparsity is not None and not isinstance(self.sparsity, Pattern):
             object.__setattr__(self, "sparsity", self._pattern())
@@ -173,7 +177,7 @@ class Problem:
         n = self.x.size
         if self.jacobian is not None:
             raise BadInput("either a jacobian or a sparsity pattern was expected, not both")
-        shape = getattr(self.sparsity, "shape", None) or np.shape(self.sparsity)
+        shape = getattr(self.sparsity, "shape", None) or numbers("sparsity", self.sparsity).shape
         if shape != (n, n):
             raise BadInput(f"the sparsity pattern has shape {shape}; {(n, n)} was expected")
         return Pattern(self.sparsity)
@@ -245,7 +249,7 @@ class Problem:
         try:  # the sum is finite unless an entry is not (or all but overflows, which is as bad)
             total = value.sum()
             finite = isinstance(total, complex) or math.isfinite(total)
-        except TypeError as error:
+        except (TypeError, OverflowError) as error:
             raise BadInput(
                 f"the residual is {value!r}; an array of numbers was expected"
             ) from error
@@ -269,6 +273,7 @@ class Problem:
             If Newton's iteration from the start finds no solution; says both residuals, and
             carries that of the start, the number of iterations and the problem where they ended.
         """
+        tolerance = number("tolerance", tolerance, 0.0, 1.0, "a relative size")
         curve = Curve(self, ())
         before = float(abs(curve.equations(self.x)).max())
         try:

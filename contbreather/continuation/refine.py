@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
+from ..checks import check_kind, number, whole
 from .branch import Branch
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Point
@@ -35,8 +36,10 @@ def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
     >>> len(fine) >= 300, bool(abs(fine["residual"]).max() < 1e-14)
     (True, True)
     """
-    if len(branch) >= fewest:
+    check_kind(branch, Branch, "a Branch")
+    if len(branch) >= whole("fewest", fewest, 1):
         return branch
+    tolerance = number("tolerance", tolerance, 0.0, 1.0, "a relative size")
     spacing = (branch[-1].arclength - branch[0].arclength) / fewest
     points = [point for pair in pairwise(branch) for point in _filled(*pair, spacing, tolerance)]
     return replace(branch, points=(*points, branch[-1]))

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 
+from ..checks import flag
 from .point import Event, Judged, Point
 from .problem import Problem
 from .starts import all_of
@@ -24,7 +25,7 @@ def scope(
     """
     given = all_of(events)
     asked = None if given is None else tuple(event.of(problem) for event in given)
-    if inadmissible:
+    if flag("inadmissible", inadmissible):
         problem = _lifted(problem)
     if asked is None:
         return problem, problem.events

@@ -226,10 +226,10 @@ def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
     problem = curve.problem
     given = {problem.normed(name) or name: window for name, window in windows(within).items()}
     problem.check_names(given)
-    bounds = []
-    for name in {**problem.domain, **given}:
+    bounds, own = [], windows(problem.domain)
+    for name in {**own, **given}:
         low, high = given.get(name, (-math.inf, math.inf))
-        domain = problem.domain.get(name, (-math.inf, math.inf))
+        domain = own.get(name, (-math.inf, math.inf))
         low, high = max(low, domain[0]), min(high, domain[1])
         value = problem.start.get(name, problem.params.get(name))
         if not low < high:

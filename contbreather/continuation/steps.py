@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from numbers import Integral
 
-from ..checks import real
+from ..checks import real, shown
 from ..errors import BadInput
 
 _LARGEST, _RELATIVE = 0.1, 0.01  # of `longest`
@@ -72,3 +72,12 @@ class Steps:
     def longest(self, length: float) -> float:
         """How long a step may be where z has this length."""
         return max(_LARGEST, _RELATIVE * length) if self.largest is None else self.largest
+
+
+def steps_of(given: object, usual: Steps | None = None) -> Steps:
+    """Steps as they were given, the usual ones if none were; anything else is refused."""
+    if given is None:
+        return usual or Steps()
+    if not isinstance(given, Steps):
+        raise BadInput(f"steps must be given as Steps(largest=...), got {shown(given)}")
+    return given

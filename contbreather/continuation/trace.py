@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..checks import one_of
 from ..errors import BadInput, keeping
 from ..progress import Counter, line_of
 from .advance import EXACT, Failed, Step, Stepper, angle, rounding
@@ -29,7 +30,7 @@ from .problem import Problem, problem_in
 from .scope import scope
 from .segment import Segment
 from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, settled, windows
-from .steps import Steps
+from .steps import Steps, steps_of
 from .stride import TINY
 from .strider import WIDEST, Strider
 from .trail import Value, counted, measure
@@ -131,11 +132,11 @@ def trace(
     >>> trace(circle, "mu").stop.name
     'CLOSED'
     """
-    if towards not in ("both", "up", "down"):
-        raise BadInput(f"towards must be 'both', 'up' or 'down', got {towards!r}")
+    one_of("towards", towards, ("both", "up", "down"))
     events = all_of(events)  # both walks need them
     origin = start if isinstance(start, Point) else None
-    settings = Settings(windows(within), events, steps or Steps(), inadmissible)
+    steps = steps_of(steps)
+    settings = Settings(windows(within), events, steps, inadmissible)
     if isinstance(start, Point) and free in start.ground.curve.free[:1]:
         start = start.ground
     start = problem_in(start)  # once: what both find at the start is one event
@@ -149,7 +150,7 @@ def trace(
     line = line_of(progress, lambda own: Counter(own, free))
     with checkpoint(save, "branch") as kept, line as shown, keeping(so_far):
         problem, wanted = scope(start, events, inadmissible=inadmissible)
-        first = Walker(problem, free, within, sides[0], wanted, steps or Steps(), along)
+        first = Walker(problem, free, within, sides[0], wanted, steps, along)
         for walker in [first, first.turned()] if len(sides) == 2 else [first]:
             legs.append(Leg())
             legs[-1].go(walker, shown, lambda special: kept.look(special, so_far))
@@ -238,7 +239,7 @@ def walk(
     [0.0, 0.007]
     """
     problem, wanted = scope(problem_in(start), events, inadmissible=inadmissible)
-    walker = Walker(problem, free, within, towards, wanted, steps or Steps(), along)
+    walker = Walker(problem, free, within, towards, wanted, steps_of(steps), along)
     return walker.run()
 
 
@@ -255,12 +256,10 @@ class Walker:
         steps: Steps,
         along: ArrayLike | None = None,
     ) -> None:
-        if along is None and towards not in ("up", "down"):
-            raise BadInput(f"a walk goes towards 'up' or 'down', got {towards!r}")
+        if along is None:
+            one_of("towards", towards, ("up", "down"))
         self.steps = steps
         self.directed = along is not None
-        if not isinstance(steps, Steps):
-            raise BadInput(f"steps must be given as Steps(largest=...), got {steps!r}")
         self.events = events
         with _quiet():
             if along is None:

@@ -1,31 +1,29 @@
 """How far a breather attracts: many starts over a plane of initial conditions, in parallel.
 
-Any `concurrent.futures.Executor` runs the rows of the picture: a process pool on this machine
-unless another is given (`dask.distributed.Client.get_executor()` for a cluster). A row's result
-depends on its starts alone, so the picture is the same whoever computes it.
+A row's result depends on its starts alone, so the picture is the same whoever computes it.
 """
 
 from __future__ import annotations
 
 import enum
-from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import MOST, check_kind, number, row, whole
+from contbreather.checks import MOST, check_kind, number, one_of, row, whole
 from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import advance, completed
 from contbreather.dynamics.states import On, State, check_state, conditions_of, wall_rows, within
 from contbreather.dynamics.stretches import RunStop
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import Interrupted, NotConverged
 from contbreather.lattice.conditions import Conditions
-from contbreather.progress import Bar
-from contbreather.workers import NO_WORKERS, given_or_processes
+from contbreather.workers import NO_WORKERS, Failed, each
 
 Array = NDArray[Any]
 
@@ -33,12 +31,27 @@ Array = NDArray[Any]
 class Fate(enum.IntEnum):
     """Where a start ended: the values are those of `Basin.fate`."""
 
-    PENDING = -1  # not computed: the run was interrupted, or its worker killed
-    OUTSIDE = 0  # the start lies behind a wall
-    QUIET = 1  # no impacts any more
-    SPREAD = 2  # impacts, but no breather at the site
-    OTHER = 3  # a breather at the site, but another motion
-    RETURNED = 4  # the motion asked about
+    PENDING = -1  # the run was interrupted, or its worker killed
+    OUTSIDE = 0
+    QUIET = 1
+    SPREAD = 2
+    OTHER = 3
+    RETURNED = 4  # to the motion asked about
+
+    @property
+    def words(self) -> str:
+        """What that is called in pictures and tables."""
+        return WORDS[self]
+
+
+WORDS = {
+    Fate.PENDING: "not computed",
+    Fate.OUTSIDE: "behind a wall",
+    Fate.QUIET: "no impacts",
+    Fate.SPREAD: "impacts, no breather",
+    Fate.OTHER: "another breather",
+    Fate.RETURNED: "back at the breather",
+}
 
 
 @dataclass(frozen=True)
@@ -58,10 +71,7 @@ class Axis:
     values: tuple[float, ...]
 
     def __init__(self, name: str, site: int, values: ArrayLike) -> None:
-        if name not in ("u", "v"):
-            raise BadInput(
-                f"an axis is the displacement 'u' or velocity 'v' of a site; {name!r} was given."
-            )
+        one_of("the coordinate of an axis", name, ("u", "v"))
         along = row("values", values, "the values of an axis")
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "site", whole("site", site, -(10**9)))
@@ -108,12 +118,13 @@ class Basin(Columns, Shown):
         return {name: np.ravel(column) for name, column in found.items()}
 
     def __repr__(self) -> str:
-        fates = [f"{np.sum(self.fate == fate)} {fate.name}" for fate in Fate if fate in self.fate]
+        counts = [(int(np.sum(self.fate == fate)), fate) for fate in reversed(Fate)]
+        fates = [f"{count} {fate.words}" for count, fate in counts if count]
         rows, columns = self.fate.shape
         cut = "" if self.complete else "; cut short"
         return (
             f"<Basin of {columns} x {rows} starts over {self.x.label} and {self.y.label}: "
-            f"{', '.join(fates)}{cut}>"
+            f"{'; '.join(fates)}{cut}>"
         )
 
     @property
@@ -146,7 +157,7 @@ def attraction(
     site: int = 0,
     t0: float = 0.0,
     tolerance: float = 1e-3,
-    executor: Executor | None = None,
+    executor: Executor | int | None = None,
     progress: bool | None = None,
     **on: Unpack[On],
 ) -> Basin:
@@ -167,8 +178,11 @@ def attraction(
         Where the breather is.
     tolerance : float
         How close to the reference counts as returned.
-    executor : concurrent.futures.Executor, optional
-        Who computes; a process pool on all cores of this machine unless given.
+    executor : concurrent.futures.Executor or int, optional
+        Who computes: an executor, or a number of processes, 1 for this one. All cores unless given,
+        where there is more than a second of work.
+    progress : bool, optional
+        Show how many rows are done; by default at a terminal or in a notebook only.
 
     Returns
     -------
@@ -182,12 +196,10 @@ def attraction(
 
     Examples
     --------
-    >>> from concurrent.futures import ThreadPoolExecutor
     >>> from contbreather.breathers import symmetric
     >>> state = symmetric(a=0.5, gamma=0.02, k=0.4).state(5)
     >>> u, v = Axis("u", 0, [-0.9, 0.9]), Axis("v", 0, [-1.0, 0.0, 1.0])
-    >>> with ThreadPoolExecutor(1) as one:
-    ...     basin = attraction(state, u, v, a=0.5, gamma=0.02, k=0.4, executor=one)
+    >>> basin = attraction(state, u, v, a=0.5, gamma=0.02, k=0.4)
     >>> basin.fate.shape
     (3, 2)
     """
@@ -205,20 +217,18 @@ def attraction(
     shape = len(y.values), len(x.values)
     fate = np.full(shape, Fate.PENDING, np.int8)
     distance = np.full(shape, np.nan)
-    complete = True
-    with given_or_processes(executor) as pool, Bar(progress, len(y.values), "rows") as bar:
-        rows: dict[Future[Any], int] = {pool.submit(_row, task, j): j for j in range(len(y.values))}
-        try:
-            for done, future in enumerate(as_completed(rows)):
-                fate[rows[future]], distance[rows[future]] = future.result()
-                bar.advance(done + 1)
-        except (KeyboardInterrupt, BrokenExecutor) as end:
-            complete = False
-            for future in rows:
-                future.cancel()
-            if isinstance(end, BrokenExecutor) and np.all(fate == Fate.PENDING):
-                raise NotConverged(NO_WORKERS) from end
-    return Basin(x, y, fate, distance, complete)
+    work = partial(_row, task)
+    try:
+        found = [*each(work, range(shape[0]), executor=executor, progress=progress, unit="rows")]
+    except Interrupted as stop:
+        found = list(stop.partial or ())  # type: ignore[call-overload]
+    else:
+        if all(isinstance(one, Failed) for one in found):
+            raise NotConverged(NO_WORKERS) from found[0].error
+    done = [j for j, one in enumerate(found) if not isinstance(one, Failed)]
+    for j in done:
+        fate[j], distance[j] = found[j]
+    return Basin(x, y, fate, distance, len(done) == shape[0])
 
 
 def _row(task: _Task, j: int) -> tuple[NDArray[np.int8], Array]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import number
+from contbreather.checks import MOST, number, one_of, whole
 from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.states import (
@@ -146,9 +146,9 @@ class Run(Columns, Shown):
 
     def at_site(self, n: int, wall: int | None = None) -> NDArray[np.void]:
         """The impacts of one site, on one wall or on both."""
-        chosen = self.impacts["site"] == n % self.sites
+        chosen = self.impacts["site"] == whole("n", n, -MOST) % self.sites
         if wall is not None:
-            chosen &= self.impacts["wall"] == wall
+            chosen &= self.impacts["wall"] == one_of("wall", wall, (1, -1))
         return self.impacts[chosen]
 
     def __repr__(self) -> str:

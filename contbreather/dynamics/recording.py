@@ -30,7 +30,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import whole
+from contbreather.checks import number, whole
 from contbreather.dynamics.states import (
     PERIOD,
     On,
@@ -43,7 +43,7 @@ from contbreather.dynamics.states import (
 )
 from contbreather.dynamics.stretches import IMPACT, RunStop, Sample, Stretch, check_sample, walk
 from contbreather.errors import BadInput
-from contbreather.files import write_whole
+from contbreather.files import named, write_whole
 from contbreather.lattice import Forcing, Fourier, Harmonic, Ring
 from contbreather.lattice.conditions import OWN, Conditions, Walls
 from contbreather.lattice.finite import Finite, Lattice
@@ -192,7 +192,9 @@ def record(
     check_sample(sample, start.u.size)
     conditions = conditions_of(start.u.size, **on)
     start = within(start, conditions.walls)
-    wanted = Recording(Path(path), conditions, float(t0), sample, start)
+    wanted = Recording(
+        named("write", path), conditions, number("t0", t0, -1e300, 1e300, "a time"), sample, start
+    )
     count = whole("periods", periods, 0)
     with _locked(wanted.path):
         if os.path.lexists(wanted.path / START):
@@ -254,7 +256,7 @@ def open_recording(path: str | Path) -> Recording:
     ...     open_recording(f"{folder}/run").periods
     7
     """
-    folder = Path(path)
+    folder = named("read", path)
     if not os.path.lexists(folder / START):
         raise BadInput(f"no run in {folder}: there is no {START} in it; make one with record(...)")
     arrays = _arrays(folder / START)

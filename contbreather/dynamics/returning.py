@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import number, whole
+from contbreather.checks import flag, number, whole
 from contbreather.continuation import Event, Point, Problem, maps
 from contbreather.continuation.cycles import Iterate, multiplier_matrix, shorter, with_period
 from contbreather.continuation.lift import Lift
@@ -287,7 +287,7 @@ def closing(
     """`periodic`, near a state and under conditions that have been checked."""
     count = whole("periods", periods, 1)
     number("t0", t0, -1e300, 1e300, "a time")
-    if symmetric and count != 1:
+    if flag("symmetric", symmetric) and count != 1:
         raise BadInput(f"periods = {count}: a symmetric motion has the period 2 pi of its forcing.")
     if symmetric and not _mirrored(on):
         raise BadInput(

@@ -15,7 +15,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import number, row, whole
+from contbreather.checks import MOST, check_kind, number, row, whole
 from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.energy import localised
@@ -110,7 +110,7 @@ class Sweep(Columns, Shown):
         with np.errstate(invalid="ignore"):
             hard = (np.abs(self.impacts - 2.0) < 0.3) & (self.others == 0.0)
         alive = np.where(np.isnan(self.impacts), self.participation < 3.0, hard)
-        alive &= self.centre == site % self.u.shape[1]
+        alive &= self.centre == whole("site", site, -MOST) % self.u.shape[1]
         gone = np.flatnonzero(~alive)
         return float(self.value[gone[0]]) if gone.size else math.nan
 
@@ -179,6 +179,7 @@ def sweep(
     """
     steps = row("values", values, "the values of a sweep")
     start = check_state(state)
+    check_kind(name, str, "the name of a parameter")
     needed: Any = {name: float(steps[0])} if name in ("a", "gamma", "k") else {}
     conditions = rigid_or_smooth(start.u.size, m, **{**on, **needed})
     known = tuple(conditions.params) + (() if m is None else ("k",))

@@ -160,6 +160,8 @@ def rigid_or_smooth(sites: int, m: float | None = None, **on: Any) -> Conditions
     """The conditions of rigid walls, or of smooth ones if there is a hardness m."""
     if m is None:
         return conditions_of(sites, **on)
+    if on.pop("walls", None) is not None:
+        raise BadInput("smooth walls are at -1 and 1: leave walls out, or m")
     return smooth_conditions_of(sites, m=m, **on)
 
 
@@ -400,7 +402,7 @@ def advance_smooth(
     """`simulate_smooth`, of a state and conditions that have been checked."""
     check_sample(sample, start.u.size)
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
-    flight = SmoothFlight(conditions, solver or Explicit(), reduced(t0), sample)
+    flight = SmoothFlight(conditions, Explicit() if solver is None else solver, reduced(t0), sample)
     flight.check(np.concatenate(start), 0)
     rows = [(np.concatenate(start), np.empty((0, 2, start.u.size)))]
     stop, count, part = RunStop.DONE, int(length), None
@@ -490,6 +492,10 @@ class SmoothFlight:
     solver: Solver
     t0: float
     sample: Sample | None = None
+
+    def __post_init__(self) -> None:
+        if not hasattr(self.solver, "states"):
+            raise BadInput(f"a solver, Explicit() for instance, was expected, got {self.solver!r}")
 
     def period(self, y: Array, j: int) -> tuple[Array, Array]:
         """The state after period j, and the states at the sample's times in it.

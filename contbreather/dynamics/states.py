@@ -93,7 +93,7 @@ def conditions_of(
                 f"0 to {sites - 1}."
             )
     drive = forcing_of(forcing)
-    return ranged(Conditions(a, gamma, k, damping, spring, drive, around, where))
+    return ranged(Conditions(a, gamma, k, damping, spring, drive, around, where)).at({})
 
 
 def ranged(on: Conditions) -> Conditions:

@@ -56,7 +56,7 @@ class Sample:
 
     def __post_init__(self) -> None:
         whole("per_period", self.per_period, 1)
-        if not np.iterable(self.sites) or not len(self.sites):
+        if not isinstance(self.sites, Sequence | np.ndarray) or not np.size(self.sites):
             raise BadInput(
                 f"sites = {self.sites!r}: one site or several were expected, as in (0, 1)."
             )

@@ -16,7 +16,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import numbers, whole
+from contbreather.checks import check_kind, numbers, whole
 from contbreather.dynamics.energy import forced, localised
 from contbreather.dynamics.impacting import Run, completed
 from contbreather.dynamics.returning import PeriodicMotion, closing
@@ -225,6 +225,7 @@ def judge(run: Run | SmoothRun) -> Verdict:
     >>> judge(simulate_smooth(settled, periods=50, **shared)).kind.name
     'PERIODIC'
     """
+    check_kind(run, (Run, SmoothRun), "a run of simulate")
     evidence = _where(run)
     found = _lost(run, evidence)
     if found is None:

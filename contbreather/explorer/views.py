@@ -27,6 +27,9 @@ MARKS = {
     "GR": "x", "HB": "star", "EP": "dot", "MX": "x", "UZ": "plus",
 }  # fmt: skip
 OTHER = "hex"
+SPECIAL = ("x", "y", "text", "colour", "mark", "what")
+ROOM = (560.0, 330.0)  # pixels inside of a figure, about: it is as wide as its page
+LETTER, LINE = 8.0, 15.0  # pixels that a letter and a line take
 MARGIN = 0.08
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
@@ -204,16 +207,15 @@ class BranchView:
             fig.multi_line(
                 "xs", "ys", source=self.lines[style], color="colour", line_dash=dash, line_width=2
             )
-        names = ("x", "y", "text", "colour", "mark", "what")
-        self.special = ColumnDataSource({name: [] for name in names})
+        self.special = ColumnDataSource({name: [] for name in (*SPECIAL, "dx", "dy")})
         marks = fig.scatter(
             "x", "y", source=self.special, marker="mark", size=9, fill_color="colour",
             line_color="colour",
         )  # fmt: skip
         fig.add_tools(HoverTool(renderers=[marks], tooltips=[("", "@what")]))
         fig.text(
-            "x", "y", "text", source=self.special, text_color=ink.text, x_offset=7, y_offset=-5,
-            text_font_size="12px",
+            "x", "y", "text", source=self.special, text_color=ink.text, x_offset="dx",
+            y_offset="dy", text_font_size="12px",
         )  # fmt: skip
         self.here = _here(fig, ink)
 
@@ -229,12 +231,18 @@ class BranchView:
         for style, rows in drawn.items():
             found = dict(zip(("xs", "ys", "colour"), _columns(rows, 3), strict=True))
             self.lines[style].data = found
-        names = ("x", "y", "text", "colour", "mark", "what")
-        self.special.data = dict(zip(names, _columns(marked, 6), strict=True))
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
         self.figure.title.text = ", ".join(one.code for one in curves) or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
+        data = dict(zip(SPECIAL, _columns(marked, len(SPECIAL)), strict=True))
+        ends = (self.figure.x_range, self.figure.y_range)
+        across, up = (
+            (np.array(data[name], dtype=float) - axis.start) / (axis.end - axis.start or 1.0)
+            for name, axis in zip("xy", ends, strict=True)
+        )
+        data |= spread(ROOM[0] * across, ROOM[1] * (1.0 - up), data["text"])
+        self.special.data = data
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
         """Mark the point that is looked at."""
@@ -257,6 +265,40 @@ class BranchView:
             far[[i for i, _ in marked(one.branch)]] *= 0.5
             found.append((float(far.min()), one.code, int(far.argmin())))
         return min(found)[1:] if found else None
+
+
+def spread(x: Array, y: Array, words: Sequence[str]) -> dict[str, list[Any]]:
+    """Words beside points given in pixels, y downwards, that do not cover each other: on whichever
+    side there is room; where there is none, or the same stands there already, the mark has to do,
+    which says what it is under the pointer."""
+    taken: list[tuple[str, float, float, float, float]] = []
+    found: dict[str, list[Any]] = {"text": [], "dx": [], "dy": []}
+    for at, word in enumerate(words):
+        width = LETTER * len(word)
+        sides = [(dx, dy) for dy in (-5.0, 17.0) for dx in (7.0, -7.0 - width)]
+        dx, dy = next(
+            (side for side in sides if _free(taken, x[at] + side[0], y[at] + side[1], width)),
+            (0.0, 0.0),
+        )
+        again = any(
+            word == one and np.hypot(x[at] - u, y[at] - v) < LINE for one, u, v, *_ in taken
+        )
+        shown = word if dx and not again else ""
+        if shown:
+            taken.append((word, x[at], y[at], x[at] + dx, y[at] + dy))
+        for name, value in (("text", shown), ("dx", dx), ("dy", dy)):
+            found[name].append(value)
+    return found
+
+
+def _free(
+    taken: Iterable[tuple[str, float, float, float, float]], x: float, y: float, width: float
+) -> bool:
+    """Whether a word of that width covers none that stands there, its left end at (x, y)."""
+    return not any(
+        x < left + LETTER * len(word) and left < x + width and abs(y - base) < LINE
+        for word, _, _, left, base in taken
+    )
 
 
 def _column(one: Named, name: str) -> Array:

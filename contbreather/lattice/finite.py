@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbreather.checks import flag, one_of, whole
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ FloatArray = NDArray[np.float64]
 
 ALIKE = 1e-9  # eigenvalues closer than this, relative to the largest, are one eigenspace
 LARGE = 0.999  # of the largest entry: as large, but for rounding
+MOST = 10_000  # sites of a lattice whose modes are those of a dense matrix
 UNSEEN = 1e-10  # a mode this small at every impacting site is not seen by them
 
 
@@ -180,7 +182,7 @@ class Lattice:
             name: [graph.nodes[n].get(kind, 1.0) for n in graph]
             for name, kind in (("masses", "mass"), ("drive", "drive"))
         }
-        return cls(matrix, name="graph", **{**own, **more})
+        return cls(matrix, **{"name": "graph", **own, **more})
 
     # ------------------------------------------------------------------------ what it is
 
@@ -285,9 +287,11 @@ def _seen(lattice: Lattice, hit: tuple[int, ...]) -> Modes:
 
 def _matrix(given: Any) -> FloatArray:
     """The stiffness as a dense matrix, or what is wrong with it."""
+    if hasattr(given, "toarray"):
+        _count("sites", max(given.shape))
     try:
         matrix = np.array(given.toarray() if hasattr(given, "toarray") else given, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(f"the stiffness is not a matrix of numbers: {error}.") from error
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
         raise BadInput(f"the stiffness has shape {matrix.shape}; a square matrix is expected.")
@@ -310,7 +314,7 @@ def _row(what: str, given: Any, sites: int) -> FloatArray:
     """One number for each site; ones unless given."""
     try:
         row = np.ones(sites) if given is None else np.array(given, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(f"{what} = {given!r}: one number for each site is expected.") from error
     if row.shape != (sites,):
         raise BadInput(f"{what} has shape {row.shape}; one number for each of {sites} sites.")
@@ -429,12 +433,10 @@ def OpenChain(sites: int, *, ends: str = "free", **more: Any) -> Lattice:
     array([ 2., -1.,  0.])
     """
     matrix = _path(_count("sites", sites))
-    if ends not in ("free", "fixed"):
-        raise BadInput(f"ends = {ends!r}: 'free' or 'fixed' is expected.")
-    if ends == "fixed":
+    if one_of("ends", ends, ("free", "fixed")) == "fixed":
         matrix[0, 0] += 1.0
         matrix[-1, -1] += 1.0
-    return Lattice(matrix, name=f"open chain with {ends} ends", **more)
+    return Lattice(matrix, **{"name": f"open chain with {ends} ends", **more})
 
 
 def Grid(rows: int, columns: int, *, periodic: bool = False, **more: Any) -> Lattice:
@@ -447,19 +449,22 @@ def Grid(rows: int, columns: int, *, periodic: bool = False, **more: Any) -> Lat
     >>> grid.beside(0), grid.beside(5)
     ((1, 4), (1, 4, 6, 9))
     """
-    one, other = (
-        _closed(_path(_count(what, count)), periodic)
-        for what, count in (("rows", rows), ("columns", columns))
-    )
+    _count("rows x columns", _count("rows", rows) * _count("columns", columns))
+    closed = flag("periodic", periodic)
+    one, other = (_closed(_path(int(count)), closed) for count in (rows, columns))
     matrix = np.kron(one, np.eye(len(other))) + np.kron(np.eye(len(one)), other)
     kind = "torus" if periodic else "grid"
-    return Lattice(matrix, name=f"{kind} of {len(one)} x {len(other)}", **more)
+    return Lattice(matrix, **{"name": f"{kind} of {len(one)} x {len(other)}", **more})
 
 
 def _count(what: str, given: Any) -> int:
-    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 1:
-        raise BadInput(f"{what} = {given!r}: a whole number of sites, at least 1, is expected.")
-    return int(given)
+    count = whole(what, given, 1)
+    if count > MOST:
+        raise BadInput(
+            f"{what} = {count}: a lattice by its matrix has at most {MOST} sites; only rings, "
+            "Ring(N), are larger."
+        )
+    return count
 
 
 def _path(sites: int) -> FloatArray:

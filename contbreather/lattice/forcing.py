@@ -395,7 +395,7 @@ class Samples(Periodic):
     def __init__(self, values: ArrayLike) -> None:
         try:
             given = np.asarray(values, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             given = np.full(1, np.nan)
         if given.ndim != 1 or not np.all(np.isfinite(given)):
             raise BadInput("samples of the forcing must be one row of finite numbers.")

@@ -191,7 +191,10 @@ class TranslationInvariant:
 
     def _mean(self, gamma: float, name: str) -> float:
         series = self._expansions[name]
-        x = 4.0 * (gamma if 0.0 <= gamma < self._limit else self.check(gamma))
+        try:
+            x = 4.0 * (gamma if 0.0 <= gamma < self._limit else self.check(gamma))
+        except (TypeError, ValueError):  # no number at all: the sentence
+            x = 4.0 * self.check(gamma)
         total = 0.0
         for c in series.powers:
             total = total * x + c
@@ -211,7 +214,10 @@ class TranslationInvariant:
 
     def _slope(self, gamma: float, name: str) -> float:
         series = self._expansions[name]
-        x = 4.0 * (gamma if 0.0 <= gamma < self._limit else self.check(gamma))
+        try:
+            x = 4.0 * (gamma if 0.0 <= gamma < self._limit else self.check(gamma))
+        except (TypeError, ValueError):  # no number at all: the sentence
+            x = 4.0 * self.check(gamma)
         total = 0.0
         for c in series.slopes:
             total = total * x + c

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import MOST, number
+from contbreather.checks import number, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Waves, waves
 from contbreather.lattice.means import Lattice, TranslationInvariant, check_gamma, means, q_moments
@@ -189,12 +189,7 @@ class Ring(TranslationInvariant):
     sites: int
 
     def __post_init__(self) -> None:
-        whole = isinstance(self.sites, int | np.integer) and not isinstance(self.sites, bool)
-        if not whole or not 1 <= self.sites <= MOST:
-            raise BadInput(
-                f"sites = {self.sites!r}: a ring needs a whole number of sites, at least 1."
-            )
-        object.__setattr__(self, "sites", int(self.sites))
+        object.__setattr__(self, "sites", whole("sites", self.sites, 1))
         object.__setattr__(self, "_expansions", means(self.sites))
         object.__setattr__(self, "_limit", 0.25)
 

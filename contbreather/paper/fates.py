@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers import Orbit
+from contbreather.checks import check_kind, whole
 from contbreather.continuation import fold, trace
 from contbreather.dynamics import PeriodicMotion, Run, SmoothRun, State, periodic
 from contbreather.dynamics.energy import localised
@@ -33,6 +34,7 @@ def life(run: Run | SmoothRun, site: int = 0) -> int | None:
 
     Of smooth rings it needs a record of that site and its neighbours.
     """
+    check_kind(run, (Run, SmoothRun), "a run of simulate")
     if isinstance(run, Run):
         broken = unlike_a_breather(run.impacts, run.periods, site=site)
     else:
@@ -83,6 +85,8 @@ def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
     >>> bool(abs(growth(own) - own.largest) < 1e-4)
     True
     """
+    check_kind(motion, PeriodicMotion, "a motion of periodic")
+    whole("periods", periods, 3)
     here = np.array(motion.state)
     off = SMALL * np.random.default_rng(0).normal(size=here.shape)
     sizes: list[float] = []
@@ -124,6 +128,7 @@ def smooth_breather(breather: Orbit, m: float, damping: float, sites: int) -> Pe
 def softest(breather: Orbit, damping: float, sites: int) -> float:
     """The m at which the smooth ring's breather ends in a fold, coming from hard walls; NaN if it
     reaches m = 5."""
+    check_kind(breather, Orbit, "a breather")
     shared = _shared(breather, damping)
     start = periodic(breather.state(sites), m=HARD, **shared)
     branch = trace(
@@ -137,6 +142,7 @@ def enough_damping(breather: Orbit, sites: int) -> float:
     """The damping at which the breather of the ring with rigid walls becomes an attractor."""
     from scipy.optimize import brentq
 
+    check_kind(breather, Orbit, "a breather")
     start = breather.state(sites)
 
     def excess(damping: float) -> float:

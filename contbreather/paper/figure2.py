@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from contbreather.breathers import neimark_sacker as exact_event
 from contbreather.breathers import symmetric
 from contbreather.breathers.zones import Zones, zones
+from contbreather.checks import row
 from contbreather.continuation import trace
 from contbreather.errors import keeping
 from contbreather.paper import threshold as rule
@@ -126,6 +127,7 @@ def figure2(
     >>> [(line.kind, line.sites) for line in figure2((0.4,), points=5).lines]
     [('NS', 400), ('PF', 400)]
     """
+    restitutions = row("restitutions", restitutions, "restitution coefficients").tolist()
     exact = tuple(zones(k=k, progress=progress) for k in restitutions)
     lines = []
     for diagram in exact:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from contbreather.breathers import Orbit, smallest_amplitude, symmetric
+from contbreather.checks import number, real, row, whole
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.characteristic import D
@@ -129,7 +130,7 @@ def neimark_sacker_line(
     >>> round(float(line.gamma.min()), 3)
     0.082
     """
-    pairs = _pairs_of(sites)
+    points, pairs = whole("points", points, 1), _pairs_of(sites)
     lowest = _crossing(
         lambda gamma: symmetric(smallest_amplitude(gamma, k), gamma, k), FIRST, pairs, threshold
     )
@@ -163,7 +164,8 @@ def pitchfork_line(
     """
     nu = 1j * _depth(threshold)
     chain, ring = InfiniteChain(), Ring(sites)
-    couplings = np.array(list(gamma), dtype=float)
+    couplings = row("gamma", gamma, "couplings")
+    number("k", k, 0.0, 1.0, "a restitution coefficient")
     amplitudes = []
     for one in couplings.tolist():
         at_zero = complex(D(one, nu, k, 0.0, ring)).real
@@ -192,7 +194,7 @@ def _pairs_of(sites: int | None) -> Callable[[Orbit], Array]:
 
 def _depth(threshold: float) -> float:
     """Im nu where ``|exp(i pi nu)|^2`` is the threshold."""
-    if not 1.0 < threshold < math.inf:
+    if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
             f"threshold = {threshold}: multipliers of a ring sit on the unit circle; a modulus "
             "above 1 is expected, 1.005 in the paper"

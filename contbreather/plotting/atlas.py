@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,7 +38,8 @@ def plot_atlas(
     """Draw the limits of existence and stability over a third parameter, as surfaces.
 
     Between neighbouring values a surface is drawn where both have equally many curves of a kind;
-    the curves themselves are drawn everywhere.
+    the curves themselves are drawn everywhere, and the legend says which kinds are curves alone,
+    everywhere or between some of the values: values closer together may join them.
 
     Parameters
     ----------
@@ -78,8 +79,9 @@ def plot_atlas(
         raise BadInput(f"this atlas has no curves of {', '.join(kinds)} at {dict(at or {})}")
     with drawing(ax, COLUMN, projection="3d") as drawn:
         panel = drawn.axes
+        values = sorted({value for own in lines.values() for value in own})
         for kind, own in lines.items():
-            _draw(panel, kind, own)
+            _draw(panel, kind, own, values)
         for name, axis in zip((plane[0], over, plane[1]), "xyz", strict=True):
             getattr(panel, f"set_{axis}label")(symbol(name), labelpad=PADS[axis])
             panel.locator_params(axis=axis, nbins=5)
@@ -144,14 +146,19 @@ def _values(atlas: Dataset, name: str) -> object:
     return np.unique(atlas[name]).tolist() if name in atlas else f"{list(atlas)}"
 
 
-def _draw(ax: Any, kind: str, lines: Mapping[float, Sequence[Array]]) -> None:
+def _draw(
+    ax: Any, kind: str, lines: Mapping[float, Sequence[Array]], values: Sequence[float]
+) -> None:
     """All curves of a kind, and the surfaces between them."""
-    style = dict(LINES[kind])
+    strips = [_strips(lines.get(one, ()), lines.get(other, ())) for one, other in pairwise(values)]
+    bare = sum(not strip for strip in strips)
+    missing = f", {'partly ' * (bare < len(strips))}curves alone" if bare else ""
+    style = {**LINES[kind], "label": f"{LINES[kind]['label']}{missing}"}
     for value in lines:
         for points in lines[value]:
             ax.plot(*points.T, linewidth=0.8, **style)
             style.pop("label", None)  # once
-    for one, other in _strips(lines):
+    for one, other in chain.from_iterable(strips):
         ax.plot_surface(
             *np.stack([one, other]).transpose(2, 0, 1),
             color=style["color"],
@@ -161,16 +168,16 @@ def _draw(ax: Any, kind: str, lines: Mapping[float, Sequence[Array]]) -> None:
         )
 
 
-def _strips(lines: Mapping[float, Sequence[Array]]) -> Iterator[tuple[Array, Array]]:
-    """Neighbouring curves with equally many nodes."""
-    values = sorted(lines)
-    for here, there in pairwise(values):
-        if len(lines[here]) == len(lines[there]):
-            left = [_even(points) for points in lines[there]]
-            for one in map(_even, lines[here]):
-                gaps = [min(_apart(one, way), _apart(one, way[::-1])) for way in left]
-                other = left.pop(int(np.argmin(gaps)))
-                yield one, min(other, other[::-1], key=lambda way: _apart(one, way))
+def _strips(here: Sequence[Array], there: Sequence[Array]) -> list[tuple[Array, Array]]:
+    """Curves at two neighbouring values side by side, if there are equally many."""
+    if len(here) != len(there):
+        return []
+    left, found = [_even(points) for points in there], []
+    for one in map(_even, here):
+        gaps = [min(_apart(one, way), _apart(one, way[::-1])) for way in left]
+        other = left.pop(int(np.argmin(gaps)))
+        found.append((one, min(other, other[::-1], key=lambda way: _apart(one, way))))
+    return found
 
 
 def _even(points: Array) -> Array:

@@ -181,16 +181,24 @@ def _named(point: Point) -> Point:
     return replace(point, kind=parent.kind, label=parent.label)
 
 
-def _distinct(points: Iterable[tuple[Point, Array]], near: float) -> list[Point]:
-    """One point of each name and place: a pitchfork is on its branch and on both arms."""
-    found: list[tuple[Point, Array]] = []
+def _gathered(points: Iterable[tuple[Point, Array]], near: float) -> list[list[Point]]:
+    """Points of one name that are close in the figure, each thing once: a pitchfork is on its
+    branch and on both arms."""
+    found: list[tuple[Array, list[Point]]] = []
     for point, place in points:
-        if not any(
-            point.label == other.label and float(np.hypot(*(place - there))) < near
-            for other, there in found
-        ):
-            found.append((point, place))
-    return [point for point, _ in found]
+        for there, group in found:
+            if point.label == group[0].label and np.hypot(*(place - there)) < near:
+                group += [] if any(_is_one(point, other) for other in group) else [point]
+                break
+        else:
+            found.append((place, [point]))
+    return [group for _, group in found]
+
+
+def _is_one(point: Point, other: Point) -> bool:
+    """Whether two points are one thing: the same solution, or where an arm left it."""
+    one, same = (p.parent or p for p in (point, other))
+    return one.z.shape == same.z.shape and np.allclose(one.z, same.z, rtol=1e-6, atol=1e-6)
 
 
 def _value(point: Point, name: str) -> float:
@@ -298,17 +306,18 @@ def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str, colours: Sequ
         labels.avoid(_column(branch, x), _column(branch, y))
     # with several branches their ends are many, and say nothing: a dot is enough
     quiet = "EP" if len(branches) > 1 else ""
-    named: list[tuple[Point, str]] = []
+    named: list[tuple[Point, str, str]] = []
     for colour in dict.fromkeys(colours):
         own = [b for b, its in zip(branches, colours, strict=True) if its == colour]
         points = [p for b in own for p in map(_named, b.special) if p.kind != quiet]
         places = [ax.transData.transform((_value(p, x), _value(p, y))) for p in points]
-        apart = _distinct(zip(points, places, strict=True), SAME * labels.pixel)
-        named += [(point, colour) for point in apart]
-    for point, _ in named:
+        for group in _gathered(zip(points, places, strict=True), SAME * labels.pixel):
+            text = group[0].label if group[0].located else f"{group[0].label}?"
+            several = f" \N{MULTIPLICATION SIGN}{len(group)}" if len(group) > 1 else ""
+            named.append((group[0], text + several, colour))
+    for point, _, _ in named:
         labels.announce(_value(point, x), _value(point, y))
-    for point, colour in sorted(named, key=lambda one: one[0].kind == "EP"):
-        text = point.label if point.located else f"{point.label}?"
+    for point, text, colour in sorted(named, key=lambda one: one[0].kind == "EP"):
         style: dict[str, Any] = {"fontsize": "small", "color": colour}
         if point.kind == "EP":
             style = {"fontsize": "x-small", "color": GREY}

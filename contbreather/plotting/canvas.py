@@ -10,7 +10,7 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from contbreather.checks import kind_of
+from contbreather.checks import kind_of, number, one_of, whole
 from contbreather.display import in_notebook
 from contbreather.errors import BadInput
 from contbreather.files import writable, write_whole
@@ -106,8 +106,11 @@ def new_figure(
     >>> [round(2.54 * float(inches), 3) for inches in figure.get_size_inches()]
     [8.5, 6.5]
     """
-    height = 6.5 * rows if height is None else height
-    size = (width * CM, height * CM)
+    rows, columns = whole("rows", rows, 1), whole("columns", columns, 1)
+    one_of("projection", projection or "rectilinear", ("rectilinear", "3d"))
+    sizes = {"width": width, "height": 6.5 * rows if height is None else height}
+    wide, high = (number(name, one, 0.1, 1e4, "a size in cm") for name, one in sizes.items())
+    size = (wide * CM, high * CM)
     pyplot = sys.modules.get("matplotlib.pyplot")
     with style():
         figure = _apart(size) if pyplot is None else pyplot.figure(figsize=size, layout=LAYOUT)
@@ -155,6 +158,8 @@ class Drawn(list["Artist"]):
     """
 
     def __init__(self, axes: Any) -> None:
+        if isinstance(axes, type) or not hasattr(axes, "get_children"):
+            raise BadInput(f"matplotlib Axes to draw in were expected, got {kind_of(axes)}")
         self.axes, self._before = axes, set(axes.get_children())
 
     @property

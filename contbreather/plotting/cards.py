@@ -172,7 +172,7 @@ def _sweep(sweep: Sweep) -> Card:
 @_card.register
 def _basin(basin: Basin) -> Card:
     counts = [(fate, int(np.sum(basin.fate == fate))) for fate in Fate]
-    rows = [[fate.name.lower(), str(count)] for fate, count in counts if count]
+    rows = [[fate.words, str(count)] for fate, count in counts if count]
     rows.append(["share that returned", f"{basin.share:.4g}"])
     return Card(repr(basin).strip("<>"), lambda ax: plot_basin(basin, ax=ax), rows)
 

@@ -67,6 +67,8 @@ def plot_diagram(
     if not branches:
         raise BadInput("there is no branch to draw")
     y = _common(branches) if y is None else y
+    if not callable(y):
+        check_kind(y, str, "the name of a column, or a function of a point,")
     if callable(y):
         name = getattr(y, "__name__", "y")
         branches = [with_columns(branch, **{name: y}) for branch in branches]

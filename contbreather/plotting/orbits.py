@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contbreather.breathers import Orbit
+from contbreather.checks import MOST, whole
 from contbreather.continuation import Point
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing
@@ -53,7 +54,7 @@ def plot_orbit(
     if not isinstance(whole, Orbit):
         raise BadInput(f"{orbit!r} is not an orbit: symmetric() finds one")
     hit = list(dict.fromkeys(site for site, _ in whole.section.impacts))
-    chosen = _near(hit, whole.lattice.sites) if sites is None else list(sites)
+    chosen = _near(hit, whole.lattice.sites) if sites is None else chosen_sites(sites)
     t = np.linspace(0.0, whole.period, PIECES * whole.section.turns + 1)
     with drawing(ax) as drawn:
         axes = drawn.axes
@@ -67,6 +68,11 @@ def plot_orbit(
         axes.legend(frameon=False, ncols=len(chosen), loc="lower right",
                     bbox_to_anchor=(1.0, 0.97), handlelength=1.3)  # fmt: skip
     return drawn
+
+
+def chosen_sites(sites: object) -> list[int]:
+    """Sites that were asked for, one or several."""
+    return [whole("sites", n, -MOST) for n in (sites if np.iterable(sites) else [sites])]
 
 
 def _near(hit: list[int], sites: int | None) -> list[int]:

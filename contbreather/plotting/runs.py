@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, whole
+from contbreather.checks import check_kind, one_of, whole
 from contbreather.dynamics import Basin, Fate, Record, Run, SmoothRun, Sweep
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.states import PERIOD
@@ -32,12 +32,12 @@ Array = NDArray[Any]
 
 RUNS = (Run, SmoothRun)
 FATES = {
-    Fate.RETURNED: ("comes back", BLUE),
-    Fate.OTHER: ("another breather", SKY),
-    Fate.SPREAD: ("impacts, no breather", ORANGE),
-    Fate.QUIET: ("no impacts", "#dddddd"),
-    Fate.OUTSIDE: ("behind a wall", "white"),
-    Fate.PENDING: ("not computed", "#f5f5f5"),
+    Fate.RETURNED: BLUE,
+    Fate.OTHER: SKY,
+    Fate.SPREAD: ORANGE,
+    Fate.QUIET: "#dddddd",
+    Fate.OUTSIDE: "white",
+    Fate.PENDING: "#f5f5f5",
 }
 COLUMNS = {
     "p": "$p$",
@@ -176,8 +176,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
     ['sweep down', 'sweep up']
     """
     check_kind(sweep, Sweep, "a sweep")
-    if y not in COLUMNS:
-        raise BadInput(f"a sweep has no column {y!r} to draw; there are {', '.join(COLUMNS)}.")
+    one_of("y", y, tuple(COLUMNS))
     x, column = sweep.value, np.asarray(getattr(sweep, y), dtype=float)
     turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(x))) != 0.0)
     looks = {1.0: ("sweep up", BLUE, "^"), -1.0: ("sweep down", VERMILLION, "v")}
@@ -220,7 +219,7 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
     from matplotlib.patches import Patch
 
     order = sorted(FATES)
-    colours = ListedColormap([FATES[fate][1] for fate in order])
+    colours = ListedColormap([FATES[fate] for fate in order])
     norm = BoundaryNorm([order[0] - 0.5, *(fate + 0.5 for fate in order)], len(order))
     with drawing(ax) as drawn:
         axes = drawn.axes
@@ -232,7 +231,7 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
         axes.set_ylabel(_coordinate(basin.y.name, basin.y.site))
         seen = [fate for fate in FATES if np.any(basin.fate == fate)]
         patches = [
-            Patch(facecolor=FATES[fate][1], edgecolor=GREY, linewidth=0.4, label=FATES[fate][0])
+            Patch(facecolor=FATES[fate], edgecolor=GREY, linewidth=0.4, label=fate.words)
             for fate in seen
         ]
         axes.legend(

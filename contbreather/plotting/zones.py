@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.regions import Box, Region
 from contbreather.breathers.zones import KINDS, Zones
-from contbreather.checks import check_kind
+from contbreather.checks import check_kind, flag
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import (
     BLACK,
@@ -97,14 +97,14 @@ def plot_zones(
         check_kind(one, Zones, "a zone diagram")
     if not several or not all(any(one.curves.values()) for one in several):
         raise BadInput("plot_zones needs at least one zone diagram, and a curve in each")
-    given: list[Any] = list(ax) if isinstance(ax, Sequence | np.ndarray) else [ax]
+    given: list[Any] = list(ax) if np.iterable(ax) else [ax]
     if ax is not None and len(given) != len(several):
         raise BadInput(f"{len(several)} zone diagrams need as many axes, got {len(given)}")
     with style() if ax is None else nullcontext():
         figure, panels = _sheet(len(several)) if ax is None else (None, given)
         drawn = [Drawn(panel) for panel in panels]
         draw_panels(several, panels, within)
-        if legend:
+        if flag("legend", legend):
             explain(panels, figure)
         for one, panel in zip(several, panels, strict=True):
             place_words(panel, names_of_meetings(one), fontsize="small")

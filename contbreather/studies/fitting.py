@@ -185,3 +185,11 @@ def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> 
     if not (alone or kinds == {"Zones"} or not kinds & {"Zones", "Atlas"}):
         wanted = "zone diagrams, one atlas, or branches, arms and boundaries"
         yield ("figure", name, "draws"), f"{wanted} were expected, not some of each"
+        return
+    fit = {"over", "at"} if alone else set() if kinds == {"Zones"} else {"x", "y"}
+    for key in sorted({"x", "y", "over", "at"} & figure.model_fields_set - fit):
+        yield (
+            ("figure", name, key),
+            "x and y are columns of branches, over and at choose surfaces of an atlas; leave "
+            f"{key} out of a figure of {' and '.join(sorted(kinds)).lower()}",
+        )

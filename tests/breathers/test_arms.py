@@ -326,7 +326,7 @@ def test_asymmetric_breathers_are_found_or_the_sentence_says_where_they_are():
     with pytest.raises(NoSolution, match=r"at a = 0\.95 .*site 1 reaches .* inadmissible=True"):
         asymmetric(0.95, 0.04, 0.8)
     assert not asymmetric(0.95, 0.04, 0.8, inadmissible=True).admissibility().ok
-    with pytest.raises(BadInput, match="the arms are 1 and -1"):
+    with pytest.raises(BadInput, match="arm must be 1 or -1, got 2"):
         asymmetric(0.82, 0.04, 0.8, arm=2)
     with pytest.raises(BadInput, match="unknown parameter 'c3'"):
         AsymmetricEquations().sensitivity(

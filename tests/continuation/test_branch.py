@@ -276,7 +276,7 @@ def test_a_walk_yields_special_points_in_their_places_and_returns_its_end() -> N
     assert end.stop is Stop.CLOSED
     assert [point.kind for point in points if point.kind] == ["UZ", "LP", "LP", "UZ"]
     assert (np.diff([point.arclength for point in points]) > 0).all()
-    with pytest.raises(BadInput, match="a walk goes towards 'up' or 'down', got 'both'"):
+    with pytest.raises(BadInput, match="towards must be 'up' or 'down', got 'both'"):
         walk(CIRCLE.problem, "mu", towards="both")
 
 

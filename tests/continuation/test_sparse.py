@@ -12,6 +12,7 @@ from scipy.sparse import coo_array, csr_array
 import contbreather as cb
 from contbreather.continuation import sparse
 from contbreather.errors import BadInput
+from contbreather.progress import Counter
 
 from .large import (
     bratu,
@@ -142,6 +143,32 @@ def test_a_step_takes_few_factorisations_of_the_size_of_the_derivative(monkeypat
     assert len(branch) == 13
     assert len(sizes) < 3 * len(branch)
     assert max(sizes) == 300
+
+
+def test_a_dense_derivative_that_is_nearly_all_zeros_gets_a_hint() -> None:
+    """On the line of progress and in what the branch says of itself; a full one gets none."""
+    thin = cb.Problem(lambda u, p: p["mu"] - u, {"u": np.zeros(500)}, {"mu": 0.0})
+    full = replace(thin, residual=lambda u, p: p["mu"] - u - 0.5 * u.mean())
+    hint = "500 x 500 entries, nearly all of them 0: Problem(..., sparsity=pattern)"
+    for problem, wanted in (
+        (thin, True),
+        (full, False),
+        (replace(thin, sparsity=np.eye(500)), False),
+    ):
+        branch = cb.trace(problem, "mu", towards="up", events=(), steps=cb.Steps(most=1))
+        shown = Counter(None, "mu")
+        shown.wanted, shown.after, shown.line = True, 0.0, Words()
+        shown.advance(branch[1])
+        assert (hint in repr(branch), hint in shown.line.said) == (wanted, wanted)
+
+
+class Words:
+    """A line of progress that keeps what it shows."""
+
+    said = ""
+
+    def show(self, text: str, done: int | None) -> None:
+        self.said = text
 
 
 def test_memory_is_linear_in_the_entries_that_are_not_zero() -> None:

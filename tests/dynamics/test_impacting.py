@@ -578,7 +578,7 @@ def test_results_are_shown_in_a_line():
             a=0.1, gamma=0.0, k=0.8, periods=20, executor=one,
         )  # fmt: skip
     counted = {fate: int(np.sum(basin.fate == fate)) for fate in Fate if fate in basin.fate}
-    words = ", ".join(f"{count} {fate.name}" for fate, count in counted.items())
+    words = "; ".join(f"{count} {fate.words}" for fate, count in reversed(counted.items()))
     assert repr(basin) == f"<Basin of 2 x 1 starts over u_0 and v_0: {words}>"
     own = periodic(symmetric(0.5, 0.0, 0.8).state(1), a=0.5, gamma=0.0, k=0.8)
     assert repr(own).startswith(

@@ -135,7 +135,7 @@ if __name__ == "__main__":
     state = symmetric(0.2, 0.08, 0.8).state(40)
     u, v = (Axis(name, 0, np.linspace(-0.9, 0.9, 2000)) for name in "uv")
     print("begun", flush=True)
-    basin = attraction(state, u, v, periods=2000, a=0.2, gamma=0.08, k=0.8)
+    basin = attraction(state, u, v, periods=2000, a=0.2, gamma=0.08, k=0.8, executor=2)
     print(basin.complete, (basin.fate == -1).any())
 """
     path = Path(contbreather.__file__).parents[1]

@@ -370,9 +370,10 @@ def test_starts_of_a_basin_are_where_its_axes_say() -> None:
     assert (found.fate[2] == Fate.OUTSIDE).all()
     assert found.share == pytest.approx(2 / 6)
     assert repr(found) == (
-        "<Basin of 4 x 3 starts over u_-1 and u_1: 6 OUTSIDE, 4 QUIET, 2 RETURNED>"
+        "<Basin of 4 x 3 starts over u_-1 and u_1: 2 back at the breather; 4 no impacts; "
+        "6 behind a wall>"
     )
-    assert repr(replace(found, complete=False)).endswith("2 RETURNED; cut short>")
+    assert repr(replace(found, complete=False)).endswith("behind a wall; cut short>")
 
 
 def test_no_start_inside_the_walls_has_no_share() -> None:
@@ -407,6 +408,7 @@ def test_another_breather_at_the_site_is_another_motion() -> None:
         ({"tolerance": -1.0}, r"^tolerance = -1\.0: a distance"),
         ({"t0": math.inf}, r"^t0 = inf: a time"),
         ({"periods": 1}, r"^periods = 1\b"),
+        ({"executor": 0}, r"^executor = 0: a whole number, at least 1"),
     ],
 )
 def test_wrong_questions_about_basins_are_refused(changed, sentence) -> None:

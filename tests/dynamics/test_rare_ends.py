@@ -336,7 +336,9 @@ class Recorder(Executor):
 def test_unless_told_otherwise_all_cores_compute_in_fresh_processes(monkeypatch) -> None:
     monkeypatch.setattr(workers, "ProcessPoolExecutor", Recorder)
     monkeypatch.setattr(os, "cpu_count", lambda: 7)
-    axes = Axis("u", 0, [0.0, 0.1]), Axis("v", 0, [0.0])
+    monkeypatch.setattr(workers, "WORTH", -1.0)  # other processes from the second row on
+    monkeypatch.setattr(workers, "GLANCE", -1.0)
+    axes = Axis("u", 0, [0.0]), Axis("v", 0, 0.01 * np.arange(8))
     found = attraction(([0.0], [0.0]), *axes, a=0.1, gamma=0.0, k=0.8, periods=2)
     assert found.complete
     assert (Recorder.made["workers"], Recorder.made["method"]) == (7, "spawn")

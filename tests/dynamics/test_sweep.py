@@ -232,10 +232,8 @@ def test_starts_near_an_attractor_return_and_others_do_not(basin):
 def test_starts_whose_impacts_are_all_over_the_ring_have_spread():
     conditions = {"a": 0.7, "gamma": 0.104, "k": 0.8, "damping": 0.005}
     start, kicks = symmetric(0.5, 0.08, 0.8).state(12), [-1.5, 1.5]
-    with ThreadPoolExecutor(1) as one:
-        found = attraction(
-            start, Axis("v", 3, kicks), Axis("v", 6, kicks), periods=60, executor=one, **conditions
-        )
+    axes = Axis("v", 3, kicks), Axis("v", 6, kicks)
+    found = attraction(start, *axes, periods=60, executor=1, **conditions)
     assert found.complete
     assert np.all(found.fate == Fate.SPREAD)
 
@@ -268,10 +266,8 @@ class Dying(ThreadPoolExecutor):
         return lost
 
 
-def test_rows_done_before_the_workers_died_are_kept(basin, monkeypatch):
+def test_rows_done_before_the_workers_died_are_kept(basin):
     start, x, y, conditions = basin
-    # in order of submission: the rows computed before the worker dies come first
-    monkeypatch.setattr("contbreather.dynamics.basin.as_completed", list)
     with Dying(1) as pool:
         found = attraction(start.state, x, y, **conditions, executor=pool)
     assert not found.complete
@@ -286,7 +282,7 @@ def test_workers_that_never_answer_are_an_error_that_says_what_to_do(basin):
 
 
 def test_axis_of_nothing_is_refused():
-    with pytest.raises(BadInput, match="an axis is the displacement 'u' or velocity 'v'"):
+    with pytest.raises(BadInput, match="the coordinate of an axis must be 'u' or 'v', got 'w'"):
         Axis("w", 0, [0.0])
     with pytest.raises(BadInput, match=r"site = 0\.5"):
         Axis("u", 0.5, [0.0])
