@@ -1,0 +1,227 @@
+"""The loops of `stride`, each against numpy or the walker: what they decide, not where it leads."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.continuation import given_loops, stride
+from contbreather.continuation.trace import Failed, Walker
+
+RNG = np.random.default_rng(17)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 4, 5])
+def test_elimination_solves_and_knows_the_sign_of_the_determinant(d: int) -> None:
+    for _ in range(20):
+        matrix, right = RNG.normal(size=(d, d)), RNG.normal(size=d)
+        x = right.tolist()
+        assert stride.solve(matrix.ravel().tolist(), x, d) == np.sign(np.linalg.det(matrix))
+        assert np.allclose(x, np.linalg.solve(matrix, right), rtol=1e-9)
+    matrix[-1] = matrix[0] if d > 1 else 0.0
+    singular = (matrix * 0.0 + np.outer(np.arange(d), np.arange(d))).ravel().tolist()
+    assert stride.solve(singular, [0.0] * d, d) == 0
+
+
+def test_lengths_and_angles_are_those_of_the_metric() -> None:
+    for d in (1, 3):
+        one, other, metric = RNG.normal(size=d), RNG.normal(size=d), RNG.uniform(0.1, 9, size=d)
+        size = math.sqrt(one @ (metric * one))
+        assert stride.norm(one, metric, d) == pytest.approx(size)
+        gap = one - other
+        assert stride.apart(one, other, metric, d) == pytest.approx(math.sqrt(gap @ (metric * gap)))
+        assert stride.largest_of(one, d) == abs(one).max()
+    for angle in (0.0, 1e-9, 0.3, 2.0, math.pi):
+        there = [math.cos(angle) / 2, math.sin(angle) / 3]
+        found = stride.angle([0.5, 0.0], there, [4.0, 9.0], 2)
+        assert found == pytest.approx(angle, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("iterations", "turn", "growth", "factor"),
+    [
+        (3, 0.0, 1.5, 1.5),  # easy and straight: as much longer as is allowed
+        (3, 0.12, 1.5, 1.25),  # the turn that is aimed at: 0.15
+        (3, 0.6, 1.5, 0.5),  # half of it at least
+        (3, 0.2, 1.5, 0.75),
+        (4, 0.0, 1.5, 1.0),
+        (5, 0.0, 1.5, 0.7),
+        (5, 0.2, 1.5, 0.7),
+        (5, 0.25, 1.5, 0.6),
+        (1, 0.01, 12.0, 12.0),
+        (1, 0.01, 20.0, 15.0),
+    ],
+)
+def test_the_next_size_follows_turn_and_effort(iterations, turn, growth, factor) -> None:
+    assert stride.next_size(iterations, turn, growth) == pytest.approx(factor)
+
+
+def test_a_step_is_as_long_as_the_rules_or_the_size_of_z_allow() -> None:
+    rules = [1e-9, 1e-9, 0.25, 1.5, 0.0]
+    assert stride.longest(rules, [1.0, 1.0], [300.0, 400.0], 2) == 0.25
+    rules[stride.LARGEST] = math.nan
+    assert stride.longest(rules, [1.0, 1.0], [300.0, 400.0], 2) == pytest.approx(5.0)
+    assert stride.longest(rules, [1.0, 1.0], [3.0, 4.0], 2) == 0.1
+    steps = cb.Steps()
+    assert [steps.longest(size) for size in (5.0, 500.0)] == [0.1, 5.0]
+
+
+def test_a_place_on_a_bound_is_inside_and_a_turn_is_one_of_what_has_a_bound() -> None:
+    rules = [0.0] * stride.FIRST
+    rules[stride.BOUNDS] = 2
+    rules += [1, -1.0, 2.0, 2, 0.0, 0.5]
+    for z, outside in (
+        ([9.0, -1.0, 0.0], False),
+        ([9.0, 2.0, 0.5], False),
+        ([9.0, -1.1, 0.2], True),
+        ([9.0, 2.1, 0.2], True),
+        ([9.0, 0.0, -0.1], True),
+        ([9.0, 0.0, 0.6], True),
+    ):
+        assert stride.outside(rules, z) is outside
+    up = [1.0, 1.0, 1.0]
+    for ahead, peeks in (
+        ([-1.0, 1.0, 1.0], False),
+        ([1.0, -1.0, 1.0], True),
+        ([1.0, 1.0, -1.0], True),
+        ([1.0, 0.0, 0.0], False),
+    ):
+        assert stride.peeks(rules, up, ahead) is peeks
+
+
+def test_the_plane_of_the_start_is_passed_from_behind_in_its_own_direction() -> None:
+    origin = [1.0, 0.0, 5.0, 5.0]  # the row, and where the walk set out
+    for before, after, along, passed in (
+        (4.9, 5.1, 1.0, True),
+        (4.9, 5.0, 1.0, True),
+        (5.0, 5.1, 1.0, False),
+        (5.1, 4.9, 1.0, False),
+        (4.8, 4.9, 1.0, False),
+        (4.9, 5.1, 0.5, True),
+        (4.9, 5.1, 0.4, False),
+        (4.9, 5.1, -1.0, False),
+    ):
+        found = stride.returns(origin, [before, 1.0], [after, 7.0], [along, 0.0], 2)
+        assert found is passed, (before, after, along)
+
+
+def test_what_is_left_is_rounding_only_up_to_a_few_units_of_all_terms() -> None:
+    matrix, z = [3.0, -2.0], [1.0, 4.0]
+    unit = 11.0 * 2.0**-52  # of |3 * 1| + |-2 * 4|
+    assert stride.is_rounding([4.0 * unit], matrix, z, 2)
+    assert stride.is_rounding([-3.9 * unit], matrix, z, 2)
+    assert not stride.is_rounding([4.1 * unit], matrix, z, 2)
+    assert not stride.is_rounding([-4.1 * unit], matrix, z, 2)
+    assert not stride.is_rounding([0.0, 1.0], [*matrix, 0.0, 0.0, 0.0, 0.0], [*z, 0.0], 3)
+
+
+def test_a_step_is_short_only_if_each_of_its_entries_is() -> None:
+    z, metric = [1e6, 0.0], [1.0, 0.25]  # 1/sqrt(metric): 1 and 2
+    for step, short in (
+        ([1e-3, 0.0], True),
+        ([1.1e-3, 0.0], False),
+        ([-1.1e-3, 0.0], False),
+        ([0.0, 2e-9], True),
+        ([0.0, 2.1e-9], False),
+        ([0.0, -2.1e-9], False),
+    ):
+        assert stride.is_short(step, z, metric, 1e-9, 2) is short
+
+
+# --- one attempt is that of the walker ----------------------------------------------------------
+
+
+def tried(strength: float, size: float, scale: float) -> tuple[Any, Any]:
+    """What both forms of the plain step make of one size on ``m = strength x^2``: how it ended, and
+    where."""
+    x = -0.5 / (strength or 1.0)
+    problem = cb.Problem(
+        lambda x, p: [p["m"] - strength * x[0] ** 2],
+        {"x": x},
+        {"m": strength * x**2},
+        scales={"x": scale},
+    )
+    walker = Walker(problem, "m", None, "down", (), cb.Steps(largest=99.0))
+    own, curve = walker.origin, walker.curve
+    try:
+        step = walker._attempt(own, np.zeros(2), size)
+        wanted = stride.CAME, step.point.z, step.next_size, step.side
+    except Failed:
+        wanted = stride.FAILED, own.z, size, walker.side
+    metric = np.ones(2) if curve.metric is None else curve.metric
+    state = [own.arclength, size, float(walker.side), 0.0, 0.0]
+    moving = [own.z.tolist(), own.direction.tolist(), [0.0, 0.0]]
+    scratch = [[0.0] * n for n in (2, 2, 2, 12, 12, 12)]
+
+    def evaluate(z: Any, data: Any, out: Any) -> int:
+        out[0] = z[1] - strength * z[0] ** 2
+        return 0
+
+    def derive(z: Any, data: Any, out: Any) -> int:
+        out[0], out[1] = -2 * strength * z[0], 1.0
+        return 0
+
+    origin = [*curve.dual(own.direction).tolist(), *own.z.tolist()]
+    rules = [1e-9, 1e-9, 99.0, 1.5, 0.0]
+    status = stride.attempt(
+        evaluate, derive, [], 2, rules, metric.tolist(), origin, state, *moving, *scratch
+    )
+    return wanted, (status, moving[0], state[stride.SIZE], state[stride.SIDE])
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.2])
+@pytest.mark.parametrize("strength", [0.0, 0.4, 3.0, 40.0])
+def test_an_attempt_comes_off_where_that_of_the_walker_does(strength, scale) -> None:
+    came = set()
+    for size in np.geomspace(1e-3, 30.0, 50) / (strength or 1.0):
+        wanted, found = tried(strength, float(size), scale)
+        assert found[0] == wanted[0], size
+        assert np.allclose(found[1], wanted[1], rtol=0, atol=1e-9)
+        assert found[2] == pytest.approx(wanted[2], rel=1e-6)
+        assert found[3] == wanted[3]
+        came.add(found[0])
+    assert came == ({stride.CAME} if strength == 0.0 else {stride.CAME, stride.FAILED})
+
+
+# --- functions of a user, before they are compiled ----------------------------------------------
+
+
+def test_columns_of_a_user_s_functions_are_their_derivatives() -> None:
+    """By five points: exact for quartics; and x and parameters are as they were."""
+    params, x, steps = [9.0, 2.0, 3.0], np.array([0.5, -1.0]), [0.01, 0.02, 0.05]
+    names = ("unused", "m", "c")
+
+    def residual(x: Any, p: Any) -> Any:
+        return [x[0] ** 4 * p["m"] + x[1] ** 3, p["m"] ** 2 * x[1] - x[0]]
+
+    def record(data: Any) -> Any:
+        if data[1] > 100:
+            raise ValueError("beyond")
+        return dict(zip(names, data[:3], strict=True))
+
+    put = given_loops._put(residual, 2, lambda value, i: value[i], record)
+    column = given_loops._column(put, 3, 2, (1,))
+    data = [*params, *steps]
+    wanted = np.array([[4 * 0.5**3 * 2.0, 3.0, 0.5**4], [-1.0, 4.0, 2 * 2.0 * -1.0]])
+    for c in range(3):
+        own = np.empty(2)
+        assert column(c, x, data, own) == 0
+        assert np.allclose(own, wanted[:, c], rtol=0, atol=1e-12)
+    assert (x.tolist(), data) == ([0.5, -1.0], [*params, *steps])
+    out = np.empty(2)
+    assert put(x, data, out) == 0
+    assert out.tolist() == residual(x, {"m": 2.0})
+    assert put(x, [9.0, 101.0, 0.0], out) == 1
+    assert column(2, x, [9.0, 100.0, 0.0, *steps], np.empty(2)) == 2  # of its four places
+
+    def slopes(x: Any, p: Any) -> Any:
+        return [[p["m"], x[0]], [x[1], 7.0]]
+
+    out = np.full(6, 5.0)
+    assert given_loops._rows(slopes, 2, 3, record)(x, data, out) == 0
+    assert out.tolist() == [2.0, 0.5, 5.0, -1.0, 7.0, 5.0]
+    assert given_loops._rows(slopes, 2, 3, record)(x, [9.0, 101.0, 0.0], out) == 1
