@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -82,6 +83,23 @@ def test_the_least_rival_by_loops_is_that_of_all_rivals(orbit: Orbit, mirrored: 
         idle = [one.margin for one in known if one.site not in busy]
         assert clearance_loops.rivals(data, table, grid, out) == 0
         assert out[0] == pytest.approx(min(idle), abs=1e-10)
+
+
+@pytest.mark.parametrize("size", [64, 100, 336])
+def test_both_forms_look_at_the_same_places(size: int) -> None:
+    """Of a flight, and of a section as long as it takes."""
+    wanted = clearance._grid(size)
+    own = [clearance_loops.share(p, size) for p in range(wanted.size)]
+    assert own == pytest.approx(wanted, rel=1e-15)
+    assert clearance_loops.STEEP + size - 1 == wanted.size
+    assert min(own) > 0.0
+    assert 1.0 - max(own) == pytest.approx(1.0 / size)
+    for length in (0.1, 1.0, 2.0, math.pi, 3.2, 2.0 * math.pi, 12.0 * math.pi, 13.7):
+        orbit = SimpleNamespace(highest=size / 16)
+        data = [math.nan] * clearance_loops.FINE + [float(size)]
+        points = clearance.points_of(orbit, length)
+        assert clearance_loops.looks(data, length) == points
+        assert points == pytest.approx(size * max(1.0, length / math.pi), abs=1.0)
 
 
 def test_beyond_its_limits_the_margin_by_loops_is_negative_alike() -> None:

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contbreather.breathers import clearance, clearance_loops, pair_loops, rivals
 from contbreather.kernel import Kernel
-from contbreather.stability import arc, arc_loops, orbit, orbit_loops
-from contbreather.stability.aliases import EXACT, ORDERS, POWERS
+from contbreather.lattice import green, periodic, wave_loops
+from contbreather.stability import aliases, arc, arc_loops, orbit, orbit_loops, propagators, refined
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.propagators import constants
 
@@ -35,10 +36,23 @@ def asked(function: Any, data: Any, table: np.ndarray, scratch: int, found: int)
 
 
 def test_both_forms_share_their_constants() -> None:
-    own = arc_loops.GRID, arc_loops.EXACT, arc_loops.ORDERS, arc_loops.POWERS
-    assert own == (arc.GRID, EXACT, ORDERS, POWERS)
-    for name in ("GRID", "CERTAIN", "FLAT"):
-        assert getattr(orbit_loops, name) == getattr(orbit, name)
+    shared = {
+        arc_loops: {arc: "GRID", aliases: "EXACT ORDERS POWERS"},
+        orbit_loops: {
+            orbit: "GRID CERTAIN FLAT",
+            propagators: "NEAR ORDERS POWERS FAR CLOSED",
+            refined: "TURN DEPTH MOST",
+        },
+        clearance_loops: {clearance: "CLOSE", rivals: "BESIDE ALIKE TELLING MIRRORED"},
+        pair_loops: {green: "POWERS"},
+    }
+    for loops, others in shared.items():
+        for other, names in others.items():
+            for name in names.split():
+                assert getattr(loops, name) == getattr(other, name), (loops.__name__, name)
+    assert orbit_loops.FARTHEST == orbit.FAR
+    assert pair_loops.TERMS == green.TERMS + 1
+    assert clearance_loops.EVEN == wave_loops.EVEN == periodic.POWERS
 
 
 @pytest.mark.parametrize(("gamma", "k"), PLACES)
