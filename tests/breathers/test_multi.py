@@ -165,3 +165,9 @@ def test_an_arm_far_out_of_reach_is_not_converged(amplitude: float) -> None:
     fork = cb.trace(shot, "a", within={"a": (0.6, 0.9)}).first("PF")
     with pytest.raises(cb.NotConverged, match="amplitude"):
         lift(fork).arm(amplitude)
+
+
+def test_where_there_is_one_root_the_lower_one_is_it() -> None:
+    alone = {"a": 1.1, "gamma": 0.0, "k": 0.8, "lattice": cb.Ring(1)}
+    assert len(cb.symmetric_roots(**alone)) == 1
+    assert cb.multibreather({0: "lower"}, **alone).p == pytest.approx(cb.symmetric(**alone).p)
