@@ -287,6 +287,7 @@ def test_a_zero_is_alone_up_to_the_next_one() -> None:
         assert zero is not None
         assert zero[0].contains(arb(1e-13))
         assert 2e-14 < points.alone_within(square, zero) < 2e-13
+        assert points.alone_within(lambda z: [z[0] * z[0]], [arb(0)]) == 0.0
         line = [balls.about(0.2, 1e-20)]
         assert points.alone_within(lambda z: [z[0] - arb(0.2)], line) == points.FARTHEST == 0.3
 

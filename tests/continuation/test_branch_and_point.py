@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contbreather import continuation
 from contbreather.continuation import (
     Branch,
     Event,
@@ -22,7 +21,7 @@ from contbreather.continuation import (
     trace,
     user,
 )
-from contbreather.continuation.branch import labelled, with_columns
+from contbreather.continuation.branch import labelled
 from contbreather.continuation.point import Level, Meeting
 from contbreather.errors import BadInput
 
@@ -121,23 +120,6 @@ def test_the_second_of_a_kind_that_ends_in_a_digit_has_a_dot() -> None:
     assert [p.label for p in points] == ["R1.1", "PF1", "", "R1.2", "PF2", "UZ1", "BP-PD1"]
 
 
-def test_a_branch_says_in_what_it_was_walked_and_from_how_far() -> None:
-    two = {"mu": 0.5, "h": 0.25}
-    start = Problem(lambda x, p: x - p["mu"] - p["h"], {"x": 0.85}, two)
-    own = trace(start, "mu", within={"mu": (0, 1)}, events=())
-    assert own.describe() == (
-        f"branch in mu (h = 0.25): {len(own)} points; reached the edge of the window; the start "
-        "was moved by 0.1"
-    )
-    plain = trace(start.at(x=0.75), "mu", within={"mu": (0, 1)}, events=())
-    assert plain.describe() == (
-        f"branch in mu (h = 0.25): {len(plain)} points; reached the edge of the window"
-    )
-    line = continuation.boundary(trace_case(CUSP, events=[fold()]).first("LP"), ("mu", "h"),
-                                 within={"mu": (0.5, 1.5)}, events=())  # fmt: skip
-    assert f" in (mu, h): {len(line)} points; " in line.describe()
-
-
 def test_how_far_a_start_was_moved_is_told_from_a_thousandth_on() -> None:
     for off in (0.9e-3, 1.2e-3):
         start = Problem(lambda x, p: x - p["mu"], {"x": off}, {"mu": 0.0}, scales={"x": 1.0})
@@ -158,14 +140,6 @@ def test_no_count_stands_where_rounding_decides_it() -> None:
     assert only["count"].dtype.kind == "i"
 
 
-def test_more_columns_come_along_with_all_the_rest(branch: Branch) -> None:
-    more = with_columns(branch, twice=lambda point: 2 * point["x"])
-    assert np.array_equal(more["twice"], 2 * branch["x"])
-    assert more.names == (*branch.names[:-2], "twice", "arclength", "residual")
-    assert more.doubtful[0]["twice"] == 2 * branch.doubtful[0]["x"]
-    assert "twice" not in branch.names
-
-
 # --- points -------------------------------------------------------------------------------------
 
 
@@ -173,15 +147,9 @@ def test_a_point_is_plain_unless_anything_more_is_known_of_it() -> None:
     point = next(p for p in trace(LINE.problem, "mu", within={"mu": (-1, 1)}, events=()) if p.plain)
     event = fold()
     for more in (
-        {"kind": "LP"},
-        {"label": "LP1"},
-        {"detail": {"x": 1}},
-        {"event": event},
-        {"parent": point},
-        {"bracket": (0.0, 1.0)},
-        {"located": False},
-        {"tangent": None},
-    ):
+        {"kind": "LP"}, {"label": "LP1"}, {"detail": {"x": 1}}, {"event": event},
+        {"parent": point}, {"bracket": (0.0, 1.0)}, {"located": False}, {"tangent": None},
+    ):  # fmt: skip
         assert not replace(point, **more).plain, more
 
 
@@ -192,14 +160,9 @@ def test_rounding_decides_counts_where_something_bifurcates() -> None:
     terminal = replace(fold(), ends="branch")
     met = [Meeting("M", float, base=base) for base in (fold(), level)]
     for event, verge in (
-        (fold(), True),
-        (terminal, True),
-        (wall, False),
-        (level, False),
-        (tally, False),
-        (met[0], True),
-        (met[1], False),
-    ):
+        (fold(), True), (terminal, True), (wall, False), (level, False), (tally, False),
+        (met[0], True), (met[1], False),
+    ):  # fmt: skip
         assert event.bifurcates is verge
         here = replace(point, event=event, kind=event.kind)
         assert here.on_verge is verge

@@ -1,0 +1,254 @@
+"""Verdicts, multipliers and ranges at their thresholds: both sides of each, by given numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.dynamics import Kind, State, simulate, simulate_smooth, states, verdicts
+from contbreather.dynamics.returning import PeriodicMotion
+from contbreather.dynamics.verdicts import Rotation
+from contbreather.errors import BadInput
+from contbreather.lattice.conditions import Walls
+
+ON = {"a": 0.2, "gamma": 0.05, "k": 0.8, "damping": 0.1}
+REST = np.zeros(3), np.zeros(3)
+RIGID = simulate(REST, periods=60, **ON)
+SMOOTH = simulate_smooth(REST, periods=60, m=2, **ON)
+RUNS = {"rigid": RIGID, "smooth": SMOOTH}
+
+
+def motion(run: Any, matrix: Any, **given: Any) -> PeriodicMotion:
+    own = {"t0": 0.0, "periods": 1, "symmetric": False, "residual": 1e-12, **given}
+    return PeriodicMotion(State(*REST), matrix=np.diag(matrix), conditions=run.conditions, **own)
+
+
+@pytest.mark.parametrize(("walls", "slack"), [("rigid", 1e-9), ("smooth", 1e-7)])
+def test_a_multiplier_is_outside_by_more_than_rounding_or_integration_leaves(walls, slack) -> None:
+    own = motion(RUNS[walls], [0.5, -(1 + 0.8 * slack), 1 + 1.2 * slack, -2.0, 0.0, 1.0])
+    assert own.unstable == 2
+    assert abs(own.multipliers).tolist() == sorted(abs(own.multipliers), reverse=True)
+    assert (own.largest, own.half) == (2.0, None)
+    assert own.growth == math.log(2.0) / (2 * math.pi)
+    assert replace(own, periods=3).growth == math.log(2.0) / (6 * math.pi)
+    half = replace(own, symmetric=True)
+    assert half.half[0] == 2.0  # of -2: the sign of the half map
+    assert half.multipliers[0] == half.largest == 4.0
+
+
+# --- verdicts -----------------------------------------------------------------------------------
+
+STEADY = Rotation(0.2345678, 1e-8, 0.5, 1e-6)
+
+
+def opened(
+    monkeypatch: Any, walls: str, turn: Rotation, values: Any, errors: Any, repelling: Any = None
+) -> tuple[Kind, str, dict[str, float]]:
+    run, evidence = RUNS[walls], dict[str, float]()
+    monkeypatch.setattr(verdicts, "rotation", lambda *_: turn)
+    monkeypatch.setattr(verdicts, "_exponents", lambda _: (np.array(values), np.array(errors)))
+    return *verdicts._open(run, evidence, repelling), evidence
+
+
+TORUS, CHAOS, OPEN = Kind.QUASI_PERIODIC, Kind.CHAOTIC, Kind.UNDECIDED
+
+
+@pytest.mark.parametrize(
+    ("turn", "value", "error", "rigid", "smooth"),
+    [
+        ({}, 0.0, 1e-8, TORUS, TORUS),
+        ({"error": 1e-6}, 0.0, 1e-8, TORUS, TORUS),
+        ({"error": 1.1e-6}, 0.0, 1e-8, OPEN, OPEN),
+        ({"hole": 1e-3}, 0.0, 1e-8, TORUS, TORUS),
+        ({"hole": 0.9e-3}, 0.0, 1e-8, OPEN, OPEN),
+        ({"drift": 1e-4}, 0.0, 1e-8, TORUS, TORUS),
+        ({"drift": 1.1e-4}, 0.0, 1e-8, OPEN, OPEN),
+        ({}, 1.1e-3, 1e-5, CHAOS, CHAOS),
+        ({}, 0.9e-3, 1e-5, OPEN, OPEN),
+        ({}, 1e-2, 1.9e-3, CHAOS, CHAOS),
+        ({}, 1e-2, 2.1e-3, OPEN, OPEN),
+        ({}, -1e-2, 1e-5, OPEN, OPEN),
+        ({}, 0.9e-6, 1e-9, TORUS, TORUS),
+        ({}, -1.1e-6, 1e-9, OPEN, TORUS),
+        ({}, 0.9e-5, 1e-9, OPEN, TORUS),
+        ({}, 1.1e-5, 1e-9, OPEN, OPEN),
+        ({}, 4.9e-5, 1e-5, TORUS, TORUS),
+        ({}, 5.1e-5, 1e-5, OPEN, OPEN),
+        ({}, 0.0, 1e-3, TORUS, TORUS),
+        ({}, 0.0, 1.1e-3, OPEN, OPEN),
+        ({"number": 0.25}, 0.0, 1e-6, TORUS, TORUS),
+        ({"number": 0.25}, 0.0, 1.1e-6, OPEN, TORUS),
+        ({"number": 0.25}, 0.0, 1.1e-5, OPEN, OPEN),
+    ],
+)
+def test_an_open_motion_is_what_turns_and_exponents_say(
+    monkeypatch, turn, value, error, rigid, smooth
+) -> None:
+    own = replace(STEADY, **turn)
+    for walls, kind in (("rigid", rigid), ("smooth", smooth)):
+        found, words, evidence = opened(monkeypatch, walls, own, [value, -1, -2], [error] * 3)
+        assert found is kind, walls
+        assert f"largest exponent {value:.2g} ({error:.0e})" in words
+        assert ("rotation number" in words) is (kind is not CHAOS)
+        unsteady = own.error > 1e-6 or own.hole < 1e-3 or own.drift > 1e-4
+        assert ("the section's size changes by" in words) is unsteady
+        alone = abs(value) < max(5 * error, 1e-6 if walls == "rigid" else 1e-5)
+        alone = alone and error < (1e-6 if walls == "rigid" else 1e-5)
+        assert evidence == {
+            "rotation": own.number,
+            "rotation_error": own.error,
+            "exponent": value,
+            "exponent_error": error,
+            "frequencies": float(alone),
+        }
+
+
+def test_beside_a_motion_that_repels_a_positive_exponent_is_no_chaos(monkeypatch) -> None:
+    beside = motion(RIGID, [1.5] + 5 * [0.0], periods=2)
+    found, words, evidence = opened(monkeypatch, "rigid", STEADY, [0.3, 0, 0], [1e-8] * 3, beside)
+    assert found is OPEN
+    assert words.endswith(
+        "from a motion that repeats after 2 periods, largest multiplier 1.5: it repels"
+    )
+    assert evidence["multiplier"] == 1.5
+    found, words, _ = opened(monkeypatch, "rigid", STEADY, [0, 0, -1], [1e-8] * 3, beside)
+    assert found is TORUS
+    assert words.endswith("; 2 exponents are zero: a torus of 2 frequencies beside 1")
+
+
+@pytest.mark.parametrize(
+    ("walls", "gap", "n", "largest", "leaves", "kind", "words"),
+    [
+        ("rigid", 0.9e-9, 3, None, False, OPEN, "returns after 3 to 9e-10, but Newton's method"),
+        ("rigid", 1.1e-9, 3, None, False, None, ""),
+        ("rigid", 1e-4, 1, 1 + 0.9e-7, False, Kind.PERIODIC, "largest multiplier 1"),
+        ("rigid", 1e-4, 1, 1 + 1.1e-7, False, None, ""),
+        ("smooth", 1e-4, 1, 1 + 0.9e-6, False, Kind.PERIODIC, "largest multiplier 1"),
+        ("smooth", 1e-4, 1, 1 + 1.1e-6, False, None, ""),
+        ("rigid", 0.9e-3, 1, 0.5, False, Kind.PERIODIC, "largest multiplier 0.5"),
+        ("rigid", 1.1e-3, 1, 0.5, False, None, ""),
+        ("rigid", 0.9e-9, 1, 1.5, True, OPEN, "from a motion that repeats after a period, largest"),
+        ("rigid", 1.1e-9, 1, 1.5, True, None, ""),
+    ],
+)
+def test_a_closed_motion_is_one_that_newton_finds(
+    monkeypatch, walls, gap, n, largest, leaves, kind, words
+) -> None:
+    run, evidence = RUNS[walls], dict[str, float]()
+    near = None if largest is None else motion(run, [largest] + 5 * [0.0])
+    monkeypatch.setattr(verdicts, "_returns", lambda _: (n, np.full(64, gap)))
+    monkeypatch.setattr(verdicts, "_next_to", lambda run, periods: near)
+    monkeypatch.setattr(verdicts, "_leaving", lambda run, found: leaves)
+    said = Kind.PERIODIC, f"largest multiplier {largest or 0:.3g}"
+    monkeypatch.setattr(verdicts, "_periodic", lambda run, evidence, found: said)
+    found, repelling = verdicts._closed(run, evidence)
+    assert (None if found is None else found[0]) is kind
+    assert found is None or words in found[1]
+    assert repelling is (near if leaves else None)
+    assert (evidence["return"], evidence["periods"]) == (gap, float(n))
+
+
+def test_a_run_comes_back_after_the_fewest_periods_that_do() -> None:
+    wave = np.tile([0.0, 0.3, 0.5], 40)[:, None]
+    for off, wanted in ((0.0, 3), (0.4e-9, 3), (3e-9, 6)):
+        u = wave + off * np.tile([0, 0, 0, 1, 1, 1], 20)[:, None]
+        run: Any = SimpleNamespace(strobe=State(u, 0 * u))
+        n, gaps = verdicts._returns(run)
+        assert n == wanted
+        assert len(gaps) == 40
+        assert gaps[[0, 2, 5]] == pytest.approx([0.5 + off, off, 0.0], abs=1e-12)
+    long: Any = SimpleNamespace(strobe=State(*np.zeros((2, 999, 1))))
+    assert len(verdicts._returns(long)[1]) == 64
+
+
+@pytest.mark.parametrize("q", [1, 2, 3, 63, 64])
+def test_a_number_is_rational_next_to_a_ratio_with_a_small_denominator(q: int) -> None:
+    for off, near in ((0.0, True), (0.9e-7, True), (-0.9e-7, True), (1.2e-7, False)):
+        assert verdicts.rational(1 / q + off) is near
+    assert not verdicts.rational(1 / 65)
+
+
+def test_a_run_leaves_a_motion_it_was_beside_for_as_long_as_rounding_takes_to_grow() -> None:
+    own = motion(RIGID, [1.5] + 5 * [0.0])
+    longest = int(-math.log(np.finfo(float).eps) / math.log(1.5))  # 88 periods
+    for periods, away, leaving in (
+        (longest, 0.9e-2, True),
+        (longest + 1, 0.9e-2, False),
+        (longest, 1.1e-2, False),
+    ):
+        u = np.zeros((periods, 3))
+        u[0, 1] = away
+        run: Any = SimpleNamespace(strobe=State(u, 0 * u))
+        assert verdicts._leaving(run, own) is leaving
+        u = np.zeros((2 * periods, 3))
+        run = SimpleNamespace(strobe=State(u, 0 * u))
+        assert verdicts._leaving(run, replace(own, periods=2)) is (periods == longest)
+
+
+def test_energy_all_over_smooth_sites_is_no_breather_and_unison_is_close() -> None:
+    here = {"aside": 0.1, "spread": 0.5, "participation": 2.0}
+    for run, sites, more, kind in (
+        (SMOOTH, 3, {}, None),
+        (SMOOTH, 3, {"participation": 3.0}, None),
+        (SMOOTH, 3, {"participation": 3.1}, Kind.DELOCALISED),
+        (SMOOTH, 2, {"participation": 3.1}, None),
+        (SMOOTH, 3, {"spread": 0.9e-6}, Kind.SYNCHRONISED),
+        (SMOOTH, 3, {"spread": 1.1e-6}, None),
+        (SMOOTH, 1, {"spread": 0.0}, None),
+        (SMOOTH, 2, {"spread": 0.0}, Kind.SYNCHRONISED),
+        (RIGID, 3, {"impacting": 0.0}, Kind.SYNCHRONISED),
+        (RIGID, 3, {"impacting": 1.0, "participation": 9.0}, None),
+    ):
+        found = verdicts._lost(SimpleNamespace(sites=sites), here | more)  # type: ignore[arg-type]
+        assert (None if found is None else found[0]) is kind, (run, sites, more)
+
+
+# --- ranges -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [("a", 0.0, None), ("k", 0.0, 1.0), ("damping", 0.0, 1e4), ("spring", 0.0, 1e8)],
+)
+def test_the_ends_of_a_range_belong_to_it(name: str, low: float, high: float | None) -> None:
+    for end, step in ((low, -1e-9), (high, 1e-3)):
+        if end is None:
+            continue
+        assert getattr(states.conditions_of(3, **{**ON, name: end}), name) == end
+        with pytest.raises(BadInput, match=rf"^{name} = "):
+            states.conditions_of(3, **{**ON, name: end + step})
+
+
+def test_couplings_of_other_lattices_are_at_most_1e8() -> None:
+    chain = cb.OpenChain(3)
+    for gamma in (0.0, 1e8):
+        assert states.conditions_of(3, **{**ON, "gamma": gamma}, lattice=chain).gamma == gamma
+    for gamma in (-1e-9, 1.001e8):
+        with pytest.raises(BadInput, match=r"^gamma = "):
+            states.conditions_of(3, **{**ON, "gamma": gamma}, lattice=chain)
+
+
+@pytest.mark.parametrize(("wall", "size"), [(1.0, 1.0), (5.0, 5.0), (0.5, 1.0)])
+def test_what_is_beyond_a_wall_by_rounding_is_put_onto_it(wall: float, size: float) -> None:
+    walls = Walls((-wall, wall), own=((2, (-math.inf, math.inf)),))
+    for side in (-1, 1):
+        near = np.array([0.0, side * (wall + 0.9e-9 * size), 99.0])
+        found = states.within(State(near, 0 * near), walls)
+        assert found.u.tolist() == [0.0, side * wall, 99.0]
+        far = np.array([0.0, side * (wall + 1.1e-9 * size), 99.0])
+        with pytest.raises(
+            BadInput, match=rf"^u\[1\] = .* lies outside the walls at -{wall:g} and {wall:g}"
+        ):
+            states.within(State(far, 0 * far), walls)
+
+
+def test_velocities_of_a_million_are_the_fastest() -> None:
+    assert states.check_state(([0.0, 0.0], [0.0, -1e6])).v[1] == -1e6
+    with pytest.raises(BadInput, match=r"^v\[1\] = -1e\+06: velocities above 1e\+06"):
+        states.check_state(([0.0, 0.0], [0.0, -1.001e6]))
