@@ -161,6 +161,14 @@ def test_of_a_long_table_the_first_rows_are_shown_and_the_rest_is_counted(
     assert f"<p>and {len(branch.special) - 30} more</p>" in shown
 
 
+@pytest.mark.parametrize("more", [-1, 0, 1, 2])
+def test_one_row_beyond_a_table_is_counted_and_none_is_not(more: int) -> None:
+    rows = [[f"row {i}", "1"] for i in range(cards.MOST + more)]
+    shown = cards._table(cards.Card("", None, rows))
+    assert shown.count("<tr>") == min(len(rows), cards.MOST)
+    assert shown.endswith(f"<p>and {more} more</p>" if more > 0 else "</table>")
+
+
 def test_the_table_of_a_branch_has_its_special_points(values) -> None:
     shown = values["Branch"]._repr_html_()
     for point in values["Branch"].special:
