@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather import progress
 from contbreather.breathers import find_event, find_symmetric, search, smallest_amplitude
 
 WHERE = {"gamma": (0.0, 0.24), "a": (0.86, 0.95)}
@@ -29,8 +30,14 @@ def test_what_is_found_of_a_kind_that_is_not_there_is_named() -> None:
         find_event("PF", ("gamma", "a"), within=WHERE, k=0.8)
 
 
-def test_nothing_is_printed_while_searching(capsys: pytest.CaptureFixture[str]) -> None:
-    find_event("LP", ("gamma", "a"), gamma=0.04, k=0.8)
+def test_nothing_is_printed_while_searching(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    assert find_event("LP", ("gamma", "a"), gamma=0.04, k=0.8).kind == "LP"
+    # on an arm, which leaves the branch at its pitchfork
+    double = find_event("PD", ("gamma", "a"), within={"a": (0.5, 0.999)}, gamma=0.002, k=0.95)
+    assert (double.kind, double["a"]) == ("PD", pytest.approx(0.912097259017, abs=1e-11))
     assert capsys.readouterr() == ("", "")
 
 
