@@ -49,6 +49,14 @@ def test_where_limits_meet_an_atlas_says_which() -> None:
     at = {word: i for i, word in enumerate(words(whole, "meeting")) if word}
     assert whole.gamma.to_numpy()[at["NS-LP"]] == pytest.approx(0.125220720183, abs=1e-12)
     assert words(whole, "kind")[at["NS-LP"]] == "NS"
+    assert {
+        name: of.attrs["long_name"] for name, of in whole.items() if "long_name" in of.attrs
+    } == {
+        "kind": "which limit of the breather the point is on",
+        "meeting": "the limits that meet there",
+        "curve": "number of the curve, its points in order along it",
+        "slice": "number of the diagram",
+    }
 
 
 def test_an_atlas_out_of_a_file_is_drawn_as_the_one_that_was_written(

@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 
 from contbreather.breathers import (
     centre_margin,
+    clearance,
     highest_neighbour,
     neighbour_peak,
     smallest_amplitude,
@@ -415,3 +416,23 @@ def test_repr_is_one_line_with_the_verdict_and_what_is_closest() -> None:
         assert shown.startswith(f"<Admissibility {word}, margin {margins.margin:.6g}: ")
         assert margins.reason.rstrip(".") in shown
         assert "\n" not in shown
+
+
+def test_a_rule_that_is_broken_is_the_one_of_whoever_breaks_it() -> None:
+    watch = symmetric(0.5, 0.04, 0.8).watch
+    for gap, rule in (
+        (Gap(-0.05, None, 0.0), "|a f| <= 1"),
+        (Gap(-0.05, 1, 0.0), "(15)"),
+        (Gap(-0.05, 0, watch.start + 1.0, 0), "(B3)"),
+    ):
+        said = clearance._reason(watch, gap)
+        assert said.startswith("no breather: ")
+        assert said.endswith(f"; {rule} is broken.")
+        inside = clearance._reason(watch, gap._replace(margin=0.05))
+        assert inside.startswith("every site keeps off its walls; closest to the limit: ")
+        for margin in (1e-10, -1e-10):
+            assert clearance._reason(watch, gap._replace(margin=margin)).startswith(
+                "at the limit: "
+            )
+    far = clearance._reason(watch, Gap(-0.05, None, 0.0))
+    assert "the far field follows the forcing and reaches |u| = 1.05;" in far
