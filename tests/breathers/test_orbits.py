@@ -13,6 +13,7 @@ import pytest
 from contbreather.breathers import symmetric
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.images import SAME, images_of, simpler_than
+from contbreather.breathers.modal_road import Modes
 from contbreather.breathers.orbit import Orbit, orbit_at, orbit_of
 from contbreather.breathers.section import Section
 from contbreather.breathers.shooting import shooting
@@ -254,6 +255,9 @@ def test_at_an_impact_the_motion_is_the_one_just_after_it_in_any_period(which: i
                 assert after == pytest.approx(hit.after, abs=1e-11 + rounded)
                 bend = orbit.acceleration(hit.site, same)
                 assert bend == pytest.approx(hit.acceleration, abs=1e-9)
+                if isinstance(orbit.road, Modes):
+                    one = orbit.flight.at(hit.site, same)[:2]
+                    assert one == pytest.approx((wall, hit.after), abs=1e-11 + rounded)
                 one = orbit.watch.at(hit.site, t + 1e-9)
                 assert one == pytest.approx((wall, hit.after, hit.acceleration), abs=1e-6)
             before = np.array([t - 1e-7, t - 1e-8])
