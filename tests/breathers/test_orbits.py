@@ -443,3 +443,18 @@ def test_an_orbit_of_two_alike_flights_is_known_for_a_symmetric_breather() -> No
     assert known.section == b.section
     assert known.phi - b.phi == pytest.approx(0.4 * SAME, abs=1e-3 * SAME)
     assert simpler_than(moved(b.unfolded(), 1, 1.2 * SAME)) is None
+
+
+def test_an_orbit_is_made_of_finite_numbers() -> None:
+    b = symmetric(0.5, 0.12, 0.4).unfolded()
+    for spoilt in (
+        {"offsets": (math.nan,)},
+        {"impacts": tuple(one._replace(time=math.inf) for one in b.impacts)},
+        {"impacts": tuple(one._replace(impulse=math.nan) for one in b.impacts)},
+    ):
+        with pytest.raises(BadInput, match="finite numbers are expected"):
+            replace(b.road, **spoilt)
+    with pytest.raises(BadInput, match=r"impact 2 has the impulse -1 at the wall -1: .* must be"):
+        replace(b.road, impacts=(b.impacts[0], b.impacts[1]._replace(impulse=-1.0)))
+    with pytest.raises(BadInput, match="2 offsets for 1 impacting sites"):
+        replace(b.road, offsets=(0.0, 0.0))
