@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -21,110 +22,11 @@ from contbreather.continuation import (
     trace,
     user,
 )
-from contbreather.continuation.branch import labelled
-from contbreather.continuation.point import Level, Meeting
+from contbreather.continuation.point import Meeting
+from contbreather.continuation.trace import _with_ends
 from contbreather.errors import BadInput
 
-from .zoo import ARMS, CUSP, LINE, PITCHFORK, trace_case
-
-STOPS = {
-    "BOUND": ("reached the edge of the window", False),
-    "EVENT": ("ended at a terminal event", False),
-    "CLOSED": ("closed: the curve came back to its start", False),
-    "MOST": ("took as many steps as allowed; raise Steps.most to go on", False),
-    "NO_CONVERGENCE": ("Newton's iteration failed down to the smallest step", True),
-    "RIM": ("reached the rim of the domain of the equations", True),
-    "INTERRUPTED": ("interrupted; the points up to here are kept", False),
-    "START": ("where the walk set out", False),
-    "CUT": ("a piece of a longer branch was taken", False),
-}
-
-
-def test_every_reason_to_stop_has_its_sentence() -> None:
-    assert {one.name: (one.value, one.failed) for one in Stop} == STOPS
-
-
-@pytest.fixture(scope="module")
-def branch() -> Branch:
-    found = trace_case(ARMS, events=[fold(), branch_point()])
-    assert found.doubtful
-    return replace(found, reason="this end", began_reason="that end", began=Stop.RIM)
-
-
-def test_a_piece_keeps_the_ends_that_are_its_own_and_what_lies_on_it(branch: Branch) -> None:
-    n, where = len(branch), branch.doubtful[0].arclength
-    at = int(np.searchsorted(branch["arclength"], where))
-    for low, high in (
-        (0, n),
-        (1, n),
-        (0, n - 1),
-        (2, n - 3),
-        (at - 1, at + 1),
-        (at + 1, n),
-        (3, 4),
-    ):
-        piece = branch[low:high]
-        assert piece["arclength"].tolist() == branch["arclength"][low:high].tolist()
-        first, last = low == 0, high == n
-        assert (piece.began, piece.began_reason) == (
-            (Stop.RIM, "that end") if first else (Stop.CUT, "")
-        )
-        assert (piece.stop, piece.reason) == ((branch.stop, "this end") if last else (Stop.CUT, ""))
-        inside = branch[low].arclength <= where <= branch[high - 1].arclength
-        assert piece.doubtful == (branch.doubtful if inside else ())
-    assert len(branch[::2]) == (n + 1) // 2
-    assert branch[: n : n - 1].stop is branch.stop
-    for empty in (slice(3, 3), slice(5, 2), slice(None, None, -1)):
-        with pytest.raises(BadInput, match="at least one point, and goes forwards"):
-            branch[empty]
-
-
-def test_brackets_turn_and_move_with_their_points(branch: Branch) -> None:
-    length = branch[-1].arclength
-    turned = branch.reversed()
-    for own, other in zip(branch.special, turned.special[::-1], strict=True):
-        if own.bracket:
-            low, high = own.bracket
-            assert other.bracket == (length - high, length - low)
-            assert np.array_equal(other.tangent, -own.tangent)
-    assert (turned.stop, turned.began) == (Stop.RIM, branch.stop)
-    assert (turned.reason, turned.began_reason) == ("that end", "this end")
-    longer = trace(LINE.problem, "mu", within={"mu": (-1, 1)}, events=[user("x", 0.25)])
-    half = longer[: len(longer) // 2 + 1], longer[len(longer) // 2 :]
-    whole = half[0].join(half[1])
-    assert np.allclose(whole["arclength"], longer["arclength"])
-    for point in whole.special:
-        if point.bracket:
-            assert point.bracket[0] <= point.arclength <= point.bracket[1]
-
-
-@pytest.mark.parametrize(("gap", "meets"), [(0.0, True), (0.9e-8, True), (1.2e-8, False)])
-def test_branches_join_where_they_meet_to_eight_digits(gap: float, meets: bool) -> None:
-    one = trace(LINE.problem, "mu", within={"mu": (-1, 0)}, towards="both")
-    start = one[-1].z
-    other = trace(
-        LINE.problem.at(x=start[0], mu=start[-1]), "mu", within={"mu": (-1, 1)}, towards="up"
-    )
-    aside = replace(other, points=[replace(p, z=p.z + gap) for p in other])
-    if meets:
-        assert len(one.join(aside)) == len(one) + len(other) - 1
-        return
-    with pytest.raises(BadInput, match="these do not meet"):
-        one.join(aside)
-
-
-def test_the_second_of_a_kind_that_ends_in_a_digit_has_a_dot() -> None:
-    line = trace(LINE.problem, "mu", within={"mu": (-1, 1)}, events=())
-    kinds = ["R1", "PF", "", "R1", "PF", "UZ", "BP-PD"]
-    points = labelled([replace(p, kind=kind) for p, kind in zip(line, kinds, strict=False)])
-    assert [p.label for p in points] == ["R1.1", "PF1", "", "R1.2", "PF2", "UZ1", "BP-PD1"]
-
-
-def test_how_far_a_start_was_moved_is_told_from_a_thousandth_on() -> None:
-    for off in (0.9e-3, 1.2e-3):
-        start = Problem(lambda x, p: x - p["mu"], {"x": off}, {"mu": 0.0}, scales={"x": 1.0})
-        moved = trace(start, "mu", within={"mu": (-1, 1)}, events=()).moved
-        assert moved == pytest.approx(off if off > 1e-3 else 0.0, rel=0.3)
+from .zoo import CUSP, LINE, PITCHFORK, trace_case
 
 
 def test_no_count_stands_where_rounding_decides_it() -> None:
@@ -141,16 +43,6 @@ def test_no_count_stands_where_rounding_decides_it() -> None:
 
 
 # --- points -------------------------------------------------------------------------------------
-
-
-def test_a_point_is_plain_unless_anything_more_is_known_of_it() -> None:
-    point = next(p for p in trace(LINE.problem, "mu", within={"mu": (-1, 1)}, events=()) if p.plain)
-    event = fold()
-    for more in (
-        {"kind": "LP"}, {"label": "LP1"}, {"detail": {"x": 1}}, {"event": event},
-        {"parent": point}, {"bracket": (0.0, 1.0)}, {"located": False}, {"tangent": None},
-    ):  # fmt: skip
-        assert not replace(point, **more).plain, more
 
 
 def test_rounding_decides_counts_where_something_bifurcates() -> None:
@@ -178,57 +70,6 @@ def test_rounding_decides_counts_where_something_bifurcates() -> None:
     ]
 
 
-def test_names_at_a_point_are_looked_up_in_order() -> None:
-    record = {"x": lambda p: -1.0, "mu": lambda p: -2.0, "h": lambda p: -3.0, "c": lambda p: 4.0}
-    problem = replace(LINE.problem, record={"c": record["c"], "d": lambda p: 5.0})
-    point = replace(
-        trace(problem, "mu", within={"mu": (-1, 1)}, events=())[3],
-        kind="BT",
-        detail={"x": 9.0, "mu": 9.0, "c": 7.0},
-    )
-    assert (point["x"], point["mu"]) == (point.z[0], point.z[1])
-    assert (point["c"], point["d"]) == (7.0, 5.0)
-    assert [point[f"{name} of BT"] for name in ("x", "mu", "c")] == [9.0, 9.0, 7.0]
-    for wrong in ("d of BT", "x of LP", "e"):
-        with pytest.raises(BadInput, match=f"no '{wrong}' at this point; it has"):
-            point[wrong]
-
-
-def test_the_norm_of_an_array_is_known_at_a_point() -> None:
-    pair = Problem(lambda u, p: u - p["mu"], {"u": [3.0, 4.0]}, {"mu": 1.0})
-    point = Point(
-        trace(pair.at(u=[1.0, 1.0]), "mu", within={"mu": (0, 2)}).curve, np.array([3.0, 4.0, 1.0])
-    )
-    assert point["norm(u)"] == 5.0
-    assert point["u"].tolist() == [3.0, 4.0]
-
-
-def test_a_point_in_doubt_says_why() -> None:
-    point = Point(trace_case(LINE).curve, np.array([2.0, 1.0]), kind="LP", located=False)
-    shown = ", ".join(f"{name}={point[name]:.10g}" for name in point.values)
-    assert repr(point) == f"Point(LP?: {shown}; not located)"
-    why = replace(point, label="LP1", detail={"reason": "so"})
-    assert repr(why) == f"Point(LP1?: {shown}; not located: so)"
-
-
-def test_levels_say_what_they_are_and_where_their_curve_is() -> None:
-    level = Level("mu", 1 / 3)
-    assert str(level) == "mu = 0.333333333333"
-    point = Point(trace_case(LINE).curve, np.array([2.0, 1.0]))
-    assert level(point) == 1.0 - 1 / 3
-    assert level.conditions(point.curve, point.z, np.empty(0)).tolist() == [1.0 - 1 / 3]
-    for value in (-1e300, 1e300):
-        assert user("mu", value).test.value == value
-        with pytest.raises(BadInput):
-            user("mu", value * 1.1)
-    event = user("x", 0.5, terminal=True)
-    assert event.ends == "branch"
-    assert (event.recipe.kind, dict(event.recipe.of)) == (
-        "UZ",
-        {"name": "x", "value": 0.5, "terminal": True},
-    )
-
-
 # --- many ---------------------------------------------------------------------------------------
 
 
@@ -254,3 +95,50 @@ def test_many_branches_are_asked_for_as_one_is(monkeypatch: pytest.MonkeyPatch) 
     for wrong in (LINE.problem, "line", 3):
         with pytest.raises(BadInput, match="takes several starts, a list of them"):
             many.trace_many(wrong, "mu")
+
+
+# --- walks --------------------------------------------------------------------------------------
+
+
+def test_each_step_has_a_line_in_the_log_and_each_event_one(caplog) -> None:
+    caplog.set_level("DEBUG", "contbreather")
+    bent = Problem(lambda x, p: p["mu"] - 40 * x**2, {"x": 1.0}, {"mu": 40.0})
+    branch = trace(bent, "mu", within={"x": (-1, 2)}, towards="down", events=[fold()])
+    said = [record.getMessage() for record in caplog.records]
+    taken = [one for one in said if re.fullmatch(
+        r"step of \S+ to mu = \S+: [1-8] Newton iterations, residual \S+", one)]  # fmt: skip
+    refused = [
+        one for one in said if re.fullmatch(r"step of \S+ refused: the curve turns too .*", one)
+    ]
+    assert len(taken) == len(branch) - 2  # but for the start and the fold
+    assert len(refused) > 1
+    assert [one for one in said if one.startswith("found")] == [
+        f"found LP: {replace(branch.first('LP'), label='')!r}"
+    ]
+
+
+@pytest.mark.parametrize(("stops", "kinds"), [
+    (("BOUND", "BOUND"), "EP EP"), (("RIM", "BOUND"), "MX EP"), (("BOUND", "RIM"), "EP MX"),
+    ((None, "NO_CONVERGENCE"), "EP MX"), (("NO_CONVERGENCE", "CUT"), "MX EP"),
+])  # fmt: skip
+def test_an_end_where_the_numerics_gave_up_is_another_than_that_of_a_curve(stops, kinds) -> None:
+    line = trace(LINE.problem, "mu", within={"mu": (-1, 1)}, events=())
+    bare = [replace(point, kind="", label="") for point in line]
+    began, stop = (name and Stop[name] for name in stops)
+    both = _with_ends(Branch(bare, stop, began))
+    assert [both[i].kind for i in (0, -1)] == kinds.split()
+    alone = _with_ends(Branch(bare[:1], stop, began))
+    assert alone[0].kind == ("MX" if "MX" in kinds else "EP")
+    kept = _with_ends(Branch([replace(one, kind="LP") for one in bare], stop, began))
+    assert {point.kind for point in kept} == {"LP"}
+
+
+def test_names_that_are_nobody_s_are_not_asked_of_the_solution() -> None:
+    asked = []
+    told = replace(LINE.problem, interpret=lambda point: asked.append(point) or "text")
+    point = trace(told, "mu", within={"mu": (-1, 1)}, events=())[3]
+    with pytest.raises(AttributeError, match="'_own' of this point has no value"):
+        point._own  # noqa: B018
+    assert not asked
+    assert point.upper() == "TEXT"
+    assert len(asked) == 1

@@ -75,25 +75,6 @@ def test_the_plane_of_the_start_is_passed_from_behind_in_its_own_direction() -> 
         assert found is passed, (before, after, along)
 
 
-def test_what_is_left_is_rounding_only_up_to_a_few_units_of_all_terms() -> None:
-    matrix, z = [3.0, -2.0], [1.0, 4.0]
-    unit = 11.0 * 2.0**-52  # of |3 * 1| + |-2 * 4|
-    assert stride.is_rounding([4.0 * unit], matrix, z, 2)
-    assert stride.is_rounding([-3.9 * unit], matrix, z, 2)
-    assert not stride.is_rounding([4.1 * unit], matrix, z, 2)
-    assert not stride.is_rounding([-4.1 * unit], matrix, z, 2)
-    assert not stride.is_rounding([0.0, 1.0], [*matrix, 0.0, 0.0, 0.0, 0.0], [*z, 0.0], 3)
-
-
-def test_a_step_is_short_only_if_each_of_its_entries_is() -> None:
-    z, metric = [1e6, 0.0], [1.0, 0.25]  # 1/sqrt(metric): 1 and 2
-    for step, short in (
-        ([1e-3, 0.0], True), ([1.1e-3, 0.0], False), ([-1.1e-3, 0.0], False),
-        ([0.0, 2e-9], True), ([0.0, 2.1e-9], False), ([0.0, -2.1e-9], False),
-    ):  # fmt: skip
-        assert stride.is_short(step, z, metric, 1e-9, 2) is short
-
-
 # --- one attempt is that of the walker ----------------------------------------------------------
 
 
