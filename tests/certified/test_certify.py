@@ -7,7 +7,6 @@ import importlib
 import json
 import math
 import random
-import re
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -23,9 +22,8 @@ import contbreather.certified
 from contbreather.breathers import Orbit, orbit_of
 from contbreather.certified import Interval, certificate, certify, tiles, winding
 from contbreather.certified.balls import working
-from contbreather.certified.points import certify_point, parameters
+from contbreather.certified.points import certify_point
 from contbreather.certified.tiles import Sheet, certify_curve
-from contbreather.lattice.conditions import Walls
 from contbreather.stability import unstable_count
 
 
@@ -256,75 +254,6 @@ def test_a_tile_in_k_and_in_a_harmonic_is_proved_too() -> None:
         assert proof.connected
         assert proof.unproved == ()
         assert proof.covered == (within,)
-
-
-# --- in words -----------------------------------------------------------------------------------
-
-
-def test_what_is_proved_is_said_in_full() -> None:
-    own = certificate.Certificate({}, 1e-8)
-    lone = "exists, the only one within 0.3."
-    outside = "of the half map outside the unit circle."
-    for given, words in (
-        ({}, ""),
-        ({"exists": True, "alone": 0.3}, f"Proved: a breather {lone}"),
-        ({"exists": True, "alone": 0.3, "kind": "PF"}, f"Proved: a pitchfork of breathers {lone}"),
-        (
-            {"exists": False, "kind": "LP"},
-            "Proved: a fold of breathers does not exist within 1e-08 of this point.",
-        ),
-        (
-            {"exists": True, "alone": 0.3, "admissible": False, "reason": "site 1 goes"},
-            f"Proved: a solution of (11) {lone} Site 1 goes: the chain has no such motion.",
-        ),
-        ({"admissible": True}, "It keeps off all walls except at its impacts."),
-        ({"unstable": 0}, f"No isolated multiplier {outside}"),
-        ({"unstable": 1}, f"1 isolated multiplier {outside}"),
-        ({"unstable": 2}, f"2 isolated multipliers {outside}"),
-        ({"unproved": ("this", "that")}, "Not proved: this. Not proved: that."),
-    ):
-        one = replace(own, **given)
-        assert one.describe() == words
-        assert repr(one) == f"<Certificate: {words}>"
-
-
-def test_what_is_neither_proved_nor_refused_says_so() -> None:
-    """Two breathers at a fold: neither that there is one alone nor that there is none."""
-    fold = cb.trace(cb.symmetric(0.1, 0.04, 0.8), "a", within={"a": (0.05, 0.2)}).first("LP")
-    proof = certify(fold.solution, within=1e-3)
-    assert (proof.exists, proof.unique, proof.admissible, proof.unstable) == (
-        None,
-        False,
-        None,
-        None,
-    )
-    assert proof.unproved == ("that there is a breather within 0.001 of this point",)
-    assert certify(fold).unproved == ("how many multipliers are outside the circle: one is on it",)
-
-
-@pytest.mark.parametrize(
-    ("a", "gamma", "k", "site"), [(0.8, 0.01, 0.01, 0), (0.5, 0.21, 0.8, 1), (1.02, 0.02, 0.8, 50)]
-)
-def test_the_time_that_is_said_is_one_beyond_the_wall(a, gamma, k, site: int) -> None:
-    b = cb.symmetric(a, gamma, k)
-    proof = certify(b)
-    said = re.fullmatch(r"(.+) goes through a wall, (\S+) after an impact", proof.reason)
-    assert said
-    named, later = said.groups()
-    names = {0: "site 0 between its impacts", 1: "site 1", 50: "the far field"}
-    assert named == names[site]
-    assert 0 < float(later) < math.pi
-    assert abs(float(b.displacement(site, b.phi + float(later)))) > 1
-    assert [*proof.enclosure] == ["p", "phi", "chi", "b"]
-    assert b.chi in widened(proof.enclosure["chi"])
-
-
-@pytest.mark.parametrize(
-    "given", [{"damping": 0.1}, {"spring": 0.1}, {"walls": Walls((-2.0, 2.0))}]
-)
-def test_each_of_damping_spring_and_walls_is_refused(given) -> None:
-    with pytest.raises(cb.BadInput, match="without springs or damping, walls at -1 and 1"):
-        parameters(replace(start().conditions, **given))
 
 
 # --- what it is not about -----------------------------------------------------------------------

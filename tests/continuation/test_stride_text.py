@@ -39,16 +39,6 @@ def test_the_next_size_follows_turn_and_effort(iterations, turn, growth, factor)
     assert stride.next_size(iterations, turn, growth) == pytest.approx(factor)
 
 
-def test_a_step_is_as_long_as_the_rules_or_the_size_of_z_allow() -> None:
-    rules = [1e-9, 1e-9, 0.25, 1.5, 0.0]
-    assert stride.longest(rules, [1.0, 1.0], [300.0, 400.0], 2) == 0.25
-    rules[stride.LARGEST] = math.nan
-    assert stride.longest(rules, [1.0, 1.0], [300.0, 400.0], 2) == pytest.approx(5.0)
-    assert stride.longest(rules, [1.0, 1.0], [3.0, 4.0], 2) == 0.1
-    steps = cb.Steps()
-    assert [steps.longest(size) for size in (5.0, 500.0)] == [0.1, 5.0]
-
-
 def test_a_place_on_a_bound_is_inside_and_a_turn_is_one_of_what_has_a_bound() -> None:
     rules = [0.0] * stride.FIRST
     rules[stride.BOUNDS] = 2
@@ -205,11 +195,3 @@ def test_columns_of_a_user_s_functions_are_their_derivatives() -> None:
     assert out.tolist() == residual(x, {"m": 2.0})
     assert put(x, [9.0, 101.0, 0.0], out) == 1
     assert column(2, x, [9.0, 100.0, 0.0, *steps], np.empty(2)) == 2  # of its four places
-
-    def slopes(x: Any, p: Any) -> Any:
-        return [[p["m"], x[0]], [x[1], 7.0]]
-
-    out = np.full(6, 5.0)
-    assert given_loops._rows(slopes, 2, 3, record)(x, data, out) == 0
-    assert out.tolist() == [2.0, 0.5, 5.0, -1.0, 7.0, 5.0]
-    assert given_loops._rows(slopes, 2, 3, record)(x, [9.0, 101.0, 0.0], out) == 1
