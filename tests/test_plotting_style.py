@@ -280,9 +280,6 @@ def test_sheets_are_as_high_as_their_panels_and_lines_as_fine_as_they_are_seen(
         t = ax.get_lines()[0].get_xdata()
         assert len(t) == NODES[name]
         assert ax.get_xlim() == pytest.approx((t[0], t[-1]))
-    if name == "diagram":
-        counts = [len(line.get_xdata()) for line in ax.get_lines() if len(line.get_xdata()) > 2]
-        assert 60 <= max(counts) < 600
 
 
 def layers(ax: Axes, wanted) -> set[float]:
@@ -424,25 +421,16 @@ def test_axes_of_zones_go_a_little_beyond_them_but_not_beyond_what_there_is(
 
 def test_letters_of_regions_have_the_size_that_fits_and_none_where_none_does() -> None:
     _, (ax,) = new_figure()
-    sizes = []
-    for room in (0.2, 0.0481, 0.0479, 0.0311, 0.0309, 0.0191, 0.0189, 0.0):
-        count = len(ax.texts)
-        zones_drawn._letter(ax, SimpleNamespace(room=room, x=0.2, y=0.7, verdict="US"))
-        sizes.append([(w.get_fontsize(), w.get_position(), w.get_text()) for w in ax.texts[count:]])
-    large, small, least = (
-        [(mpl.font_manager.font_scalings[name] * mpl.rcParams["font.size"], (0.2, 0.7), "US")]
-        for name in ("large", "small", "xx-small")
-    )
-    assert sizes == [large, large, small, small, least, least, [], []]
-
-
-def test_many_zones_fill_a_page_in_two_columns() -> None:
-    sheets = [(len(axes), *centimetres(figure), round(axes[0].get_position().x1, 1) > 0.5)
-              for figure, axes in map(zones_drawn._sheet, (1, 2, 3, 4, 5))]  # fmt: skip
-    assert sheets == [
-        (1, 8.5, 6.8, True), (2, 8.5, 12.6, True), (3, 17.5, 12.6, False), (4, 17.5, 12.6, False),
-        (5, 17.5, 18.4, False),
-    ]  # fmt: skip
+    rooms = (0.2, 0.0481, 0.0479, 0.0311, 0.0309, 0.0191, 0.0189, 0.0)
+    for room in rooms:
+        zones_drawn._letter(ax, SimpleNamespace(room=room, x=room, y=0.7, verdict="US"))
+    sizes = [mpl.font_manager.font_scalings[n] for n in ("large", "small", "xx-small")]
+    wanted = [
+        ("US", (room, 0.7), size) for room, size in zip(rooms, np.repeat(sizes, 2), strict=False)
+    ]
+    unit = mpl.rcParams["font.size"]
+    shown = [(w.get_text(), w.get_position(), w.get_fontsize() / unit) for w in ax.texts]
+    assert shown == wanted
 
 
 @pytest.mark.parametrize(("sites", "rim"), [(100, 0.03), (400, 0.01), (2000, 0.01)])
