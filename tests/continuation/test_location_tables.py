@@ -1,4 +1,4 @@
-"""Where nothing is looked for, and how close an event is located."""
+"""Where nothing is looked for, and how close is close: both sides of what the engine allows."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from contbreather.continuation import Event, Steps, fold, trace, user
+from contbreather.continuation import Event, Point, Problem, Steps, fold, groups, trace, user
 from contbreather.continuation.location import calm
+from contbreather.continuation.recognition import lies_on, placed
+from contbreather.errors import BadInput, NotConverged
 
 from .zoo import BRUSSELATOR, CUSP, LINE, trace_case
 
@@ -58,3 +60,53 @@ def test_events_are_located_as_well_whatever_the_walk_tolerates(tolerance: float
 
 
 # --- maps ---------------------------------------------------------------------------------------
+
+
+# --- how close is close -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("off", "tilt", "good"),
+    [(0.9e-6, 0, True), (1.1e-6, 0, False), (0, 0.9e-3, True), (0, -0.9e-3, True),
+     (0, 1.1e-3, False), (0, -1.1e-3, False)],
+)  # fmt: skip
+def test_a_direction_is_taken_where_it_is_one_of_the_curve(off, tilt, good) -> None:
+    line = Problem(lambda x, p: x - p["m"], {"x": off}, {"m": 0.0})
+    along = np.array([1.0, 1.0 + math.sqrt(2) * tilt])
+    if good:
+        assert trace(line, "m", within={"m": (-1, 1)}, along=along)[-1]["x"] == 1.0
+        return
+    with pytest.raises(BadInput, match="no curve leaves the start in this direction"):
+        trace(line, "m", within={"m": (-1, 1)}, along=along)
+
+
+def test_a_start_beyond_a_fold_is_moved_up_to_half_of_its_size_and_one() -> None:
+    fold_at_0 = Problem(lambda x, p: x**2 - p["m"], {"x": 0.0}, {"m": -0.9})
+    branch = trace(fold_at_0, "m", within={"x": (-1, 1)})
+    assert branch.moved == pytest.approx(0.9, abs=1e-3)
+    with pytest.raises(NotConverged):
+        trace(fold_at_0.at(m=-1.1), "m", within={"x": (-1, 1)})
+
+
+def test_a_solution_lies_on_a_branch_to_a_millionth_or_a_thousandth_of_the_way() -> None:
+    flat = Problem(lambda x, p: x - p["h"], {"x": 0.0}, {"m": 0.0, "h": 0.0})
+    branch = trace(flat, "m", within={"m": (-1, 1)}, events=())
+    curve = branch.curve
+    for reach, most in ((math.inf, 1e-6), (1e-4, 1e-7), (1.0, 1e-6)):
+        for off, good in ((0.9 * most, True), (1.1 * most, False)):
+            for side in (-1, 1):
+                point = Point(curve, np.array([side * off, 0.0123456]))
+                assert lies_on(point, branch, reach) is good
+    other = trace(flat.at(h=0.9e-6, x=0.9e-6), "m", within={"m": (-1, 1)}, events=())
+    assert placed(other[0], curve) is not None
+    other = trace(flat.at(h=1.1e-6, x=1.1e-6), "m", within={"m": (-1, 1)}, events=())
+    assert placed(other[0], curve) is None
+
+
+def test_names_and_words_of_a_file_are_as_long_as_it_takes() -> None:
+    groups.check_names("column", ["x" * 200, "é" * 100])
+    for name in ("x" * 201, "é" * 101, "", ".", "..", "a/b", " a", "a ", "a\n", "_nc4_a"):
+        with pytest.raises(BadInput, match="cannot be the name of a column in a file: at most 200"):
+            groups.check_names("column", [name])
+    assert groups.text("é" * 9999 + "xyz") == "é".encode() * 9999 + b"xy"
+    assert groups.text("a\0b") == rb"a\0b"

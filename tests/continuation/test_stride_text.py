@@ -69,11 +69,11 @@ def test_the_plane_of_the_start_is_passed_from_behind_in_its_own_direction() -> 
 
 
 def parabola(strength: float) -> tuple[Any, Any]:
-    """``m = strength x^2``, which has no value beyond x = 9 and no derivative beyond m = 99."""
+    """``m = strength x^2``, which has no value beyond x = +-9 and no derivative beyond m = 99."""
 
     def evaluate(z: Any, data: Any, out: Any) -> int:
-        out[0] = z[1] - strength * z[0] ** 2
-        return int(abs(z[0]) > 9)
+        out[0] = z[1] - strength * z[0] ** 2 if z[0] > -9 else math.nan
+        return int(z[0] > 9)
 
     def derive(z: Any, data: Any, out: Any) -> int:
         out[0], out[1] = -2 * strength * z[0], 1.0
@@ -100,7 +100,7 @@ def tried(strength: float, size: float, scale: float) -> tuple[Any, Any]:
     except Failed:
         last = own
     metric = np.ones(2) if curve.metric is None else curve.metric
-    state = [own.arclength, size, float(walker.side), 0.0, 0.0]
+    state = [5.0, size, float(walker.side), 0.0, 0.0]
     moving = [own.z.tolist(), own.direction.tolist(), [0.0, 0.0]]
     scratch = [[0.0] * n for n in (2, 2, 2, 12, 12, 12)]
     origin = [*curve.dual(own.direction).tolist(), *own.z.tolist()]
@@ -111,6 +111,7 @@ def tried(strength: float, size: float, scale: float) -> tuple[Any, Any]:
     if status == stride.CAME:
         assert state[stride.RESIDUAL] == pytest.approx(last.residual, rel=1e-6, abs=1e-16)
         assert np.allclose(moving[1], last.direction)
+        assert state[stride.ARCLENGTH] == pytest.approx(5.0 + last.arclength, rel=1e-6)
     sizes = state[stride.SIZE], state[stride.SIDE], state[stride.LONGEST]
     return wanted, (status, *moving[0], *sizes, *moving[2])
 
@@ -132,6 +133,7 @@ def test_without_equations_a_step_fails_and_without_derivatives_somebody_looks()
     for z, status, side, off in (
         ([1.0, 2.0], 2, -1, 2.0),
         ([10.0, 2.0], stride.FAILED, -1, math.inf),
+        ([-10.0, 2.0], stride.FAILED, -1, math.inf),
         ([1.0, 100.0], stride.LOOK, 0, 0.0),
     ):
         state, value, matrix, right = [0.0] * 5, *scratch

@@ -49,6 +49,18 @@ def test_a_run_has_these_variables_and_no_others(walls: str) -> None:
     assert set(plain.variables) == {name for name in wanted if not name.startswith("sample")}
 
 
+def test_every_impact_is_in_the_period_of_its_time() -> None:
+    """Over more of them than a log has room for at first."""
+    t0 = 0.3
+    run = simulate(STATE, periods=500, t0=t0, damping=0.1, **ON)
+    since = run.impacts["time"] - t0
+    assert len(since) > 512
+    assert (np.diff(since) >= 0).all()
+    assert np.array_equal(run.impacts["period"], np.floor(since / (2 * np.pi)))
+    phase = np.exp(1j * run.impacts["phase"]) * np.exp(-1j * run.impacts["time"])
+    assert abs(phase - 1).max() < 1e-11
+
+
 def test_the_loops_have_room_for_all_sites_and_a_log_grows_with_what_is_in_it() -> None:
     sites, count = 5, 9
     work = stretches.work_of(sites, count)._asdict()
