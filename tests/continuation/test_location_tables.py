@@ -7,12 +7,23 @@ import math
 import numpy as np
 import pytest
 
-from contbreather.continuation import Event, Point, Problem, Steps, fold, groups, trace, user
+from contbreather.continuation import (
+    Branch,
+    Event,
+    Point,
+    Problem,
+    Steps,
+    boundary,
+    fold,
+    groups,
+    trace,
+    user,
+)
 from contbreather.continuation.location import calm
 from contbreather.continuation.recognition import lies_on, placed
 from contbreather.errors import BadInput, NotConverged
 
-from .zoo import BRUSSELATOR, CUSP, LINE, trace_case
+from .zoo import ALL, BRUSSELATOR, CUSP, LINE, PITCHFORK, TAKENS, TRANSCRITICAL, trace_case
 
 
 def test_a_test_is_calm_where_its_parabola_stays_far_from_zero() -> None:
@@ -110,3 +121,50 @@ def test_names_and_words_of_a_file_are_as_long_as_it_takes() -> None:
             groups.check_names("column", [name])
     assert groups.text("é" * 9999 + "xyz") == "é".encode() * 9999 + b"xy"
     assert groups.text("a\0b") == rb"a\0b"
+
+
+# --- units --------------------------------------------------------------------------------------
+
+
+def measured(own: Problem, unit: float) -> Problem:
+    """The same equations with unknowns in another unit."""
+    return Problem(
+        lambda x, p: np.asarray(own.residual(x / unit, p)) * unit,
+        {name: value * unit for name, value in own.start.items()},
+        own.params,
+        scales=dict.fromkeys(own.start, unit),
+    )
+
+
+def alike(one: Branch, other: Branch, unit: float) -> None:
+    """Special points are the same but for the unit of the unknowns."""
+    assert [p.label for p in other.special] == [p.label for p in one.special]
+    for a, b in zip(one.special, other.special, strict=True):
+        assert b.ground.z[-1] == pytest.approx(a.ground.z[-1], abs=1e-7)
+        assert b.ground.x / unit == pytest.approx(a.ground.x, abs=1e-7)
+        assert len(b.detail.get("tangents", ())) == len(a.detail.get("tangents", ()))
+
+
+@pytest.mark.parametrize(
+    ("case", "pair"),
+    [(PITCHFORK, ()), (TRANSCRITICAL, ()), (CUSP, ("mu", "h")), (TAKENS, ("b2", "b1"))],
+    ids=lambda case: getattr(case, "name", ""),
+)
+def test_special_points_do_not_depend_on_the_unit_of_unknowns(case, pair) -> None:
+    found = []
+    for unit in (1.0, 1e-4, 1e4):
+        window = {
+            name: (
+                low * unit ** (name in case.problem.start),
+                high * unit ** (name in case.problem.start),
+            )
+            for name, (low, high) in case.within.items()
+        }
+        line = trace(measured(case.problem, unit), case.free, within=window, events=ALL)
+        found.append([line])
+        for kind in ("LP", "HB") if pair else ():
+            if any(point.kind == kind for point in line):
+                within = {pair[0]: (-1.5, 1.5)}
+                found[-1].append(boundary(line.first(kind), pair, within=within, events=ALL))
+        for one, other in zip(found[0], found[-1], strict=True):
+            alike(one, other, unit)
