@@ -98,6 +98,7 @@ def test_modes_of_one_frequency_are_one_space(off: float, seen: int) -> None:
     nx.set_edge_attributes(star, {(0, 1): 1.0, (0, 2): 1.0, (0, 3): 1.0 + off}, "weight")
     basis = cb.Lattice.from_graph(star).basis((0,))
     assert (basis.lam.size, basis.unseen.size) == (seen, 4 - seen)
+    assert basis.unseen == pytest.approx(np.ones(4 - seen), abs=1e-12)  # of the two alike arms
     assert np.sort([*basis.lam, *basis.unseen]) == pytest.approx([0, 1, 1, 4], abs=2 * off + 1e-12)
 
 
