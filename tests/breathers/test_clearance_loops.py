@@ -138,11 +138,13 @@ def test_where_a_flat_crest_grazes_loops_divide_it_out_as_well(gamma: float) -> 
     watch, (t, _) = orbit.watch, clearance.neighbour_peak(orbit, 2)
     packed = watch.packed()
     data = rivals_data(watch, packed, 2, t, mirrored=False).tolist()
-    data[clearance_loops.FLIGHTS] = 0
     out, grid = [math.nan] * packed.own, [math.nan] * packed.points
-    assert clearance_loops.rivals(data, packed.table.ravel().tolist(), grid, out) == 0
-    known = [one.margin for one in rivals(watch, 2, t) if one.site != 0]
-    assert out[0] == pytest.approx(min(known), abs=1e-9)
+    table, own = packed.table.ravel().tolist(), packed.sites.index(2)
+    assert clearance_loops.rivals(data, table, grid, out) == 0
+    points = clearance_loops.looks(data, data[clearance_loops.LENGTH])
+    end = (len(packed.sites) - 1) * points
+    found = clearance_loops.besides(data, table, grid, out, own, points, end)
+    assert found == pytest.approx(rivals(watch, 2, t)[0].margin, abs=1e-9)
 
 
 def test_once_compiled_code_for_rivals_is_at_hand_it_is_asked(monkeypatch) -> None:
@@ -150,6 +152,11 @@ def test_once_compiled_code_for_rivals_is_at_hand_it_is_asked(monkeypatch) -> No
         def code(self) -> object:
             return lambda *at: ctypes.c_double.from_address(at[3]).__setattr__("value", 0.25)
 
+    kernels = rivals_of._RIVALS, clearance._MARGIN
+    assert [kernel.function for kernel in kernels] == [
+        clearance_loops.rivals,
+        clearance_loops.margin,
+    ]
     watch = PLAIN[0].watch
     gap = min(clearance.gaps_of_idle(watch))
     wanted = min(rivals(watch, gap.site, gap.time)).margin
