@@ -19,6 +19,7 @@ from contbreather.stability import (
     over_reflects,
     scattering,
 )
+from contbreather.stability.scattering import OverReflection
 
 
 def inside_limit(gamma: float, nu: float, k: float, b: float) -> complex:
@@ -142,6 +143,6 @@ def test_at_the_onset_waves_are_amplified_by_nothing() -> None:
     gamma, k, low, high = 0.1, 0.8, 0.0, 2.0
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if over_reflects(gamma, k, middle) else (low, middle)
-    assert over_reflection(gamma, k, low) == scattering.OverReflection(True, 0, 0, 0, 0)
-    assert over_reflection(gamma, k, high) == scattering.OverReflection(False, 0, 0, 0, 0)
+    assert over_reflection(gamma, k, low) == OverReflection(True, 0, 0, 0, 0)
+    assert over_reflection(gamma, k, high) == OverReflection(False, 0, 0, 0, 0)
     assert over_reflection(gamma, k, low - 1e-3).gain > 0.0
