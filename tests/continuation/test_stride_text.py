@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation import given_loops, stride
+from contbreather.continuation import given_loops, stride, strider
 from contbreather.continuation.trace import Failed, Walker
 
 RNG = np.random.default_rng(17)
@@ -155,6 +155,20 @@ def test_without_equations_a_step_fails_and_without_derivatives_somebody_looks()
             return 0
 
         assert stride.undefined(evaluate, [], [], [0.0, 0.0], n) is nowhere
+
+
+def test_a_single_point_is_solved_for_as_closely_as_is_asked_for() -> None:
+    settler = strider.Settler(strider.Loops(*parabola(1.0), ()), np.ones(2))
+    guess, across, along = np.array([1.5, 1.0]), np.array([0.0, 1.0]), np.array([1.0, 2.0]) / 5**0.5
+    counts = []
+    for tolerance, side in ((0.5, 1), (1e-3, -1), (1e-12, 1)):
+        z, tangent, residual, count = settler.settled(guess, across, side * along, tolerance) or 0
+        assert z == pytest.approx([1.0, 1.0], abs=tolerance)
+        assert residual == pytest.approx(abs(z[1] - z[0] ** 2))
+        assert tangent == pytest.approx(side * along, abs=tolerance)
+        counts.append(count)
+    assert counts == [1, 4, 6]  # corrections: 0.42, 0.08, 3e-3, 5e-6, 1e-11
+    assert settler.settled(np.array([9.5, 1.0]), across, along, 1e-9) is None
 
 
 def test_events_that_are_looked_for_change_no_point() -> None:
