@@ -137,6 +137,14 @@ def test_a_column_has_no_count_where_rounding_decides_it() -> None:
         assert found["count"].dtype.kind == ("f" if blank else "i")
 
 
+def test_a_branch_says_which_parameters_stay_what_they_are() -> None:
+    fixed = Problem(
+        lambda x, p: x - p["m"] * p["k"] - p["h"], {"x": 0.25}, {"h": 0.25, "m": 0, "k": 2}
+    )
+    said = trace(fixed, "m", within={"m": (0, 1)}, events=()).describe()
+    assert said.startswith("branch in m (h = 0.25, k = 2): ")
+
+
 def test_many_branches_are_asked_for_as_one_is(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
     monkeypatch.setattr(
