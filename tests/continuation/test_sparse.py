@@ -312,3 +312,13 @@ def test_a_pattern_of_the_wrong_shape_or_beside_a_jacobian_is_refused() -> None:
         replace(bratu(second(30)), jacobian=None, sparsity=np.eye(3))
     with pytest.raises(BadInput, match="either a jacobian or a sparsity pattern"):
         replace(bratu(second(30)), sparsity=second(30))
+
+
+@pytest.mark.parametrize("many", [1, 2, 3])
+def test_each_null_vector_has_an_unknown_of_its_own(many: int) -> None:
+    """As many different unknowns as vectors, and those see every combination of the vectors."""
+    for seed in range(20):
+        null = np.linalg.qr(np.random.default_rng(seed).normal(size=(8, many)))[0]
+        chosen = sparse._most_moving(null)
+        assert len({*chosen.tolist()}) == many
+        assert np.linalg.svd(null[chosen], compute_uv=False).min() > 0.1

@@ -15,7 +15,7 @@ import contbreather as cb
 from contbreather.errors import BadInput, NoSolution
 from contbreather.explorer import Explorer, session, work
 from contbreather.explorer.background import Background, Progress
-from contbreather.explorer.sketch import LADDER, between
+from contbreather.explorer.sketch import LADDER, _mixed, between
 from contbreather.explorer.work import Work
 
 WINDOWS = {"gamma": (0.02, 0.06), "a": (0.5, 1.2)}
@@ -280,3 +280,12 @@ def test_diagrams_ahead_are_close_enough_to_draw_what_lies_between_them(
     ):  # fmt: skip
         explorer._planes = {(one, ""): one for one in known} | {(0.731, "cos(t)"): 0.0}
         assert explorer._rough(0.73, "") == wanted
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_curves_between_two_do_not_depend_on_the_way_either_was_walked(turned: int) -> None:
+    s = np.linspace(0.0, 1.0, 400)[:, None]
+    low, high = np.hstack([s, s**2]), np.hstack([s, s**2 + 1.0])
+    found = _mixed(low, high[::turned], 0.25)
+    np.testing.assert_allclose(found[[0, -1]], [[0.0, 0.25], [1.0, 1.25]], atol=1e-12)
+    np.testing.assert_allclose(found[:, 1], found[:, 0] ** 2 + 0.25, atol=1e-4)
