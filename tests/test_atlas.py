@@ -13,7 +13,7 @@ import xarray
 
 import contbreather as cb
 from contbreather.breathers.atlas import save_atlas, words
-from contbreather.cli.atlas import _lines
+from contbreather.plotting import atlas as atlas_drawn
 from contbreather.plotting import plot_atlas
 
 FEW = {"gamma": (0.0, 0.02)}
@@ -50,6 +50,14 @@ def test_where_limits_meet_an_atlas_says_which() -> None:
     at = {word: i for i, word in enumerate(words(whole, "meeting")) if word}
     assert whole.gamma.to_numpy()[at["NS-LP"]] == pytest.approx(0.125220720183, abs=1e-12)
     assert words(whole, "kind")[at["NS-LP"]] == "NS"
+    assert {
+        name: of.attrs["long_name"] for name, of in whole.items() if "long_name" in of.attrs
+    } == {
+        "kind": "which limit of the breather the point is on",
+        "meeting": "the limits that meet there",
+        "curve": "number of the curve, its points in order along it",
+        "slice": "number of the diagram",
+    }
 
 
 def test_an_atlas_out_of_a_file_is_drawn_as_the_one_that_was_written(
@@ -134,9 +142,35 @@ def test_what_the_command_cannot_use_is_refused(
     assert reason in err
 
 
-def test_the_command_counts_diagrams_that_are_there_and_names_those_that_are_not() -> None:
-    made = cb.atlas(k=[0.8, 2.0, 0.7], within=FEW, executor=1)
-    first, *missing = _lines(made)
-    assert str(first).startswith("2 diagrams: ")
-    assert [str(line)[:28] for line in missing] == ["No diagram at k = 2: k = 2.0"]
-    assert str(missing[0]).endswith("choose k in that range.")
+def test_the_command_says_how_many_diagrams_there_are_and_which_are_missing(
+    run: Callable[[str], tuple[int, str, str]],
+) -> None:
+    status, out, _ = run("atlas --k 0.8,2,0.7 --gamma-window 0 0.01 --workers 1 --save a.nc")
+    first, missing, wrote = out.splitlines()
+    assert (status, wrote) == (0, "Wrote a.nc.")
+    with xarray.open_dataset("a.nc", engine="h5netcdf", decode_cf=False) as data:
+        kinds = words(data, "kind")
+    parts = (f"{kinds.count(kind)} points of {kind}" for kind in ("LP", "GR", "PF"))
+    assert first == f"2 diagrams: {', '.join(parts)}."
+    assert missing.startswith("No diagram at k = 2: k = 2.0: the restitution coefficient")
+    assert missing.endswith("choose k in that range.")
+    out = run("atlas --k 0.8 --gamma-window 0 0.01 --workers 1")[1]
+    assert out.startswith("1 diagram: ")
+    assert out.endswith("Wrote atlas.nc.\nWrote atlas.png.\n")
+    assert Path("atlas.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_surfaces_are_spanned_between_the_nearest_curves_whichever_way_they_run(found: Any) -> None:
+    t = np.linspace(0.0, 1.0, 5) ** 2  # uneven, and in other units
+    flat, high = (np.stack([0.1 * t, 0.0 * t, y + 0.0 * t], axis=1) for y in (0.0, 1.0))
+    up = np.array([0.0, 0.1, 0.1])
+    other = [high[::-1] + up, flat + up]
+    spans = list(atlas_drawn._strips({0.1: other, 0.0: [flat, high], 0.4: [flat]}))
+    assert len(spans) == 2  # to one curve from two there is none
+    for (one, its), own in zip(spans, (flat, high), strict=True):
+        wanted = np.stack([np.linspace(0.0, 0.1, 60), np.zeros(60), np.full(60, own[0, 2])], 1)
+        np.testing.assert_allclose(one, wanted, atol=1e-12)
+        np.testing.assert_allclose(its, wanted + up, atol=1e-12)
+    axes = plot_atlas(found, over="c3", at={"k": 0.8}).axes
+    assert [getattr(axes, f"get_{one}label")() for one in "xyz"] == [r"$\gamma$", "c3", "$a$"]
+    assert [one.get_alpha() for one in axes.collections] == [0.25] * 3

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather import cli
 from contbreather.breathers import neighbour_peak, smallest_amplitude
 from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
@@ -898,6 +899,15 @@ def test_help_fills_its_lines(command: list[str], tmp_path: Path) -> None:
     for line, following in itertools.pairwise(prose):
         if line.strip() and following.strip():
             assert len(line.rstrip()) + 1 + len(following.split()[0]) > 80
+
+
+@pytest.mark.parametrize(
+    ("default", "seen"),
+    [(None, None), ("", None), (False, None), ((), None), (0, "0"), (0.8, "0.8"), (True, "True"),
+     ((0.8, 0.4), "0.8 0.4"), ("-cos(t)", "-cos(t)")],
+)  # fmt: skip
+def test_help_shows_a_default_that_says_something(default: object, seen: str | None) -> None:
+    assert cli._shown(default) == seen
 
 
 # --- figure and the rest ------------------------------------------------------------------------

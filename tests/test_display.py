@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -15,6 +16,7 @@ import pytest
 from nbclient import NotebookClient
 
 import contbreather as cb
+from contbreather import progress
 from contbreather.breathers.zones import KINDS, Zones
 from contbreather.dynamics import (
     Axis,
@@ -161,6 +163,14 @@ def test_of_a_long_table_the_first_rows_are_shown_and_the_rest_is_counted(
     assert f"<p>and {len(branch.special) - 30} more</p>" in shown
 
 
+@pytest.mark.parametrize("more", [-1, 0, 1, 2])
+def test_one_row_beyond_a_table_is_counted_and_none_is_not(more: int) -> None:
+    rows = [[f"row {i}", "1"] for i in range(cards.MOST + more)]
+    shown = cards._table(cards.Card("", None, rows))
+    assert shown.count("<tr>") == min(len(rows), cards.MOST)
+    assert shown.endswith(f"<p>and {more} more</p>" if more > 0 else "</table>")
+
+
 def test_the_table_of_a_branch_has_its_special_points(values) -> None:
     shown = values["Branch"]._repr_html_()
     for point in values["Branch"].special:
@@ -288,3 +298,19 @@ def test_a_fresh_notebook_shows_progress_the_first_plot_and_values(monkeypatch) 
     assert any('<progress value="3" max="7"></progress> 3/7 rows' in html for html in seen)
     assert ["image/png" in data for data in shown[5]] == [True]
     assert not any("ipywidgets" in str(cell.outputs) for cell in book.cells)
+
+
+def test_progress_begins_after_a_second_and_is_said_ten_times_a_second_at_most(monkeypatch) -> None:
+    clock, shown = [0.0], []
+    line = SimpleNamespace(
+        show=lambda text, done: shown.append((clock[0], text, done)),
+        stop=lambda: shown.append("stop"),
+    )
+    monkeypatch.setattr(progress, "_Terminal", lambda *asked: shown.append(asked) or line)
+    monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
+    moments = [0.0, 0.5, 0.999, 1.0, 1.05, 1.0999, 1.11, 1.2, 1.22]
+    with progress.Bar(True, 9, "rows") as bar:
+        for done, clock[0] in enumerate(moments):
+            bar.advance(done)
+    lines = [(t, f"{moments.index(t)}/9 rows", moments.index(t)) for t in (1.0, 1.11, 1.22)]
+    assert shown == [(9, "rows"), *lines, lines[-1], "stop"]

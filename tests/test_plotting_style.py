@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib as mpl
 import numpy as np
@@ -12,9 +15,13 @@ from matplotlib.figure import Figure
 
 import contbreather as cb
 from contbreather.breathers.zones import Zones
+from contbreather.cli.simulate import draw
 from contbreather.dynamics import Axis, Basin, Sample, sweep, there_and_back
 from contbreather.errors import BadInput
+from contbreather.paper import figure4
+from contbreather.paper.time_series import Curve, Panel, TimeSeries
 from contbreather.plotting import (
+    cards,
     new_figure,
     plot,
     plot_basin,
@@ -22,12 +29,15 @@ from contbreather.plotting import (
     plot_localisation,
     plot_motion,
     plot_multipliers,
+    plot_orbit,
     plot_section,
     plot_sweep,
     plot_zones,
     save_figure,
 )
+from contbreather.plotting import zones as zones_drawn
 from contbreather.plotting.canvas import CYCLE, MARKERS, marker, size, style, symbol
+from contbreather.plotting.multipliers import off_the_band
 
 HERE = {"a": 0.2, "gamma": 0.04, "k": 0.8}
 
@@ -175,7 +185,17 @@ def pictures(diagram: Zones, run: cb.dynamics.Run) -> dict[str, Axes]:
     fate = np.array([[-1, 0, 1], [2, 3, 4]], np.int8)
     plane = Axis("u", 0, [-0.5, 0.0, 0.5]), Axis("v", 0, [0.0, 1.0])
     basin = Basin(*plane, fate, np.zeros((2, 3)), True)
+    t = np.linspace(0.0, 2.0, 9)
+    looks = enumerate(("line", "dashed", "circles", "trace"))
+    curves = tuple(Curve(look, n, t, np.cos(t) + 2.2 * n, look) for n, look in looks)
+    panels = Panel("against", curves[:3]), Panel("traces", curves[3:], lost=1.0)
+    series = TimeSeries(6, panels, "", ()).draw().axes
     return {
+        "orbit": plot_orbit(cb.symmetric(**HERE)).axes,
+        "simulated": draw(run).axes[0],
+        "moduli": replace(figure4(), sites=40).draw().axes[2],
+        "against": series[0],
+        "traces": series[1],
         "branch": plot(branch).axes,
         "diagram": plot_diagram((branch, *arms)).axes,
         "zones": plot_zones(diagram).axes,
@@ -190,7 +210,7 @@ def pictures(diagram: Zones, run: cb.dynamics.Run) -> dict[str, Axes]:
 
 NAMES = (
     "branch", "diagram", "zones", "multipliers", "motion", "section", "localisation", "sweep",
-    "basin",
+    "basin", "orbit", "simulated", "moduli", "against", "traces",
 )  # fmt: skip
 
 
@@ -210,6 +230,14 @@ def test_lines_dots_and_words_have_sizes_that_print(pictures, name: str) -> None
     legend = ax.get_legend()
     if legend is not None:
         assert all(6.0 <= word.get_fontsize() <= 8.0 for word in legend.get_texts())
+        assert not legend.get_frame_on()
+        assert 1.0 <= legend.handlelength <= 2.5
+        assert 0.2 <= legend.handletextpad <= 1.0
+        assert 0.5 <= legend.columnspacing <= 2.0
+        ax.figure.draw_without_rendering()
+        own, box = legend.get_window_extent(), ax.bbox  # it stands in or over its own axes
+        assert box.x0 - 0.03 * box.width <= own.x0 <= own.x1 <= box.x1 + 0.03 * box.width
+        assert own.y0 <= box.y1 + 0.1 * box.height
         assert legend.get_frame().get_alpha() is None or legend.get_frame().get_alpha() <= 1.0
 
 
@@ -228,13 +256,30 @@ def test_everything_that_is_drawn_is_inside_the_axes_and_the_axes_inside_the_she
     assert box.y1 <= whole.y1 + 1
     assert centimetres(figure)[0] == 8.5
     for line in ax.get_lines():
-        if line.get_transform() != ax.transData:
+        if line.get_transform() != ax.transData or name == "moduli":  # inside the circle: left out
             continue
         x, y = (np.asarray(part, dtype=float) for part in line.get_data())
         seen = np.isfinite(x) & np.isfinite(y)
         place = ax.transAxes.inverted().transform(ax.transData.transform(np.c_[x[seen], y[seen]]))
         assert place.min(initial=0.0) >= -1e-6
         assert place.max(initial=1.0) <= 1.0 + 1e-6
+
+
+HEIGHTS = {"multipliers": 8.5, "zones": 6.8, "moduli": 8.6, "simulated": 13.5, "against": 7.8,
+           "traces": 7.8}  # fmt: skip
+NODES = {"orbit": 401, "localisation": 31, "motion": 30 * 64, "traces": 9, "simulated": 600}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sheets_are_as_high_as_their_panels_and_lines_as_fine_as_they_are_seen(
+    pictures, name: str
+) -> None:
+    ax = pictures[name]
+    assert centimetres(ax.figure)[1] == pytest.approx(HEIGHTS.get(name, 6.5))
+    if name in NODES:  # and time goes from one side to the other
+        t = ax.get_lines()[0].get_xdata()
+        assert len(t) == NODES[name]
+        assert ax.get_xlim() == pytest.approx((t[0], t[-1]))
 
 
 def layers(ax: Axes, wanted) -> set[float]:
@@ -352,3 +397,64 @@ def test_labels_of_multipliers_have_as_many_decimals_as_asked(diagram) -> None:
         plot_multipliers(b, sites=40, digits=-1)
     with pytest.raises(BadInput, match="a breather was expected, got a float"):
         plot_multipliers(0.5)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("pair", "box", "point", "limits"),
+    [
+        (("gamma", "a"), ((0.02, 0.1), (0.5, 1.0)), None, (0.0, 0.1032, 0.48, 1.02)),
+        (("gamma", "a"), ((0.02, 0.0999), (0.2, 1.0)), None, (0.0168, 0.1031, 0.168, 1.032)),
+        (("gamma", "a"), ((0.0, 0.249), (0.1999, 1.0)), None, (0.0, 0.25, 0.0, 1.032)),
+        (("k", "gamma"), ((0.3, 0.99), (0.1, 0.2)), None, (0.2724, 1.0, 0.096, 0.204)),
+        (("k", "a"), ((0.3, 0.9), (0.5, 1.5)), 1.46, (0.276, 0.924, 0.46, 1.62)),
+        (("k", "a"), ((0.3, 0.9), (0.5, 1.5)), 1.44, (0.276, 0.924, 0.46, 1.54)),
+    ],
+)
+def test_axes_of_zones_go_a_little_beyond_them_but_not_beyond_what_there_is(
+    pair, box, point, limits
+) -> None:
+    """From 0 where they begin within a fifth of their end; higher where a meeting needs a name."""
+    special = [] if point is None else [{pair[0]: 0.5, pair[1]: point}]
+    found = zones_drawn._window(SimpleNamespace(pair=pair, special=special), box)
+    assert found == pytest.approx(limits, abs=1e-4)
+
+
+def test_letters_of_regions_have_the_size_that_fits_and_none_where_none_does() -> None:
+    _, (ax,) = new_figure()
+    rooms = (0.2, 0.0481, 0.0479, 0.0311, 0.0309, 0.0191, 0.0189, 0.0)
+    for room in rooms:
+        zones_drawn._letter(ax, SimpleNamespace(room=room, x=room, y=0.7, verdict="US"))
+    sizes = [mpl.font_manager.font_scalings[n] for n in ("large", "small", "xx-small")]
+    wanted = [
+        ("US", (room, 0.7), size) for room, size in zip(rooms, np.repeat(sizes, 2), strict=False)
+    ]
+    unit = mpl.rcParams["font.size"]
+    shown = [(w.get_text(), w.get_position(), w.get_fontsize() / unit) for w in ax.texts]
+    assert shown == wanted
+
+
+@pytest.mark.parametrize(("sites", "rim"), [(100, 0.03), (400, 0.01), (2000, 0.01)])
+def test_a_multiplier_is_off_the_band_if_it_is_farther_than_the_ripple_of_the_ring(
+    sites: int, rim: float
+) -> None:
+    for angle, radial in ((0.3, True), (-1.5, True), (0.0, True), (math.pi / 2, False)):
+        for part, off in ((0.98, False), (1.02, True)):
+            way = np.exp(1j * angle)
+            mu = way * (1.0 + part * rim) if radial else way + 1j * way * part * rim
+            assert off_the_band(np.array([mu, mu.conjugate()]), 0.5, sites).tolist() == [off] * 2
+
+
+def test_a_point_of_anybody_s_problem_is_drawn_with_its_tangent_or_as_a_profile() -> None:
+    line = cb.Problem(lambda x, p: x - 3.0 * p["mu"], {"x": 3.0}, {"mu": 1.0})
+    _, (ax, below) = new_figure(2)
+    cards._place(point := cb.trace(line, "mu", within={"mu": (0.5, 2.0)}, events=())[1], ax)
+    dot, tangent = ax.get_lines()
+    assert (dot.get_xdata()[0], dot.get_ydata()[0]) == (point["mu"], point["x"])
+    (x0, y0), (x1, y1) = tangent.get_xy1(), tangent.get_xy2()
+    assert (x0, y0) == (point["mu"], point["x"])
+    assert (y1 - y0) / (x1 - x0) == pytest.approx(3.0)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\mu$", "x")
+    many = cb.Problem(lambda u, p: u - p["mu"] * np.arange(4.0), {"u": np.zeros(4)}, {"mu": 0.0})
+    cards._place(cb.trace(many, "mu", within={"mu": (0.0, 1.0)}, events=())[-1], below)
+    assert below.get_lines()[0].get_ydata() == pytest.approx(np.arange(4.0))
+    assert (below.get_xlabel(), below.get_ylabel()) == ("entry", "u")

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Future, ThreadPoolExecutor
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -290,3 +290,30 @@ def test_who_works_for_another_process_knows() -> None:
     with processes(1) as pool:
         assert pool.submit(workers_process).result() is True
     assert workers_process() is False
+
+
+# --- what an executor raises ----------------------------------------------------------------------
+
+
+class KilledWorker(Exception):
+    """As a cluster has it, which is not imported for its sake."""
+
+
+@pytest.mark.parametrize("lost", [BrokenExecutor(), CancelledError(), KilledWorker("twice")])
+def test_what_is_lost_with_its_worker_is_left_for_another_time(lost: Exception) -> None:
+    with workers._losing():
+        raise lost
+
+
+@pytest.mark.parametrize(
+    ("fault", "seen", "words"),
+    [
+        (TypeError("cannot pickle 'generator' object"), cb.BadInput, "cannot pickle 'generator'"),
+        (OSError("no route to host"), OSError, "no route"),
+        (RuntimeError("cannot schedule new futures"), RuntimeError, "new futures"),
+        (KeyboardInterrupt("now"), KeyboardInterrupt, "now"),
+    ],
+)
+def test_any_other_fault_of_an_executor_is_seen(fault, seen, words) -> None:
+    with pytest.raises(seen, match=words), workers._losing():
+        raise fault

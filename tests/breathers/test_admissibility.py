@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import mpmath as mp
 import numpy as np
@@ -13,14 +14,17 @@ from scipy.optimize import brentq
 
 from contbreather.breathers import (
     centre_margin,
+    clearance,
     highest_neighbour,
     neighbour_peak,
     smallest_amplitude,
     symmetric,
     symmetric_roots,
 )
-from contbreather.breathers.clearance import Gap
+from contbreather.breathers.clearance import Between, Gap
+from contbreather.breathers.orbit import orbit_at
 from contbreather.breathers.rivals import rivals
+from contbreather.breathers.shooting import shooting
 from contbreather.breathers.watched import phase
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples
@@ -425,3 +429,90 @@ def test_the_phase_of_a_single_time_is_that_of_an_array_in_any_flight() -> None:
     one, other = np.transpose([phase(flight, float(t)) for t in times])
     np.testing.assert_allclose(one, y, atol=1e-14)
     np.testing.assert_array_equal(other, sign)
+
+
+def test_a_rule_that_is_broken_is_the_one_of_whoever_breaks_it() -> None:
+    watch = symmetric(0.5, 0.04, 0.8).watch
+    for gap, rule in (
+        (Gap(-0.05, None, 0.0), "|a f| <= 1"),
+        (Gap(-0.05, 1, 0.0), "(15)"),
+        (Gap(-0.05, 0, watch.start + 1.0, 0), "(B3)"),
+    ):
+        said = clearance._reason(watch, gap)
+        assert said.startswith("no breather: ")
+        assert said.endswith(f"; {rule} is broken.")
+        inside = clearance._reason(watch, gap._replace(margin=0.05))
+        assert inside.startswith("every site keeps off its walls; closest to the limit: ")
+        for margin in (1e-10, -1e-10):
+            assert clearance._reason(watch, gap._replace(margin=margin)).startswith(
+                "at the limit: "
+            )
+    far = clearance._reason(watch, Gap(-0.05, None, 0.0))
+    assert "the far field follows the forcing and reaches |u| = 1.05;" in far
+
+
+class Moving:
+    """A site in motion over a section, and what `clearance` asks of it."""
+
+    sign, start, length, k = 1, 0.0, 2.0 * math.pi, 0.5
+
+    def __init__(self, motion) -> None:
+        self.motion = motion
+
+    def at(self, site, t):
+        return self.motion(t)
+
+    def walls(self, site):
+        return (-1.0, 1.0)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("sharp", [5.0, 20.0])
+def test_a_crest_is_climbed_even_where_newton_s_step_leads_far_away(side, sharp) -> None:
+    """``log cosh`` is all but straight away from its crest."""
+
+    def peak(t):
+        x = sharp * (t - 0.3)
+        u = 0.9 - (abs(x) + math.log1p(math.exp(-2 * abs(x))) - math.log(2.0)) / sharp
+        return side * u, -side * math.tanh(x), -side * sharp / math.cosh(x) ** 2
+
+    for start in np.linspace(0.12, 0.48, 13).tolist():
+        gap = clearance._crest(Moving(peak), 4, (-1.0, 1.0), start, 0.2)
+        assert gap == Gap(pytest.approx(0.1, abs=1e-14), 4, pytest.approx(0.3, abs=1e-7))
+
+
+def test_impacts_of_one_site_that_have_changed_places_have_a_margin_below_zero() -> None:
+    lost = [Between(3, 1.0, 1.0 - late, -late, 0.4, 0.3, 0.2) for late in (0.0, 0.1)]
+    moving = SimpleNamespace(flights=lost, k=0.5, highest=1)
+    assert list(clearance.gaps_of_flights(moving)) == [Gap(0.0, 3, 1.0, 0), Gap(-0.1, 3, 0.9, 1)]
+
+
+@pytest.mark.parametrize("wall", [1, -1])
+def test_an_orbit_upside_down_keeps_off_its_one_wall_as_well(wall: int) -> None:
+    on = {"a": 0.717, "gamma": 0.0, "k": 0.5, "damping": 0.02, "spring": 2.0, "lattice": Ring(1)}
+    pair = (None, 0.58) if wall > 0 else (-0.58, None)
+    start = 1.0 if wall > 0 else 1.0 + math.pi
+    orbit = orbit_at(shooting({"t1": start}, sequence=[(0, wall)], walls={0: pair}, **on))
+    s = np.linspace(0, orbit.period, 4001)[1:-1]
+    room = 0.58 - wall * orbit.displacement(0, orbit.times[0] + s)
+    ratio = room / clearance.denominator(0.5, orbit.period, s)
+    scale = 0.25 * orbit.period**2 * (0.5 * orbit.period + 0.5)
+    ends = abs(orbit.incoming[0]) / orbit.period / np.array([1.0, orbit.period + 0.5])
+    margins = orbit.admissibility()
+    assert margins.margin == pytest.approx(scale * min(ratio.min(), *ends), abs=1e-6)
+    (own,) = orbit.watch.flights
+    for t in (0.4, 2.0, 5.5):  # the ratio's own slopes, by differences
+        h = 1e-5
+        of = [clearance.flown(orbit.watch, own, clearance.Room(*orbit.walls.at(0)), t + d)
+              for d in (-h, 0.0, h)]  # fmt: skip
+        for before, here, after in zip(*of, strict=True):
+            assert here[1] == pytest.approx((after[0] - before[0]) / (2 * h), abs=1e-6)
+            assert here[2] == pytest.approx((after[1] - before[1]) / (2 * h), abs=1e-6)
+
+
+def test_a_dip_half_a_period_later_is_the_same_dip() -> None:
+    b = symmetric(0.6, 0.1, 0.8)
+    t = b.admissibility().places["centre"][1]
+    first, later = (rivals(b.watch, 0, t + half * math.pi) for half in (0, 1))
+    assert [gap.site for gap in later] == [gap.site for gap in first]
+    assert [gap.margin for gap in later] == pytest.approx([gap.margin for gap in first], abs=1e-12)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.breathers import clearance, clearance_loops
+from contbreather.breathers import rivals as rivals_of
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.clearance import least_margin
 from contbreather.breathers.orbit import Orbit, orbit_of
@@ -84,6 +88,85 @@ def test_the_least_rival_by_loops_is_that_of_all_rivals(orbit: Orbit, mirrored: 
         assert out[0] == pytest.approx(min(idle), abs=1e-10)
 
 
+@pytest.mark.parametrize("size", [64, 100, 336])
+def test_both_forms_look_at_the_same_places(size: int) -> None:
+    """Of a flight, and of a section as long as it takes."""
+    wanted = clearance._grid(size)
+    own = [clearance_loops.share(p, size) for p in range(wanted.size)]
+    assert own == pytest.approx(wanted, rel=1e-15)
+    assert clearance_loops.STEEP + size - 1 == wanted.size
+    assert min(own) > 0.0
+    assert 1.0 - max(own) == pytest.approx(1.0 / size)
+    for length in (0.1, 1.0, 2.0, math.pi, 3.2, 2.0 * math.pi, 12.0 * math.pi, 13.7):
+        orbit = SimpleNamespace(highest=size / 16)
+        data = [math.nan] * clearance_loops.FINE + [float(size)]
+        points = clearance.points_of(orbit, length)
+        assert clearance_loops.looks(data, length) == points
+        assert points == pytest.approx(size * max(1.0, length / math.pi), abs=1.0)
+
+
+@pytest.mark.parametrize("side", [0.0, 1.0, -1.0])
+def test_a_crest_is_climbed_by_loops_from_wherever_it_is_asked(side: float) -> None:
+    """A motion without impacts, ``0.1 + 0.5 (cos t - cos(3 t)/5)``: Newton's step leaves too wide
+    intervals next to its inflections."""
+    data = [math.nan] * clearance_loops.FIRST
+    data[clearance_loops.A], data[clearance_loops.N] = 0.5, 1.0
+    data[clearance_loops.HARMONICS], data[clearance_loops.IMPACTS] = 2, 0
+    data += [1.0, 1.0, 0.0, 3.0, -0.2, 0.0, 0.1, 0.0]
+    t = np.linspace(-math.pi, math.pi, 200001)
+    u = 0.1 + 0.5 * (np.cos(t) - 0.2 * np.cos(3 * t))
+    out = [math.nan] * 4
+    for start, step in ((0.9, 0.8), (0.5, 0.3), (-0.6, 0.5), (3.0, 0.6), (1.9, 1.4)):
+        near = u[abs(t - start) <= step]
+        up = side > 0.0 or (side == 0.0 and np.interp(start, t, u) > 0.0)
+        wanted = near.max() if up else near.min()
+        if wanted in (near[0], near[-1]):
+            continue  # no extremum within
+        found = clearance_loops.climbed(data, [], out, 0, start, step, side)
+        assert found == pytest.approx(wanted, abs=1e-9)
+
+
+@pytest.mark.parametrize("gamma", [0.02, 0.05])
+def test_where_a_flat_crest_grazes_loops_divide_it_out_as_well(gamma: float) -> None:
+    forcing = cb.Fourier.from_response(cos={1: 1.0, 3: -0.1})
+
+    def above(a: float) -> float:
+        orbit = cb.symmetric(a, gamma, 1.0, forcing=forcing)
+        return clearance.neighbour_peak(orbit, 2)[1] - 1.0
+
+    orbit = cb.symmetric(brentq(above, 0.3, 3.0, xtol=1e-14), gamma, 1.0, forcing=forcing)
+    watch, (t, _) = orbit.watch, clearance.neighbour_peak(orbit, 2)
+    packed = watch.packed()
+    data = rivals_data(watch, packed, 2, t, mirrored=False).tolist()
+    out, grid = [math.nan] * packed.own, [math.nan] * packed.points
+    table, own = packed.table.ravel().tolist(), packed.sites.index(2)
+    assert clearance_loops.rivals(data, table, grid, out) == 0
+    points = clearance_loops.looks(data, data[clearance_loops.LENGTH])
+    end = (len(packed.sites) - 1) * points
+    found = clearance_loops.besides(data, table, grid, out, own, points, end)
+    assert found == pytest.approx(rivals(watch, 2, t)[0].margin, abs=1e-9)
+
+
+def test_once_compiled_code_for_rivals_is_at_hand_it_is_asked(monkeypatch) -> None:
+    class Told:
+        def code(self) -> object:
+            return lambda *at: ctypes.c_double.from_address(at[3]).__setattr__("value", 0.25)
+
+    kernels = rivals_of._RIVALS, clearance._MARGIN
+    assert [kernel.function for kernel in kernels] == [
+        clearance_loops.rivals,
+        clearance_loops.margin,
+    ]
+    watch = PLAIN[0].watch
+    gap = min(clearance.gaps_of_idle(watch))
+    wanted = min(rivals(watch, gap.site, gap.time)).margin
+    assert rivals_of.least_rival(watch, gap.site, gap.time) == wanted
+    monkeypatch.setattr(rivals_of, "_RIVALS", Told())
+    assert rivals_of.least_rival(watch, gap.site, gap.time) == 0.25
+    own = min(rivals(watch, 0, watch.start + 1.0)).margin
+    assert rivals_of.least_rival(watch, 0, watch.start + 1.0) == own  # which loops do not know
+
+
 def test_beyond_its_limits_the_margin_by_loops_is_negative_alike() -> None:
     touching = cb.symmetric_roots(1.2, 0.1, 0.03)[0]
     assert by_loops(touching) == pytest.approx(touching.admissibility().margin, abs=1e-13)
@@ -114,6 +197,7 @@ def test_once_compiled_code_is_at_hand_it_is_asked(monkeypatch: pytest.MonkeyPat
     ("section", "times"),
     [
         (Section(((0, 1), (0, -1))), [0.3, 3.2]),
+        (Section(((0, 1), (3, -1))), [0.3, 3.2]),
         (Section(((0, 1), (3, 1), (0, -1), (3, -1)), turns=2), [0.1, 0.1, 7.0, 12.4]),
     ],
 )

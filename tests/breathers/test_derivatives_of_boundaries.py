@@ -94,6 +94,19 @@ def shot() -> Branch:
     return cb.trace(start, "a", within={"a": (0.05, 0.99)})
 
 
+@cache
+def held() -> Branch:
+    """Springs to the ground."""
+    start = cb.symmetric(0.5, 0.03, 0.8, spring=0.1)
+    return cb.trace(start, "a", within={"a": (0.05, 2.0)})
+
+
+@cache
+def arm_of_two() -> Branch:
+    start = asymmetric(0.82, 0.04, 0.8, forcing=cb.Fourier({1: -1.0, 3: -0.02})).problem
+    return cb.trace(start, "a", towards="up", within={"a": (0.7, 0.95)})
+
+
 Place = tuple[Callable[[], Branch], str, tuple[str, str]]
 PLACES: list[Place] = [
     (breathers, "LP", ("gamma", "a")),
@@ -115,6 +128,11 @@ PLACES: list[Place] = [
     (general, "GR", ("gamma", "a")),
     (two_sites, "GR", ("gamma", "a")),
     (two_sites, "GR", ("k", "a")),
+    (held, "LP", ("k", "spring")),
+    (held, "PF", ("k", "a")),
+    (held, "PF", ("spring", "gamma")),
+    (held, "GR", ("spring", "a")),
+    (arm_of_two, "GR", ("c3", "a")),
     (shot, "PF", ("gamma", "a")),
     (shot, "LP", ("k", "a")),
     (shot, "GR", ("gamma", "a")),

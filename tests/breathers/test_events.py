@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import contbreather as cb
+from contbreather.breathers import symmetric_events
+from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.lifts import lift
+from contbreather.breathers.modal_events import _shallow_locus
+from contbreather.breathers.wave_events import symmetric_again
+from contbreather.continuation.newton import Undefined
 from contbreather.stability import G, dense_half_map, neimark_sacker, unstable_count
 
 CHAIN = cb.InfiniteChain()
@@ -323,3 +330,50 @@ def test_elastic_impacts_lose_stability_where_the_count_jumps(gamma: float) -> N
     ]
     assert beside == [0, 2]
     assert not branch.doubtful
+
+
+# --- where there is nothing to follow -------------------------------------------------------------
+
+
+def event_of(problem: Any, kind: str) -> Any:
+    return next(event for event in problem.events if event.kind == kind)
+
+
+def test_what_cannot_be_followed_from_a_point_says_why() -> None:
+    near = {"a": (0.74, 0.76)}
+    ring = symmetric_events.neimark_sacker(on=cb.Ring(1))
+    alike = cb.trace(cb.symmetric(0.75, 0.0, 0.8), "a", within=near)
+    shot = cb.trace(cb.shooting(cb.symmetric(0.75, 0.0, 0.8), sites=1), "a", within=near)
+    near = {"a": (0.81, 0.83)}
+    arm = cb.trace(asymmetric(0.82, 0.04, 0.8).problem, "a", within=near)
+    alone = cb.trace(asymmetric(0.82, 0.0, 0.8).problem, "a", within=near)
+    plastic = cb.trace(
+        cb.shooting(cb.symmetric(0.55, 0.0, 0.0), sites=1), "a", within={"a": (0.55, 0.56)}
+    )
+    for what, words in (
+        (lambda: ring.locus(alike[0]), "no complex multipliers on this"),
+        (lambda: event_of(shot.problem, "NS").locus(shot[0]), "no complex multipliers on this"),
+        (lambda: event_of(alone.problem, "NS").locus(alone[0]), "no band for a pair to come out"),
+        (lambda: symmetric_again(arm[0]), "the flights are not equal here"),
+        (lambda: _shallow_locus(plastic[0].solution), "with k = 0 a site rests on its wall"),
+    ):
+        with pytest.raises(Undefined, match=words):
+            what()
+    assert event_of(arm.problem, "NS").locus(arm[0]).extra["kappa"] > 0.0
+    # an impact that is slow is another matter
+    assert _shallow_locus(shot[0].solution).extra == {}
+
+
+def test_a_pair_without_an_angle_is_none_but_where_impacts_are_elastic() -> None:
+    event = event_of(cb.symmetric(0.5, 0.05, 0.8).problem, "NS")
+    for k, words in ((0.8, "no angle solves the locus"), (1.0, "")):
+        (start, *_) = cb.trace(cb.symmetric(0.5, 0.05, k), "a", within={"a": (0.49, 0.51)})
+        assert event.examine(start).endswith(words)
+        assert (event.examine(start) == "") == (k == 1.0)
+
+
+def test_only_orbits_with_impacts_have_longer_ones_beside_them() -> None:
+    grown = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.9})
+    branch = cb.trace(grown, "r", within={"r": (2.9, 3.1)}, events=[cb.period_doubling()])
+    with pytest.raises(cb.BadInput, match=r"PD1.* is on no branch of orbits with impacts"):
+        lift(branch.first("PD"))

@@ -75,6 +75,22 @@ def test_an_event_can_be_asked_for_or_the_sentence_says_why_not(name: str, kind:
             cb.trace(orbit, "a", events=[EVENTS[kind]()], within=near)
 
 
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("PF", "only a symmetric orbit, known by half its period, has a pitchfork"),
+        ("PD", "a symmetric orbit breaks its symmetry (PF) before it can double its period"),
+        ("NS", "a complex pair is looked for in the map of an orbit"),
+        ("GR", "only what moves between walls can graze them"),
+    ],
+)
+def test_what_is_no_orbit_has_none_of_them(kind: str, words: str) -> None:
+    line = cb.Problem(lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0}, label="a line")
+    with pytest.raises(cb.BadInput) as refused:
+        cb.trace(line, "mu", events=[EVENTS[kind]()])
+    assert str(refused.value) == f"no {kind} of this problem (a line, no events): {words}."
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_each_event_is_where_it_is_known_to_be(name: str) -> None:
     orbit, known = orbits()[name]

@@ -5,7 +5,9 @@ from __future__ import annotations
 import functools
 import math
 from types import SimpleNamespace
+from typing import Any
 
+import mpmath as mp
 import networkx as nx
 import numpy as np
 import pytest
@@ -17,7 +19,13 @@ from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.clearance import highest_neighbour
 from contbreather.breathers.images import images_of
 from contbreather.breathers.orbit import orbit_at
-from contbreather.flows.modes import driven, turn, turn_slope, turn_slope_in_damping
+from contbreather.flows.modes import (
+    driven,
+    free_multipliers,
+    turn,
+    turn_slope,
+    turn_slope_in_damping,
+)
 from contbreather.lattice.conditions import Conditions, Walls
 
 # --- a second road: integration with events ---------------------------------------------------
@@ -597,3 +605,72 @@ def test_flights_with_heavy_damping_neither_overflow_nor_cancel() -> None:
         fly = turn(np.array([0.0, 0.2]), math.pi, damping)
         assert fly.reach[0] == pytest.approx(-math.expm1(-damping * math.pi) / damping, rel=1e-12)
         assert np.isfinite(np.concatenate(fly)).all()
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-6, 0.3, 2.0, 5.0])
+def test_flights_and_their_slopes_are_exact_where_modes_drift_turn_and_creep(
+    damping: float,
+) -> None:
+    """Against thirty digits, on both sides of where a series takes over."""
+    t = 1.7
+
+    def exact(z: Any, d: Any) -> list[Any]:
+        """C, S, z S and C - d S."""
+        root = mp.sqrt(mp.mpc(z - d * d / 4))
+        s = mp.exp(-d * t / 2) * mp.sin(root * t) / root
+        c = mp.exp(-d * t / 2) * mp.cos(root * t) + d * s / 2
+        return [c, s, z * s, c - d * s]
+
+    x = np.array([-4.0, -1.0, -0.251, -0.249, -1e-3, -1e-9, 1e-9, 1e-3, 0.1, 0.249, 0.251, 1.0, 30])
+    z = x / t**2 + 0.25 * damping**2
+    z = z[z >= 0.0]
+    fly = turn(z, t, damping)
+    slopes = turn_slope(z, t, fly, damping), turn_slope_in_damping(z, t, fly, damping)
+    with mp.workdps(40):
+        h = mp.mpf(10) ** -12
+        for i, one in enumerate(map(mp.mpf, z.tolist())):
+            d = mp.mpf(damping)
+            up, down = exact(one + h, d), exact(one - h, d)
+            more, less = exact(one, d + h), exact(one, d - h)
+            by_z = [mp.re(u - v) / (2 * h) for u, v in zip(up, down, strict=True)]
+            by_d = [mp.re(u - v) / (2 * h) for u, v in zip(more, less, strict=True)]
+            for own, wanted in zip((fly, *slopes), (exact(one, d), by_z, by_d), strict=True):
+                got, scale = [float(column[i]) for column in own], 1.0 + 0.1 * float(abs(one))
+                assert got == pytest.approx([float(mp.re(w)) for w in wanted], abs=2e-14 * scale)
+    one, other = free_multipliers(z, damping, t)
+    matrix = np.array([[fly.cosine, fly.reach], [-fly.pull, fly.swing]]).transpose(2, 0, 1)
+    assert one + other == pytest.approx(np.trace(matrix, axis1=1, axis2=2), abs=1e-13)
+    assert one * other == pytest.approx(np.linalg.det(matrix), abs=1e-13)
+
+
+def test_a_drive_is_in_resonance_to_rounding_only() -> None:
+    """One mode, driven with its frequency 1: of f = cos t it makes (cos t)/(1 - spring)."""
+    for off in (1e-10, -1e-10):
+        forced = driven(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + off, 0.0)
+        assert forced.at(0, 0.0)[0] == pytest.approx(-1.0 / off, rel=1e-5)
+    with pytest.raises(cb.BadInput, match="has the frequency 1 of one of its harmonics"):
+        driven(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + 1e-13, 0.0).at(0, 0.0)
+    assert math.isfinite(driven(cb.Ring(3), cb.Harmonic(), 0.1, 1.0, 1e-6).at(0, 0.0)[0])
+    third = driven(cb.Ring(3), cb.Fourier(cos={1: -1.0, 3: 1.0}), 0.1, 9.0 + 1e-10, 0.0)
+    assert third.at(0, 0.0)[0] == pytest.approx(1e10, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["gamma", "spring", "damping", "c3", "s5", "a"])
+@pytest.mark.parametrize("lattice", [cb.Ring(4), random_lattice(3)], ids=repr)
+@pytest.mark.parametrize("still", [(0.0, 0.0), (0.3, 0.1)])
+def test_slopes_of_the_forced_motion_are_its_difference_quotients(name, lattice, still) -> None:
+    forcing = cb.Fourier({1: -1.0, 3: 0.5}, {5: 0.2})
+    here = {"gamma": 0.2, "spring": still[0], "damping": still[1]}
+    if here.get(name) == 0.0:
+        return
+
+    def at(step: float) -> np.ndarray:
+        there = forcing.at(**{name: forcing.params[name] + step}) if name in "c3 s5" else forcing
+        moved = {n: v + step * (n == name) for n, v in here.items()}
+        made = driven(lattice, there, moved["gamma"], moved["spring"], moved["damping"])
+        return np.array(made.at(1, 0.7)[:2])
+
+    own = driven(lattice, forcing, *here.values()).slope(name, 1, 0.7)
+    assert own == pytest.approx((at(1e-6) - at(-1e-6)) / 2e-6, rel=1e-6, abs=1e-8)
+    if name == "a" or (name == "gamma" and lattice.uniform):
+        assert own == (0.0, 0.0)

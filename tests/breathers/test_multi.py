@@ -175,3 +175,9 @@ def test_only_orbits_without_coupling_stand_for_a_site(lattice: cb.AnyLattice) -
     alone = cb.symmetric(0.5, 0.0, 0.8, lattice=lattice)
     found = cb.multibreather({0: alone}, lattice=cb.Ring(10), **AT)
     assert found.times == pytest.approx(cb.multibreather([0], lattice=cb.Ring(10), **AT).times)
+
+
+def test_where_there_is_one_root_the_lower_one_is_it() -> None:
+    alone = {"a": 1.1, "gamma": 0.0, "k": 0.8, "lattice": cb.Ring(1)}
+    assert len(cb.symmetric_roots(**alone)) == 1
+    assert cb.multibreather({0: "lower"}, **alone).p == pytest.approx(cb.symmetric(**alone).p)

@@ -13,8 +13,10 @@ import pytest
 from contbreather.breathers import symmetric
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.images import SAME, images_of, simpler_than
+from contbreather.breathers.modal_road import Modes
 from contbreather.breathers.orbit import Orbit, orbit_at, orbit_of
 from contbreather.breathers.section import Section
+from contbreather.breathers.shooting import shooting
 from contbreather.breathers.wave_road import impact_problem
 from contbreather.breathers.waves import OrbitEquations
 from contbreather.continuation import trace
@@ -217,16 +219,55 @@ def test_mean_impulses_tilt_the_chain_between_two_sites():
     assert ring.links[0, 1] == pytest.approx(1 / 3 + 1 / 6)
 
 
-def test_velocity_at_an_impact_is_the_one_just_after_it():
-    orbit = asymmetric(0.82, 0.04, 0.8)
-    for impact, before in zip(orbit.impacts, orbit.incoming, strict=True):
-        for turn in range(-7, 8):
-            t = impact.time + 2 * math.pi * turn
+@cache
+def each_road() -> list[Orbit]:
+    """Half and whole sections, one site and two, with damping and walls of all kinds."""
+    on = {"a": 0.7, "gamma": 0.05, "k": 0.7}
+    still = {"damping": 0.05, "spring": 0.2}
+    return [
+        symmetric(**on),
+        symmetric(**on, lattice=Ring(5)).unfolded(),
+        asymmetric(0.82, 0.04, 0.8),
+        asymmetric(0.82, 0.04, 0.8).doubled(),
+        symmetric(**on, **still, lattice=Ring(5), walls=(-1.2, 1.2)),
+        orbit_at(shooting(asymmetric(0.82, 0.04, 0.8), sites=4)),
+        orbit_at(shooting({"t1": -2.9, "t2": -2.9}, lattice=Ring(6), sequence=[(0, 1), (3, 1)],
+                          symmetric=True, **on, **still)),
+        orbit_at(shooting({"t1": 1.0}, lattice=Ring(1), sequence=[(0, 1)], walls={0: (None, 0.58)},
+                          a=0.717, gamma=0.0, k=0.5, damping=0.02, spring=2.0)),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("which", range(8))
+def test_at_an_impact_the_motion_is_the_one_just_after_it_in_any_period(which: int) -> None:
+    orbit = each_road()[which]
+    k = orbit.k
+    for hit in orbit.hits:
+        wall = orbit.walls.position(hit.site, hit.wall)
+        assert hit.after == pytest.approx(-k * hit.before, rel=1e-12)
+        assert hit.wall * hit.before > 0.0
+        for turn in (*range(-7, 8), -1000, 1000):
+            t = hit.time + turn * orbit.period
+            rounded = 1e-12 * (1 + abs(turn))
             for same in (t, np.nextafter(t, -np.inf)):  # within rounding of it
-                assert orbit.velocity(0, same) == pytest.approx(-0.8 * before, abs=1e-12)
-            assert orbit.velocity(0, t - 1e-9) == pytest.approx(before, abs=1e-7)
-            assert orbit.displacement(0, t) == pytest.approx(impact.wall, abs=1e-12)
-    assert isinstance(orbit.velocity(0, 1.0), float)
+                after = orbit.velocity(hit.site, same)
+                assert isinstance(after, float)
+                assert after == pytest.approx(hit.after, abs=1e-11 + rounded)
+                bend = orbit.acceleration(hit.site, same)
+                assert bend == pytest.approx(hit.acceleration, abs=1e-9)
+                if isinstance(orbit.road, Modes):
+                    one = orbit.flight.at(hit.site, same)[:2]
+                    assert one == pytest.approx((wall, hit.after), abs=1e-11 + rounded)
+                one = orbit.watch.at(hit.site, t + 1e-9)
+                assert one == pytest.approx((wall, hit.after, hit.acceleration), abs=1e-6)
+            before = np.array([t - 1e-7, t - 1e-8])
+            assert orbit.velocity(hit.site, before) == pytest.approx(hit.before, abs=1e-5)
+            assert orbit.displacement(hit.site, t) == pytest.approx(wall, abs=1e-11 + rounded)
+    # what is asked for at once is what is asked for one by one
+    n, t = orbit.hits[0].site + np.arange(3)[:, None] % 2, np.linspace(-9.0, 20.0, 7)
+    for asked in (orbit.displacement, orbit.velocity, orbit.acceleration):
+        single = [[asked(int(site), float(time)) for time in t] for (site,) in n]
+        assert asked(n, t) == pytest.approx(np.array(single), abs=1e-13)
 
 
 def test_all_sites_obey_the_equation_of_motion():
@@ -402,3 +443,18 @@ def test_an_orbit_of_two_alike_flights_is_known_for_a_symmetric_breather() -> No
     assert known.section == b.section
     assert known.phi - b.phi == pytest.approx(0.4 * SAME, abs=1e-3 * SAME)
     assert simpler_than(moved(b.unfolded(), 1, 1.2 * SAME)) is None
+
+
+def test_an_orbit_is_made_of_finite_numbers() -> None:
+    b = symmetric(0.5, 0.12, 0.4).unfolded()
+    for spoilt in (
+        {"offsets": (math.nan,)},
+        {"impacts": tuple(one._replace(time=math.inf) for one in b.impacts)},
+        {"impacts": tuple(one._replace(impulse=math.nan) for one in b.impacts)},
+    ):
+        with pytest.raises(BadInput, match="finite numbers are expected"):
+            replace(b.road, **spoilt)
+    with pytest.raises(BadInput, match=r"impact 2 has the impulse -1 at the wall -1: .* must be"):
+        replace(b.road, impacts=(b.impacts[0], b.impacts[1]._replace(impulse=-1.0)))
+    with pytest.raises(BadInput, match="2 offsets for 1 impacting sites"):
+        replace(b.road, offsets=(0.0, 0.0))

@@ -205,6 +205,10 @@ SEEDS: list[tuple[Callable[..., Any], str]] = [
     ),
     (lambda b, o, w: orbit_of(None, o.section, [0.0], [-1.0]), "Conditions was expected, got None"),
     (
+        lambda b, o, w: orbit_of(o.conditions, ((0, 1),), [0.0], [-1.0]),
+        "a Section of impacts was expected, got a tuple",
+    ),
+    (
         lambda b, o, w: orbit_of(o.conditions, o.section, "0", [-1.0]),
         "times = '0': finite real numbers were expected",
     ),

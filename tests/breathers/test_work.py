@@ -5,17 +5,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers import clearance_loops, symmetric_events
+from contbreather.breathers import ahead, clearance_loops, symmetric_events
 from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.grazing import solution_at
 from contbreather.breathers.rivals import rivals_data
-from contbreather.continuation import Steps
+from contbreather.continuation import Steps, strider
 from contbreather.continuation.curve import Curve
 from contbreather.stability.arc import neimark_sacker, window
 
@@ -99,3 +100,24 @@ def test_sites_that_cannot_be_the_next_to_graze_are_passed_by(counted) -> None:
     grid, out = [0.0] * packed.points, [0.0] * packed.own
     clearance_loops.rivals(data, packed.table.ravel().tolist(), grid, out)
     assert filled["fill"] <= 4  # of thirteen
+
+
+def test_what_is_compiled_ahead_is_all_that_branches_and_boundaries_step_with(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: Counter[str] = Counter()
+
+    def machine(loops: Any) -> None:
+        assert strider._eager
+        for function in (loops.evaluate, loops.derive):
+            asked[function.__name__.split("_on_arc")[0].split("_closure")[0]] += 1
+
+    monkeypatch.setattr(strider, "machine", machine)
+    monkeypatch.setattr(ahead, "compiled", lambda: 5)
+    ready = [SimpleNamespace(ready=lambda had=had: had) for had in (True, False, True)]
+    monkeypatch.setattr(ahead, "KERNELS", ready)
+    assert ahead.compile_ahead() == 7
+    named = {"closure", "fold", "pitchfork", "pair", "contact"}
+    # and the engine's own fold, which knows no closed form
+    assert set(asked) == named | {f"{n}_slopes" for n in named} | {"conditions", "slopes"}
+    assert not strider._eager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.breathers.closure import smallest_amplitude
+from contbreather.breathers.regions import regions
 from contbreather.stability import neimark_sacker, unstable_count
 
 CHAIN = cb.InfiniteChain()
@@ -376,3 +378,25 @@ def test_zones_show_their_progress_only_where_it_is_asked_for(
     assert ("points, gamma = " in captured.err) == shown
     assert "points, a = " not in captured.err
     assert (captured.err == "") == (not shown)
+
+
+def test_a_diagram_without_any_curve_has_no_verdicts() -> None:
+    empty = replace(zones(0.8), curves=dict.fromkeys(zones(0.8).curves, ()))
+    with pytest.raises(cb.BadInput, match="this zone diagram has no curve"):
+        empty.unstable(0.1, 0.5)
+    assert empty.regions_of(((0.0, 0.2), (0.0, 1.0))) == ()
+
+
+def test_a_region_is_shown_in_a_line_with_its_verdict() -> None:
+    across = [np.array([[0.0, 0.0], [2.0, 4.0]])]
+    above, below = sorted(
+        regions(across, ((0.0, 2.0), (0.0, 4.0)), lambda x, y: 2 if y > 2 * x else None),
+        key=lambda region: region.x,
+    )
+    x, y = (f"{value:.6g}" for value in (above.x, above.y))
+    assert repr(above) == f"<Region US around ({x}, {y}), 3 corners>"
+    assert repr(below).startswith("<Region no verdict around (")
+    assert above.counts == (2,) * 5
+    assert above.room == pytest.approx(1.0 - math.sqrt(0.5), abs=5e-3)  # of a right triangle
+    assert above.y > 2 * above.x
+    assert below.y < 2 * below.x

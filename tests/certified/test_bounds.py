@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from flint import arb
 
-from contbreather.certified import balls, means, walls, winding
+from contbreather.certified import balls, means, points, walls, winding
 from contbreather.stability.characteristic import D, regular
 
 COUPLINGS = (0.0, 0.03, 0.2, 0.2499)
@@ -211,3 +211,61 @@ def test_floats_are_rounded_outwards() -> None:
         low, high = balls.interval(third)
     assert arb(low) < third < arb(high)
     assert high == np.nextafter(low, 1.0)
+
+
+# --- what is cut off, and what is rounded: no less than it is, and hardly more --------------------
+
+
+def test_what_is_cut_off_from_means_is_bounded_closely() -> None:
+    """The sums of the docstring, with mpmath: bounds that are far too wide say nothing."""
+    with balls.working(), mpmath.workdps(30):
+        at = means.J + 1
+        value, slope = (
+            float(means._cut(balls.Jet([arb(0.1), 1], prec=2))[i].rad()) for i in (0, 1)
+        )
+        powers = [mpmath.mpf(9) ** -j for j in range(at, at + 60)]
+        tail = [12 / mpmath.pi * sum(j**r * x for j, x in enumerate(powers, at)) for r in (0, 1)]
+        assert tail[0] <= value < 1.2 * tail[0]
+        assert 4 * tail[1] <= slope < 1.08 * 4 * tail[1]
+        assert float(means._cut(arb(0.1)).rad()) == value
+
+
+def test_what_is_cut_off_from_motions_and_aliases_is_bounded_closely() -> None:
+    assert 0.5 * np.pi <= means.REACH < 1.02 * 0.5 * np.pi
+    gamma, first = 0.2, 2 * means.POWERS + 1
+    with balls.working():
+        errors = [float(one.rad()) for one in means.flight(arb(gamma), 3)[2]]
+    size = 4 / np.pi / (1 - 4 * gamma) ** 0.5
+    for r, error in enumerate(errors):
+        term = size * means.REACH ** (first - r) / float(mpmath.factorial(first - r))
+        powers = 3.0**r * 9.0 ** -(means.J + 1) / np.pi
+        assert abs(error / (2 * term + powers) - 1) < 1e-8
+    least = 2.0 ** (-2 * winding.ALIASES) + 5 * 9.0 ** -(means.J + 1)
+    assert least < winding.CUT < 2.1 * least
+
+
+def square(z: Any) -> Any:
+    return [z[0] * z[0] - arb(1e-13) ** 2]
+
+
+def test_a_zero_is_alone_up_to_the_next_one() -> None:
+    """Zeros at +-1e-13: no box of half width 1e-13 around one of them is said to hold it alone."""
+    with balls.working():
+        zero = points.zero_near(square, [1.1e-13], 1e-12)
+        assert zero is not None
+        assert zero[0].contains(arb(1e-13))
+        assert 2e-14 < points.alone_within(square, zero) < 2e-13
+        assert points.alone_within(lambda z: [z[0] * z[0]], [arb(0)]) == 0.0
+        line = [balls.about(0.2, 1e-20)]
+        assert points.alone_within(lambda z: [z[0] - arb(0.2)], line) == points.FARTHEST == 0.3
+
+
+def test_a_zero_is_looked_for_up_to_the_rim_of_the_box_and_no_farther() -> None:
+    with balls.working():
+        for within, there in ((1.5e-9, True), (0.9e-9, False)):
+            found = points.zero_near(lambda z: [z[0] - arb(1e-9)], [0.0], within)
+            assert (found is not None) is there
+        assert points.zero_near(lambda z: [z[0] * z[0]], [0.0], 1e-3) is None
+        assert balls.krawczyk(lambda z: [z[0] * z[0]], [balls.about(0.0, 1e-3)]) is None
+        assert points.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 0.5)
+        assert not points.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 1.5)

@@ -21,6 +21,7 @@ from contbreather.continuation import (
     branch_point,
     fold,
     hopf,
+    many,
     trace,
     user,
     walk,
@@ -123,6 +124,43 @@ def test_a_count_is_blank_where_rounding_decides_it() -> None:
     column = [row[3] for row in shown_at(branch, 200)]
     assert column == ["count", "0", "\N{EN DASH}", "1", "\N{EN DASH}", "0"]
     assert set(branch["count"]) == {0, 1}
+
+
+def test_a_column_has_no_count_where_rounding_decides_it() -> None:
+    record = {"count": lambda p: int(p["x"] < 0), "size": lambda p: float(p["x"])}
+    counted, level = replace(CUSP.problem, record=record), user("x", 0.25)
+    for events, blank in ([fold(), level], ["LP1", "LP2"]), ([level], []):
+        found = trace(counted, "h", within={"x": (-2, 2)}, events=events).columns()
+        assert [*found] == ["label", "x", "mu", "h", "count", "size", "arclength", "residual"]
+        assert [*found["label"][np.isnan(found["count"])]] == blank
+        assert not np.isnan(found["size"]).any()
+        assert found["count"].dtype.kind == ("f" if blank else "i")
+
+
+def test_a_branch_says_which_parameters_stay_what_they_are() -> None:
+    fixed = Problem(
+        lambda x, p: x - p["m"] * p["k"] - p["h"], {"x": 0.25}, {"h": 0.25, "m": 0, "k": 2}
+    )
+    said = trace(fixed, "m", within={"m": (0, 1)}, events=()).describe()
+    assert said.startswith("branch in m (h = 0.25, k = 2): ")
+
+
+def test_many_branches_are_asked_for_as_one_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+    monkeypatch.setattr(
+        many,
+        "each",
+        lambda walk, *starts, **own: seen.append((walk.func, walk.keywords, starts, own)),
+    )
+    own = {"within": {"mu": (0, 1)}, "towards": "up", "steps": Steps(), "inadmissible": True}
+    event, starts = fold(), [LINE.problem, CUSP.problem]
+    many.trace_many(starts, "mu", events=event, executor=3, progress=True, **own)
+    walked = {**own, "free": "mu", "events": (event,), "progress": False}
+    shown = {"executor": 3, "progress": True, "unit": "branches"}
+    assert seen == [(trace, walked, (starts,), shown)]
+    for wrong in (LINE.problem, "line", 3):
+        with pytest.raises(BadInput, match="takes several starts, a list of them"):
+            many.trace_many(wrong, "mu")
 
 
 def test_a_branch_in_trouble_says_why() -> None:

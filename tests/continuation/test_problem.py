@@ -319,3 +319,15 @@ def test_one_equation_may_be_a_number() -> None:
 def test_a_number_for_two_equations_is_refused() -> None:
     with pytest.raises(BadInput, match="as many equations as unknowns"):
         trace(Problem(lambda x, p: x[0] - p["mu"], {"x": 0.0, "y": 0.0}, {"mu": 0.0}), "mu")
+
+
+def test_a_start_is_a_solution_where_rounding_is_all_that_is_left() -> None:
+    """Rows of very different size, each by its own rounding; in 3 unknowns."""
+    matrix = np.array([[1e6, 3e5, 7.0], [1.0, -3.0, 0.1], [1e-7, 2e-7, 1.7e-7]])
+    x = np.array([1 / 3, 1 / 7, 10 / 3])
+    start = dict(zip("xyz", x, strict=True))
+    for off, solved in ((0.0, True), (1e-17, True), (1e-14, False)):
+        for row in np.eye(3):
+            target = matrix @ x + off * row * (abs(matrix) @ x)
+            mine = Problem(lambda u, p, t=target: matrix @ u - t, start, {})
+            assert mine._is_solved(Curve(mine, ())) == solved

@@ -231,6 +231,32 @@ def test_a_curve_of_folds_meets_the_cusp_of_the_dense_road() -> None:
     assert not line.doubtful
 
 
+def in_units(n: int) -> cb.Problem:
+    """The same, in its left and its right half, in units that differ by a thousand."""
+    plain, units = ignition(n), np.repeat([1e-2, 10.0], [n // 2, n - n // 2])
+    start = {"left": np.full(n // 2, 1.5e2), "right": np.full(n - n // 2, 0.15)}
+    return cb.Problem(
+        lambda u, p: plain.residual(units * u, p),
+        start,
+        plain.params,
+        jacobian=lambda u, p: plain.jacobian(units * u, p) * units,
+        scales={"left": 1e2, "right": 0.1},
+    )
+
+
+def test_a_cusp_of_a_large_problem_does_not_depend_on_its_units() -> None:
+    events, within = [cb.fold()], {"lam": (4, 7)}
+    branch = cb.trace(in_units(9), "lam", within=within, towards="up", events=events)
+    same = cb.trace(ignition(9), "lam", within=within, towards="up", events=events)
+    lines = [
+        cb.boundary(one.first("LP"), ("eps", "lam"), within={"lam": (5.1, 6)}, towards="up")
+        for one in (branch, same)
+    ]
+    one, other = (line.first("CP") for line in lines)
+    assert one["eps"] == pytest.approx(other["eps"], abs=1e-10)
+    assert one["lam"] == pytest.approx(other["lam"], abs=1e-10)
+
+
 def test_a_curve_of_hopf_points_is_the_one_in_closed_form() -> None:
     n, steps = 20, cb.Steps(most=6)
     branch = cb.trace(
@@ -313,3 +339,13 @@ def test_a_pattern_of_the_wrong_shape_or_beside_a_jacobian_is_refused() -> None:
         replace(bratu(second(30)), jacobian=None, sparsity=np.eye(3))
     with pytest.raises(BadInput, match="either a jacobian or a sparsity pattern"):
         replace(bratu(second(30)), sparsity=second(30))
+
+
+@pytest.mark.parametrize("many", [1, 2, 3])
+def test_each_null_vector_has_an_unknown_of_its_own(many: int) -> None:
+    """As many different unknowns as vectors, and those see every combination of the vectors."""
+    for seed in range(20):
+        null = np.linalg.qr(np.random.default_rng(seed).normal(size=(8, many)))[0]
+        chosen = sparse._most_moving(null)
+        assert len({*chosen.tolist()}) == many
+        assert np.linalg.svd(null[chosen], compute_uv=False).min() > 0.1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -9,8 +10,10 @@ from typing import Any
 import pytest
 
 import contbreather as cb
+from contbreather.errors import BadInput
 from contbreather.explorer import Explorer
 from contbreather.explorer.page import Page
+from contbreather.explorer.style import GRID
 
 LONG = 60.0
 
@@ -263,3 +266,46 @@ def test_a_file_that_exists_is_replaced_at_the_second_press_only(page: Page, tmp
     assert cb.load(path)["branch1"].names
     press(page, "Save all curves")  # and is asked about again the next time
     assert "press again" in sentence(page.forms.keep_trouble)
+
+
+RANGES = (
+    ("breather", "a", ("0", "1e6"), ("-1e-9", "1000001", "inf")),
+    ("breather", "gamma", ("0", "0.25"), ("-1e-9", "0.2500001")),
+    ("breather", "k", ("0", "1"), ("-1e-9", "1.0000001")),
+    ("breather", "lattice", ("", "3", "ring:2000"), ("2001", "grid:41x50")),
+    ("breather", "site", ("0", "1999"), ("-1", "2000", "1.5")),
+    ("breather", "spring", ("", "0", "1e9"), ("-1e-9", "inf")),
+    ("breather", "damping", ("", "0", "1e9"), ("-1e-9", "nan")),
+    ("window", "low", ("-1e9", "1e9"), ("inf", "")),
+    ("window", "high", ("-1e9", "1e9"), ("-inf", "")),
+    ("length", "sites", ("3", "2000"), ("2", "2001", "20.0")),
+    ("length", "periods", ("1", "100000"), ("0", "100001")),
+    ("length", "push", ("-10", "10"), ("-10.001", "10.001")),
+    ("asked", "sites", ("0", "1 2, 3 4,5 6 7 -8"), ("", "1 2 3 4 5 6 7 8 9", "1.5")),
+    ("asked", "ring", ("3", "2000"), ("2", "2001")),
+)
+
+
+def test_each_field_takes_its_range_with_both_ends_and_nothing_beyond(page: Page) -> None:
+    for form, name, good, bad in RANGES:
+        field = (page.asked if form == "asked" else getattr(page.forms, form))[name]
+        assert all(field.read(text) is not None or not text for text in good)
+        for text in bad:
+            with pytest.raises(BadInput):
+                field.read(text)
+
+
+def test_each_area_of_the_grid_has_one_card_and_windows_are_those_of_the_library(
+    page: Page,
+) -> None:
+    areas = re.findall(r"grid-area: (\w+)", GRID)
+    cards = [[area for area in areas if area in one.css_classes] for one in page.layout[0]]
+    assert sorted(cards) == sorted([area] for area in areas)
+    assert (page.k.start, page.k.end, page.k.step, page.k.value) == (0.01, 0.99, 0.01, 0.8)
+    assert (page.forms.first.value, page.forms.second.value) == ("gamma", "a")
+    ends_of = {"gamma": ("0", "0.2499"), "k": ("0.01", "0.999"), "a": ("0.01", "1.2")}
+    for name, ends in ends_of.items():
+        page.forms.free.value = name
+        assert tuple(field.input.value for field in page.forms.window.values()) == ends
+    page.forms.what.value, page.forms.suffix.value = "motion", ".svg"
+    assert (page.forms.figure.filename, page.forms.script.filename) == ("motion.svg", "explored.py")

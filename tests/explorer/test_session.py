@@ -13,9 +13,9 @@ from shapely import LineString
 
 import contbreather as cb
 from contbreather.errors import BadInput, NoSolution
-from contbreather.explorer import Explorer, work
+from contbreather.explorer import Explorer, session, work
 from contbreather.explorer.background import Background, Progress
-from contbreather.explorer.sketch import between
+from contbreather.explorer.sketch import LADDER, _mixed, between
 from contbreather.explorer.work import Work
 
 WINDOWS = {"gamma": (0.02, 0.06), "a": (0.5, 1.2)}
@@ -264,3 +264,28 @@ def test_points_of_another_problem_are_shown_by_their_numbers(tmp_path: Path) ->
     assert explorer.chosen.orbit is None
     with pytest.raises(BadInput, match="nothing to simulate"):
         work.simulated(explorer.chosen, 20, 5, 0.0, (0,))
+
+
+def test_diagrams_ahead_are_close_enough_to_draw_what_lies_between_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert sorted(LADDER) == list(LADDER)
+    assert (LADDER[0], LADDER[-1], len(LADDER)) == (0.02, 0.98, 21)
+    assert max(np.diff(LADDER)) < 0.0501
+    monkeypatch.setattr(session, "between", lambda *given: given)
+    explorer = Explorer()
+    for known, wanted in (
+        ((0.7, 0.755), (0.7, 0.755, 0.73)), ((0.7, 0.765), None), ((0.7, 0.72), None),
+        ((0.68, 0.7, 0.73, 0.75, 0.76), (0.7, 0.75, 0.73)), ((0.74, 0.75), None),
+    ):  # fmt: skip
+        explorer._planes = {(one, ""): one for one in known} | {(0.731, "cos(t)"): 0.0}
+        assert explorer._rough(0.73, "") == wanted
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_curves_between_two_do_not_depend_on_the_way_either_was_walked(turned: int) -> None:
+    s = np.linspace(0.0, 1.0, 400)[:, None]
+    low, high = np.hstack([s, s**2]), np.hstack([s, s**2 + 1.0])
+    found = _mixed(low, high[::turned], 0.25)
+    np.testing.assert_allclose(found[[0, -1]], [[0.0, 0.25], [1.0, 1.25]], atol=1e-12)
+    np.testing.assert_allclose(found[:, 1], found[:, 0] ** 2 + 0.25, atol=1e-4)

@@ -70,7 +70,9 @@ def main(checkout: str, only: list[str]) -> None:
     known = {}
     tests = MAP / "tests.json"
     if only and tests.exists():
-        known = json.loads(tests.read_text())
+        kept = json.loads(tests.read_text())
+        renewed = tuple(str(Path(one)) for one in only)
+        known = {name: one for name, one in kept.items() if not one["file"].startswith(renewed)}
     fresh = MAP / "fresh.json"
     data = MAP / "coverage.db"
     part = MAP / "part.db"

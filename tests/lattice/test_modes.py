@@ -223,6 +223,18 @@ def test_no_mean_exists_outside_the_attenuation_zone(lattice, name, gamma):
         getattr(lattice, name)(gamma)
 
 
+@pytest.mark.parametrize("lattice", [CHAIN, Ring(4)])
+@pytest.mark.parametrize("gamma", [-0.1, 0.25, math.nan])
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [("first_harmonic", 1), ("dfirst_harmonic", 1), ("resolvent", 2j), ("frequencies", None)],
+)
+def test_no_answer_to_a_drive_exists_there_either(lattice, gamma, name, more):
+    if hasattr(lattice, name):
+        with pytest.raises(BadInput, match="gamma"):
+            getattr(lattice, name)(*((gamma,) if more is None else (gamma, more)))
+
+
 @pytest.mark.parametrize("s", [0.0, 0.5, -0.5, 2 * math.sqrt(0.2)])
 def test_resolvent_of_the_chain_refuses_the_band(s):
     with pytest.raises(BadInput, match="band"):

@@ -84,3 +84,12 @@ def test_bonds_of_a_graph_are_as_stiff_as_their_weights(weight: float) -> None:
         np.array([[weight, -weight, 0.0], [-weight, weight + 1.0, -1.0], [0.0, -1.0, 1.0]])
     )
     assert cb.Lattice.from_graph(graph, weight="other").stiffness[0, 0] == 3.0
+
+
+@pytest.mark.parametrize("sites", [1, 2, 5])
+def test_a_drive_moves_a_ring_as_a_whole(sites: int) -> None:
+    lam, shapes, share = cb.Ring(sites).driven_modes
+    assert lam.tolist() == [0.0]
+    assert shapes.shape == (sites, 1)
+    assert shapes @ share == pytest.approx(np.ones(sites))
+    assert shapes.T @ shapes == pytest.approx(np.eye(1))

@@ -53,6 +53,7 @@ def test_few_and_many_harmonics_are_summed_alike(many: int) -> None:
     rng = np.random.default_rng(many)
     cos = {2 * i + 1: float(x) for i, x in enumerate(rng.normal(size=many))}
     forcing, t = Fourier(cos=cos), 0.7
+    assert forcing.motion(t) == pytest.approx((forcing.f(t), forcing.df(t), forcing.d2f(t)))
     for order, of in enumerate((forcing.f, forcing.df, forcing.d2f, forcing.d3f)):
         exact = mp.fsum(
             -mp.mpf(c) * mp.mpf(m) ** (order - 2) * mp.cos(m * mp.mpf(t) + order * mp.pi / 2)
@@ -73,6 +74,17 @@ def test_the_peak_between_two_crests_of_nearly_equal_height_is_the_higher_one() 
 def test_the_peak_of_a_flat_top_is_its_height() -> None:
     """``f = cos t - cos(3t)/9``: its curvature vanishes at the crest, where the search begins."""
     assert Fourier(cos={1: -1.0, 3: 1.0}).peak() == pytest.approx(8 / 9, rel=1e-14)
+
+
+def test_a_flat_top_that_touches_is_one_root() -> None:
+    """Without losses ``p chi = 1 - a f`` where f' = 0, of third order at the flat top."""
+    flat = Fourier.from_response(cos={1: 1.0, 3: -1 / 9})
+    for a in (0.3, 0.7):
+        found = cb.symmetric_roots(a, 0.1, 1.0, forcing=flat)
+        wanted = [(1 + side * a * 8 / 9) / CHAIN.chi(0.1) for side in (1, -1)]
+        assert [b.p for b in found] == pytest.approx(wanted, rel=1e-14)
+        assert [math.cos(b.phi) for b in found] == pytest.approx([-1.0, 1.0], abs=1e-12)
+        assert max(abs(b.phi) % math.pi for b in found[1:]) < 1e-7
 
 
 # --- formulas -------------------------------------------------------------------------------------

@@ -130,6 +130,7 @@ def test_caption_describes_the_arrows_that_are_there(figure) -> None:
     assert "arrow in (b):" in made.caption
     alone = replace(made, breathers=(made.breathers[0],) * 2)
     assert "arrow" not in alone.caption
+    assert alone.caption.endswith("Dashed: the paper's threshold 1.005.")
 
 
 def test_tick_labels_of_neighbouring_panels_stand_apart() -> None:

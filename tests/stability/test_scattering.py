@@ -19,6 +19,7 @@ from contbreather.stability import (
     over_reflects,
     scattering,
 )
+from contbreather.stability.scattering import OverReflection
 
 
 def inside_limit(gamma: float, nu: float, k: float, b: float) -> complex:
@@ -136,3 +137,12 @@ def test_no_waves_without_coupling_and_none_outside_the_band():
     for nu in (0.0, 0.7, -0.1, math.nan):
         with pytest.raises(BadInput, match="band"):
             scattering(0.1, nu, 0.8, 0.3)
+
+
+def test_at_the_onset_waves_are_amplified_by_nothing() -> None:
+    gamma, k, low, high = 0.1, 0.8, 0.0, 2.0
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if over_reflects(gamma, k, middle) else (low, middle)
+    assert over_reflection(gamma, k, low) == OverReflection(True, 0, 0, 0, 0)
+    assert over_reflection(gamma, k, high) == OverReflection(False, 0, 0, 0, 0)
+    assert over_reflection(gamma, k, low - 1e-3).gain > 0.0

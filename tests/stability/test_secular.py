@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from contbreather.lattice import Ring
 from contbreather.lattice.finite import Grid
 from contbreather.stability import section_map
-from contbreather.stability.pairs import beyond, outermost
+from contbreather.stability.pairs import REAL, beyond, outermost
 from contbreather.stability.saltation import Kick
 from contbreather.stability.section_map import ModalMap, ring_map
 from contbreather.stability.secular import Secular
@@ -85,3 +86,46 @@ def test_a_large_lattice_is_asked_for_what_is_next_to_the_circle_alone(
     assert first == pytest.approx(outermost(mu, 1.005), abs=1e-9)
     assert count == (beyond(mu, 1.0), beyond(mu, -1.0))
     assert math.isfinite(first)
+
+
+@pytest.mark.parametrize(("side", "within"), [(1.0, (0.3, 0.5)), (-1.0, (-1.0, -0.75))])
+def test_a_real_multiplier_next_to_the_circle_is_on_its_side(
+    side: float, within: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(section_map, "LARGE", 20)
+
+    def largest(b: float) -> float:
+        mu = ring_map(Ring(40), 0.04, 0.8, (Kick(0, 0.0, b),)).coupled
+        return float((side * mu.real[mu.imag == 0.0]).max(initial=0.0))
+
+    for size in (1.004, 0.996):
+        b = brentq(lambda b, size=size: largest(b) - size, *within)
+        map = ring_map(Ring(40), 0.04, 0.8, (Kick(0, 0.0, b),))
+        assert map.beyond(side) == (size > 1.0)
+        assert map.beyond(-side) == 0
+        assert map.beyond(side * 1.003) == (size > 1.003)
+        assert "coupled" not in vars(map)
+
+
+def test_all_multipliers_are_computed_where_they_are_few_known_or_on_the_unit_circle(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("asked for what is next to the circle")
+
+    known = ring_map(Ring(200), 0.13, 0.8, ARM)
+    assert len(known.coupled) > section_map.LARGE
+    monkeypatch.setattr(Secular, "outermost", never)
+    monkeypatch.setattr(Secular, "beyond", never)
+    few = ring_map(Ring(section_map.LARGE // 2), 0.13, 0.8, ARM)
+    for map, radius in ((few, 1.005), (known, 1.005), (ring_map(Ring(100), 0.13, 0.8, ARM), 1.0)):
+        mu = np.linalg.eigvals(map.matrix)
+        wanted = outermost(mu[mu.imag > REAL], radius)
+        assert map.outermost(radius) == pytest.approx(wanted, abs=1e-9)
+    assert (few.beyond(1.0), known.beyond(-1.0)) == (
+        beyond(few.coupled, 1.0),
+        beyond(known.coupled, -1.0),
+    )
+    for asked in (lambda map: map.outermost(1.005), lambda map: map.beyond(1.0)):
+        with pytest.raises(AssertionError):
+            asked(ring_map(Ring(100), 0.13, 0.8, ARM))

@@ -1,0 +1,170 @@
+"""Where nothing is looked for, and how close is close: both sides of what the engine allows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contbreather.continuation import (
+    Branch,
+    Event,
+    Point,
+    Problem,
+    Steps,
+    boundary,
+    fold,
+    groups,
+    trace,
+    user,
+)
+from contbreather.continuation.location import calm
+from contbreather.continuation.recognition import lies_on, placed
+from contbreather.errors import BadInput, NotConverged
+
+from .zoo import ALL, BRUSSELATOR, CUSP, LINE, PITCHFORK, TAKENS, TRANSCRITICAL, trace_case
+
+
+def test_a_test_is_calm_where_its_parabola_stays_far_from_zero() -> None:
+    """By numpy's parabola through the last three values: middle and ends of the step."""
+    ends = tuple(trace(LINE.problem, "mu", within={"mu": (-1, 1)}, events=())[2:4])
+    event, rng, seen = Event("X", float), np.random.default_rng(3), set()
+    for _ in range(600):
+        pace = rng.uniform(0.3, 2.0)
+        values = rng.choice([-1.0, 1.0]) * (1.0 + rng.normal(scale=0.5, size=3))
+        curve = np.polynomial.Polynomial.fit([-pace, 0.0, 1.0], values, 2)
+        middle = curve(0.5) * np.sign(values[1])
+        low, high = sorted(abs(values[1:]))
+        wanted = bool(
+            (values > 0).all() | (values < 0).all()
+            and middle > 0.6 * high and low > 0.35 * max(high, middle)
+        )  # fmt: skip
+        assert calm([event], pace, *values[:, None], ends) == ({0} if wanted else set())
+        seen.add(wanted)
+    assert seen == {True, False}
+    tally = Event("N", None, count=lambda point: 0)
+    counted = [Event("X", float, count=lambda p, by=by: by * (p is ends[1])) for by in (0, 1, 2)]
+    nan = math.nan
+    for one, start, end, quiet in (
+        (tally, 3, 3, True), (tally, 3, 4, False), (event, 3, 3, False), (event, nan, nan, True),
+        (event, nan, 1.0, False), (event, 1.0, 0.0, False), (event, 0.0, 1.0, False),
+        (counted[0], 1.0, 1.0, True), (counted[1], 1.0, 1.0, True), (counted[2], 1.0, 1.0, False),
+        (counted[2], nan, nan, False), (counted[1], nan, nan, True),
+    ):  # fmt: skip
+        assert calm([one], 1.0, [start], [start], [end], ends) == ({0} if quiet else set())
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+def test_events_are_located_as_well_whatever_the_walk_tolerates(tolerance: float) -> None:
+    steps = Steps(tolerance=tolerance)
+    line = trace(
+        CUSP.problem, "h", within={"x": (-2, 2)}, steps=steps, events=[fold(), user("x", 0.2)]
+    )
+    exact = 2 / math.sqrt(27)
+    assert [p["h"] for p in line.special[1:-1]] == pytest.approx([exact, -0.192, -exact], abs=1e-13)
+    point = trace_case(BRUSSELATOR, steps=steps).first("HB")
+    assert point["B"] == pytest.approx(2.0, abs=1e-13)
+
+
+# --- diagrams -----------------------------------------------------------------------------------
+
+
+# --- maps ---------------------------------------------------------------------------------------
+
+
+# --- how close is close -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("off", "tilt", "good"),
+    [(0.9e-6, 0, True), (1.1e-6, 0, False), (0, 0.9e-3, True), (0, -0.9e-3, True),
+     (0, 1.1e-3, False), (0, -1.1e-3, False)],
+)  # fmt: skip
+def test_a_direction_is_taken_where_it_is_one_of_the_curve(off, tilt, good) -> None:
+    line = Problem(lambda x, p: x - p["m"], {"x": off}, {"m": 0.0})
+    along = np.array([1.0, 1.0 + math.sqrt(2) * tilt])
+    if good:
+        assert trace(line, "m", within={"m": (-1, 1)}, along=along)[-1]["x"] == 1.0
+        return
+    with pytest.raises(BadInput, match="no curve leaves the start in this direction"):
+        trace(line, "m", within={"m": (-1, 1)}, along=along)
+
+
+def test_a_start_beyond_a_fold_is_moved_up_to_half_of_its_size_and_one() -> None:
+    fold_at_0 = Problem(lambda x, p: x**2 - p["m"], {"x": 0.0}, {"m": -0.9})
+    branch = trace(fold_at_0, "m", within={"x": (-1, 1)})
+    assert branch.moved == pytest.approx(0.9, abs=1e-3)
+    with pytest.raises(NotConverged):
+        trace(fold_at_0.at(m=-1.1), "m", within={"x": (-1, 1)})
+
+
+def test_a_solution_lies_on_a_branch_to_a_millionth_or_a_thousandth_of_the_way() -> None:
+    flat = Problem(lambda x, p: x - p["h"], {"x": 0.0}, {"m": 0.0, "h": 0.0})
+    branch = trace(flat, "m", within={"m": (-1, 1)}, events=())
+    curve = branch.curve
+    for reach, most in ((math.inf, 1e-6), (1e-4, 1e-7), (1.0, 1e-6)):
+        for off, good in ((0.9 * most, True), (1.1 * most, False)):
+            for side in (-1, 1):
+                point = Point(curve, np.array([side * off, 0.0123456]))
+                assert lies_on(point, branch, reach) is good
+    other = trace(flat.at(h=0.9e-6, x=0.9e-6), "m", within={"m": (-1, 1)}, events=())
+    assert placed(other[0], curve) is not None
+    other = trace(flat.at(h=1.1e-6, x=1.1e-6), "m", within={"m": (-1, 1)}, events=())
+    assert placed(other[0], curve) is None
+
+
+def test_names_and_words_of_a_file_are_as_long_as_it_takes() -> None:
+    groups.check_names("column", ["x" * 200, "é" * 100])
+    for name in ("x" * 201, "é" * 101, "", ".", "..", "a/b", " a", "a ", "a\n", "_nc4_a"):
+        with pytest.raises(BadInput, match="cannot be the name of a column in a file: at most 200"):
+            groups.check_names("column", [name])
+    assert groups.text("é" * 9999 + "xyz") == "é".encode() * 9999 + b"xy"
+    assert groups.text("a\0b") == rb"a\0b"
+
+
+# --- units --------------------------------------------------------------------------------------
+
+
+def measured(own: Problem, unit: float) -> Problem:
+    """The same equations with unknowns in another unit."""
+    return Problem(
+        lambda x, p: np.asarray(own.residual(x / unit, p)) * unit,
+        {name: value * unit for name, value in own.start.items()},
+        own.params,
+        scales=dict.fromkeys(own.start, unit),
+    )
+
+
+def alike(one: Branch, other: Branch, unit: float) -> None:
+    """Special points are the same but for the unit of the unknowns."""
+    assert [p.label for p in other.special] == [p.label for p in one.special]
+    for a, b in zip(one.special, other.special, strict=True):
+        assert b.ground.z[-1] == pytest.approx(a.ground.z[-1], abs=1e-7)
+        assert b.ground.x / unit == pytest.approx(a.ground.x, abs=1e-7)
+        assert len(b.detail.get("tangents", ())) == len(a.detail.get("tangents", ()))
+
+
+@pytest.mark.parametrize(
+    ("case", "pair"),
+    [(PITCHFORK, ()), (TRANSCRITICAL, ()), (CUSP, ("mu", "h")), (TAKENS, ("b2", "b1"))],
+    ids=lambda case: getattr(case, "name", ""),
+)
+def test_special_points_do_not_depend_on_the_unit_of_unknowns(case, pair) -> None:
+    found = []
+    for unit in (1.0, 1e-4, 1e4):
+        window = {
+            name: (
+                low * unit ** (name in case.problem.start),
+                high * unit ** (name in case.problem.start),
+            )
+            for name, (low, high) in case.within.items()
+        }
+        line = trace(measured(case.problem, unit), case.free, within=window, events=ALL)
+        found.append([line])
+        for kind in ("LP", "HB") if pair else ():
+            if any(point.kind == kind for point in line):
+                within = {pair[0]: (-1.5, 1.5)}
+                found[-1].append(boundary(line.first(kind), pair, within=within, events=ALL))
+        for one, other in zip(found[0], found[-1], strict=True):
+            alike(one, other, unit)

@@ -1,0 +1,282 @@
+"""The figures of the page: what each shows of what it is given, in which looks, and how far."""
+
+from __future__ import annotations
+
+import unicodedata
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from bokeh.core.enums import MarkerType
+from bokeh.models import GlyphRenderer, HoverTool
+from matplotlib.colors import rgb_to_hsv, to_rgb
+
+import contbreather as cb
+from contbreather.breathers.regions import Region
+from contbreather.explorer import seen, views
+from contbreather.explorer.ink import DARK, LIGHT
+from contbreather.explorer.sketch import Sketch, sketch_of
+from contbreather.explorer.state import Chosen, Named, State
+from contbreather.plotting import canvas, plot
+from contbreather.plotting.zones import LINES, SHADES
+
+B = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
+KINDS = ("LP", "GR", "PF", "NS")
+same = np.testing.assert_array_equal
+
+
+@pytest.fixture(scope="module")
+def plane() -> Any:
+    return cb.zones(k=0.8)
+
+
+@pytest.fixture(scope="module")
+def branch() -> Any:
+    return cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.1, 0.9)})
+
+
+def glyphs(fig: Any) -> list[GlyphRenderer]:
+    return [one for one in fig.renderers if isinstance(one, GlyphRenderer)]
+
+
+def rows(source: Any, *names: str) -> list[Any]:
+    return list(zip(*(source.data[name] for name in names), strict=True))
+
+
+def around(axis: Any, low: float, high: float) -> None:
+    """An axis shows all from low to high and a little more, also after a reset."""
+    room = 0.08 * (high - low)
+    ends = axis.start, axis.end, axis.reset_start, axis.reset_end
+    assert ends == pytest.approx((low - room, high + room) * 2)
+
+
+def every(ink: Any) -> list[Any]:
+    kinds = views.ZonesView, views.BranchView, views.ProfileView, views.MultipliersView
+    return [*(kind(ink) for kind in kinds), views.MotionView(ink, "t")]
+
+
+@pytest.mark.parametrize("ink", [LIGHT, DARK])
+def test_all_is_drawn_in_the_inks_of_its_paper_in_sizes_that_are_seen(ink: Any) -> None:
+    inks = {one for one in vars(ink).values() if isinstance(one, str)} | {*ink.cycle}
+    for view in every(ink):
+        fig = view.figure
+        for one in glyphs(fig):
+            for name, given in one.glyph.properties_with_values().items():
+                value = getattr(given, "value", given)
+                if name.endswith("color") and str(value).startswith("#"):
+                    assert value in inks, name
+                if name in ("size", "line_width") and isinstance(value, int | float):
+                    assert 1 <= value <= 15
+        for axis in (*fig.xaxis, *fig.yaxis):
+            assert axis.axis_label_text_color == axis.major_label_text_color == ink.text
+            assert axis.axis_line_color == axis.major_tick_line_color == ink.faint
+            assert axis.minor_tick_line_color == fig.outline_line_color == ink.faint
+            assert axis.axis_label_text_font_size == "14px"
+        assert {line.grid_line_color for line in fig.grid} == {ink.grid}
+        assert (fig.title.text_color, fig.title.text_font_size) == (ink.text, "13px")
+        assert fig.background_fill_color is fig.border_fill_color is fig.toolbar.logo is None
+        assert 200 <= fig.height * fig.toolbar.autohide <= 500
+        assert len(fig.legend) == isinstance(view, views.ZonesView | views.MotionView)
+        for legend in fig.legend:
+            assert (legend.label_text_color, legend.background_fill_color) == (ink.text, ink.paper)
+            assert (legend.border_line_color, legend.label_text_font_size) == (None, "11px")
+            assert (legend.padding, legend.glyph_width) == (4, 26)
+    assert [legend.orientation for legend in fig.above] == ["horizontal"]
+
+
+DRAWN = (
+    "MultiPolygons xs ys fill=colour line=colour; " + "MultiLine xs ys; " * 4
+    + "Text x y text; Scatter x y; Text x y text; MultiLine xs ys; Scatter x y; Scatter x y",
+    "MultiLine xs ys line=colour; " * 3
+    + "Scatter x y fill=colour line=colour marker=mark; Text x y text; Scatter x y; Scatter x y",
+    "Segment x0 y x1 y; Segment n low n high; Scatter n u",
+    "MultiLine xs ys; Line x y; Scatter x y fill=colour hatch=colour line=colour size=size",
+    "MultiLine xs ys; MultiLine xs ys line=colour; Scatter x y fill=colour hatch=colour"
+    " line=colour",
+)  # fmt: skip
+PLACES = ("x0", "y0", "x1", "y1", "xs", "ys", "x", "y", "text")
+
+
+def test_every_column_is_drawn_as_what_it_is() -> None:
+    for view, wanted in zip(every(LIGHT), DRAWN, strict=True):
+        found = []
+        for one in glyphs(view.figure):
+            known = one.glyph.properties_with_values().items()
+            fields = {name: value.field for name, value in known if hasattr(value, "field")}
+            assert {*fields.values()} <= {*one.data_source.data}
+            places = [fields.pop(name) for name in PLACES if name in fields]
+            rest = [f"{n[:-6] if n.endswith('_color') else n}={v}" for n, v in fields.items()]
+            found.append(" ".join([type(one.glyph).__name__, *places, *sorted(rest)]))
+        assert "; ".join(found) == wanted
+
+
+def test_inks_are_those_of_the_figures_on_white_and_lighter_ones_of_the_same_hues() -> None:
+    names = "BLUE", "VERMILLION", "GREEN", "PURPLE", "ORANGE", "SKY", "BLACK"
+    assert LIGHT.cycle == tuple(getattr(canvas, name) for name in names)
+    assert {"S": LIGHT.stable, "US": LIGHT.unstable} == SHADES
+    for ink in (LIGHT, DARK):
+        assert (ink.blue, ink.vermillion, ink.line) == (*ink.cycle[:2], ink.cycle[-1])
+        cool = ink.text, ink.grid, ink.faint, ink.paper, ink.stable, ink.band, ink.line
+        assert all(list(to_rgb(one)) == sorted(to_rgb(one)) for one in cool)
+        assert list(to_rgb(ink.unstable)) == sorted(to_rgb(ink.unstable), reverse=True)
+    for one, other in zip(LIGHT.cycle[:-1], DARK.cycle[:-1], strict=True):
+        assert sum(to_rgb(one)) < sum(to_rgb(other))
+        assert np.ptp([rgb_to_hsv(to_rgb(colour))[0] for colour in (one, other)]) < 0.02
+
+
+def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(plane: Any) -> None:
+    ring = np.array([[0.1, 0.2], [0.2, 0.2], [0.2, 0.3], [0.1, 0.2]])
+    extra = (
+        Region(ring, (0.5 * ring + 0.1,), 0.15, 0.22, 0.1, (2, 2)),
+        Region(ring, (), 0.1, 0.2, 0.1, (None, None)),  # no breathers: white, without a letter
+    )
+    view, drawn = views.ZonesView(LIGHT), sketch_of(plane)
+    view.show(replace(drawn, regions=(*plane.regions, *extra)))
+    shaded = [one for one in (*plane.regions, extra[0]) if one.verdict]
+    letters = [(one.x, one.y, one.verdict) for one in shaded]
+    assert rows(view.letters, "x", "y", "text") == letters
+    shown = rows(view.regions, "xs", "ys", "colour")
+    for one, (((*xs,),), ((*ys,),), colour) in zip(shaded, shown, strict=True):
+        assert colour == SHADES[one.verdict]
+        for wanted, x, y in zip((one.outline, *one.holes), xs, ys, strict=True):
+            same(np.column_stack([x, y]), wanted)
+    for kind in KINDS:
+        for own, (x, y) in zip(plane[kind], rows(view.curves[kind], "xs", "ys"), strict=True):
+            same([x, y], [own["gamma"], own["a"]])
+    wanted = {(p["gamma"], p["a"]): {*p.kind.split("-")} for p in plane.special}
+    met = rows(view.meetings, "x", "y", "text")
+    assert {(x, y): {*name.split("\N{EN DASH}")} for x, y, name in met} == wanted
+    places = np.vstack([line for lines in drawn.curves.values() for line in lines])
+    around(view.figure.x_range, 0.0, places[:, 0].max())
+    around(view.figure.y_range, 0.0, 1.08 * places[:, 1].max())
+    words = {one.label.value: one.renderers[0] for one in view.figure.legend[0].items}
+    assert list(words) == [LINES[kind]["label"] for kind in KINDS]  # as in print
+    for kind, line in zip(KINDS, words.values(), strict=True):
+        assert line.data_source is view.curves[kind]
+        assert line.glyph.line_color == LINES[kind]["color"]
+    dashes = [line.glyph.line_dash for line in words.values()]
+    assert dashes == ["solid", "dashed", "dashdot", "solid"]
+
+
+def test_the_title_says_what_is_shown_and_what_is_on_its_way() -> None:
+    view, coming = views.ZonesView(LIGHT), "; k = 0.8 is being computed"
+    for sketch, words in (
+        (None, f"no diagram yet{coming}"),
+        ((0.7, True), f"k = 0.7{coming}"),
+        ((0.8, False), "k = 0.8, between its neighbours; the exact one is being computed"),
+        ((0.8, True), "k = 0.8"),
+    ):
+        view.title(State(k=0.8, sketch=sketch and Sketch(*sketch, {}, (), ())))
+        assert view.figure.title.text == words
+
+
+def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, plane: Any) -> None:
+    view, line = views.ZonesView(LIGHT), plane["NS"][0]
+    for k, wanted in ((0.8, [line]), (0.7, [])):
+        view.boundaries([Named("branch1", branch), Named("line2", line)], k)
+        same(view.traced.data["xs"], [one["gamma"] for one in wanted])
+        same(view.traced.data["ys"], [one["a"] for one in wanted])
+    damped = cb.symmetric(0.5, 0.08, 0.8, lattice=cb.Ring(12), damping=0.01)
+    soft = cb.symmetric(0.5, 0.08, 0.8, spring=0.1)
+    for orbit, off in ((B, 5e-10), (B, 2e-9), (None, 0), (B.on(cb.Ring(12)), 0), (damped, 0),
+                       (soft, 0)):  # fmt: skip
+        view.choose(None if orbit is None else Chosen("b", orbit), 0.8 + off)
+        there = orbit not in (None, damped, soft) and off < 1e-9
+        assert view.here.data == ({"x": [0.08], "y": [0.5]} if there else {"x": [], "y": []})
+
+
+def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch: Any) -> None:
+    doubtful = tuple(replace(p, located=False) if p.kind == "PF" else p for p in branch)
+    view = views.BranchView(DARK)
+    both = [Named("one", replace(branch, points=doubtful)), Named("two", branch)]
+    view.show(both, "a", "phi")
+    printed = [line for line in plot(branch, x="a", y="phi").axes.get_lines()
+               if line.get_linestyle() != "None"]  # fmt: skip
+    dashes = {id(one.data_source): one.glyph.line_dash for one in glyphs(view.figure)[:3]}
+    for (style, source), dash in zip(
+        view.lines.items(), ("solid", "dashed", "dotted"), strict=True
+    ):
+        own = [line for line in printed if line.get_linestyle() == style]
+        wanted = [(line, colour) for colour in DARK.cycle[:2] for line in own]
+        assert dashes[id(source)] == dash
+        for (xs, ys, its), (line, colour) in zip(
+            rows(source, "xs", "ys", "colour"), wanted, strict=True
+        ):
+            same([xs, ys], line.get_data())
+            assert its == colour
+    points = []
+    for one, colour, mark in zip(both, DARK.cycle, ("?", ""), strict=False):
+        for p in branch.special:
+            text = "" if p.kind == "EP" else p.label + mark * (p.kind == "PF")
+            values = ", ".join(f"{name} = {value:.8g}" for name, value in p.values.items())
+            what = f"{p.label} of {one.code}: {values}"
+            points.append((float(p["a"]), float(p["phi"]), text, colour, what))
+    assert rows(view.special, "x", "y", "text", "colour", "what") == points
+    assert [tool.tooltips for tool in view.figure.select(HoverTool)] == [[("", "@what")]]
+    axes = view.figure.xaxis.axis_label, view.figure.yaxis.axis_label
+    assert (view.figure.title.text, *axes) == ("one, two", "a", "φ")
+    for axis, get in ((view.figure.x_range, "get_xdata"), (view.figure.y_range, "get_ydata")):
+        data = np.concatenate([getattr(line, get)() for line in printed])
+        around(axis, data.min(), data.max())
+    for point, x, y, place in (
+        (branch[5], "arclength", "residual", ([branch[5].arclength], [branch[5].residual])),
+        (branch[5], "t2", "a", ([np.nan], [branch[5]["a"]])),  # a column that it does not have
+        (None, "a", "phi", ([], [])),
+    ):
+        view.choose(Chosen("x", B, point), x, y)
+        np.testing.assert_equal((view.here.data["x"], view.here.data["y"]), place)
+    cusp = replace(branch[5], kind="CP", label="CP1")
+    view.show([Named("one", replace(branch, points=(branch[0], cusp, branch[-1])))], "a", "p")
+    marks, other = [*views.MARKS.values()], view.special.data["mark"][1]
+    assert len({*marks, other}) == len(marks)  # GR and MX, where a walk ends, look alike
+    assert {*marks, other} <= {*MarkerType}
+    for name in ("gamma", "phi", "mu", "nu"):
+        assert unicodedata.name(views.symbol(name)) == f"GREEK SMALL LETTER {name.upper()}"
+
+
+def test_the_motion_shows_each_site_between_its_walls() -> None:
+    view, shown = views.MotionView(LIGHT, "t/2π"), seen.motion(B, (1, 0))
+    run = cb.simulate(B.state(12), a=0.5, gamma=0.08, k=0.8, periods=2, t0=2 * np.pi,
+                      sample=cb.dynamics.Sample((0, 3), 32))  # fmt: skip
+    view.show(shown)
+    assert rows(view.lines, "site", "colour") == [("site 1", "#0072B2"), ("site 0", "#D55E00")]
+    hits = [(time, wall, "#D55E00") for _, time, wall in shown.hits]
+    assert rows(view.hits, "x", "y", "colour") == hits
+    for start, end, sites in ((0.0, 1.0, (1, 0)), (1.0, run.record.times[-1] / 2 / np.pi, (0, 3))):
+        for n, (x, y) in zip(sites, rows(view.lines, "xs", "ys"), strict=True):
+            np.testing.assert_allclose(y, B.displacement(n, 2 * np.pi * x), atol=2e-2)
+        around(view.figure.x_range, start, end)
+        around(view.figure.y_range, -1.0, 1.0)
+        ends = [view.figure.x_range.start, view.figure.x_range.end]
+        assert rows(view.walls, "xs", "ys") == [(ends, [wall, wall]) for wall in (-1.0, 1.0)]
+        view.run("run1", run)
+    assert view.figure.title.text == "run1: 2 periods, 4 impacts; went through all its periods"
+
+
+@pytest.mark.parametrize(("largest", "reach"), [(1.0, 1.265), (2.0, 2.2), (4.0, 4.4), (4.5, 4.4)])
+def test_multipliers_are_drawn_on_a_square_those_outside_red(largest: float, reach: float) -> None:
+    mu, alone = np.array([1j, -1j, largest, 1.0 / largest]), np.array([False, False, True, True])
+    view = views.MultipliersView(LIGHT)
+    view.show(seen.Multipliers(mu, alone, 0.25, "over a period"))
+    x, y, size = (np.asarray(view.dots.data[name]) for name in ("x", "y", "size"))
+    same(x + 1j * y, mu)
+    colours = [LIGHT.vermillion if mu == largest > 1.0 else LIGHT.blue for mu in mu]
+    assert view.dots.data["colour"] == colours
+    assert 2.0 <= size[0] == size[1] < size[2] == size[3] <= 10.0
+    for (xs, ys), sign in zip(rows(view.band, "xs", "ys"), (1.0, -1.0), strict=True):
+        angles = np.angle(xs + 1j * ys)
+        assert (angles[0], angles[-1]) == pytest.approx((0.0, sign * np.pi / 4))
+        np.testing.assert_allclose(np.hypot(xs, ys), 1.0)
+    fig, beyond = view.figure, "; one at |μ| = 4.5" * (largest > 4.0)
+    assert fig.title.text == f"over a period{beyond}"
+    for axis in (fig.x_range, fig.y_range):
+        ends = axis.start, axis.end, axis.reset_start, axis.reset_end
+        assert ends == pytest.approx((-reach, reach) * 2)
+    frame = fig.width - fig.min_border_left - fig.min_border_right
+    assert frame == fig.height - fig.min_border_top - fig.min_border_bottom == 240
+    view.show(seen.Multipliers(mu, alone, None, "damped"))
+    assert view.band.data == {"xs": [], "ys": []}
+    view.nothing("too large")
+    assert fig.title.text == "too large"
+    assert not any(map(len, view.dots.data.values()))
