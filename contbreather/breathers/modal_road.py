@@ -133,10 +133,10 @@ class ShootingEquations:
         return _flown(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
 
     def residual(self, x: FloatArray, params: Params) -> FloatArray:
-        return self.flight(x, params).residual()
+        return _left(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
 
     def derivatives(self, x: FloatArray, params: Params, names: tuple[str, ...]) -> FloatArray:
-        return self.flight(x, params).jacobian(names)
+        return _derived(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()), names)
 
     def orbit(self, point: Point) -> Orbit:
         return Orbit(self.flight(point.x, point.params))
@@ -152,6 +152,28 @@ def _flown(of: ShootingEquations, unknowns: bytes, params: tuple[tuple[str, floa
     x, m = np.frombuffer(unknowns), of.section.count
     K, on = (x.size - m) // 2, of.conditions.at(dict(params))
     return Modes(of.section, x[:m], x[m : m + K], x[m + K :], on)
+
+
+# Steps, tests and locations ask for those of one place on curves of their own.
+
+
+@lru_cache(maxsize=64)
+def _left(of: ShootingEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> Any:
+    found = _flown(of, unknowns, params).residual()
+    found.flags.writeable = False
+    return found
+
+
+@lru_cache(maxsize=8)  # they are large
+def _derived(
+    of: ShootingEquations,
+    unknowns: bytes,
+    params: tuple[tuple[str, float], ...],
+    names: tuple[str, ...],
+) -> FloatArray:
+    found = _flown(of, unknowns, params).jacobian(names)
+    found.flags.writeable = False
+    return found
 
 
 def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:

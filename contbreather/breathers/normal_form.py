@@ -12,6 +12,7 @@ one linear system, for by symmetry neither right side of the first equation has 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -23,12 +24,18 @@ from contbreather.breathers.orbit import Orbit
 from contbreather.continuation import Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import OUT_OF_DOMAIN, Undefined
-from contbreather.continuation.normal_forms import Forms, solve
+from contbreather.continuation.normal_forms import solve
+from contbreather.continuation.segment import tangent_at
 from contbreather.errors import BadInput
 
 FloatArray = NDArray[np.float64]
 
 _SINGULAR = 1e-6  # least singular value of G_x, relative to its largest
+_NEXT = 1e-5  # of the asymmetry: rounding of a first difference is as small as its error
+_STEPS = [0.05 / 2**i for i in range(7)]  # of the same, for a second one
+_AGREED = 1e-6  # of that by five places: by seven it is then good to 1e-10
+# both, without the middle one, where it is of what vanishes
+_SECOND = np.array([[2, -27, 270, 270, -27, 2], [0, -15, 240, 240, -15, 0]]) / 180
 _STEEP = 1e9  # a bend beyond it is rounding over rounding
 _ASIDE = 1e-3  # how far off the pitchfork its multiplier is looked at
 _PASSED = 1e-6  # and how far beyond 1 it is then outside: those of a free mean are at 1 to rounding
@@ -85,11 +92,31 @@ def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:
     >>> form.criticality, round(form.coefficient, 3)
     ('supercritical', 9.166)
     """
+    curve = Curve(orbit.problem, (free,))
+    upwards = np.eye(1, curve.start.size, curve.size)[0]
+    along, _ = tangent_at(curve, curve.start, upwards)
+    return _form(Point(curve, curve.start, along))
+
+
+def bends(point: Point) -> Mapping[str, Any]:
+    """What a pitchfork knows besides where it is, on a branch in one parameter."""
+    if len(point.curve.varied) > 1:
+        return {}
+    try:
+        form = _form(point)
+    except OUT_OF_DOMAIN as error:
+        return {"criticality": f"unknown: {error}"}
+    return {"criticality": form.criticality, "coefficient": form.coefficient}
+
+
+def _form(point: Point) -> PitchforkForm:
+    """Of a point that knows the direction of its branch."""
+    orbit: Orbit = point.solution
     if not orbit.symmetric:
         raise BadInput(f"{orbit.describe()}: only half a symmetric orbit has a pitchfork.")
-    curve = Curve(orbit.unfolded().problem, (free,))
-    forms = _Bordered(Point(curve, curve.start))
-    left, sizes, right = np.linalg.svd(forms.A[:, :-1])
+    curve = Curve(orbit.unfolded().problem, point.curve.free)
+    matrix = curve.jacobian(curve.start)
+    left, sizes, right = np.linalg.svd(matrix[:, :-1])
     if sizes[-1] > _SINGULAR * sizes[0]:
         raise BadInput(
             f"{orbit!r} is no pitchfork: the least singular value of its equations is "
@@ -98,28 +125,8 @@ def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:
     shifts = right[-1][_slots(curve, 1)] - right[-1][_slots(curve, 0)]
     # so that s is the asymmetry
     v, w = right[-1] / shifts[abs(shifts).argmax()], left[:, -1]
-    bend = _bend(forms, v, w)
-    return PitchforkForm(free, 1.0 / bend, bend * _loss(orbit, free) > 0.0)
-
-
-def bends(point: Point) -> Mapping[str, Any]:
-    """What a pitchfork knows besides where it is, on a branch in one parameter."""
-    if len(point.curve.varied) > 1:
-        return {}
-    try:
-        form = pitchfork_form(point.solution, point.curve.free[0])
-    except OUT_OF_DOMAIN as error:
-        return {"criticality": f"unknown: {error}"}
-    return {"criticality": form.criticality, "coefficient": form.coefficient}
-
-
-class _Bordered(Forms):
-    """Derivatives of the equations in their unknowns, with the column of the parameter."""
-
-    agreed = 1e-7  # of five places: seven are then good to 1e-10, and flights take long
-
-    def _matrix(self, z: FloatArray) -> Any:
-        return self.curve.jacobian(z)
+    bend = _bend(curve, matrix, v, w)
+    return PitchforkForm(curve.free[0], 1.0 / bend, bend * _loss(point) > 0.0)
 
 
 def _slots(curve: Curve, half: int) -> list[int]:
@@ -129,29 +136,45 @@ def _slots(curve: Curve, half: int) -> list[int]:
     return [curve.slots[name] for name in times[m * half : m * half + m]]
 
 
-def _bend(forms: Forms, v: FloatArray, w: FloatArray) -> float:
+def _bend(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> float:
     """Of the parameter along the arms."""
-    jet, n, A = forms.jet(v), v.size, forms.A
-    matrix, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
-    matrix[:n, :n], matrix[:n, n], matrix[:n, -1] = A[:, :-1], w, A[:, -1]
-    matrix[n, :n] = v
-    row = w @ jet.B
-    matrix[-1, :n], matrix[-1, -1] = row[:-1], row[-1]
-    right[:n] = -0.5 * (jet.B[:, :-1] @ v)
-    right[-1] = -(w @ jet.C[:, :-1] @ v) / 6.0
-    bend = float(solve(matrix, right)[-1])
+    n, aside = v.size, _NEXT * np.append(v, 0.0)
+    ahead, behind = (curve.jacobian(curve.start + side * aside) for side in (1.0, -1.0))
+    change = (ahead - behind) / (2.0 * _NEXT)
+    whole, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
+    whole[:n, :n], whole[:n, n], whole[:n, -1] = matrix[:, :-1], w, matrix[:, -1]
+    whole[n, :n] = v
+    row = w @ change
+    whole[-1, :n], whole[-1, -1] = row[:-1], row[-1]
+    right[:n], right[-1] = -0.5 * (change[:, :-1] @ v), -_cubic(curve, v, w) / 6.0
+    bend = float(solve(whole, right)[-1])
     if abs(bend) > _STEEP:
         raise Undefined("the multiplier touches 1 and does not pass it: no normal form")
     return bend
 
 
-def _loss(orbit: Orbit, free: str) -> int:
+def _cubic(curve: Curve, v: FloatArray, w: FloatArray) -> float:
+    """``w G_xxx v v v``, by a step that suits it."""
+    places, best, doubt = np.array([-3, -2, -1, 1, 2, 3]), math.nan, math.inf
+    for step in _STEPS:
+        aside = [curve.equations(curve.start + i * step * np.append(v, 0.0)) for i in places]
+        # w G begins with the cube of s: over s it is the square, three of whose second derivatives
+        # are its third
+        squares = np.array(aside) @ w / (places * step)
+        fine, rough = 3.0 * _SECOND @ squares / step**2
+        if abs(fine - rough) < doubt:
+            best, doubt = float(fine), abs(fine - rough)
+        if doubt < _AGREED * abs(best):
+            break
+    return best
+
+
+def _loss(point: Point) -> int:
     """1 where the symmetric orbit loses its stability with a growing parameter, -1 where it gains
     it: on which side there is one real multiplier more outside."""
-    curve = Curve(orbit.problem, (free,))
-    along = np.append(-np.linalg.solve(*np.split(curve.jacobian(curve.start), [-1], axis=1)), 1.0)
-    step = _ASIDE * along / np.linalg.norm(along)
-    found = [_outside(curve, curve.start + side * step) for side in (-1.0, 1.0)]
+    along = point.direction
+    step = math.copysign(_ASIDE, along[-1]) / np.linalg.norm(along) * along
+    found = [_outside(point.curve, point.z + side * step) for side in (-1.0, 1.0)]
     low, high = (one if one is not None else _other(found[1 - i]) for i, one in enumerate(found))
     if low == high:
         raise Undefined("no real multiplier passes 1 there: no normal form of this kind")
