@@ -541,3 +541,10 @@ def test_the_studies_that_are_shipped_run(path: Path, tmp_path: Path) -> None:
     report = conduct(path, folder=tmp_path, executor=1)
     assert report.failed == {}
     assert all(made.stat().st_size > 10_000 for made in report.written)
+
+
+def test_the_command_asks_for_a_study(run: Command) -> None:
+    status, _, said = run("run")
+    assert (status, said.strip()) == (
+        2, "contbreather: which study? Name its file: contbreather run study.toml"
+    )  # fmt: skip

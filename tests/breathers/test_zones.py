@@ -400,3 +400,12 @@ def test_a_region_is_shown_in_a_line_with_its_verdict() -> None:
     assert above.room == pytest.approx(1.0 - math.sqrt(0.5), abs=5e-3)  # of a right triangle
     assert above.y > 2 * above.x
     assert below.y < 2 * below.x
+
+
+@pytest.mark.parametrize("threshold", [1.005, 1.05])
+def test_counts_of_a_ring_s_zones_are_by_its_threshold(threshold: float) -> None:
+    ring = cb.Ring(12)
+    found = cb.zones(k=0.8, lattice=ring, within={"gamma": (0.02, 0.06)}, threshold=threshold)
+    for gamma, a in ((0.06, 0.3), (0.02, 0.3), (0.03, 0.2), (0.05, 0.6), (0.05, 0.15)):
+        verdict = cb.symmetric(a, gamma, 0.8, lattice=ring).stability(threshold=threshold)
+        assert found.unstable(gamma, a) == verdict.unstable

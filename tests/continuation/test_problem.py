@@ -331,3 +331,14 @@ def test_a_start_is_a_solution_where_rounding_is_all_that_is_left() -> None:
             target = matrix @ x + off * row * (abs(matrix) @ x)
             mine = Problem(lambda u, p, t=target: matrix @ u - t, start, {})
             assert mine._is_solved(Curve(mine, ())) == solved
+
+
+def test_a_parameter_that_only_the_jacobian_asks_for_is_named() -> None:
+    mine = Problem(
+        lambda u, p: u - p["mu"], {"x": 0.0}, {"mu": 0.0}, jacobian=lambda u, p: [[p["nu"]]]
+    )
+    with pytest.raises(BadInput, match=r"ask for a parameter 'nu'; this problem has \['mu'\]"):
+        trace(mine, "mu")
+    wrong = replace(mine, jacobian=lambda u, p: {}["mu"])  # of its own, and no parameter
+    with pytest.raises(KeyError):
+        trace(wrong, "mu")

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.dynamics import Sample, simulate, variation
+from contbreather.dynamics.resting import _add_shifted
 
 PI = math.pi
 
@@ -69,3 +70,16 @@ def test_samples_are_the_run_at_their_own_times(sites: int, damping: float) -> N
         assert run.record.u[j] == pytest.approx(there.final.u, abs=1e-10)
         assert run.record.v[j] == pytest.approx(there.final.v, abs=1e-10)
         assert run.record.times[j] == pytest.approx(there.end, abs=1e-12)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3, -0.8])
+def test_a_column_of_powers_is_added_about_a_later_time(shift: float) -> None:
+    rows, out = np.random.default_rng(1).normal(size=(7, 3)), np.ones((7, 2))
+    known = rows.copy()
+    _add_shifted(rows, 1, shift, 0.7, out)
+    x = np.linspace(-1.0, 1.0, 9)
+    moved = np.polynomial.Polynomial(rows[:, 1])(x + shift)
+    found = np.polynomial.Polynomial(out[:, 0] - 1.0)(x)
+    np.testing.assert_allclose(found, 0.7 * moved, atol=1e-13)
+    assert (rows == known).all()
+    assert (out[:, 1] == 1.0).all()
