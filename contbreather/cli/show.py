@@ -75,7 +75,8 @@ def _lines(result: Any) -> Iterator[object]:
         yield from lines_of(result)
     elif isinstance(result, Point):
         yield f"{result!r}"
-        yield from (f"{name} = {value}." for name, value in result.detail.items())
+        for name, value in result.detail.items():
+            yield f"{name} = {value:.9g}." if isinstance(value, float) else f"{name} = {value}."
     else:
         yield result if hasattr(result, "__rich__") else f"{_described(result)}."
         yield from (f"{point!r}" for point in getattr(result, "special", ()))

@@ -359,7 +359,7 @@ def test_what_cannot_be_followed_from_a_point_says_why() -> None:
     ):
         with pytest.raises(Undefined, match=words):
             what()
-    assert event_of(arm.problem, "NS").locus(arm[0]).extra["kappa"] > 0.0
+    assert event_of(arm.problem, "NS").locus(arm[0]).extra["nu"] > 0.0
     # an impact that is slow is another matter
     assert _shallow_locus(shot[0].solution).extra == {}
 

@@ -93,7 +93,7 @@ def tried(strength: float, size: float, scale: float) -> tuple[Any, Any]:
     own, curve = walker.origin, walker.curve
     wanted: Any = stride.FAILED, *own.z, size, walker.side, 0.0, 0.0, 0.0
     try:
-        step = walker._attempt(own, np.zeros(2), size)
+        step = walker.stepper._attempt(own, np.zeros(2), size, walker.side)
         last, length = step.point, step.point.arclength
         bend = (last.direction - own.direction) / length
         wanted = stride.CAME, *last.z, step.next_size, step.side, length, *bend

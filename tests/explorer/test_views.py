@@ -89,7 +89,8 @@ DRAWN = (
     "MultiPolygons xs ys fill=colour line=colour; " + "MultiLine xs ys; " * 4
     + "Text x y text; Scatter x y; Text x y text; MultiLine xs ys; Scatter x y; Scatter x y",
     "MultiLine xs ys line=colour; " * 3
-    + "Scatter x y fill=colour line=colour marker=mark; Text x y text; Scatter x y; Scatter x y",
+    + "Scatter x y fill=colour line=colour marker=mark; Text x y text x_offset=dx y_offset=dy; "
+    + "Scatter x y; Scatter x y",
     "Segment x0 y x1 y; Segment n low n high; Scatter n u",
     "MultiLine xs ys; Line x y; Scatter x y fill=colour hatch=colour line=colour size=size",
     "MultiLine xs ys; MultiLine xs ys line=colour; Scatter x y fill=colour hatch=colour"
