@@ -10,7 +10,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from flint import arb
+from flint import arb, arb_poly
 
 from contbreather.certified import balls, means, points, walls, winding
 from contbreather.stability.characteristic import D, regular
@@ -269,3 +269,15 @@ def test_a_zero_is_looked_for_up_to_the_rim_of_the_box_and_no_farther() -> None:
         assert balls.krawczyk(lambda z: [z[0] * z[0]], [balls.about(0.0, 1e-3)]) is None
         assert points.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 0.5)
         assert not points.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 1.5)
+
+
+def test_a_site_that_rises_through_a_wall_late_in_its_flight_is_not_inside() -> None:
+    """A parabola: that it bends down settles the first half alone, where the site leaves +1."""
+    with balls.working():
+        end = arb.pi() / 2 - 0.5
+        path = arb_poly([-0.5, 1]) ** 2 * (-2.5 / end**2) + 1.5
+        assert abs(path(arb.pi() / 2) + 1) < 1e-12
+        polynomials = path, path.derivative(), path.derivative().derivative()
+        motion = walls.Motion(((1, arb(0), arb(0)),), polynomials, 3 * (arb(0),))
+        assert walls.inside(motion, 2)[0] is False
+        assert [walls.below(motion, arb(high), 8)[0] for high in (8, 7.5)] == [True, False]

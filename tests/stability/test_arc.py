@@ -106,3 +106,9 @@ def test_angles_outside_the_band_are_refused():
             on_arc(0.1, nu, 0.8, 0.1)
     assert neimark_sacker(0.0, 0.5) == ()
     assert neimark_sacker(0.1, 1.0) == ()
+
+
+@pytest.mark.parametrize("gamma", [-1e-9, 0.25, 0.3])
+def test_neimark_sacker_points_are_asked_for_below_a_quarter_only(gamma: float) -> None:
+    with pytest.raises(BadInput, match="gamma"):
+        neimark_sacker(gamma, 0.8)
