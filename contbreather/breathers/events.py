@@ -15,6 +15,7 @@ from typing import Any
 from contbreather.breathers import symmetric_events
 from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.orbit import Orbit, orbit_at, plain
+from contbreather.checks import shown
 from contbreather.continuation import Event, Locus, Point, Problem
 from contbreather.continuation.point import Counting, Judged
 from contbreather.continuation.recipes import Recipe
@@ -154,8 +155,8 @@ def _pair_leaves(
     orbit = _orbit_of(problem)
     if on is None and orbit.lattice.sites is None:
         raise BadInput(
-            f"threshold = {threshold}: the infinite chain has none, its verdict is exact; name "
-            "the ring it is about, on=Ring(N)."
+            f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is exact; "
+            "name the ring it is about, on=Ring(N)."
         )
     if on is not None and on != orbit.lattice:
         if not isinstance(orbit.road, SymmetricFlight):

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.checks import real, shown
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import RELATIVE, differences
@@ -130,8 +131,10 @@ def pair_beyond(threshold: float, slopes: Slopes = by_differences) -> Event:
     """NS, by the ring's rule: the first complex pair whose modulus over the whole period passes a
     threshold. More than one pair close to the circle is a ring's usual state, see `Verdict`.
     """
-    if not 1.0 <= threshold < math.inf:
-        raise BadInput(f"threshold = {threshold}: a finite modulus of at least 1 is expected.")
+    if not 1.0 <= real(threshold) < math.inf:
+        raise BadInput(
+            f"threshold = {shown(threshold)}: a finite modulus of at least 1 is expected."
+        )
     locus = partial(_outermost_locus, threshold, slopes)
     return Event("NS", partial(_outermost, threshold), locus=locus, examine=examine_angle)
 

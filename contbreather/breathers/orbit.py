@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.breathers.clearance import Admissibility, Watch, clearance
 from contbreather.breathers.road import ROADS, Road
 from contbreather.breathers.section import Impact, Section, check_order
-from contbreather.checks import check_kind, flag, number, numbers, row
+from contbreather.checks import check_kind, flag, number, numbers, row, shown
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.curve import Curve
 from contbreather.display import Shown
@@ -392,8 +392,8 @@ class Orbit(Shown):
         own = self._on_ring(sites)
         if threshold is not None and own.lattice.sites is None:
             raise BadInput(
-                f"threshold = {threshold}: the infinite chain has none, its verdict is exact; "
-                "ask for stability(sites=N, threshold=...)."
+                f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is "
+                "exact; ask for stability(sites=N, threshold=...)."
             )
         return verdict(own.map, THRESHOLD if threshold is None else threshold)
 

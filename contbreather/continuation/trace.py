@@ -473,7 +473,7 @@ class Walker:
                 raise BadInput(
                     f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
                     "positive values are admissible; start elsewhere, or lift this rule by "
-                    "inadmissible=True"
+                    f"inadmissible=True, with no {event.kind} among events"
                 )
         return values
 

@@ -39,6 +39,10 @@ ROUGH = 1e-10  # Newton's last step in mu
 APART = 1e-8  # zeros closer than that are one
 FAR = 1e6  # multiplier beyond which an impact has all but lost its velocity
 MOST = 2**13  # places on a circle
+CLOSE = 1e-7  # of a place on the real axis: the next one where signs are looked at
+CLOSER = 12  # times that a dip between such places is looked at with a quarter of their distance
+FOURTHS = np.array([0.25, 0.5, 0.75])
+FLAT = 2.0  # a dip from this many times its depth has been seen to the bottom
 
 
 class Near(NamedTuple):
@@ -91,8 +95,18 @@ class Secular:
     def beyond(self, place: float) -> int:
         """How many real multipliers are farther out than a place on the real axis off all poles,
         on its side."""
-        x = math.copysign(1.0, place) * np.geomspace(abs(place), FAR, 200)
-        signs = self.D(x + 0j).real > 0.0
+        beside = np.append(0.0, np.geomspace(CLOSE, FAR, 199))  # poles are next to the place
+        x = place * (1.0 + beside)
+        D = self.D(x + 0j).real
+        for _ in range(CLOSER):
+            dips = _dips(D)
+            if not dips.size:
+                break
+            cells = np.concatenate([dips - 1, dips])
+            more = (x[cells] + FOURTHS[:, None] * (x[cells + 1] - x[cells])).ravel()
+            x, first = np.unique(np.append(x, more), return_index=True)
+            D = np.append(D, self.D(more + 0j).real)[first]
+        signs = D > 0.0
         return int(np.count_nonzero(signs[1:] != signs[:-1]))
 
     def outermost(self, radius: float) -> float | None:
@@ -157,6 +171,14 @@ class Secular:
             if one.imag > REAL and all(abs(one - other) > APART for other in distinct):
                 distinct.append(one)
         return np.array(distinct, dtype=complex)
+
+
+def _dips(D: Array) -> Array:
+    """Where it comes so close to zero, of one sign, that two zeros may be between two places."""
+    size, sign = abs(D), D > 0.0
+    low, high = np.minimum(size[:-2], size[2:]), np.maximum(size[:-2], size[2:])
+    alike = (sign[1:-1] == sign[:-2]) & (sign[1:-1] == sign[2:])
+    return np.flatnonzero(alike & (size[1:-1] <= low) & (high > FLAT * size[1:-1])) + 1
 
 
 def _matrix(turn: Turn) -> Array:

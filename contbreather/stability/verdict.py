@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import real
+from contbreather.checks import real, shown
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.half_period import HalfMap
@@ -28,6 +28,10 @@ from contbreather.stability.winding import RIM
 Array = NDArray[Any]
 
 THRESHOLD = 1.005  # the paper's, for multipliers over the full period 2 pi
+_ABOVE = (
+    "a lattice without damping always has multipliers on the unit circle, so a finite threshold "
+    "above 1 is expected"
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -133,8 +137,8 @@ def check_threshold(threshold: float) -> None:
     """Refuse what is no threshold for a lattice without losses."""
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
-            f"threshold = {threshold!r}: on a ring multipliers sit on the unit circle; a modulus "
-            "above 1 is expected, 1.005 in the paper"
+            f"threshold = {shown(threshold)}: on a ring multipliers sit on the unit circle; a "
+            "modulus above 1 is expected, 1.005 in the paper"
         )
 
 
@@ -162,11 +166,10 @@ def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
     if map.lattice.sites is None:
         count = map.count()
         return Verdict(name, map.period, None, count.count, count.certain, count.nu, map=map)
-    if not 1.0 <= real(threshold) < math.inf or _on_circle(map, threshold):
-        raise BadInput(
-            f"threshold = {threshold!r}: a lattice without damping always has multipliers on the "
-            "unit circle, so a finite threshold above 1 is expected (the paper takes 1.005)."
-        )
+    neutral = _on_circle(map, 1.0)
+    if not 1.0 <= real(threshold) < math.inf or (neutral and threshold == 1.0):
+        wanted = _ABOVE if neutral else "a finite modulus of at least 1 is expected"
+        raise BadInput(f"threshold = {shown(threshold)}: {wanted} (the paper takes 1.005).")
     beyond = int(np.count_nonzero(np.abs(map.over_period) > threshold))
     return Verdict(name, map.period, float(threshold), beyond, map=map)
 

@@ -29,6 +29,7 @@ from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import ImpossibleSequence, Inadmissible
 from contbreather.breathers.section import Section, check_possible
 from contbreather.breathers.shooting import shooting
+from contbreather.checks import shown
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.switching import seeds_at, switch
 from contbreather.lattice.conditions import Conditions
@@ -1166,6 +1167,21 @@ def test_lifts_need_the_point_they_are_made_for() -> None:
         lift(replace(arm()[2], kind="PF"))
     with pytest.raises(cb.BadInput, match="break its symmetry first"):
         lift(replace(branch.first("PF"), kind="PD"))
+
+
+@pytest.mark.parametrize("given", ["x", True, [1.01], 10**5000, math.nan], ids=shown)
+def test_a_threshold_that_is_no_modulus_is_refused_with_what_this_lattice_takes(given) -> None:
+    damped = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(8), damping=0.02)
+    events, wanted = [cb.neimark_sacker(threshold=given)], "a finite modulus of at least 1 is"
+    with pytest.raises(cb.BadInput, match=f"threshold = .*: {wanted}"):
+        cb.trace(damped, "a", events=events)
+    with pytest.raises(cb.BadInput, match=f"threshold = .*: {wanted}"):
+        damped.stability(threshold=given)
+    for ideal in (cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(8)), cb.symmetric(0.6, 0.04, 0.8)):
+        with pytest.raises(cb.BadInput, match=r"threshold = .*: (on a ring|the infinite chain)"):
+            cb.trace(ideal, "a", events=events)
+        with pytest.raises(cb.BadInput, match=r"threshold = .*: (a lattice without|the infinite)"):
+            ideal.stability(threshold=given)
 
 
 def test_orbit_of_one_ring_goes_to_another_or_says_why_not() -> None:

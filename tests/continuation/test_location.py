@@ -364,6 +364,13 @@ def test_beyond_a_positive_event_nothing_is_returned() -> None:
         on_line(wall, start=0.5)
 
 
+def test_a_start_beyond_an_event_that_was_asked_for_has_both_to_lift() -> None:
+    wall = Event("GR", lambda point: 0.3 - point["mu"], ends="domain")
+    with pytest.raises(BadInput, match="inadmissible=True, with no GR among events"):
+        on_line(wall, start=0.5, inadmissible=True)
+    assert on_line(start=0.5, inadmissible=True).stop is Stop.BOUND
+
+
 def test_a_start_on_a_positive_event_goes_the_allowed_way() -> None:
     wall = Event("GR", lambda point: 0.25 - point["mu"], ends="domain")
     branch = on_line(wall, start=0.25)

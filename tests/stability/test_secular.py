@@ -76,6 +76,23 @@ def test_real_multipliers_beyond_a_place_are_counted(name: str, place: float) ->
     assert reduced(MAPS[name]).beyond(place) == beyond(MAPS[name].coupled, place)
 
 
+# rings with two real multipliers on one side, 0.04 and 0.02 apart
+TWINS = {
+    "next to the circle": (132, 0.18, 0.613, (Kick(0, 0.45, -0.625), Kick(0, 8.625, -0.439))),
+    "next to another": (61, 0.081, 0.586, (Kick(0, 6.474, 1.012), Kick(32, 10.127, 5.37))),
+}
+
+
+@pytest.mark.parametrize("name", TWINS)
+def test_two_real_multipliers_close_to_each_other_are_two(name: str) -> None:
+    sites, gamma, k, kicks = TWINS[name]
+    turns = 1 + (kicks[-1].time > 2.0 * math.pi)
+    map = ring_map(Ring(sites), gamma, k, kicks, 2.0 * math.pi * turns)
+    count = [reduced(map).beyond(place) for place in (1.000001, -1.000001)]
+    assert count == [beyond(map.coupled, 1.0), beyond(map.coupled, -1.0)]
+    assert max(count) >= 2
+
+
 def test_a_large_lattice_is_asked_for_what_is_next_to_the_circle_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
