@@ -9,7 +9,6 @@ from .breathers import neimark_sacker as neimark_sacker
 from .breathers import period_doubling as period_doubling
 from .breathers import pitchfork as pitchfork
 from .breathers import symmetric as symmetric
-from .breathers import symmetric_roots as symmetric_roots
 from .breathers import zones as zones
 from .breathers.atlas import atlas as atlas
 from .breathers.multi import multibreather as multibreather
@@ -18,10 +17,8 @@ from .breathers.shooting import shooting as shooting
 from .breathers.zones_many import zones_many as zones_many
 from .continuation import Branch as Branch
 from .continuation import Event as Event
-from .continuation import Point as Point
 from .continuation import Problem as Problem
 from .continuation import Steps as Steps
-from .continuation import Stop as Stop
 from .continuation import boundary as boundary
 from .continuation import branch_point as branch_point
 from .continuation import extend as extend
@@ -35,7 +32,6 @@ from .continuation.maps import FixedPoint as FixedPoint
 from .continuation.switching import switch as switch
 from .dynamics import simulate as simulate
 from .errors import BadInput as BadInput
-from .errors import Interrupted as Interrupted
 from .errors import NoSolution as NoSolution
 from .errors import NotConverged as NotConverged
 from .lattice import Fourier as Fourier

@@ -29,7 +29,7 @@ def lorenz(x: NDArray[np.float64], params: Mapping[str, float]) -> NDArray[np.fl
     )
 
 
-def unstable(point: cb.Point) -> int:
+def unstable(point: cb.continuation.Point) -> int:
     """Eigenvalues of the Jacobian with a positive real part; drawn solid where there is none."""
     own = point.jacobian()[:, : len(point.x)]  # the last column belongs to the free parameter
     return int((np.linalg.eigvals(own).real > 0).sum())

@@ -332,7 +332,9 @@ def test_branch_that_breaks_off_is_shown_and_has_status_1(
     whole = continuation.trace
 
     def broken(*args: Any, **kwargs: Any) -> Any:
-        return replace(whole(*args, **kwargs), stop=cb.Stop.NO_CONVERGENCE, reason="too sharp")
+        return replace(
+            whole(*args, **kwargs), stop=cb.continuation.Stop.NO_CONVERGENCE, reason="too sharp"
+        )
 
     monkeypatch.setattr(continuation, "trace", broken)
     status, out, err = run(*BRANCH, "--json")
@@ -441,7 +443,7 @@ def test_nothing_is_said_of_the_stability_of_what_is_no_breather(
 
 def test_any_root_can_be_asked_for(run: Callable[..., Output]) -> None:
     place = ["--a", "0.3", "--gamma", "0.12", "--k", "0.7", "--forcing", TWO_HARMONICS, "--json"]
-    roots = cb.symmetric_roots(0.3, 0.12, 0.7, forcing=cb.Symbolic(TWO_HARMONICS))
+    roots = cb.breathers.symmetric_roots(0.3, 0.12, 0.7, forcing=cb.Symbolic(TWO_HARMONICS))
     assert len(roots) == 4
     for number, root in enumerate(roots, start=1):
         content = strict(run("point", *place, "--root", str(number))[1])
@@ -453,7 +455,7 @@ def test_any_root_can_be_asked_for(run: Callable[..., Output]) -> None:
 
 def test_branch_starts_at_the_root_that_was_asked_for(run: Callable[..., Output]) -> None:
     line = ["branch", "--free", "gamma", "--a", "0.5", "--k", "0.8", "--gamma", "0.1", "--json"]
-    for number, root in enumerate(cb.symmetric_roots(0.5, 0.1, 0.8), start=1):
+    for number, root in enumerate(cb.breathers.symmetric_roots(0.5, 0.1, 0.8), start=1):
         columns = strict(run(*line, "--root", str(number))[1])["columns"]
         nearest = min(abs(np.array(columns["gamma"]) - 0.1))
         here = int(np.argmin(abs(np.array(columns["gamma"]) - 0.1)))
@@ -664,12 +666,15 @@ def test_boundary_passes_the_fold_as_the_library_does(run: Callable[..., Output]
     assert labels == [point.label for point in line.special] == ["NS-GR1", "NS-LP1", "EP1"]
 
 
-@pytest.mark.parametrize("stop", [cb.Stop.NO_CONVERGENCE, cb.Stop.RIM])
+@pytest.mark.parametrize("stop", [cb.continuation.Stop.NO_CONVERGENCE, cb.continuation.Stop.RIM])
 @pytest.mark.parametrize(
     "line", [BRANCH, ["boundary", "PF", "--k", "0.8"]], ids=["branch", "boundary"]
 )
 def test_what_ends_in_mx_is_shown_and_has_status_1(
-    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch, line: list[str], stop: cb.Stop
+    run: Callable[..., Output],
+    monkeypatch: pytest.MonkeyPatch,
+    line: list[str],
+    stop: cb.continuation.Stop,
 ) -> None:
     from dataclasses import replace
 

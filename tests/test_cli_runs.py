@@ -54,7 +54,7 @@ def test_one_result_of_a_file_goes_on_and_others_stay(kept: Callable[[str], Outp
     assert "Steps" not in out
     run = cb.load("two.nc")
     assert (len(run["one"]), list(run)) == (len(branch), ["one", "other"])
-    assert run["other"].began is cb.Stop.MOST
+    assert run["other"].began is cb.continuation.Stop.MOST
     status, out, _ = kept("show . --json")
     assert (status, list(json.loads(out)["results"])) == (0, ["two/one", "two/other"])
 

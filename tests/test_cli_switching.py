@@ -248,7 +248,7 @@ def test_branches_of_different_problems_share_a_figure_and_the_name_of_their_poi
 
 
 def test_a_figure_of_any_number_that_points_have() -> None:
-    def height(point: cb.Point) -> float:
+    def height(point: cb.continuation.Point) -> float:
         return float(point.displacement(1, 0.0))
 
     branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.4, 0.6)})

@@ -208,7 +208,7 @@ def test_a_slice_of_a_branch_is_a_branch_that_says_where_it_was_cut(values) -> N
     assert isinstance(piece, cb.Branch)
     assert piece.points == branch.points[2:-1]
     assert piece["a"].tolist() == branch["a"][2:-1].tolist()
-    assert (piece.began, piece.stop) == (cb.Stop.CUT, cb.Stop.CUT)
+    assert (piece.began, piece.stop) == (cb.continuation.Stop.CUT, cb.continuation.Stop.CUT)
     assert (branch[:3].began, branch[3:].stop) == (branch.began, branch.stop)
     assert branch[-2:].first("GR") is branch.first("GR")
     assert branch[:].points == branch.points

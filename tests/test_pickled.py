@@ -144,4 +144,4 @@ def test_diagrams_and_runs_go_through_a_pickle() -> None:
     assert np.array_equal(again(run).impacts, run.impacts)
     assert np.array_equal(again(run).final.u, run.final.u)
     assert again(orbit) == orbit
-    assert again(cb.Stop.BOUND) is cb.Stop.BOUND
+    assert again(cb.continuation.Stop.BOUND) is cb.continuation.Stop.BOUND

@@ -64,7 +64,7 @@ def test_line_is_solid_exactly_where_the_infinite_chain_is_stable(in_a: Branch) 
             # on this branch p tells the breather: a by (13) from p
             chi, q = cb.InfiniteChain().chi(0.04), 0.2 / 1.8
             a = np.hypot(1 - p * chi, p * q)
-            roots = (cb.symmetric(a, 0.04, 0.8), *cb.symmetric_roots(a, 0.04, 0.8))
+            roots = (cb.symmetric(a, 0.04, 0.8), *cb.breathers.symmetric_roots(a, 0.04, 0.8))
             breather = min(roots, key=lambda b: abs(b.p - p))
             if abs(breather.p - p) < 1e-6:
                 assert (breather.stability().unstable > 0) == dashed

@@ -465,7 +465,7 @@ def test_an_interrupted_study_says_what_is_done_and_goes_on(
         return plain(self, part)
 
     monkeypatch.setattr(Worker, "__call__", twice)
-    with pytest.raises(cb.Interrupted) as stopped:
+    with pytest.raises(cb.errors.Interrupted) as stopped:
         conduct(study, folder=tmp_path, executor=1)
     partial: Any = stopped.value.partial
     assert (partial.interrupted, len(partial.computed)) == (True, 2)

@@ -19,7 +19,7 @@ SUBPACKAGES = ("breathers", "certified", "continuation", "dynamics", "lattice", 
 STORY = """
 b = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
 branch: cb.Branch = cb.trace(b, "a", within={"a": (0.05, 1.2)}, towards="both")
-point: cb.Point = branch.first("PF")
+point: cb.continuation.Point = branch.first("PF")
 line: cb.Branch = cb.boundary(point, ("gamma", "a"), within={"gamma": (0.0, 0.24)})
 arms: tuple[cb.Branch, ...] = cb.switch(point)
 verdict: bool = b.stability().stable

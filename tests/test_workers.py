@@ -152,7 +152,7 @@ if __name__ == "__main__":
         for one in each(slow, range(60), unit="naps", executor=2):
             if one == 12:
                 print("begun", flush=True)
-    except cb.Interrupted as stop:
+    except cb.errors.Interrupted as stop:
         print(stop.partial == tuple(range(len(stop.partial))), len(stop.partial) > 12)
 """
 

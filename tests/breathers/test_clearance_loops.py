@@ -29,7 +29,7 @@ PLAIN = [
     for a, gamma, k in ((0.5, 0.12, 0.4), (0.93, 0.04, 0.8), (0.2, 0.2, 0.99), (0.99, 0.01, 0.02))
 ]
 OTHERS = [
-    cb.symmetric_roots(0.9, 0.12, 0.8)[1],  # where the second neighbour climbs highest
+    cb.breathers.symmetric_roots(0.9, 0.12, 0.8)[1],  # where the second neighbour climbs highest
     cb.symmetric(0.7, 0.0, 0.0),
     cb.symmetric(0.6, 0.07, 0.7, forcing="cos(t) + 0.3*cos(3*t)"),
     *(cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Ring(sites)) for sites in (1, 2, 5)),
@@ -168,7 +168,7 @@ def test_once_compiled_code_for_rivals_is_at_hand_it_is_asked(monkeypatch) -> No
 
 
 def test_beyond_its_limits_the_margin_by_loops_is_negative_alike() -> None:
-    touching = cb.symmetric_roots(1.2, 0.1, 0.03)[0]
+    touching = cb.breathers.symmetric_roots(1.2, 0.1, 0.03)[0]
     assert by_loops(touching) == pytest.approx(touching.admissibility().margin, abs=1e-13)
     assert by_loops(touching) < 0.0
 

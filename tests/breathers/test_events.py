@@ -25,7 +25,7 @@ def kinds(branch: cb.Branch) -> list[str]:
     return [point.kind for point in branch.special]
 
 
-def only(branch: cb.Branch, *wanted: str) -> list[cb.Point]:
+def only(branch: cb.Branch, *wanted: str) -> list[cb.continuation.Point]:
     return [point for point in branch.special if point.kind in wanted]
 
 
@@ -305,7 +305,7 @@ def test_the_line_of_the_papers_rule_ends_where_another_wave_comes_first() -> No
     at its ends two pairs have."""
     ring, threshold = cb.Ring(60), 1.005
 
-    def pairs(point: cb.Point) -> np.ndarray:
+    def pairs(point: cb.continuation.Point) -> np.ndarray:
         mu = point.solution.stability(sites=60, threshold=1 + 1e-9).multipliers
         return np.sort(abs(mu[mu.imag > 1e-9]))[::-1]
 

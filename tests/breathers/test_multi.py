@@ -40,7 +40,7 @@ def test_each_site_keeps_the_root_it_was_given() -> None:
     mixed = cb.multibreather({0: "upper", 5: "lower"}, lattice=cb.Ring(10), **AT)
     sites = [one.site for one in mixed.impacts]
     high, low = (0.5 * abs(mixed.impulses[sites.index(n)]) for n in (0, 5))
-    upper, lower = (b.p for b in cb.symmetric_roots(0.5, 0.0, 0.8))
+    upper, lower = (b.p for b in cb.breathers.symmetric_roots(0.5, 0.0, 0.8))
     assert abs(high - upper) < 0.2 < abs(high - lower)
     assert abs(low - lower) < 0.2 < abs(low - upper)
 
@@ -179,5 +179,5 @@ def test_only_orbits_without_coupling_stand_for_a_site(lattice: cb.AnyLattice) -
 
 def test_where_there_is_one_root_the_lower_one_is_it() -> None:
     alone = {"a": 1.1, "gamma": 0.0, "k": 0.8, "lattice": cb.Ring(1)}
-    assert len(cb.symmetric_roots(**alone)) == 1
+    assert len(cb.breathers.symmetric_roots(**alone)) == 1
     assert cb.multibreather({0: "lower"}, **alone).p == pytest.approx(cb.symmetric(**alone).p)

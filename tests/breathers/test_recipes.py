@@ -176,7 +176,7 @@ def test_extended_branch_is_the_one_that_was_walked_further(
         assert one["a"] == pytest.approx(other["a"], abs=1e-12)
     assert (np.diff(longer["arclength"]) > 0).all()
     last = cb.extend(branch, end="last", within={"a": (0.6, 1.0)})
-    assert (last["a"].min(), last.stop) == (AROUND["a"][0], cb.Stop.EVENT)
+    assert (last["a"].min(), last.stop) == (AROUND["a"][0], cb.continuation.Stop.EVENT)
 
 
 def test_ends_go_on_one_after_the_other_in_the_same_wider_window(branch: cb.Branch) -> None:

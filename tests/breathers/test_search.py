@@ -127,7 +127,7 @@ def test_a_first_point_is_looked_for_in_the_middle_then_all_over_the_window() ->
 
 
 def test_solutions_are_chosen_by_number_from_one() -> None:
-    both = cb.symmetric_roots(0.5, 0.1, 0.8)
+    both = cb.breathers.symmetric_roots(0.5, 0.1, 0.8)
     assert [search.rooted(both, i) for i in (1, 2)] == list(both)
     for root in (0, 3, -1):
         with pytest.raises(

@@ -627,7 +627,7 @@ def test_orbit_that_repeats_itself_is_known_to_be_simpler() -> None:
 def test_arms_end_where_the_neighbour_grazes_and_never_double() -> None:
     branch = arm()
     assert branch[-1]["a"] == pytest.approx(0.877387, abs=5e-7)
-    assert branch.stop is cb.Stop.EVENT
+    assert branch.stop is cb.continuation.Stop.EVENT
     assert not [p for p in branch.special if p.kind == "PD"]
     end = branch[-1].solution
     verdict = end.admissibility()
@@ -667,7 +667,7 @@ def impact_map(count: int, a: mp.mpf, k: mp.mpf):
 
 
 @pytest.fixture(scope="module")
-def cascade() -> list[cb.Point]:
+def cascade() -> list[cb.continuation.Point]:
     """PD of the asymmetric orbit, and of the orbits of period 2, 4 and 8 after it."""
     points = [arm(1, 0.0).first("PD")]
     for generation in range(3):
@@ -687,7 +687,7 @@ def cascade() -> list[cb.Point]:
     return points
 
 
-def test_period_doubling_of_the_asymmetric_orbit(cascade: list[cb.Point]) -> None:
+def test_period_doubling_of_the_asymmetric_orbit(cascade: list[cb.continuation.Point]) -> None:
     """At 30 digits: the closed form in d with ``1 + trace + det = 0``, Q and S of one site."""
     k = mp.mpf("0.8")
 
@@ -706,7 +706,9 @@ def test_period_doubling_of_the_asymmetric_orbit(cascade: list[cb.Point]) -> Non
     assert cascade[0]["a"] == pytest.approx(float(exact.a), abs=1e-13)
 
 
-def test_cascade_has_multiplier_minus_one_of_an_independent_map(cascade: list[cb.Point]) -> None:
+def test_cascade_has_multiplier_minus_one_of_an_independent_map(
+    cascade: list[cb.continuation.Point],
+) -> None:
     """Impact to impact at 25 digits, its derivative by differences: |a - a_PD| < 1e-8 follows."""
     for point in cascade:
         orbit = point.solution
@@ -730,7 +732,9 @@ def test_cascade_has_multiplier_minus_one_of_an_independent_map(cascade: list[cb
             assert abs(1 + trace + det) < 1e-8
 
 
-def test_cascade_accumulates_at_the_rate_of_feigenbaum(cascade: list[cb.Point]) -> None:
+def test_cascade_accumulates_at_the_rate_of_feigenbaum(
+    cascade: list[cb.continuation.Point],
+) -> None:
     a = np.array([point["a"] for point in cascade])
     assert a == pytest.approx(
         [0.9255120062932, 0.9799735494553, 0.9896328437620, 0.9916615828200], abs=1e-11
@@ -740,7 +744,9 @@ def test_cascade_accumulates_at_the_rate_of_feigenbaum(cascade: list[cb.Point]) 
     assert gaps[1] / gaps[2] == pytest.approx(4.669, abs=0.1)
 
 
-def test_doubled_orbit_grows_with_the_root_of_the_parameter(cascade: list[cb.Point]) -> None:
+def test_doubled_orbit_grows_with_the_root_of_the_parameter(
+    cascade: list[cb.continuation.Point],
+) -> None:
     lifted = lift(cascade[0])
     curvature = []
     for size in (0.005, 0.01):
@@ -823,7 +829,7 @@ def test_grazing_boundary_ends_at_the_pitchfork_where_the_other_crest_grazes() -
     is where both the symmetric breather's pitchfork line and its grazing pass."""
     line = cb.boundary(arm().first("GR"), ("gamma", "a"), within={"gamma": (0.02, 0.1)})
     end = line.special[-1]
-    assert (end.label, line.stop) == ("GR-GR1", cb.Stop.EVENT)
+    assert (end.label, line.stop) == ("GR-GR1", cb.continuation.Stop.EVENT)
     pitchforks = cb.boundary(
         cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.7, 0.9)}).first("PF"),
         ("gamma", "a"),
@@ -892,7 +898,7 @@ def test_inadmissible_orbit_is_returned_by_name_only_and_marked() -> None:
 
 def test_margin_vanishes_with_the_velocity_of_an_impact() -> None:
     """On the lower branch of (13) p -> 0 as a -> 1: there the impact itself is lost."""
-    low = min(cb.symmetric_roots(0.5, 0.04, 0.8, lattice=cb.Ring(1)), key=lambda b: b.p)
+    low = min(cb.breathers.symmetric_roots(0.5, 0.04, 0.8, lattice=cb.Ring(1)), key=lambda b: b.p)
     branch = cb.trace(
         shooting(low), "a", within={"a": (0.4, 1.2)}, towards="up", events=[contact()]
     )

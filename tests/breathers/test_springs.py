@@ -38,7 +38,7 @@ def test_amplitude_fold_and_pitchfork_are_those_of_the_theory(spring, gamma, k) 
     least = smallest_amplitude(gamma, k, held(cb.Harmonic(), spring))
     assert least == pytest.approx(fold, abs=1e-12)
     for a in (1.1 * fold, 0.9 * (1 - spring)):
-        for b in cb.symmetric_roots(a, gamma, k, spring=spring):
+        for b in cb.breathers.symmetric_roots(a, gamma, k, spring=spring):
             assert b.residual < 1e-14
             assert a / (1 - spring) == pytest.approx(math.hypot(1 - b.p * chi, b.p * q), abs=1e-13)
             assert b.chi == chi
@@ -88,7 +88,7 @@ def test_any_forcing_spring_and_loss_agree_with_the_modes_of_a_ring(seed: int) -
     cos = {1: 1.0, 3: rng.uniform(-0.3, 0.3), 5: rng.uniform(-0.1, 0.1)}
     forcing = cb.Fourier.from_response(cos=cos, sin={3: rng.uniform(-0.3, 0.3)})
     a = rng.uniform(0.6, 0.9) * (1 - spring)
-    for b in cb.symmetric_roots(a, gamma, k, spring=spring, forcing=forcing):
+    for b in cb.breathers.symmetric_roots(a, gamma, k, spring=spring, forcing=forcing):
         own = b.on(cb.Ring(48))
         assert (own.p, own.phi) == pytest.approx((b.p, b.phi), abs=1e-11)
         n, t = np.arange(4)[:, None], np.linspace(0, 7, 9)
@@ -226,7 +226,7 @@ def test_what_is_not_known_of_springs_says_where_it_is() -> None:
     assert "1 arm not followed" in repr(found)
 
 
-def fork(spring: float) -> cb.Point:
+def fork(spring: float) -> cb.continuation.Point:
     start = cb.symmetric(0.7, 0.05, 0.8, spring=spring)
     return cb.trace(start, "a", within={"a": (0.5, 0.9)}).first("PF")
 

@@ -30,7 +30,7 @@ def random_forcing(seed: int) -> cb.Fourier:
     return cb.Fourier(cos=cos, sin={m: float(rng.normal(0, 3)) for m in orders})
 
 
-def distance(lines: tuple[cb.Branch, ...], point: cb.Point) -> float:
+def distance(lines: tuple[cb.Branch, ...], point: cb.continuation.Point) -> float:
     names = ("gamma", "a", "p", "phi")
     here = np.array([point[name] for name in names])
     found = [math.inf]
@@ -85,8 +85,8 @@ def test_where_a_lower_crest_grazes_no_more_the_higher_one_takes_over() -> None:
 def test_breathers_that_are_all_but_mirror_images_have_a_curve_each() -> None:
     """Near k = 1 time reversal makes pairs that are alike in a and p, but not in phi."""
     diagram = cb.zones(k=0.94, forcing=TIED, within={"gamma": (0.149, 0.151)})
-    seen: list[cb.Point] = []
-    for root in cb.symmetric_roots(0.6, 0.15, 0.94, forcing=TIED):
+    seen: list[cb.continuation.Point] = []
+    for root in cb.breathers.symmetric_roots(0.6, 0.15, 0.94, forcing=TIED):
         point = cb.trace(root, "a", towards="up").special[-1]
         if root.admissibility().ok and point.kind == "GR" and point["p"] > 1e-6:
             assert distance(diagram["GR"], point) < 0.01
@@ -101,7 +101,9 @@ def test_the_far_field_alone_is_never_what_grazes_first() -> None:
     """Far out neighbours differ by one harmonic of alternating sign: one of two climbs higher."""
     for seed in range(4):
         forcing = random_forcing(seed)
-        for breather in cb.symmetric_roots(0.6 / forcing.peak(), 0.1, 0.7, forcing=forcing):
+        for breather in cb.breathers.symmetric_roots(
+            0.6 / forcing.peak(), 0.1, 0.7, forcing=forcing
+        ):
             margins = breather.admissibility()
             assert margins.neighbours <= margins.far + 1e-15
 

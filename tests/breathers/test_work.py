@@ -81,7 +81,7 @@ def test_the_angle_of_a_pair_is_known_from_its_window(monkeypatch: pytest.Monkey
 def test_a_kink_that_stays_clear_of_zero_is_left_early(floor: float, most: int) -> None:
     looks = list[float]()
 
-    def kink(point: cb.Point) -> float:
+    def kink(point: cb.continuation.Point) -> float:
         looks.append(point["m"])
         return floor + 10.0 * abs(point["m"] - 0.6151)
 

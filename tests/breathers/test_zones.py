@@ -201,7 +201,7 @@ def test_impossible_restitution_is_refused(k: float) -> None:
 
 def roots_at(a: float, gamma: float, forcing: cb.Forcing) -> int:
     try:
-        return len(cb.symmetric_roots(a, gamma, 0.8, forcing=forcing))
+        return len(cb.breathers.symmetric_roots(a, gamma, 0.8, forcing=forcing))
     except cb.NoSolution:
         return 0
 
@@ -212,9 +212,9 @@ def test_all_sheets_of_a_forcing_with_several_breathers(
     gamma: float, several: cb.breathers.Zones
 ) -> None:
     """Every event on the branch through every admissible root lies on a curve of the diagram."""
-    seen: list[cb.Point] = []
+    seen: list[cb.continuation.Point] = []
     for a in np.linspace(0.05, 0.7, 14):
-        for root in cb.symmetric_roots(a, gamma, 0.8, forcing=WELLS):
+        for root in cb.breathers.symmetric_roots(a, gamma, 0.8, forcing=WELLS):
             passed = {round(point["p"], 6) for point in seen}
             if not root.admissibility().ok:
                 continue
@@ -232,7 +232,7 @@ def several() -> cb.breathers.Zones:
     return cb.zones(k=0.8, forcing=WELLS, within={"gamma": (0.1, 0.21)})
 
 
-def distance(curves: tuple[cb.Branch, ...], point: cb.Point) -> float:
+def distance(curves: tuple[cb.Branch, ...], point: cb.continuation.Point) -> float:
     """From a point to the nearest chord of some curves, p included."""
     names = ("gamma", "a", "p")
     here = np.array([point[name] for name in names])
@@ -329,7 +329,7 @@ class Impatient(cb.InfiniteChain):
 
 @pytest.mark.parametrize("after", [1, 1000, 3000])
 def test_an_interrupted_zone_diagram_is_marked_and_has_no_curve_twice(after: int) -> None:
-    with pytest.raises(cb.Interrupted) as stop:
+    with pytest.raises(cb.errors.Interrupted) as stop:
         cb.zones(k=0.8, lattice=Impatient(after), within={"gamma": (0.02, 0.1)})
     kept = stop.value.partial
     assert (kept is None) == (after == 1)
@@ -346,7 +346,7 @@ def test_several_values_give_several_diagrams_of_which_an_interruption_keeps_the
     one, other = cb.zones(k=[0.8, 0.4], within=plane, lattice=chain)
     assert (one.fixed, other.fixed) == (("k", 0.8), ("k", 0.4))
     assert [one.interrupted, other.interrupted] == [False, False]
-    with pytest.raises(cb.Interrupted) as stop:
+    with pytest.raises(cb.errors.Interrupted) as stop:
         cb.zones(k=[0.8, 0.4], within=plane, lattice=Impatient(10**9 - chain.left - 100))
     kept = stop.value.partial
     assert [each.interrupted for each in kept] == [False, True]

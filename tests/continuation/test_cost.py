@@ -41,7 +41,7 @@ def henon(u: Array, p: Mapping[str, float]) -> Array:
 def own_hopf() -> cb.Event:
     """``F_x v = i omega v`` by somebody who gives no derivative."""
 
-    def locus(point: cb.Point) -> Locus:
+    def locus(point: cb.continuation.Point) -> Locus:
         values, vectors = np.linalg.eig(point.jacobian()[:, :3])
         i = int(values.imag.argmax())
         v, omega = vectors[:, i], float(values[i].imag)
@@ -54,7 +54,7 @@ def own_hopf() -> cb.Event:
 
         return Locus({"re": v.real, "im": v.imag, "omega": omega}, conditions)
 
-    def growth(point: cb.Point) -> float:
+    def growth(point: cb.continuation.Point) -> float:
         values = np.linalg.eigvals(point.jacobian()[:, :3])
         return float(values[values.imag.argmax()].real)
 
@@ -62,7 +62,7 @@ def own_hopf() -> cb.Event:
 
 
 def own_doubling() -> cb.Event:
-    def matrix(point: cb.Point) -> Array:
+    def matrix(point: cb.continuation.Point) -> Array:
         return np.asarray(point.jacobian()[:, :2] + 2 * np.eye(2))
 
     def conditions(curve: Any, z: Array, v: Array) -> Array:
@@ -133,7 +133,7 @@ def test_a_boundary_without_a_window_has_an_end() -> None:
     point = cb.trace(mine, "h", within={"x": (-2, 2)}).first("LP")
     line = cb.boundary(point, ("mu", "h"))
     assert len(line) - len(line.special) <= 1000
-    assert line.stop is cb.Stop.MOST
+    assert line.stop is cb.continuation.Stop.MOST
     assert "raise Steps.most" in repr(line)
     more = cb.boundary(point, ("mu", "h"), towards="up", steps=cb.Steps(most=600))
     assert len(more) > 550

@@ -56,7 +56,7 @@ def late(x, p):
 @pytest.mark.parametrize("residual", [inner_root, asserting, choosy, runtime, late])
 def test_functions_that_refuse_complex_numbers_in_their_own_way_are_traced(residual) -> None:
     branch = traced(residual)
-    assert branch.stop is cb.Stop.BOUND
+    assert branch.stop is cb.continuation.Stop.BOUND
     np.testing.assert_allclose(branch["x"] ** 3 + branch["x"], 2 * branch["mu"], atol=1e-9)
 
 

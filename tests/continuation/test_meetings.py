@@ -56,7 +56,7 @@ def test_a_hopf_curve_reaches_a_bt_where_branches_cross_and_ends_there(
     assert abs(end["b2"]) < 1e-9
     assert "branches cross here" in end.detail["degenerate"]
     assert curve["b1"].max() < 1e-9  # beyond are neutral saddles
-    assert cb.Stop.EVENT in (curve.stop, curve.began)
+    assert cb.continuation.Stop.EVENT in (curve.stop, curve.began)
 
 
 def test_the_other_hopf_curve_of_a_symmetric_bt_ends_there_as_well() -> None:

@@ -268,7 +268,7 @@ def test_branches_through_large_numbers_reach_the_edge_of_their_window() -> None
     events = [cb.fold(), cb.branch_point(), cb.hopf()]
     cells = cb.Problem(enzyme, {"u": 0.0, "v": 0.0}, {"s0": 0.0})
     branch = cb.trace(cells, "s0", within={"s0": (0, 300)}, events=events)
-    assert branch.stop is cb.Stop.BOUND
+    assert branch.stop is cb.continuation.Stop.BOUND
     # symmetric: s0 = s + 100 s / (1 + s + s^2), with folds where its slope vanishes
     s = np.roots([1, 2, -97, 2, 101])
     s = np.sort(s[(abs(s.imag) < 1e-9) & (s.real > 0)].real)

@@ -44,7 +44,7 @@ def test_all_branch_points_of_a_mixture_are_found(seed: int, condition: float) -
     branch = cb.trace(problem, "mu", **options)
     np.testing.assert_allclose(places(branch), m, rtol=0, atol=1e-9)
     for arm in cb.switch(branch.first("BP6"), **options):
-        assert arm.stop is cb.Stop.BOUND
+        assert arm.stop is cb.continuation.Stop.BOUND
         np.testing.assert_allclose(places(arm), m[6:], rtol=0, atol=1e-9)
 
 
@@ -83,10 +83,10 @@ def test_a_fine_mesh_finds_what_a_coarse_one_does_and_walks_back_through_the_pit
         problem, modes = swift_hohenberg(n)
         axis = cb.trace(problem, "mu", within={"mu": (-0.1, 0.1)}, events=[cb.branch_point()])
         arm = cb.switch(axis.first("BP"), within={"mu": (-0.6, 0.1)}, events=events)[0]
-        assert arm.stop is cb.Stop.BOUND
+        assert arm.stop is cb.continuation.Stop.BOUND
         found.append([(point.kind, point["mu"]) for point in arm.special])
         back = cb.trace(arm[12], "mu", within={"mu": (-0.3, 0.1)}, events=events)
-        assert {back.began, back.stop} == {cb.Stop.BOUND}
+        assert {back.began, back.stop} == {cb.continuation.Stop.BOUND}
         nearest = min(back.special, key=lambda point: np.abs(point["u"]).max())
         assert nearest.kind == "BP"
         assert abs(nearest["mu"] - modes[0]) < 1e-8

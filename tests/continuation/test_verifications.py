@@ -456,7 +456,7 @@ def test_of_two_bounds_in_one_step_the_nearer_one_ends_the_branch(largest, first
     end = branch[-1]
     assert end[first] == 0.31
     assert (end["x"], end["y"], end["mu"]) == pytest.approx((0.31,) * 3, abs=1e-12)
-    assert branch.stop is cb.Stop.BOUND
+    assert branch.stop is cb.continuation.Stop.BOUND
 
 
 @pytest.mark.parametrize("largest", [0.1, 1.0, 3.0])

@@ -30,7 +30,7 @@ def test_a_branch_ends_exactly_where_the_norm_does(largest: float) -> None:
     assert norms[1:-1].max() < 10
     unit = np.linalg.norm(np.cbrt(ROOTS))
     assert branch["mu"][[0, -1]] == pytest.approx([unit**-3, (10 / unit) ** 3], rel=1e-12)
-    assert branch.stop is branch.began is cb.Stop.BOUND
+    assert branch.stop is branch.began is cb.continuation.Stop.BOUND
 
 
 def test_a_norm_that_peaks_beyond_its_window_within_a_step_is_seen() -> None:

@@ -33,7 +33,7 @@ def counted(calls: Counter[str], *, jacobian: bool = False) -> cb.Problem:
 
 
 def watched(calls: Counter[str], event: cb.Event) -> cb.Event:
-    def test(point: cb.Point) -> Any:
+    def test(point: cb.continuation.Point) -> Any:
         calls[event.kind] += 1
         return event.test(point)
 

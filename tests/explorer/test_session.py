@@ -126,7 +126,7 @@ def test_stopped_work_keeps_what_is_done_and_says_so() -> None:
     explorer.begin(Work(one.title, one.name, one.code, early))
     assert explorer.wait(LONG)
     branch = explorer.state.curves[0].branch
-    assert branch.stop is cb.Stop.INTERRUPTED
+    assert branch.stop is cb.continuation.Stop.INTERRUPTED
     assert 9 <= len(branch) < len(whole)
     assert "stopped" in explorer.message
     assert explorer.state.lines[0].endswith("# was stopped: what is seen is a piece of it")

@@ -383,13 +383,13 @@ def walked(case: str, road: str) -> cb.Branch:
     )
 
 
-def kind_of(point: cb.Point, case: str) -> str:
+def kind_of(point: cb.continuation.Point, case: str) -> str:
     """With the whole period written out, the pitchfork of a symmetric orbit is a branch point."""
     half = given(case).symmetric and not point.solution.symmetric
     return "PF" if half and point.kind == "BP" else point.kind
 
 
-def named(case: str, road: str, kind: str) -> list[cb.Point]:
+def named(case: str, road: str, kind: str) -> list[cb.continuation.Point]:
     return [point for point in walked(case, road).special if kind_of(point, case) == kind]
 
 
