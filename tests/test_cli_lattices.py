@@ -264,12 +264,16 @@ REFUSED = {
         f"{POINT} --lattice open:9 --spring 1",
         r"frequency 1 is in resonance with the orbit: change gamma or spring",
     ),
+    "spring above the drive on the infinite chain": (
+        f"{POINT} --spring 1.2",
+        r"spring = 1\.2: .* below the drive \(above that take a ring of 40 sites\)",
+    ),
     "spring that closes the gap of the infinite chain": (
         f"{POINT} --spring 0.9",
         r"gamma = 0\.05, spring = 0\.9: the band .* must stay below 1",
     ),
     "threshold of the infinite chain": (f"{POINT} --threshold 1.01", r"--threshold needs --sites"),
-    "damping of the infinite chain": (f"{POINT} --damping 0.1", r"take Ring\(N\) or another"),
+    "damping of the infinite chain": (f"{POINT} --damping 0.1", r"take a ring or another"),
     "site of the infinite chain": (f"{POINT} --site 3", r"on the infinite chain site 0 impacts"),
     "branch with a site not there": (
         f"branch --free a {AT} --lattice open:9 --site 9",

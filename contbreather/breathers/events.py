@@ -18,7 +18,7 @@ from contbreather.breathers.orbit import Orbit, orbit_at, plain
 from contbreather.checks import shown
 from contbreather.continuation import Event, Locus, Point, Problem
 from contbreather.continuation.point import Counting, Judged
-from contbreather.continuation.recipes import Recipe
+from contbreather.continuation.recipes import Recipe, maker
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.verdict import THRESHOLD, beyond
@@ -147,6 +147,13 @@ def neimark_sacker(
     recipe = Recipe("NS", {"on": on, "threshold": threshold}, plain)
     elsewhere = symmetric_events.neimark_sacker(on=on, threshold=modulus)  # or a sentence
     return OfProblem("NS", choose=partial(_pair_leaves, on, modulus, elsewhere), recipe=recipe)
+
+
+@maker("NS")
+def _again(of: Mapping[str, Any]) -> Event:
+    from contbreather.lattice.plain import made  # all forcings, too
+
+    return neimark_sacker(on=made(of["on"]), threshold=of["threshold"])
 
 
 def _pair_leaves(

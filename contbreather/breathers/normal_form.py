@@ -92,7 +92,7 @@ def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:
     >>> form.criticality, round(form.coefficient, 3)
     ('supercritical', 9.166)
     """
-    curve = Curve(orbit.problem, (free,))
+    curve = Curve(orbit.problem.having(free), (free,))
     upwards = np.eye(1, curve.start.size, curve.size)[0]
     along, _ = tangent_at(curve, curve.start, upwards)
     return _form(Point(curve, curve.start, along))
@@ -114,7 +114,7 @@ def _form(point: Point) -> PitchforkForm:
     orbit: Orbit = point.solution
     if not orbit.symmetric:
         raise BadInput(f"{orbit.describe()}: only half a symmetric orbit has a pitchfork.")
-    curve = Curve(orbit.unfolded().problem, point.curve.free)
+    curve = Curve(orbit.unfolded().problem.having(*point.curve.free), point.curve.free)
     matrix = curve.jacobian(curve.start)
     left, sizes, right = np.linalg.svd(matrix[:, :-1])
     if sizes[-1] > _SINGULAR * sizes[0]:

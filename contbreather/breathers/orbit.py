@@ -602,3 +602,21 @@ def orbit_at(problem: Problem) -> Orbit:
     curve = Curve(problem, ())
     found: Orbit = Point(curve, curve.start).solution
     return found
+
+
+def with_parameters(threshold: float, problem: Problem, names: tuple[str, ...]) -> Problem:
+    """A problem of an orbit on another road, if it asks for what its own has no parameters for."""
+    orbit = orbit_at(problem)
+    on, section = orbit.conditions, orbit.section
+    wanted = [name for name in names if name in on.params]
+    for _, kind in sorted(ROADS.items()):
+        if wanted and kind.suits(on, section) and kind is not type(orbit.road):
+            motion = kind.through(on, section, orbit.times, orbit.impulses, orbit.offsets)
+            return motion.problem(threshold)
+    if wanted:
+        raise BadInput(
+            f"{' and '.join(wanted)}: orbits of the infinite chain have no damping, and springs "
+            "only where, in equal flights, one site hits its walls in turn; take a finite lattice, "
+            "a ring of 100 sites for instance."
+        )
+    return problem

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from contbreather.breathers.asymmetric import NAMES
-from contbreather.breathers.events import neimark_sacker
 from contbreather.breathers.modal_road import Modes, modal_problem
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.section import Impact, Section
 from contbreather.breathers.symmetric import ClosedForm, symmetric_problem
 from contbreather.breathers.wave_road import Waves, asymmetric_problem, impact_problem
-from contbreather.continuation import Event, Problem
+from contbreather.continuation import Problem
 from contbreather.continuation.recipes import maker
 from contbreather.lattice.plain import made
 
@@ -71,8 +70,3 @@ def _shooting(of: Plain, start: Plain, params: Params) -> Problem:
     on = made(of["conditions"]).at(params)
     found = Modes(_section(of["section"]), np.array(times), q, r, on)
     return modal_problem(Orbit(found), of["threshold"])
-
-
-@maker("NS")
-def _neimark_sacker(of: Plain) -> Event:
-    return neimark_sacker(on=made(of["on"]), threshold=of["threshold"])

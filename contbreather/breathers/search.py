@@ -11,7 +11,6 @@ import numpy as np
 
 from contbreather.breathers.closure import smallest_amplitude
 from contbreather.breathers.orbit import Orbit
-from contbreather.breathers.shooting import shooting
 from contbreather.breathers.symmetric import symmetric_roots
 from contbreather.breathers.zones import WINDOWS
 from contbreather.checks import check_kind, one_of
@@ -130,11 +129,8 @@ def _places(free: str, within: Window, given: Mapping[str, Any]) -> Iterator[flo
 
 def problem_with(orbit: Orbit, *names: str, threshold: float = THRESHOLD) -> Problem:
     """The equations of a symmetric breather of any lattice, unstable beyond the threshold, with
-    these parameters among theirs: on a ring damping and springs are where orbits are shot."""
-    problem = orbit.road.problem(threshold)
-    if set(names) & set(SMALL) - set(problem.params) and orbit.lattice.sites is not None:
-        return shooting(orbit, threshold=threshold)
-    return problem
+    these parameters among theirs."""
+    return orbit.road.problem(threshold).having(*names)
 
 
 def find_event(

@@ -227,7 +227,8 @@ def check_possible(section: Section, on: Conditions) -> None:
     check_walls(section, on)
     if lattice.highest_gamma <= on.gamma:
         check_gamma(on.gamma)  # says why
-    if lattice.sites is not None and lattice.sites > 1 and max(on.gamma, on.spring) < WEAK:
+    loose = not section.symmetric and lattice.sites is not None and lattice.sites > 1
+    if loose and max(on.gamma, on.spring) < WEAK:
         raise BadInput(
             f"gamma = {on.gamma!r} on the {lattice.describe()}: sites that do not feel each other "
             "may rest anywhere, so there is no one orbit; take sites=1, or a spring."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -12,7 +12,7 @@ from contbreather.breathers.closed_form import HALF, SymmetricFlight
 from contbreather.breathers.closure import Closure, roots, sprung
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.one_site import symmetric_orbits
-from contbreather.breathers.orbit import Orbit, orbit_of, plain
+from contbreather.breathers.orbit import Orbit, orbit_at, orbit_of, plain, with_parameters
 from contbreather.breathers.road import Road, road
 from contbreather.breathers.section import Impact, Section
 from contbreather.breathers.symmetric_events import grazing, neimark_sacker, pitchfork, saddle_node
@@ -123,6 +123,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         domain=_domain(breather),
         interpret=partial(_interpreted, forcing, lattice),
         lifts={"PF": lift},
+        wider=partial(_wider, threshold),
         label=f"symmetric breather{where}",
         recipe=Recipe(
             "symmetric breather",
@@ -137,6 +138,15 @@ def _interpreted(forcing: Forcing, lattice: Lattice, point: Point) -> Orbit:
     driven = forcing.at(**{name: values[name] for name in own}) if own else forcing
     p, phi = float(point.z[0]), float(point.z[1])
     return Orbit(ClosedForm(values["a"], values["gamma"], values["k"], p, phi, driven, lattice))
+
+
+def _wider(threshold: float, problem: Problem, names: tuple[str, ...]) -> Problem:
+    """On the infinite chain with the spring, as one of 0; on a ring by its modes."""
+    orbit = orbit_at(problem)
+    if orbit.lattice.sites is not None or "spring" not in names:
+        return with_parameters(threshold, problem, names)
+    soft = Orbit(replace(orbit.flight, forcing=held(orbit.forcing, 0.0)))
+    return symmetric_problem(soft, threshold).having(*names)
 
 
 def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
@@ -186,8 +196,7 @@ def symmetric(
         The one that impacts.
     damping, spring : float, optional
         ``u'' + damping u' + spring u + ...``. On the infinite chain springs alone, with
-        ``spring + 4 gamma < 1``. On chain and ring a parameter to trace where it is given, on a
-        ring together with the damping; a spring of 0 will do.
+        ``spring + 4 gamma < 1``.
     walls : (low, high) or dict of site and (low, high), optional
         -1 and 1 unless given, ``low = -high``; on finite lattices.
 
@@ -247,7 +256,7 @@ def symmetric_roots(
     if more:
         raise BadInput(
             f"site = {site!r}, damping = {damping!r}, walls = {walls!r}: on the infinite chain "
-            "site 0 impacts, between walls at -1 and 1, without damping; take Ring(N) or another "
+            "site 0 impacts, between walls at -1 and 1, without damping; take a ring or another "
             "finite lattice."
         )
     if spring is not None and chain.sites is None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
 from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
-from contbreather.breathers.orbit import Orbit, checked, orbit_at, orbit_of, plain
+from contbreather.breathers.orbit import Orbit, checked, orbit_at, orbit_of, plain, with_parameters
 from contbreather.breathers.road import Road, road
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.breathers.watched import GreenWatch
@@ -155,6 +155,7 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         images=partial(_images, equations, orbit.conditions),
         simpler=_simpler,
         lifts={"PD": lift},
+        wider=partial(with_parameters, threshold),
         label="orbit with impacts",
         recipe=_recipe("orbit with impacts", orbit, threshold),
     )
@@ -245,6 +246,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         images=_mirror_image,
         simpler=_symmetric_again,
         lifts={"PF": symmetric_again, "PD": lift},
+        wider=partial(with_parameters, threshold),
         label="asymmetric breather",
         recipe=_recipe("asymmetric breather", orbit, threshold),
     )

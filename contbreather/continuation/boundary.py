@@ -22,6 +22,7 @@ from .extended import Extended, event_of, extended, lifted
 from .newton import Undefined
 from .point import Counting, Event, Locus, Meeting, Point
 from .problem import Problem
+from .recipes import remade
 from .scope import scope, titled, walls_are_lifted
 from .starts import Within, all_of, windows
 from .steps import Steps, steps_of
@@ -89,8 +90,9 @@ def boundary(
     True
     """
     check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
-    event = _traceable(point)
-    longer = boundary_problem(point.ground, event, pair, events, inadmissible=inadmissible)
+    named_pair(pair)
+    ground, event = _having(point.ground, _traceable(point), pair)
+    longer = boundary_problem(ground, event, pair, events, inadmissible=inadmissible)
     steps = steps_of(steps, Steps(most=_MOST))
     settings = Settings(windows(within), all_of(events), steps, inadmissible)
 
@@ -162,7 +164,24 @@ def boundary_problem(
         events=(*own, *others),
         record={name: _beside(event, column) for name, column in base.record.items()},
         label=titled(f"{event.kind} boundary", base),
+        wider=base.wider and partial(_wider, event, asked, inadmissible),
     )
+
+
+def _wider(
+    event: Event,
+    events: tuple[Event, ...] | None,
+    inadmissible: bool,
+    longer: Problem,
+    names: tuple[str, ...],
+) -> Problem:
+    """The boundary where its problem has another parameter, which is free in place of the first."""
+    here, (free,) = Curve(longer, ()), names
+    ground, event = _having(Point(here, here.start).ground, event, (free, here.varied[-1]))
+    if free not in ground.curve.problem.params:
+        return longer
+    pair = free, here.varied[-1]
+    return boundary_problem(ground, event, pair, events, inadmissible=inadmissible)
 
 
 def _check_derivative(longer: Problem, locus: Locus, free: str) -> None:
@@ -207,6 +226,18 @@ def _traceable(point: Point) -> Event:
     if event is None:
         raise BadInput(f"{point!r} is not a special point: nothing to trace as a boundary")
     return event
+
+
+def _having(ground: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, Event]:
+    """The point, and its event, in equations that have both parameters."""
+    problem = ground.problem.having(*pair)
+    if problem.residual is ground.curve.problem.residual:
+        return ground, event
+    own = next((one for one in problem.events if one.kind == event.kind), event)
+    event = (remade(event.recipe.said()) if event.recipe else own).of(problem)
+    problem, _ = scope(problem, (event,))
+    curve = Curve(problem, ground.curve.free)
+    return replace(ground, curve=curve, z=curve.start, tangent=None), event
 
 
 def meeting(kind: str, event: Event) -> Meeting:

@@ -21,6 +21,7 @@ from .strider import Compilable
 
 Array = NDArray[np.float64]
 Residual = Callable[[Array, Params], Array]
+Wider = Callable[["Problem", tuple[str, ...]], "Problem"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,6 +67,9 @@ class Problem:
     lifts : dict, optional
         ``{kind: lift}``: where other curves leave an event of that kind, ``lift(point)`` returns a
         `Lift`, the problem that has them. `switch` follows them.
+    wider : callable, optional
+        ``wider(problem, names) -> Problem``: this problem, from its present start, with parameters
+        that it lacks as far as it can have them: `trace` and `boundary` ask for what is to be free.
     label : str, optional
         Shown in tables.
     derivatives : callable, optional
@@ -118,6 +122,7 @@ class Problem:
     images: Callable[[Array, Params], tuple[Array, ...]] | None = field(default=None, kw_only=True)
     simpler: Callable[[Any], Problem | None] | None = field(default=None, kw_only=True)
     lifts: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict, kw_only=True)
+    wider: Wider | None = field(default=None, kw_only=True)
     label: str = field(default="", kw_only=True)
     derivatives: Callable[[Array, Params, tuple[str, ...]], Matrix] | None = field(
         default=None, kw_only=True
@@ -216,6 +221,11 @@ class Problem:
         start = {name: values.get(name, value) for name, value in self.start.items()}
         params = {name: values.get(name, value) for name, value in self.params.items()}
         return replace(self, start=start, params=params)
+
+    def having(self, *names: str) -> Problem:
+        """The problem with these parameters among its own, as far as it can have them."""
+        absent = tuple(one for one in names if isinstance(one, str) and one not in self.names)
+        return self.wider(self, absent) if self.wider and absent else self
 
     def check_names(self, names: Iterable[str]) -> None:
         """Raise `BadInput` at the first name that this problem does not have."""

@@ -8,7 +8,7 @@ from functools import partial
 
 from ..checks import flag
 from .point import Event, Judged, Point
-from .problem import Problem
+from .problem import Problem, Wider
 from .starts import all_of
 
 MARGIN = "margin"  # the column that tells, where walls are lifted, how far off they are
@@ -58,7 +58,12 @@ def _lifted(problem: Problem) -> Problem:
         events=tuple(event for event in problem.events if not event.walls),
         record={**problem.record, MARGIN: partial(_margin, tuple(walls))},
         label=problem.label + _LIFTED,
+        wider=problem.wider and partial(_wider, problem.wider),
     )
+
+
+def _wider(wider: Wider, problem: Problem, names: tuple[str, ...]) -> Problem:
+    return _lifted(wider(problem, names))
 
 
 def _margin(walls: tuple[Event, ...], point: Point) -> float:

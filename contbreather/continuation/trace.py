@@ -139,7 +139,8 @@ def trace(
     settings = Settings(windows(within), events, steps, inadmissible)
     if isinstance(start, Point) and free in start.ground.curve.free[:1]:
         start = start.ground
-    start = problem_in(start)  # once: what both find at the start is one event
+    # once: what both find at the start is one event
+    start = problem_in(start).having(free)
     sides = ("down", "up") if towards == "both" and along is None else (towards,)
     legs: list[Leg] = []
 
@@ -238,7 +239,7 @@ def walk(
     >>> [round(point["mu"], 3) for point in itertools.islice(walk(line, "mu"), 2)]
     [0.0, 0.007]
     """
-    problem, wanted = scope(problem_in(start), events, inadmissible=inadmissible)
+    problem, wanted = scope(problem_in(start).having(free), events, inadmissible=inadmissible)
     walker = Walker(problem, free, within, towards, wanted, steps_of(steps), along)
     return walker.run()
 

@@ -32,7 +32,7 @@ class InfiniteChain(TranslationInvariant):
     spring: float = 0.0  # to the ground, at every site
 
     def __post_init__(self) -> None:
-        wanted = "0 <= spring < 1, a band below the drive (for one above it take lattice=Ring(40))"
+        wanted = "0 <= spring < 1, a band below the drive (above that take a ring of 40 sites)"
         spring = number("spring", self.spring, 0.0, 1.0, wanted)
         check_gamma(0.0, spring)
         object.__setattr__(self, "_expansions", means(None, spring))

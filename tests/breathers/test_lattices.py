@@ -268,6 +268,68 @@ def test_boundary_in_damping_keeps_the_multiplier_one() -> None:
     assert line[0]["a"] == pytest.approx(plain.first("PF")["a"], abs=1e-10)
 
 
+RING = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(20))
+MODES = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(20), spring=0.0)
+WITHIN = {"a": (0.5, 1.0)}
+SLIGHT = {"damping": (0.0, 0.003), "spring": (0.0, 0.08)}
+
+
+@pytest.mark.parametrize("free", ["damping", "spring"])
+def test_an_undamped_ring_is_traced_in_damping_and_spring(free: str) -> None:
+    own, wanted = (cb.trace(one, free, within={free: SLIGHT[free]}) for one in (RING, MODES))
+    assert [point.label for point in own.special] == [point.label for point in wanted.special]
+    assert own.special[1][free] == pytest.approx(wanted.special[1][free], abs=1e-10)  # NS
+    assert own[0].solution.p == pytest.approx(RING.p, abs=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["PF", "NS", "GR"])
+def test_curves_of_an_undamped_ring_free_damping_and_spring(kind: str) -> None:
+    seen = [cb.trace(one, "a", within=WITHIN).first(kind) for one in (RING, MODES)]
+    for pair in (("damping", "a"), ("a", "spring")):
+        own, wanted = (cb.boundary(point, pair, within=SLIGHT | WITHIN) for point in seen)
+        assert [point.label for point in own.special] == [point.label for point in wanted.special]
+        assert own[-1][pair[1]] == pytest.approx(wanted[-1][pair[1]], abs=1e-9)
+    line = cb.boundary(seen[0], ("gamma", "a"), within={"gamma": (0.035, 0.045)})
+    there = cb.trace(line[1], "damping", within={"damping": (0.0, 0.001)}, towards="up")
+    again = cb.boundary(line[1], ("damping", "a"), within={"damping": (0.0, 0.001)})
+    assert there[-1]["a"] == pytest.approx(again[-1]["a"], abs=1e-10)
+    assert there[-1]["gamma"] == line[1]["gamma"]
+
+
+def test_a_curve_that_frees_damping_keeps_its_threshold_and_its_lifted_walls() -> None:
+    ns = [cb.neimark_sacker(threshold=1.01)]
+    point = cb.trace(RING, "gamma", within={"gamma": (0.03, 0.05)}, events=ns).first("NS")
+    line = cb.boundary(point, ("damping", "gamma"), within={"damping": (0.0, 4e-4)}, events=())
+    assert line[-1].stability(threshold=1.01).largest == pytest.approx(1.01, abs=1e-9)
+    assert "threshold 1.01" in line.problem.label
+    behind = cb.trace(RING, "a", within={"a": (0.5, 1.1)}, inadmissible=True).first("PF")
+    assert "margin" in cb.boundary(behind, ("damping", "a"), within=SLIGHT).names
+
+
+def test_arms_of_an_undamped_ring_are_traced_in_damping() -> None:
+    arm = asymmetric(0.8, 0.04, 0.8, lattice=cb.Ring(8))
+    for start in (arm, arm.doubled()):
+        branch = cb.trace(start, "damping", within={"damping": (0.0, 0.01)}, events=())
+        assert branch[-1].solution.residual < 1e-12
+        assert branch[0].displacement(2, 1.0) == pytest.approx(arm.displacement(2, 1.0), abs=1e-13)
+
+
+def test_the_infinite_chain_is_traced_in_its_spring_and_refuses_damping() -> None:
+    chain = cb.symmetric(0.6, 0.04, 0.8)
+    held = cb.symmetric(0.6, 0.04, 0.8, spring=0.0)
+    own, wanted = (cb.trace(one, "spring", within={"spring": (0.0, 0.3)}) for one in (chain, held))
+    assert own["p"] == pytest.approx(wanted["p"], abs=1e-13)
+    arm = asymmetric(0.82, 0.04, 0.8)
+    for start, free in ((chain, "damping"), (arm, "damping"), (arm, "spring")):
+        with pytest.raises(cb.BadInput, match=rf"^{free}: orbits of the infinite chain have no"):
+            cb.trace(start, free)
+    fork = cb.trace(RING, "a", within=WITHIN).first("PF")
+    with pytest.raises(cb.BadInput, match="'mu' is not a parameter here"):
+        cb.boundary(fork, ("damping", "mu"))
+    with pytest.raises(cb.BadInput, match="'mu' is not a parameter of this problem"):
+        cb.trace(fork, "mu")
+
+
 def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
     """Beyond its pitchfork the symmetric orbit repels, and the integrator finds an arm."""
     lattice, on = cb.OpenChain(3), {"gamma": 0.04, "k": 0.8, "damping": 0.1}

@@ -247,7 +247,7 @@ def test_lattice_springs_and_walls_are_typed(page: Page, texts: Any, given: Any)
 
 def test_what_the_chain_cannot_have_is_refused_with_the_sentence_of_the_library(page: Page) -> None:
     typed(page, damping="0.02")
-    assert "take Ring(N) or another finite lattice" in sentence(page.forms.breather_trouble)
+    assert "take a ring or another finite lattice" in sentence(page.forms.breather_trouble)
     typed(page, damping="", walls="-1")
     assert "--walls -1: LOW,HIGH" in sentence(page.forms.breather_trouble)
 
