@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -71,6 +72,7 @@ class _Shown:
         self.total, self.unit = total, unit
         self.line: _Page | _Terminal | None = None
         self.latest: tuple[str, int | None] = "", None
+        self.lock = threading.Lock()
 
     def __enter__(self) -> Self:
         return self
@@ -88,12 +90,16 @@ class _Shown:
     def show(self, text: str, done: int | None = None) -> None:
         """Write it over what was there, unless that was a moment ago."""
         self.latest = text, done
-        if not self.due:
-            return
-        self.after = time.monotonic() + INTERVAL
-        if self.line is None:
-            self.line = _Page(self.total) if self.page else _Terminal(self.total, self.unit)
-        self.line.show(text, done)
+        self.draw()
+
+    def draw(self) -> None:
+        with self.lock:
+            if not self.due:
+                return
+            self.after = time.monotonic() + INTERVAL
+            if self.line is None:
+                self.line = _Page(self.total) if self.page else _Terminal(self.total, self.unit)
+            self.line.show(*self.latest)
 
 
 S = TypeVar("S", bound=_Shown)
@@ -109,6 +115,20 @@ class Bar(_Shown):
 
     def __init__(self, shown: bool | None, total: int, unit: str = "periods") -> None:
         super().__init__(shown, total, unit)
+        self.latest = f"0/{total} {unit}", 0
+        self.first = threading.Timer(PATIENCE, self.draw)
+
+    def __enter__(self) -> Self:
+        if self.wanted:  # machine code may have to be made before anything is done
+            self.first.daemon = True
+            self.first.start()
+        return super().__enter__()
+
+    def __exit__(self, *given: object) -> None:
+        if self.wanted:
+            self.first.cancel()
+            self.first.join()
+        super().__exit__(*given)
 
     def advance(self, done: int) -> None:
         """Say how many are done."""

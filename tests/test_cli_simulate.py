@@ -360,10 +360,10 @@ def test_energy_that_blows_up_is_status_1(run, monkeypatch):
     from contbreather.dynamics import smooth
     from contbreather.errors import NotConverged
 
-    def grows(self, y, j):
+    def grows(self, *given):
         raise NotConverged("the energy blows up in period 3")
 
-    monkeypatch.setattr(smooth.SmoothFlight, "period", grows)
+    monkeypatch.setattr(smooth.SmoothFlight, "advance", grows)
     status, out, err = run(f"{LOST} --smooth 6 --periods 5")
     assert (status, out) == (FAILED, "")
     assert "the energy blows up" in err

@@ -314,3 +314,13 @@ def test_progress_begins_after_a_second_and_is_said_ten_times_a_second_at_most(m
             bar.advance(done)
     lines = [(t, f"{moments.index(t)}/9 rows", moments.index(t)) for t in (1.0, 1.11, 1.22)]
     assert shown == [(9, "rows"), *lines, lines[-1], "stop"]
+
+
+def test_progress_is_shown_before_the_first_item_is_done(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    with progress.Bar(True, 7, "rows") as bar:
+        bar.first.join()
+    assert "0/7 rows" in capsys.readouterr().err
+    with progress.Bar(False, 7, "rows"):
+        pass
+    assert capsys.readouterr().err == ""

@@ -122,8 +122,10 @@ def _end_of(kept: Recording, count: int) -> Run:
     for table in (hits, held):
         table["time"] += kept.t0
     times = kept.t0 + PERIOD * (first + np.arange(len(states.u)))
-    end = (kept.final, kept.end, None, kept.conditions, stop, reason)
-    return Run(hits, held, times, states, *end)
+    return Run(
+        impacts=hits, rests=held, times=times, strobe=states, final=kept.final, end=kept.end,
+        record=None, conditions=kept.conditions, stop=stop, reason=reason,
+    )  # fmt: skip
 
 
 def length_of(run: Run | SmoothRun) -> float:

@@ -28,12 +28,12 @@ from contbreather.dynamics.states import (
 from contbreather.dynamics.stretches import (
     IMPACT,
     REST,
-    Part,
+    Machine,
+    Propagator,
     RunStop,
     Sample,
     Stretch,
     check_sample,
-    fraction,
     walk,
 )
 from contbreather.lattice.conditions import Conditions
@@ -59,26 +59,57 @@ class Record(NamedTuple):
         return f"<Record of sites {list(self.sites)} at {len(self.times)} times>"
 
 
-def states_of(run: Any) -> dict[str, Any]:
-    """States of a run as variables: at the strobe, at the end, of sampled sites."""
-    found = {
-        "time": ("strobe", run.times),
-        "u": (("strobe", "site"), run.strobe.u),
-        "v": (("strobe", "site"), run.strobe.v),
-        "final_u": ("site", run.final.u),
-        "final_v": ("site", run.final.v),
-        "end": ((), run.end),
-    }
-    if run.record is not None:
-        sampled = ("sample", "sampled_site")
-        found["sample_time"] = ("sample", run.record.times)
-        found["sampled_sites"] = ("sampled_site", np.array(run.record.sites))
-        found |= {"sample_u": (sampled, run.record.u), "sample_v": (sampled, run.record.v)}
-    return found
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class States(Columns, Shown):
+    """What runs between walls of either kind leave behind; attributes as in `Run`."""
+
+    times: Array
+    strobe: State
+    final: State
+    end: float
+    record: Record | None
+    conditions: Any
+    stop: RunStop
+    reason: str = ""
+
+    along = "strobe"
+
+    def columns(self) -> dict[str, Array]:
+        """The states at the strobe."""
+        return {"time": self.times, "u": self.strobe.u, "v": self.strobe.v}
+
+    def to_xarray(self) -> Dataset:
+        """Everything: the states at the strobe and at the end, sampled sites."""
+        from xarray import Dataset
+
+        both = ("strobe", "site")
+        found: dict[str, Any] = {
+            "time": ("strobe", self.times),
+            "u": (both, self.strobe.u),
+            "v": (both, self.strobe.v),
+            "final_u": ("site", self.final.u),
+            "final_v": ("site", self.final.v),
+            "end": ((), self.end),
+        }
+        if self.record is not None:
+            sampled = ("sample", "sampled_site")
+            found["sample_time"] = ("sample", self.record.times)
+            found["sampled_sites"] = ("sampled_site", np.array(self.record.sites))
+            found |= {"sample_u": (sampled, self.record.u), "sample_v": (sampled, self.record.v)}
+        return Dataset(found)
+
+    @property
+    def sites(self) -> int:
+        return self.final.u.size
+
+    @property
+    def periods(self) -> int:
+        """Whole periods completed."""
+        return len(self.times) - 1
 
 
-@dataclass(frozen=True, eq=False)
-class Run(Columns, Shown):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Run(States):
     """What `simulate` leaves behind.
 
     Attributes
@@ -108,14 +139,6 @@ class Run(Columns, Shown):
 
     impacts: NDArray[np.void]
     rests: NDArray[np.void]
-    times: Array
-    strobe: State
-    final: State
-    end: float
-    record: Record | None
-    conditions: Conditions
-    stop: RunStop
-    reason: str = ""
 
     along = "impact"
 
@@ -125,24 +148,13 @@ class Run(Columns, Shown):
 
     def to_xarray(self) -> Dataset:
         """Everything: impacts, rests, the states at the strobe, sampled sites."""
-        from xarray import Dataset
-
         tables = {"impact": self.impacts, "rest": self.rests}
         found: dict[str, Any] = {
             f"{what}_{name}": (what, table[name])
             for what, table in tables.items()
             for name in table.dtype.names or ()
         }
-        return Dataset({**found, **states_of(self)})
-
-    @property
-    def sites(self) -> int:
-        return self.final.u.size
-
-    @property
-    def periods(self) -> int:
-        """Whole periods completed."""
-        return len(self.times) - 1
+        return super().to_xarray().assign(found)
 
     def at_site(self, n: int, wall: int | None = None) -> NDArray[np.void]:
         """The impacts of one site, on one wall or on both."""
@@ -234,69 +246,61 @@ def advance(
 ) -> Run:
     """`simulate`, of a state and conditions that have been checked."""
     check_sample(sample, state.u.size)
-    start = within(state, conditions.walls)
-    length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
-    count, rest = int(length), length - int(length)
-    stretches: list[Stretch] = []
-    stop, reason = RunStop.DONE, ""
-    t = reduced(t0)
-    try:
-        for one in walk(start, conditions, periods=count, t0=t, sample=sample, progress=progress):
-            stretches.append(one)
-            if one.stop is not None:
-                stop, reason = one.stop, one.reason
-        if rest > 0.0 and stop is RunStop.DONE:
-            stretches.append(fraction(_after(start, stretches), conditions, t, rest, count))
-            stop, reason = stretches[-1].stop or stop, stretches[-1].reason
-    except KeyboardInterrupt:
-        stop = RunStop.INTERRUPTED
-    last = _after(start, stretches)
-    end = float(t0) + PERIOD * sum(one.periods for one in stretches if type(one) is Stretch)
-    if any(isinstance(one, Part) and one.stop is None for one in stretches):
-        end += PERIOD * rest
-    return _gathered(start, stretches, last, end, float(t0), conditions, sample, stop, reason)
-
-
-def _after(start: State, stretches: list[Stretch]) -> State:
-    filled = [one for one in stretches if one.periods]
-    if not filled:
-        return start
-    return State(filled[-1].u[-1].copy(), filled[-1].v[-1].copy())
-
-
-def _gathered(
-    start: State,
-    stretches: list[Stretch],
-    final: State,
-    end: float,
-    t0: float,
-    conditions: Conditions,
-    sample: Sample | None,
-    stop: RunStop,
-    reason: str,
-) -> Run:
-    """One run from its stretches, with times counted from t0."""
-    full = [one for one in stretches if one.periods and one.u.size]
-    whole_ones = [one for one in full if not isinstance(one, Part)]
-    u = np.concatenate([start.u[None], *(one.u for one in whole_ones)])
-    v = np.concatenate([start.v[None], *(one.v for one in whole_ones)])
-    impacts = np.concatenate([np.empty(0, IMPACT), *(one.impacts for one in stretches)])
-    rests = np.concatenate([np.empty(0, REST), *(one.rests for one in stretches)])
+    machine = Machine(within(state, conditions.walls), conditions, reduced(t0), sample)
+    left, pieces = driven(machine, periods=periods, t0=t0, progress=progress)
+    impacts = np.concatenate([np.empty(0, IMPACT), *(one.impacts for one in pieces)])
+    rests = np.concatenate([np.empty(0, REST), *(one.rests for one in pieces)])
     for table in (impacts, rests):
         table["time"] += t0
-    record = None
-    if sample is not None:
-        record = _record(full, sample, start.u.size, t0)
-    times = t0 + PERIOD * np.arange(len(u))
-    return Run(impacts, rests, times, State(u, v), final, end, record, conditions, stop, reason)
+    return Run(impacts=impacts, rests=rests, **left)
 
 
-def _record(stretches: list[Stretch], sample: Sample, sites: int, t0: float) -> Record:
-    count = sample.per_period
-    empty = np.empty((0, len(sample.sites)))
-    u = np.concatenate([empty, *(one.dense_u.reshape(-1, len(sample.sites)) for one in stretches)])
-    v = np.concatenate([empty, *(one.dense_v.reshape(-1, len(sample.sites)) for one in stretches)])
-    times = t0 + PERIOD / count * np.arange(len(u))
+def driven(
+    machine: Propagator, *, periods: float, t0: float, progress: bool | Bar | None
+) -> tuple[dict[str, Any], list[Stretch]]:
+    """Let it go: what `States` has of the run, with times counted from t0, and its pieces."""
+    length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
+    count, rest = int(length), length - int(length)
+    start, pieces, parts = State(*map(np.copy, machine.state)), list[Stretch](), list[Stretch]()
+    stop, reason = RunStop.DONE, ""
+    try:
+        for one in walk(machine, periods=count, progress=progress):
+            pieces.append(one)
+        if rest > 0.0 and not (pieces and pieces[-1].stop):
+            parts.append(machine.advance(1, count, span=PERIOD * rest))
+    except KeyboardInterrupt:
+        stop = RunStop.INTERRUPTED
+    for one in (*pieces, *parts):
+        stop, reason = one.stop or stop, one.reason or reason
+    u = np.concatenate([start.u[None], *(one.u for one in pieces)])
+    v = np.concatenate([start.v[None], *(one.v for one in pieces)])
+    end = float(t0) + PERIOD * (len(u) - 1)
+    final = State(u[-1].copy(), v[-1].copy())
+    for one in parts:
+        if one.periods:
+            final, end = State(one.u[-1], one.v[-1]), end + PERIOD * rest
+    left = {
+        "times": float(t0) + PERIOD * np.arange(len(u)),
+        "strobe": State(u, v),
+        "final": final,
+        "end": end,
+        "record": _record(pieces, machine.sample, start.u.size, float(t0)),
+        "conditions": machine.conditions,
+        "stop": stop,
+        "reason": reason,
+    }
+    return left, [*pieces, *parts]
+
+
+def _record(pieces: list[Stretch], sample: Sample | None, sites: int, t0: float) -> Record | None:
+    if sample is None:
+        return None
+    shape = (-1, len(sample.sites))
+    u, v = (
+        np.concatenate([np.empty((0, shape[1])), *(table.reshape(shape) for table in tables)])
+        for tables in ([one.dense_u for one in pieces], [one.dense_v for one in pieces])
+    )
+    times = t0 + PERIOD / sample.per_period * np.arange(len(u))
     return Record(times, tuple(n % sites for n in sample.sites), u, v)
 
 

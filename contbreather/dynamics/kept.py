@@ -70,8 +70,8 @@ def _table(data: Dataset, what: str, dtype: np.dtype[Any]) -> Any:
 
 @content(Run, "simulated run", _said)
 def _impacting(about: Plain, data: Dataset, parts: Plain) -> Run:
-    tables = _table(data, "impact", IMPACT), _table(data, "rest", REST)
-    return Run(*tables, **_read(about, data), conditions=made(about["conditions"]))
+    tables = {"impacts": _table(data, "impact", IMPACT), "rests": _table(data, "rest", REST)}
+    return Run(**tables, **_read(about, data), conditions=made(about["conditions"]))
 
 
 @content(SmoothRun, "smooth run", _said)

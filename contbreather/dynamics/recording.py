@@ -41,7 +41,15 @@ from contbreather.dynamics.states import (
     reduced,
     within,
 )
-from contbreather.dynamics.stretches import IMPACT, RunStop, Sample, Stretch, check_sample, walk
+from contbreather.dynamics.stretches import (
+    IMPACT,
+    Machine,
+    RunStop,
+    Sample,
+    Stretch,
+    check_sample,
+    walk,
+)
 from contbreather.errors import BadInput
 from contbreather.files import named, write_whole
 from contbreather.lattice import Forcing, Fourier, Harmonic, Ring
@@ -211,15 +219,8 @@ def _go_on(run: Recording, done: int, count: int, progress: bool | None) -> bool
     """Simulate and write; whether Ctrl-C ended it. What is on disk is a run: only shorter."""
     pending: list[Stretch] = []
     began = time.monotonic()
-    ahead = walk(
-        run.final,
-        run.conditions,
-        periods=count - done,
-        t0=reduced(run.t0),
-        first=done,
-        sample=run.sample,
-        progress=False,
-    )
+    machine = Machine(run.final, run.conditions, reduced(run.t0), run.sample)
+    ahead = walk(machine, periods=count - done, first=done, progress=False)
     with Bar(progress, count) as bar:
         try:
             for one in ahead:

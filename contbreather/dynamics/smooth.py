@@ -18,16 +18,14 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Required, TypedDict, Unpack
+from typing import Any, ClassVar, Protocol, Required, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number
-from contbreather.columns import Columns
-from contbreather.display import Shown
 from contbreather.dynamics.held import held
-from contbreather.dynamics.impacting import LONGEST, Record, advance, states_of
+from contbreather.dynamics.impacting import States, advance, driven
 from contbreather.dynamics.states import (
     PERIOD,
     State,
@@ -37,16 +35,12 @@ from contbreather.dynamics.states import (
     lattice_for,
     reduced,
 )
-from contbreather.dynamics.stretches import RunStop, Sample, check_sample
+from contbreather.dynamics.stretches import Sample, Stretch, check_sample
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.plain import plain
-from contbreather.progress import Bar
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 Array = NDArray[Any]
 
@@ -303,37 +297,9 @@ def _stuck(method: str, t: float) -> NotConverged:
 # --- runs -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class SmoothRun(Columns, Shown):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class SmoothRun(States):
     """What `simulate_smooth` leaves behind; attributes as in `Run`, without a table of impacts."""
-
-    times: Array
-    strobe: State
-    final: State
-    end: float
-    record: Record | None
-    conditions: SmoothConditions
-    stop: RunStop
-    reason: str = ""
-    along = "strobe"
-
-    def columns(self) -> dict[str, Array]:
-        """The states at the strobe."""
-        return {"time": self.times, "u": self.strobe.u, "v": self.strobe.v}
-
-    def to_xarray(self) -> Dataset:
-        """Everything: the states at the strobe and at the end, sampled sites."""
-        from xarray import Dataset
-
-        return Dataset(states_of(self))
-
-    @property
-    def sites(self) -> int:
-        return self.final.u.size
-
-    @property
-    def periods(self) -> int:
-        return len(self.times) - 1
 
     def __repr__(self) -> str:
         return (
@@ -401,31 +367,9 @@ def advance_smooth(
 ) -> SmoothRun:
     """`simulate_smooth`, of a state and conditions that have been checked."""
     check_sample(sample, start.u.size)
-    length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
-    flight = SmoothFlight(conditions, Explicit() if solver is None else solver, reduced(t0), sample)
-    flight.check(np.concatenate(start), 0)
-    rows = [(np.concatenate(start), np.empty((0, 2, start.u.size)))]
-    stop, count, part = RunStop.DONE, int(length), None
-    with Bar(progress, count) as bar:
-        try:
-            for j in range(count):
-                rows.append(flight.period(rows[-1][0], j))
-                bar.advance(j + 1)
-            if length > count:
-                part = flight.part(rows[-1][0], PERIOD * (length - count))
-        except KeyboardInterrupt:
-            stop = RunStop.INTERRUPTED
-    states, dense = [list(column) for column in zip(*rows, strict=True)]
-    end = float(t0) + PERIOD * (len(rows) - 1)
-    y = states[-1]
-    if part is not None:
-        y, end = part, end + PERIOD * (length - count)
-    strobe = np.array(states).reshape(len(rows), 2, -1)
-    times = float(t0) + PERIOD * np.arange(len(rows))
-    record = None if sample is None else _record(sample, dense, float(t0), start.u.size)
-    u, v = y.reshape(2, -1)
-    both = State(strobe[:, 0], strobe[:, 1])
-    return SmoothRun(times, both, State(u.copy(), v.copy()), end, record, conditions, stop)
+    solver = Explicit() if solver is None else solver
+    flight = SmoothFlight(start, conditions, reduced(t0), sample, solver)
+    return SmoothRun(**driven(flight, periods=periods, t0=t0, progress=progress)[0])
 
 
 def let_go(state: State, on: Conditions | SmoothConditions, **settings: Any) -> Any:
@@ -477,56 +421,54 @@ def wall_damping(k: float | None, lam: float | None) -> float:
     return number("lam", lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
 
 
-def _record(sample: Sample, dense: list[Array], t0: float, sites: int) -> Record:
-    chosen = [n % sites for n in sample.sites]
-    table = np.concatenate([np.empty((0, 2, sites)), *dense])
-    times = t0 + PERIOD / sample.per_period * np.arange(len(table))
-    return Record(times, tuple(chosen), table[:, 0, chosen], table[:, 1, chosen])
-
-
 @dataclass
 class SmoothFlight:
-    """One ring under one solver, period by period."""
+    """A lattice with smooth walls under one solver, period by period."""
 
+    state: State
     conditions: SmoothConditions
-    solver: Solver
     t0: float
-    sample: Sample | None = None
+    sample: Sample | None
+    solver: Solver
+    roomy = 1
 
     def __post_init__(self) -> None:
         if not hasattr(self.solver, "states"):
             raise BadInput(f"a solver, Explicit() for instance, was expected, got {self.solver!r}")
+        self.check(self.state, 0)
 
-    def period(self, y: Array, j: int) -> tuple[Array, Array]:
-        """The state after period j, and the states at the sample's times in it.
+    def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Stretch:
+        """One period, or one of another length."""
+        (u, v) = self.at(np.array([self.t0 + span]))[0]
+        self.check(State(u, v), first + 1)
+        # integrated apart, so that looking at a run does not change it
+        dense = self.dense() if span == PERIOD else np.empty((2, 0, 0))
+        self.state = State(u, v)
+        return Stretch(first, u[None], v[None], *dense[:, None])
 
-        The samples are integrated apart, so that looking at a run does not change it.
-        """
-        after = self.part(y, PERIOD)
-        self.check(after, j + 1)
-        inner = np.empty((0, y.size))
-        if self.sample is not None:
-            count = self.sample.per_period
-            times = self.t0 + PERIOD / count * np.arange(1, count)
-            inner = np.concatenate([y[None], self._states(y, times) if count > 1 else inner])
-        return after, inner.reshape(len(inner), 2, y.size // 2)
+    def dense(self) -> Array:
+        """Displacements and velocities of the sampled sites in the period to come."""
+        if self.sample is None:
+            return np.empty((2, 0, 0))
+        times = self.t0 + PERIOD / self.sample.per_period * np.arange(1, self.sample.per_period)
+        states = [np.array(self.state)[None], *([self.at(times)] if times.size else [])]
+        return np.concatenate(states)[:, :, list(self.sample.sites)].swapaxes(0, 1)
 
-    def part(self, y: Array, span: float) -> Array:
-        """The state after less than a period."""
-        return np.asarray(self._states(y, np.array([self.t0 + span]))[-1])
-
-    def _states(self, y: Array, times: Array) -> Array:
+    def at(self, times: Array) -> Array:
+        """The states at some times of the period to come: (times, 2, sites)."""
         from contbreather.dynamics.smooth_flow import jacobian, motion
 
-        return self.solver.states(motion, jacobian, self.conditions.arguments, self.t0, y, times)
+        own, y = self.conditions.arguments, np.concatenate(self.state)
+        found = self.solver.states(motion, jacobian, own, self.t0, y, times)
+        return np.reshape(found, (len(times), 2, -1))
 
-    def check(self, y: Array, j: int) -> None:
+    def check(self, state: State, j: int) -> None:
         """Refuse a state far behind the walls: there the force is no longer the model's."""
         from contbreather.dynamics.smooth_flow import ceiling
 
-        u, top = y[: y.size // 2], ceiling(float(self.conditions.m))
+        u, top = state.u, ceiling(float(self.conditions.m))
         n = int(np.abs(u).argmax())
-        if np.all(np.isfinite(y)) and abs(u[n]) < top:
+        if np.all(np.isfinite(state)) and abs(u[n]) < top:
             return
         if j == 0:
             raise BadInput(

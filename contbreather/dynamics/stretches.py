@@ -1,4 +1,4 @@
-"""An impacting lattice, stretch by stretch: the compiled loop with its room, and what it leaves."""
+"""A lattice in motion, stretch by stretch; of an impacting one the compiled loop with its room."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import enum
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,10 +86,10 @@ class Stretch:
     first: int
     u: Array
     v: Array
-    impacts: NDArray[np.void]
-    rests: NDArray[np.void]
     dense_u: Array
     dense_v: Array
+    impacts: NDArray[np.void] = field(default_factory=lambda: np.empty(0, IMPACT))
+    rests: NDArray[np.void] = field(default_factory=lambda: np.empty(0, REST))
     stop: RunStop | None = None
     reason: str = ""
 
@@ -101,22 +101,27 @@ class Stretch:
         return f"<{type(self).__name__} of {self.periods} periods from {self.first}>"
 
 
+class Propagator(Protocol):
+    """What carries a state on, between walls of either kind: as many periods as asked for (or one
+    of another length), fewer only with a reason; `roomy` is the most that one stretch may have."""
+
+    state: State
+    conditions: Any
+    sample: Sample | None
+
+    @property
+    def roomy(self) -> int: ...
+    def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Stretch: ...
+
+
 def walk(
-    state: State,
-    conditions: Conditions,
-    *,
-    periods: int,
-    t0: float,
-    first: int = 0,
-    sample: Sample | None = None,
-    progress: bool | Bar | None = None,
+    machine: Propagator, *, periods: int, first: int = 0, progress: bool | Bar | None = None
 ) -> Iterator[Stretch]:
     """Yield a run in stretches of about a fifth of a second: what `simulate` and `record` drive.
 
     Times of events are counted from t0. Where the stretches are cut has no influence on anything.
     """
-    machine = Machine(state, conditions, t0, sample)
-    count, done = 4, 0
+    count, done = min(4, machine.roomy), 0
     with line_of(progress, lambda own: Bar(own, periods)) as bar:
         while done < periods:
             began = time.perf_counter()
@@ -130,26 +135,14 @@ def walk(
             count = min(int(count * min(max(longer, 1.0), 8.0)), machine.roomy)
 
 
-@dataclass(frozen=True, repr=False)
-class Part(Stretch):
-    """A fraction of a period: its one state is not a stroboscopic one."""
-
-
-def fraction(state: State, conditions: Conditions, t0: float, rest: float, first: int) -> Stretch:
-    """Less than a period."""
-    machine = Machine(state, conditions, t0, None)
-    one = machine.advance(1, first, span=PERIOD * rest)
-    return Part(**vars(one))
-
-
 @dataclass
 class Machine:
-    """The compiled loop with its state and its room."""
+    """The compiled loop of rigid walls with its state and its room."""
 
     state: State
     conditions: Conditions
     t0: float
-    sample: Sample | None
+    sample: Sample | None = None
     law: Law = field(init=False)
     work: Work = field(init=False)
     log: Log = field(init=False)
@@ -169,7 +162,6 @@ class Machine:
         return max(1, ROOM // (2 * self.state.u.size + 2 * dense))
 
     def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Stretch:
-        """As many periods (or one of another length), fewer only with a reason."""
         from contbreather.dynamics.cruise import CHATTER, DONE, FULL, cruise
 
         u, v = self.state
@@ -187,7 +179,7 @@ class Machine:
         if status not in (DONE, CHATTER):
             raise NotConverged(self._failed(status, first + done))
         impacts, rests = tables(self.log, self.t0)
-        kept = (strobe_u[:done], strobe_v[:done], impacts, rests, watch.u[:done], watch.v[:done])
+        kept = (strobe_u[:done], strobe_v[:done], watch.u[:done], watch.v[:done], impacts, rests)
         if status == DONE:
             return Stretch(first, *kept)
         return Stretch(first, *kept, RunStop.CHATTER, self._chatter(site, first + done))

@@ -22,7 +22,7 @@ from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import Run
 from contbreather.dynamics.smooth import SmoothConditions, SmoothRun, flown, rigid_or_smooth
 from contbreather.dynamics.states import PERIOD, On, State, check_state, reduced, within
-from contbreather.dynamics.stretches import walk
+from contbreather.dynamics.stretches import Machine, walk
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import stiffness_of
@@ -239,7 +239,7 @@ def _grown(state: State, on: Any, periods: int, t0: float, du: Array, dv: Array)
 
     start = within(state, on.walls)
     at_rest, law, grown = resting(start, on, t0), law_of(on), []
-    for one in walk(start, on, periods=periods, t0=t0, progress=False):
+    for one in walk(Machine(start, on, t0), periods=periods, progress=False):
         if one.stop is not None:
             raise NotConverged(one.reason)
         growth, spans = np.empty((one.periods, len(du))), np.full(one.periods, PERIOD)

@@ -55,7 +55,7 @@ def ctrl_c(monkeypatch):
 
             return called
 
-        for owner, name in ((stretches.Machine, "advance"), (smooth.SmoothFlight, "part")):
+        for owner, name in ((stretches.Machine, "advance"), (smooth.SmoothFlight, "advance")):
             monkeypatch.setattr(owner, name, counting(name, getattr(owner, name)))
         return seen
 

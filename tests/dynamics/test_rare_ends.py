@@ -33,7 +33,7 @@ from contbreather.dynamics import (
     simulate_smooth,
 )
 from contbreather.dynamics.states import PERIOD
-from contbreather.dynamics.stretches import walk
+from contbreather.dynamics.stretches import Machine, walk
 from contbreather.dynamics.verdicts import Kind, judge
 from contbreather.errors import BadInput, NotConverged
 
@@ -88,7 +88,7 @@ def test_a_stretch_holds_what_has_room_and_a_period_at_least(monkeypatch, room, 
     monkeypatch.setattr("contbreather.dynamics.stretches.ROOM", room)
     conditions = simulate(STATE, **HERE, periods=0).conditions
     start = State(*(np.array(x) for x in STATE))
-    ahead = walk(start, conditions, periods=13, t0=0.0, progress=False)
+    ahead = walk(Machine(start, conditions, 0.0), periods=13, progress=False)
     first, *lengths = [one.periods for one in ahead]  # how long a period takes is seen on the first
     assert first + sum(lengths) == 13
     assert max(lengths) == most

@@ -317,14 +317,14 @@ def test_energy_that_blows_up_is_an_error():
 def test_interrupted_smooth_run_keeps_its_periods(monkeypatch):
     from contbreather.dynamics.smooth import SmoothFlight
 
-    period = SmoothFlight.period
+    advance = SmoothFlight.advance
 
-    def interrupted(self, y, j):
-        if j == 3:
+    def interrupted(self, periods, first):
+        if first == 3:
             raise KeyboardInterrupt
-        return period(self, y, j)
+        return advance(self, periods, first)
 
-    monkeypatch.setattr(SmoothFlight, "period", interrupted)
+    monkeypatch.setattr(SmoothFlight, "advance", interrupted)
     run = simulate_smooth(REST, **{**GOOD, "periods": 10})
     assert run.stop is RunStop.INTERRUPTED
     assert run.periods == 3

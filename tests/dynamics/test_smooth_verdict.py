@@ -25,10 +25,12 @@ def run_of(u, v, sites=6):
     """A run whose site 0 has these states once in a period, all others at rest."""
     strobe = np.zeros((2, len(u), sites))
     strobe[0, :, 0], strobe[1, :, 0] = u, v
-    final, times = State(*strobe[:, -1]), PERIOD * np.arange(len(u))
+    times = PERIOD * np.arange(len(u))
     conditions = SmoothConditions(1e-3, 0.05, 0.1417, 6, 0.01, lattice=cb.Ring(sites))
-    whole = State(*strobe)
-    return SmoothRun(times, whole, final, times[-1], None, conditions, RunStop.DONE)
+    return SmoothRun(
+        times=times, strobe=State(*strobe), final=State(*strobe[:, -1]), end=times[-1], record=None,
+        conditions=conditions, stop=RunStop.DONE,
+    )  # fmt: skip
 
 
 @pytest.mark.slow
