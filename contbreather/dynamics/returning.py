@@ -68,15 +68,6 @@ class Return:
     def sign(self) -> float:
         return -1.0 if self.half else 1.0
 
-    @property
-    def span(self) -> float:
-        """In periods of the forcing."""
-        return 0.5 if self.half else 1.0
-
-    def iterates(self, motion: PeriodicMotion) -> int:
-        """How often it is applied until a motion is back."""
-        return 1 if motion.symmetric else motion.periods * (2 if self.half else 1)
-
     def image(self, x: Array, params: Params) -> Array:
         return self.sign * self._flight(x, params).image
 
@@ -93,7 +84,8 @@ class Return:
 
     def _flight(self, x: Array, params: Params, *, slopes: bool = False) -> Flight:
         """Kept, for residual, derivative, columns and events ask for the same few."""
-        key = (self.on.at(params), self.t0, self.span, x.tobytes())
+        span = 0.5 if self.half else 1.0  # periods of the forcing
+        key = (self.on.at(params), reduced(self.t0), span, x.tobytes())
         found = _KNOWN.pop(key, None)
         if found is None or (slopes and found.matrix is None):
             found = _fly(*key[:3], x, found, slopes)
@@ -196,8 +188,8 @@ class PeriodicMotion:
     def problem(self) -> Problem:
         """The motion as a start for `trace`."""
         on = self.conditions
-        period = Return(on, reduced(self.t0), _mirrored(on)).iterates(self)
-        return problem_of_cycle(on, self.t0, self.state, period)
+        halves = 1 if self.symmetric else 2 * self.periods
+        return problem_of_cycle(on, self.t0, self.state, halves if _mirrored(on) else self.periods)
 
     def run(self, *, periods: float | None = None, sample: Sample | None = None) -> Any:
         """The motion itself, simulated over its period or longer."""
@@ -294,7 +286,7 @@ def closing(
             "the walls are not symmetric, so no motion is its own mirror image half a period "
             "later; look for the whole period, symmetric=False."
         )
-    step = Return(on, reduced(t0), symmetric)
+    step = Return(on, t0, symmetric)
     back = Iterate(step.image, count, step.derivative)
     solved = ROUGHLY if isinstance(on, SmoothConditions) else SOLVED
     try:
@@ -353,7 +345,7 @@ def problem_of_cycle(
     on: Conditions | SmoothConditions, t0: float, state: State, period: int
 ) -> Problem:
     """A fixed point, or a cycle of that period, of the map of half a period where there is one."""
-    back = Return(on, reduced(t0), _mirrored(on))
+    back = Return(on, t0, _mirrored(on))
     made = maps.FixedPoint(
         back.image,
         {"u": state.u, "v": state.v},
@@ -364,16 +356,14 @@ def problem_of_cycle(
         | {"gamma": (0.0, on.lattice.highest_gamma)},
         scales={"m": 10.0} if "m" in on.params else {},
     )
-    return _dressed(made, t0, back)
+    return _dressed(made, back)
 
 
-def _dressed(problem: Problem, t0: float, back: Return) -> Problem:
+def _dressed(problem: Problem, back: Return) -> Problem:
     """Cycles of a map with the events, columns, arms and sentences of motions."""
     iterate: Iterate = problem.residual  # type: ignore[assignment]
-    symmetric = back.half and iterate.period % 2 == 1
-    periods = iterate.period // (2 if back.half and not symmetric else 1)
-    flip = "PF" if symmetric else "PD"
-    own = _Returning(iterate, t0, back, periods, symmetric)
+    own = _Returning(iterate, back)
+    flip = "PF" if own.symmetric else "PD"
     exact = isinstance(back.on, SmoothConditions) and not back.on.forcing.params
     return replace(
         problem,
@@ -386,9 +376,11 @@ def _dressed(problem: Problem, t0: float, back: Return) -> Problem:
         interpret=own.interpret,
         simpler=own.simpler,
         lifts={flip: own.lifted},
-        label=f"{'symmetric ' if symmetric else ''}motion of period {2 * periods} pi",
+        label=f"{'symmetric ' if own.symmetric else ''}motion of period {2 * own.periods} pi",
         recipe=Recipe(
-            "returning motion", {"conditions": back.on, "t0": t0, "period": iterate.period}, plain
+            "returning motion",
+            {"conditions": back.on, "t0": back.t0, "period": iterate.period},
+            plain,
         ),
     )
 
@@ -398,24 +390,30 @@ class _Returning:
     """What a motion answers about the cycles of its map."""
 
     iterate: Iterate
-    t0: float
     back: Return
-    periods: int
-    symmetric: bool
+
+    @property
+    def symmetric(self) -> bool:
+        return self.back.half and self.iterate.period % 2 == 1
+
+    @property
+    def periods(self) -> int:
+        """Of the forcing, in one of the motion."""
+        return self.iterate.period // (2 if self.back.half and not self.symmetric else 1)
 
     def interpret(self, point: Point) -> PeriodicMotion:
         params = point.params
         state, on = State(*np.split(point.x.copy(), 2)), self.back.on.at(params)
         matrix, left = multiplier_matrix(point), float(np.abs(self.iterate(point.x, params)).max())
-        return PeriodicMotion(state, self.t0, self.periods, self.symmetric, on, matrix, left)
+        return PeriodicMotion(state, self.back.t0, self.periods, self.symmetric, on, matrix, left)
 
     def lifted(self, point: Point) -> Lift:
         twice = with_period(point.problem, 2 * self.iterate.period)
-        return Lift(_dressed(twice, self.t0, self.back), point.curve.free[0], both=False)
+        return Lift(_dressed(twice, self.back), point.curve.free[0], both=False)
 
     def simpler(self, point: Point) -> Problem | None:
         found = shorter(point)
-        return None if found is None else _dressed(found, self.t0, self.back)
+        return None if found is None else _dressed(found, self.back)
 
     def sensitivity(self, x: Array, params: Params, name: str) -> Array:
         back, total = self.back, np.zeros(x.size)

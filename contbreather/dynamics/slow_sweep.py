@@ -8,7 +8,6 @@ value is left by a sweep a little beyond it, the later the faster the sweep.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Unpack
 
@@ -19,29 +18,14 @@ from contbreather.checks import MOST, check_kind, number, row, whole
 from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.dynamics.energy import localised
-from contbreather.dynamics.impacting import completed
-from contbreather.dynamics.smooth import SmoothConditions, Solver, let_go, rigid_or_smooth
+from contbreather.dynamics.impacting import Run, completed
+from contbreather.dynamics.smooth import Solver, let_go, rigid_or_smooth
 from contbreather.dynamics.states import On, State, check_state, ranged
 from contbreather.dynamics.stretches import RunStop
 from contbreather.errors import BadInput
-from contbreather.lattice.conditions import Conditions
 from contbreather.progress import Bar
 
 Array = NDArray[Any]
-
-COLUMNS = (
-    "value",
-    "u",
-    "v",
-    "participation",
-    "centre",
-    "amplitude",
-    "p",
-    "tilt",
-    "impacts",
-    "others",
-    "change",
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +78,7 @@ class Sweep(Columns, Shown):
 
     def columns(self) -> dict[str, Array]:
         """All that it saw, under the name of its parameter."""
-        rest = [field.name for field in fields(self) if field.name not in ("name", "value", "stop")]
-        return {self.name: self.value, **{name: getattr(self, name) for name in rest}}
+        return {self.name: self.value, **{name: getattr(self, name) for name in COLUMNS[1:]}}
 
     @property
     def final(self) -> State:
@@ -119,6 +102,9 @@ class Sweep(Columns, Shown):
             f"<Sweep in {self.name} from {self.value[0]:g} to {self.value[-1]:g}: "
             f"{len(self.value)} values; {self.stop.value}>"
         )
+
+
+COLUMNS = tuple(field.name for field in fields(Sweep))[1:-1]  # all but the name and the stop
 
 
 def there_and_back(values: ArrayLike) -> Array:
@@ -186,17 +172,19 @@ def sweep(
     if name not in known:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(known)}")
     t0 = number("t0", t0, -1e300, 1e300, "a time")
-    stage = _Stage(name, conditions, whole("periods", periods, 2), t0, solver)
+    how: dict[str, Any] = {"periods": whole("periods", periods, 2), "t0": t0, "progress": False}
+    how |= {} if m is None else {"solver": solver}
     rows: list[tuple[Any, ...]] = []
     stop = RunStop.DONE
     with Bar(progress, len(steps), "values") as bar:
         try:
             for value in steps.tolist():
-                start, found, end = stage.run(start, value)
-                rows.append((value, *start, *found))
+                run: Any = let_go(start, ranged(conditions.at({name: value})), **how)
+                # a Ctrl-C inside the run ends the sweep, too: its value is not complete
+                start, stop = run.final, completed(run).stop
+                rows.append((value, *start, *_seen(run)))
                 bar.advance(len(rows))
-                if end is not RunStop.DONE:
-                    stop = end
+                if stop is not RunStop.DONE:
                     break
         except KeyboardInterrupt:
             if not rows:
@@ -207,34 +195,16 @@ def sweep(
     return Sweep(name=name, stop=stop, **columns)
 
 
-@dataclass
-class _Stage:
-    """The conditions of a sweep, and one value of it at a time."""
-
-    name: str
-    conditions: Conditions | SmoothConditions
-    periods: int
-    t0: float
-    solver: Solver | None
-
-    def run(self, state: State, value: float) -> tuple[State, Sequence[Any], RunStop]:
-        """The state after this value, the columns of its row, why its run ended."""
-        moved = self.conditions.at({self.name: value})
-        on = moved.ranged() if isinstance(moved, SmoothConditions) else ranged(moved)
-        # a Ctrl-C inside the run ends the sweep, too: its value is not complete
-        how: dict[str, Any] = {"solver": self.solver} if isinstance(on, SmoothConditions) else {}
-        run: Any = completed(
-            let_go(state, on, periods=self.periods, t0=self.t0, progress=False, **how)
-        )
-        u, v = run.strobe
-        seen = localised(u, v, run.times, on)
-        half = 1 + run.periods // 2
-        centre = int(np.bincount(seen.centre[half:]).argmax())
-        speed = float(np.sqrt(2.0 * seen.energy[half:, centre].max()))
-        change = np.abs(np.diff(np.concatenate([u[-2:], v[-2:]], 1), axis=0))
-        own = 4 * (math.nan,) if isinstance(on, SmoothConditions) else _impacts(run, centre)
-        found = (float(seen.participation[half:].mean()), centre, speed, *own, float(change.max()))
-        return run.final, found, run.stop
+def _seen(run: Any) -> tuple[Any, ...]:
+    """What a row says of the run at its value."""
+    u, v = run.strobe
+    found = localised(u, v, run.times, run.conditions)
+    half = 1 + run.periods // 2
+    centre = int(np.bincount(found.centre[half:]).argmax())
+    speed = float(np.sqrt(2.0 * found.energy[half:, centre].max()))
+    change = np.abs(np.diff(np.concatenate([u[-2:], v[-2:]], 1), axis=0))
+    own = _impacts(run, centre) if isinstance(run, Run) else 4 * (math.nan,)
+    return float(found.participation[half:].mean()), centre, speed, *own, float(change.max())
 
 
 def _impacts(run: Any, centre: int) -> tuple[float, ...]:

@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, ClassVar, Protocol, Required, TypedDict, Unpack
+from typing import Any, ClassVar, Protocol, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +28,13 @@ from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import States, advance, driven
 from contbreather.dynamics.states import (
     PERIOD,
+    RANGES,
     State,
-    check_ranges,
+    Under,
     check_state,
     conditions_of,
     lattice_for,
+    ranged,
     reduced,
 )
 from contbreather.dynamics.stretches import Sample, Stretch, check_sample
@@ -58,7 +60,7 @@ def damping_of(k: float) -> float:
     >>> round(damping_of(0.8), 12)
     0.141700600391
     """
-    k = number("k", k, 0.0, 1.0, "a restitution coefficient between 0 and 1")
+    k = number("k", k, *RANGES["k"])
     if k == 0.0:
         return 2.0
     loss = -math.log(k)
@@ -73,7 +75,7 @@ def restitution_of(lam: float) -> float:
     >>> round(restitution_of(damping_of(0.8)), 12)
     0.8
     """
-    lam = number("lam", lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
+    lam = number("lam", lam, *RANGES["lam"])
     if lam == 2.0:
         return 0.0
     return math.exp(-0.5 * math.pi * lam / math.sqrt(1.0 - 0.25 * lam * lam))
@@ -112,16 +114,8 @@ class SmoothConditions:
         values = {name: float(params.get(name, value)) for name, value in self.params.items()}
         if "k" in params:
             values["lam"] = damping_of(params["k"])
-        a, gamma, lam, m, damping, spring = (values.pop(name) for name in OWN)
-        forcing = self.forcing.at(**values) if values else self.forcing
-        return SmoothConditions(a, gamma, lam, m, damping, spring, forcing, lattice=self.lattice)
-
-    def ranged(self) -> SmoothConditions:
-        """The same conditions, with numbers that a simulation can have."""
-        number("lam", self.lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
-        hardness = "a hardness of the wall from 0.5 to 1e4 (natural in (21), here any real one)"
-        number("m", self.m, 0.5, 1e4, hardness)
-        return check_ranges(self)
+        own: dict[str, Any] = {name: values.pop(name) for name in OWN}
+        return replace(self, **own, forcing=self.forcing.at(**values) if values else self.forcing)
 
     @property
     def arguments(self) -> tuple[Any, ...]:
@@ -133,21 +127,18 @@ class SmoothConditions:
 def smooth_conditions_of(
     sites: int,
     *,
-    a: float,
-    gamma: float,
-    m: float,
     k: float | None = None,
     lam: float | None = None,
-    damping: float = 0.0,
-    spring: float = 0.0,
     forcing: Forcing | str | None = None,
     lattice: Finite | None = None,
+    **numbers: float,
 ) -> SmoothConditions:
     """The conditions of a state of so many sites, on a ring unless a lattice is given."""
-    wall, where = wall_damping(k, lam), lattice_for(sites, lattice)
-    drive = forcing_of(forcing)
-    made = SmoothConditions(a, gamma, wall, m, damping, spring, drive, lattice=where)
-    return made.ranged()
+    if (k is None) == (lam is None):
+        raise BadInput(f"k = {k}, lam = {lam}: give one of them, (22) ties the other to it.")
+    wall: Any = lam if k is None else damping_of(k)
+    where, drive = lattice_for(sites, lattice), forcing_of(forcing)
+    return ranged(SmoothConditions(lam=wall, forcing=drive, lattice=where, **numbers))
 
 
 def rigid_or_smooth(sites: int, m: float | None = None, **on: Any) -> Conditions | SmoothConditions:
@@ -175,17 +166,11 @@ def _network(lattice: Finite) -> tuple[Array, Array]:
     return np.ascontiguousarray(entries.T), drive_of(lattice)
 
 
-class OnSmooth(TypedDict, total=False):
+class OnSmooth(Under, total=False):
     """The keywords of `simulate_smooth` that say what a lattice moves under."""
 
-    a: Required[float]
-    gamma: Required[float]
     k: float | None
     lam: float | None
-    damping: float
-    spring: float
-    forcing: Forcing | str | None
-    lattice: Finite | None
 
 
 # --- solvers --------------------------------------------------------------------------------------
@@ -410,15 +395,6 @@ def flown(
     except NotConverged as error:
         raise ArithmeticError(str(error)) from error
     return end[0], end[1 : 1 + len(first)].T, end[1 + len(first) :].T
-
-
-def wall_damping(k: float | None, lam: float | None) -> float:
-    """lambda, from whichever of the two was given."""
-    if (k is None) == (lam is None):
-        raise BadInput(f"k = {k}, lam = {lam}: give one of them, (22) ties the other to it.")
-    if k is not None:
-        return damping_of(k)
-    return number("lam", lam, 0.0, 2.0, "a damping of the wall between 0 and 2")
 
 
 @dataclass

@@ -18,8 +18,17 @@ Array = NDArray[Any]
 PERIOD = 2.0 * math.pi
 OUTSIDE = 1e-9  # beyond a wall by more than this is no rounding
 FASTEST = 1e6
-DAMPING = "a damping coefficient, at least 0 and at most 1e4"
 HEAVIEST = 1e4  # damping, or frequency; steps are 3/mu at most, a period takes 2 pi mu/3 of them
+
+# from where to where a simulation takes them, and what they are; lam and m on smooth walls only
+RANGES = {
+    "k": (0.0, 1.0, "a restitution coefficient between 0 and 1"),
+    "lam": (0.0, 2.0, "a damping of the wall between 0 and 2"),
+    "m": (0.5, 1e4, "a hardness of the wall from 0.5 to 1e4 (natural in (21), here any real one)"),
+    "a": (0.0, math.inf, "an amplitude, at least 0"),
+    "damping": (0.0, HEAVIEST, "a damping coefficient, at least 0 and at most 1e4"),
+    "spring": (0.0, HEAVIEST**2, "an on-site stiffness, at least 0, at most 1e8"),
+}
 
 
 class Moved(Protocol):
@@ -33,6 +42,8 @@ class Moved(Protocol):
     def damping(self) -> float: ...
     @property
     def spring(self) -> float: ...
+    @property
+    def params(self) -> dict[str, float]: ...
     @property
     def forcing(self) -> Forcing: ...
     @property
@@ -53,30 +64,31 @@ class State(NamedTuple):
         return f"<State of {size} displacements and velocities, |u| <= {np.abs(self.u).max():.6g}>"
 
 
-class On(TypedDict, total=False):
-    """The keywords of `simulate` that say what a lattice moves under; every function takes them."""
+class Under(TypedDict, total=False):
+    """Keywords that say what a lattice moves under, whatever its walls."""
 
     a: Required[float]
     gamma: Required[float]
-    k: Required[float]
     damping: float
     spring: float
     forcing: Forcing | str | None
     lattice: Finite | None
+
+
+class On(Under, total=False):
+    """Those of `simulate`, which every function takes."""
+
+    k: Required[float]
     walls: Any
 
 
 def conditions_of(
     sites: int,
     *,
-    a: float,
-    gamma: float,
-    k: float,
-    damping: float = 0.0,
-    spring: float = 0.0,
     forcing: Forcing | str | None = None,
     lattice: Finite | None = None,
     walls: Any = None,
+    **numbers: float,
 ) -> Conditions:
     """The conditions of a state of so many sites, on a ring unless a lattice is given.
 
@@ -92,25 +104,18 @@ def conditions_of(
                 f"walls of site {site}: there is no such site on the {where.describe()}; sites are "
                 f"0 to {sites - 1}."
             )
-    drive = forcing_of(forcing)
-    return ranged(Conditions(a, gamma, k, damping, spring, drive, around, where)).at({})
+    made = Conditions(forcing=forcing_of(forcing), walls=around, lattice=where, **numbers)
+    return ranged(made).at({})
 
 
-def ranged(on: Conditions) -> Conditions:
+def ranged(on: C) -> C:
     """The same conditions, with numbers that a simulation can have."""
-    number("k", on.k, 0.0, 1.0, "a restitution coefficient between 0 and 1")
-    return check_ranges(on)
-
-
-def check_ranges(on: C) -> C:
-    """What walls of any kind allow: amplitude, coupling, damping, spring."""
-    number("a", on.a, 0.0, math.inf, "an amplitude, at least 0")
+    for name in (name for name in RANGES if name in on.params):
+        number(name, getattr(on, name), *RANGES[name])
     number("gamma", on.gamma, -math.inf, math.inf, "a coupling")
     if isinstance(on.lattice, Ring):
         check_gamma(on.gamma)
     number("gamma", on.gamma, 0.0, HEAVIEST**2, "a coupling, at least 0 and at most 1e8")
-    number("damping", on.damping, 0.0, HEAVIEST, DAMPING)
-    number("spring", on.spring, 0.0, HEAVIEST**2, "an on-site stiffness, at least 0, at most 1e8")
     return on
 
 

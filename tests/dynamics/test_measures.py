@@ -320,22 +320,16 @@ def test_values_of_a_sweep_there_and_back_turn_once() -> None:
             there_and_back(wrong)
 
 
-def test_a_sweep_ends_with_a_run_that_ends() -> None:
-    """k = 1 and a damping of the flight: impacts without end in the first period of 0.31."""
+def test_a_sweep_ends_with_a_run_that_ends(monkeypatch) -> None:
     from contbreather.dynamics import slow_sweep
 
-    run = slow_sweep._Stage.run
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            slow_sweep._Stage,
-            "run",
-            lambda self, state, value: (
-                *run(self, state, value)[:2],
-                RunStop.CHATTER if value == 0.3 else RunStop.DONE,
-            ),
-        )
-        state = [0.1, 0.2], [0.0, 0.0]
-        seen = sweep(state, "a", [0.2, 0.3, 0.4], periods=2, a=0.2, gamma=0.04, k=0.8)
+    def ending(state, on, **how):
+        return replace(let_go(state, on, **how), stop=ends.get(on.a, RunStop.DONE))
+
+    let_go, ends = slow_sweep.let_go, {0.3: RunStop.CHATTER}
+    monkeypatch.setattr(slow_sweep, "let_go", ending)
+    state = [0.1, 0.2], [0.0, 0.0]
+    seen = sweep(state, "a", [0.2, 0.3, 0.4], periods=2, a=0.2, gamma=0.04, k=0.8)
     assert seen.stop is RunStop.CHATTER
     assert seen.value.tolist() == [0.2, 0.3]
 

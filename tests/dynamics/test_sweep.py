@@ -135,17 +135,16 @@ def test_smooth_ring_is_swept_in_its_own_parameters():
 
 
 def test_interrupted_sweep_keeps_its_rows(orbit, monkeypatch):
-    from contbreather.dynamics.slow_sweep import _Stage
+    from contbreather.dynamics import slow_sweep
 
-    run, calls = _Stage.run, []
+    let_go = slow_sweep.let_go
 
-    def interrupted(self, state, value):
-        calls.append(value)
-        if len(calls) == 3:
+    def interrupted(state, on, **how):
+        if on.a == 0.18:
             raise KeyboardInterrupt
-        return run(self, state, value)
+        return let_go(state, on, **how)
 
-    monkeypatch.setattr(_Stage, "run", interrupted)
+    monkeypatch.setattr(slow_sweep, "let_go", interrupted)
     seen = sweep(orbit.state, "a", [0.2, 0.19, 0.18, 0.17], periods=5, a=0.2, **DAMPED)
     assert seen.stop is RunStop.INTERRUPTED
     assert seen.value.tolist() == [0.2, 0.19]
