@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import real
+from contbreather.checks import real, shown
 from contbreather.errors import BadInput
 
 FloatArray = NDArray[np.float64]
@@ -331,6 +331,11 @@ def _coefficients(kind: str, given: Mapping[int, float] | None) -> tuple[tuple[i
     if not isinstance(given, Mapping):
         raise BadInput(f"{kind} = {given!r}: coefficients by harmonic were expected, {{1: -1.0}}.")
     for m, value in given.items():
+        if not isinstance(m, int | float | np.number):
+            raise BadInput(
+                f"{kind} harmonic {shown(m)}: one of the odd harmonics 1, 3, 5, ... was expected, "
+                f"a whole number; {kind}={{1: -1.0}} is -{kind}(t)."
+            )
         if isinstance(m, bool) or not isinstance(m, int | np.integer) or m < 1 or m % 2 == 0:
             raise BadInput(
                 f"{kind} harmonic {m!r}: the forcing must be antisymmetric, F(t + pi) = -F(t), "

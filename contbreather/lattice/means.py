@@ -35,10 +35,10 @@ def check_gamma(gamma: float, spring: float = 0.0) -> float:
     BadInput
         If the band ``[spring, spring + 4 gamma]`` of w^2 reaches the forcing frequency 1.
     """
-    found = real(gamma)
-    if found >= 0.0 and spring + 4.0 * found < 1.0:
+    found, held = real(gamma), real(spring)
+    if found >= 0.0 and held >= 0.0 and held + 4.0 * found < 1.0:
         return found
-    if not spring:
+    if not held:
         raise BadInput(
             f"gamma = {gamma!r}: the coupling must be a number with 0 <= gamma < 1/4, so that the "
             "band [0, 2 sqrt(gamma)] stays below the forcing frequency 1; choose gamma in that "

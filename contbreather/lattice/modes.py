@@ -19,6 +19,9 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
+LONGEST = 10**7  # sites of a ring: of longer ones a few rows of numbers fill the memory
+
+
 @dataclass(frozen=True)
 class InfiniteChain(TranslationInvariant):
     """The infinite chain with nearest-neighbour coupling, eq. (1).
@@ -190,6 +193,11 @@ class Ring(TranslationInvariant):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sites", whole("sites", self.sites, 1))
+        if self.sites > LONGEST:
+            raise BadInput(
+                f"sites = {self.sites}: a ring has at most {LONGEST}; one that long is the "
+                "infinite chain, InfiniteChain()."
+            )
         object.__setattr__(self, "_expansions", means(self.sites))
         object.__setattr__(self, "_limit", 0.25)
 

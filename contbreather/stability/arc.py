@@ -25,13 +25,15 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from contbreather.checks import number, shown
 from contbreather.errors import BadInput
 from contbreather.kernel import Kernel
 from contbreather.lattice import InfiniteChain, check_gamma
 from contbreather.stability import arc_loops
 from contbreather.stability.aliases import regular, regular_by_spring, regular_slopes, tables
+from contbreather.stability.saltation import check_finite, check_kb
 
 Array = NDArray[Any]
 
@@ -85,6 +87,23 @@ def curve(arc: Arc, k: float, b: float) -> tuple[Array, Array]:
     return smooth + pole, smooth - pole
 
 
+def on_band(gamma: float, nu: ArrayLike, spring: float) -> tuple[Array, Array, Array]:
+    """Angles inside the band, and how far their squares are from those of its ends."""
+    try:
+        x = np.asarray(nu, dtype=float)
+    except (TypeError, ValueError):
+        x = np.array(math.nan)
+    low = x * x - spring
+    high = 4.0 * gamma - low
+    if not np.all((x > 0.0) & (low > 0.0) & (high > 0.0)):
+        raise BadInput(
+            f"nu = {shown(nu)}: the band of gamma = {gamma} has angles between "
+            f"{math.sqrt(spring):.6g} and {math.sqrt(spring + 4.0 * gamma):.6g} (times pi); choose "
+            "one of them."
+        )
+    return x, low, high
+
+
 class OnArc(NamedTuple):
     """(Re, Im) of F = nu sqrt(4 gamma - nu^2) D at an angle in the band, and its derivatives.
 
@@ -126,14 +145,8 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
     True
     """
     gamma = check_gamma(gamma, spring)
-    x = np.asarray(nu, dtype=float)
-    low = x * x - spring
-    high = 4.0 * gamma - low
-    if not np.all((x > 0.0) & (low > (-1.0 if spring == 0.0 else 0.0)) & (high > 0.0)):
-        raise BadInput(
-            f"nu = {nu}: the band of gamma = {gamma} has angles between {math.sqrt(spring):.6g} "
-            f"and {math.sqrt(spring + 4.0 * gamma):.6g} (times pi); choose one of them."
-        )
+    check_finite(k, b)
+    x, low, high = on_band(gamma, nu, spring)
     code = _ON_ARC.code() if spring == 0.0 and not x.ndim else None
     if code is not None:
         return OnArc(*_called(code, (gamma, k, 0.0, b, float(x))).reshape(6, 2))
@@ -237,6 +250,7 @@ def neimark_sacker(gamma: float, k: float, spring: float = 0.0) -> tuple[Neimark
     [0.4875, 0.5581]
     """
     gamma = check_gamma(gamma, spring)
+    k, _ = check_kb(k, 0.0)
     q = (1.0 - k) / (1.0 + k)
     if gamma == 0.0 or q <= 0.0:
         return ()
@@ -352,6 +366,8 @@ def window(gamma: float, k: float, spring: float = 0.0) -> Window:
     >>> abs(window(0.1, 0.8).miss(low)) < 1e-12 and window(0.1, 0.8).miss(0.5 * (low + high)) < 0
     True
     """
+    number("gamma", gamma, -math.inf, math.inf, "a coupling")
+    check_finite(k, 0.0)
     if gamma == 0.0:
         return Window(0.0, -1.0)
     if k == 1.0:

@@ -16,14 +16,17 @@ D is the limit from |mu| > 1; its continuation through the band has the sign of 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbreather.checks import shown
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring, check_gamma
 from contbreather.stability.aliases import Regular, alias_slopes, regular, regular_slopes
+from contbreather.stability.saltation import check_finite
 
 Array = NDArray[Any]
 
@@ -41,20 +44,13 @@ class Modes(NamedTuple):
     w_sine: Array
 
 
-def sites_of(lattice: object) -> int | None:
-    """None for the infinite chain, N for a ring."""
-    if isinstance(lattice, InfiniteChain):
-        return None
-    if isinstance(lattice, Ring):
-        return lattice.sites
-    raise BadInput(
-        f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites)."
-    )
-
-
-def spring_of(lattice: object) -> float:
-    """What holds every site to the ground."""
-    return float(getattr(lattice, "spring", 0.0))
+def checked(gamma: float, lattice: object) -> tuple[float, int | None, float]:
+    """The coupling, None or the sites of a ring, and what holds every site to the ground."""
+    if not isinstance(lattice, InfiniteChain | Ring):
+        raise BadInput(
+            f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites)."
+        )
+    return check_gamma(gamma, lattice.spring), lattice.sites, lattice.spring
 
 
 def modes(gamma: float, sites: int, spring: float = 0.0) -> Modes:
@@ -140,11 +136,40 @@ def _alias0(
 
 def _strip(nu: ArrayLike) -> Array:
     """nu as complex array with Re nu in (-1, 1]: D has period 2."""
-    values = np.array(nu, dtype=complex)
+    try:
+        values = np.array(nu, dtype=complex)
+    except (TypeError, ValueError, OverflowError):
+        values = np.array(math.nan)
+    if not np.isfinite(values).all():
+        raise BadInput(f"nu = {shown(nu)}: finite numbers were expected.")
     outside = (values.real > 1.0) | (values.real <= -1.0)
     if np.any(outside):
         values = np.where(outside, values - 2.0 * np.ceil((values.real - 1.0) / 2.0), values)
     return values
+
+
+def _by_depth(
+    gamma: float,
+    nu: ArrayLike,
+    lattice: object,
+    rows: int,
+    near: Callable[..., tuple[Array, ...]],
+    far: Callable[[Array, Modes], tuple[Array, ...]],
+) -> Array:
+    """What ``near(gamma, nu, sites, spring)`` makes of it by aliases, and ``far(mu, modes)`` beyond
+    `NEAR`: a row for each number they answer, shaped like nu."""
+    gamma, sites, spring = checked(gamma, lattice)
+    values = _strip(nu)
+    flat = values.ravel()
+    deep = np.abs(flat.imag) > NEAR
+    found = np.empty((rows, flat.size), dtype=complex)
+    if not np.all(deep):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found[:, ~deep] = near(gamma, flat[~deep], sites, spring)
+    if np.any(deep):
+        few = modes(gamma, MODES if sites is None else min(sites, MODES), spring)
+        found[:, deep] = far(np.exp(1j * np.pi * flat[deep]), few)
+    return _finite(found.reshape(rows, *values.shape), gamma, lattice)
 
 
 def _finite(value: Array, gamma: float, lattice: object) -> Array:
@@ -182,30 +207,15 @@ def G(gamma: float, nu: ArrayLike, lattice: object = InfiniteChain()) -> Array:
     >>> round(chi, 12)
     2.067873970394
     """
-    sites, spring = sites_of(lattice), spring_of(lattice)
-    gamma = check_gamma(gamma, spring)
-    values = _strip(nu)
-    flat = values.ravel()
-    out = np.empty((flat.size, 2, 2), dtype=complex)
-    far = np.abs(flat.imag) > NEAR
-    if np.any(far):
-        g11, g12, g21, *_ = mode_sums(
-            np.exp(1j * np.pi * flat[far]), _few_modes(gamma, sites, spring)
-        )
-        out[far] = np.moveaxis(np.array([[g11, g12], [g21, g11]]), 2, 0)
-    s = flat[~far]
-    with np.errstate(divide="ignore", invalid="ignore"):
+
+    def near(gamma: float, s: Array, sites: int | None, spring: float) -> tuple[Array, ...]:
         g = _alias0(gamma, s, sites, spring).g
         R, B, C = regular(gamma, s, sites, spring)
         g11 = 0.5 - 1j * (R + s * g / math.pi)
-        out[~far] = np.moveaxis(
-            np.array([[g11, B - g / math.pi], [C + s * s * g / math.pi, g11]]), 2, 0
-        )
-    return _finite(out.reshape(*values.shape, 2, 2), gamma, lattice)
+        return g11, B - g / math.pi, C + s * s * g / math.pi
 
-
-def _few_modes(gamma: float, sites: int | None, spring: float) -> Modes:
-    return modes(gamma, MODES if sites is None else min(sites, MODES), spring)
+    g11, g12, g21 = _by_depth(gamma, nu, lattice, 3, near, lambda mu, few: mode_sums(mu, few)[:3])
+    return np.moveaxis(np.array([[g11, g12], [g21, g11]]), (0, 1), (-2, -1))
 
 
 def D(gamma: float, nu: ArrayLike, k: float, b: float, lattice: object = InfiniteChain()) -> Array:
@@ -219,42 +229,30 @@ def D(gamma: float, nu: ArrayLike, k: float, b: float, lattice: object = Infinit
     >>> abs(D(0.0, 1j, 0.8, 1.0) - D(0.0, 1j, 0.8, 1.0, Ring(1))) < 1e-15
     np.True_
     """
-    sites, spring = sites_of(lattice), spring_of(lattice)
-    gamma = check_gamma(gamma, spring)
-    values = _strip(nu)
-    flat = values.ravel()
-    far = np.abs(flat.imag) > NEAR
-    value = np.empty_like(flat)
-    if np.any(far):
-        mu = np.exp(1j * np.pi * flat[far])
-        value[far] = determinant(mu, _few_modes(gamma, sites, spring), k, b)[0]
-    s = flat[~far]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    check_finite(k, b)
+
+    def near(gamma: float, s: Array, sites: int | None, spring: float) -> tuple[Array]:
         smooth, L = smooth_and_L(s, k, b, regular(gamma, s, sites, spring))
-        value[~far] = smooth + _alias0(gamma, s, sites, spring).g * L / math.pi
-    return _finite(value.reshape(values.shape), gamma, lattice)
+        return (smooth + _alias0(gamma, s, sites, spring).g * L / math.pi,)
+
+    return _by_depth(gamma, nu, lattice, 1, near, lambda mu, few: determinant(mu, few, k, b)[:1])[0]
 
 
 def D_slope(
     gamma: float, nu: ArrayLike, k: float, b: float, lattice: object = InfiniteChain()
 ) -> tuple[Array, Array]:
     """D and its analytic derivative dD/dnu; see `D`."""
-    sites, spring = sites_of(lattice), spring_of(lattice)
-    gamma = check_gamma(gamma, spring)
-    values = _strip(nu)
-    flat = values.ravel()
-    value, slope = np.empty_like(flat), np.empty_like(flat)
-    far = np.abs(flat.imag) > NEAR
-    if np.any(far):
-        mu = np.exp(1j * np.pi * flat[far])
-        value[far], slope_mu = determinant(mu, _few_modes(gamma, sites, spring), k, b)
-        slope[far] = 1j * np.pi * mu * slope_mu
-    near = ~far
-    if np.any(near):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            value[near], slope[near] = near_slope(gamma, flat[near], k, b, sites, spring)
-    _finite(value, gamma, lattice)
-    return value.reshape(values.shape), slope.reshape(values.shape)
+    check_finite(k, b)
+
+    def near(gamma: float, s: Array, sites: int | None, spring: float) -> tuple[Array, Array]:
+        return near_slope(gamma, s, k, b, sites, spring)
+
+    def far(mu: Array, few: Modes) -> tuple[Array, Array]:
+        value, slope = determinant(mu, few, k, b)
+        return value, 1j * np.pi * mu * slope
+
+    value, slope = _by_depth(gamma, nu, lattice, 2, near, far)
+    return value, slope
 
 
 class Split(NamedTuple):
@@ -344,8 +342,8 @@ def D_gradient(
     >>> bool(abs(change / 1e-6 - F.d_b) < 1e-6)
     True
     """
-    sites, spring = sites_of(lattice), spring_of(lattice)
-    gamma = check_gamma(gamma, spring)
+    check_finite(k, b)
+    gamma, sites, spring = checked(gamma, lattice)
     x = _strip(nu)
     if np.any(np.abs(x.imag) > NEAR):
         raise BadInput(f"nu = {nu!r}: derivatives are known for |Im nu| <= {NEAR:g} only.")

@@ -17,6 +17,7 @@ end D must be *the* product over all zeros and poles; if it is not, the even sec
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Any
 
@@ -34,11 +35,13 @@ from contbreather.stability.characteristic import (
     near_slope,
     split,
 )
-from contbreather.stability.saltation import saltation
-from contbreather.stability.winding import check_kb, resolved_arc
+from contbreather.stability.saltation import check_kb, saltation
+from contbreather.stability.winding import resolved_arc
+from contbreather.stability.zeros import newton
 
 Array = NDArray[Any]
 
+DENSE = 5000  # sites, of a matrix of 10^8 numbers
 LONGEST = 100_000  # sites; a ring of 20 000 takes 3 s
 STEPS = 14  # Newton steps for a wave; 4 or 5 are usual
 SPARE = 6  # coefficients beyond the remainder's degree, which must vanish
@@ -63,7 +66,13 @@ def dense_half_map(sites: int, gamma: float, k: float, b: float) -> Array:
     >>> round(float(np.linalg.det(dense_half_map(5, 0.1, 0.8, 0.3))), 12)  # k^2
     0.64
     """
-    w = Ring(sites).frequencies(check_gamma(gamma))
+    ring, (k, b) = Ring(sites), check_kb(k, b)
+    if ring.sites > DENSE:
+        raise BadInput(
+            f"{sites} sites: QS is written down for rings of up to {DENSE}; half_multipliers and "
+            "apply_half_map need no matrix."
+        )
+    w = ring.frequencies(check_gamma(gamma))
     rows = np.stack([np.cos(np.pi * w), np.pi * np.sinc(w), -w * np.sin(np.pi * w)])
     first = np.fft.ifft(rows, axis=1).real  # circulants: the entry of sites n apart
     apart = (np.arange(sites)[:, None] - np.arange(sites)) % sites
@@ -117,19 +126,10 @@ def _waves(gamma: float, k: float, b: float, sites: int) -> Array:
     # for one wave around the ring at |s| >= 1, beyond the band, the ring is an infinite chain?
     reach = ((1.0 - math.sqrt(1.0 - 4.0 * gamma)) / (1.0 + math.sqrt(1.0 - 4.0 * gamma))) ** sites
     own = None if reach < 1e-20 else sites
-    theta = _wave_starts(gamma, k, b, sites)
-    found: list[Array] = []
-    for _ in range(STEPS):
-        with np.errstate(all="ignore"):
-            step = _wave_step(gamma, k, b, sites, theta, own)
-        size = sites * np.abs(step)
-        theta = theta - step * np.minimum(1.0, math.pi / np.maximum(size, 1e-300))
-        done = size < 1e-7  # converges quadratically: the step just taken was the last needed
-        found.append(theta[done])
-        theta = theta[~done & np.isfinite(size)]
-        if theta.size == 0:
-            break
-    root = np.concatenate(found)
+    root = newton(
+        lambda theta: _wave_step(gamma, k, b, sites, theta, own),
+        _wave_starts(gamma, k, b, sites), STEPS, 1e-7 / sites, math.pi / sites,
+    )  # fmt: skip
     root = np.abs(root.real) + 1j * root.imag
     beyond = root.real > math.pi  # theta and 2 pi - theta are the same nu
     root[beyond] = 2.0 * math.pi - root[beyond]
@@ -297,6 +297,7 @@ def apply_half_map(ring: Ring, gamma: float, k: float, b: float, state: Array) -
     >>> bool(np.allclose(apply_half_map(Ring(3), 0.1, 0.8, 0.3, x), image))
     True
     """
+    k, b = check_kb(k, b)
     w = ring.frequencies(gamma)
     u, v = np.array(state, dtype=complex).reshape(2, ring.sites)
     u[0], v[0] = saltation(k, b) @ (u[0], v[0])
@@ -373,6 +374,8 @@ def eigenvector(ring: Ring, gamma: float, k: float, b: float, mu: complex) -> Ar
     """
     gamma = check_gamma(gamma)
     k, b = check_kb(k, b)
+    if not cmath.isfinite(mu):
+        raise BadInput(f"mu = {mu}: a finite number was expected, a multiplier.")
     mu = complex(mu)
     residual = math.inf
     for vector in (_odd_vector(ring, gamma, mu), _even_vector(ring, gamma, k, b, mu)):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.arc import on_arc, window
-from contbreather.stability.characteristic import D, sites_of
+from contbreather.stability.characteristic import D, checked
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import unstable_multipliers
 from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
@@ -37,7 +37,7 @@ class HalfMap:
     lattice: Any = InfiniteChain()
 
     def __post_init__(self) -> None:
-        sites_of(self.lattice)
+        checked(0.0, self.lattice)
 
     @property
     def period(self) -> float:

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring, check_gamma
 from contbreather.stability.arc import angle, curve, sample
-from contbreather.stability.characteristic import NEAR, D_slope, continued_slope, spring_of
+from contbreather.stability.characteristic import NEAR, D_slope, checked, continued_slope
 from contbreather.stability.half_map import even_multipliers
-from contbreather.stability.winding import check_kb, check_radius, resolved_arc, unstable_count
+from contbreather.stability.saltation import check_kb
+from contbreather.stability.winding import check_radius, resolved_arc, unstable_count
+from contbreather.stability.zeros import distinct, multipliers_of, newton, on_axis
 
 Array = NDArray[Any]
 
@@ -50,7 +52,9 @@ def _starts(gamma: float, k: float, b: float, spring: float, more: int) -> Array
 
 
 def _fold_in(nu: Array) -> Array:
-    """The mirror image with 0 <= Re nu <= 1: D at -conj(nu) and 2 - conj(nu) is conj(D)."""
+    """The mirror image with 0 <= Re nu <= 1: D at -conj(nu) and 2 - conj(nu) is conj(D). Far inside
+    there is nothing to look for."""
+    nu = nu[nu.imag < 0.5]
     return np.abs((nu.real + 1.0) % 2.0 - 1.0) + 1j * nu.imag
 
 
@@ -92,60 +96,18 @@ def _newton(
     gamma: float, k: float, b: float, spring: float, nu: Array, steps: int = STEPS
 ) -> Array:
     """Zeros with 0 <= Re nu <= 1 reached from the starts ``nu``, with repetitions."""
-    found: list[Array] = []
-    for _ in range(steps):
-        step = _step(gamma, k, b, spring, nu)
-        size = np.abs(step)
-        done = size < ROUGH
-        found.append(_fold_in(nu[done] - step[done]))
-        going = ~done & np.isfinite(step)
-        nu, step, size = nu[going], step[going], size[going]
-        # steps of at most a quarter keep a start in its own neighbourhood
-        nu = _fold_in(nu - step * np.minimum(1.0, 0.25 / size))
-        nu = nu[nu.imag < 0.5]  # far inside there is nothing to look for
-        if nu.size == 0:
-            break
-    return np.concatenate(found)
-
-
-def _distinct(nu: Array) -> Array:
-    kept: list[complex] = []
-    for x in nu[np.argsort(nu.imag)]:
-        if all(abs(x - y) > APART for y in kept):
-            kept.append(complex(x))
-    return np.array(kept, dtype=complex)
-
-
-def _on_axis(nu: Array) -> Array:
-    """Real multipliers put exactly on the real axis."""
-    for axis in (0.0, 1.0):
-        nu = np.where(np.abs(nu.real - axis) < ROUGH, axis + 1j * nu.imag, nu)
-    return nu
-
-
-def _polish(gamma: float, k: float, b: float, spring: float, nu: Array) -> Array:
-    """Two more Newton steps; what does not hold is dropped."""
-    for _ in range(2):
-        step = _step(gamma, k, b, spring, nu)
-        nu = (nu - step)[np.abs(step) < ROUGH]
-    return _on_axis(nu)
+    return newton(lambda nu: _step(gamma, k, b, spring, nu), nu, steps, ROUGH, 0.25, _fold_in)
 
 
 def _outside(gamma: float, k: float, b: float, spring: float, more: int) -> Array:
     """Multipliers outside the circle or on it, the largest first, conjugates together."""
-    nu = _distinct(
-        _newton(gamma, k, b, spring, _starts(gamma, k, b, spring, more), STEPS if more else 12)
-    )
-    nu = _polish(gamma, k, b, spring, _on_axis(nu))
-    nu = nu[nu.imag < ON_CIRCLE]
-    nu = nu[np.argsort(nu.imag)]
-    twice = np.where((nu.real == 0.0) | (nu.real == 1.0), 1, 2)  # a real one stands alone
-    mu = np.repeat(np.exp(1j * math.pi * nu), twice)
-    second = np.cumsum(twice)[twice == 2] - 1
-    mu[second] = mu[second].conj()
-    real = np.repeat(twice == 1, twice)
-    mu[real] = mu[real].real
-    return mu
+    starts = _starts(gamma, k, b, spring, more)
+    nu = _newton(gamma, k, b, spring, starts, STEPS if more else 12)
+    nu = on_axis(distinct(nu[np.argsort(nu.imag)], APART))
+    for _ in range(2):  # two more steps; what does not hold is dropped
+        step = _step(gamma, k, b, spring, nu)
+        nu = (nu - step)[np.abs(step) < ROUGH]
+    return multipliers_of(nu[nu.imag < ON_CIRCLE])
 
 
 def _chain_multipliers(gamma: float, k: float, b: float, chain: InfiniteChain) -> Array:
@@ -189,9 +151,9 @@ def unstable_multipliers(
     >>> unstable_multipliers(0.0, 0.8, 1.1)
     array([1.39793319+0.j])
     """
-    gamma = check_gamma(gamma, spring_of(lattice))
+    gamma, sites, _ = checked(gamma, lattice)
     k, b = check_kb(k, b)
-    sites = check_radius(radius, lattice)
+    check_radius(radius, sites)
     if sites is None:
         mu = _chain_multipliers(gamma, k, b, cast(InfiniteChain, lattice))
     else:

@@ -42,9 +42,9 @@ from contbreather.stability.propagators import (
     resolvent,
     root,
 )
-from contbreather.stability.refined import refined
 from contbreather.stability.saltation import Kick, saltation
 from contbreather.stability.winding import Count
+from contbreather.stability.zeros import distinct, multipliers_of, newton, refined
 
 Array = NDArray[Any]
 
@@ -486,31 +486,15 @@ def _ends_resolved(low: float, high: float) -> Callable[[Array], Array]:
 
 def _zeros(D: Callable[[Array], Array], kappa: Array) -> Array:
     """Zeros of D outside the circle as multipliers, conjugates together, the largest first."""
-    found: list[Array] = []
     h = 1e-5
-    for _ in range(40):
-        with np.errstate(all="ignore"):
-            step = D(kappa) * 2.0 * h / (D(kappa + h) - D(kappa - h))
-        size = np.abs(step)
-        done = size < 1e-11
-        found.append(kappa[done] - step[done])
-        going = ~done & np.isfinite(step)
-        kappa = kappa[going] - step[going] * np.minimum(1.0, 0.1 / size[going])
-        kappa = np.abs(kappa.real - np.round(kappa.real)) + 1j * kappa.imag
-        kappa = kappa[(kappa.imag < 0.0) & (kappa.imag > -6.0)]
-        if kappa.size == 0:
-            break
-    distinct: list[complex] = []
-    for one in np.concatenate(found):
-        one = complex(abs(one.real - round(one.real)), one.imag)
-        if one.imag < 0.0 and all(abs(one - other) > 1e-7 for other in distinct):
-            distinct.append(one)
-    mu: list[complex] = []
-    for one in sorted(distinct, key=lambda kappa: kappa.imag):
-        if min(one.real, 0.5 - one.real) < 1e-9:
-            one = complex(round(2.0 * one.real) / 2.0, one.imag)
-            mu.append(complex(np.exp(2j * math.pi * one).real))
-        else:
-            value = complex(np.exp(2j * math.pi * one))
-            mu += [value, value.conjugate()]
-    return np.array(mu, dtype=complex)
+    found = newton(
+        lambda kappa: D(kappa) * 2.0 * h / (D(kappa + h) - D(kappa - h)),
+        kappa, 40, 1e-11, 0.1, _outside,
+    )  # fmt: skip
+    return multipliers_of(2.0 * distinct(found, 1e-7))
+
+
+def _outside(kappa: Array) -> Array:
+    """The mirror images with 0 <= Re kappa <= 1/2 of those outside the circle."""
+    kappa = kappa[(kappa.imag < 0.0) & (kappa.imag > -6.0)]
+    return np.abs(kappa.real - np.round(kappa.real)) + 1j * kappa.imag

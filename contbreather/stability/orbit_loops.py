@@ -26,7 +26,7 @@ GAMMA, K, TERMS, IMPACTS, WHOLE, FIRST = range(6)
 # where; its real part at both ends, whether it was resolved, how close a zero is
 MINUS, TURNING, LEAST, WHERE, START, END, RESOLVED, APPROACH = range(8)
 
-GRID, TURN, DEPTH, MOST = 24, 0.6, 40, 2**12  # as in `orbit` and `refined`
+GRID, TURN, DEPTH, MOST = 24, 0.6, 40, 2**12  # as in `orbit` and `zeros`
 CERTAIN, FLAT, FARTHEST = 1e-12, 1e-14, 0.25  # as in `orbit`
 SHARP = 1e-13
 HALF = 3.1  # F turns as far in one step past a multiplier on the circle only: it is not outside

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from contbreather.checks import number, real, shown
+from contbreather.errors import BadInput
 
 
 class Kick(NamedTuple):
@@ -16,8 +20,32 @@ class Kick(NamedTuple):
     b: float
 
 
+def check_finite(k: float, b: float, what: str = "b") -> None:
+    """Refuse what is not a finite number; of any size, as Newton's method may leave the domain."""
+    number("k", k, -math.inf, math.inf, "a restitution coefficient")
+    number(what, b, -math.inf, math.inf, "a number of either sign")
+
+
+def check_kb(k: float, b: float) -> tuple[float, float]:
+    """k and b as floats, or say what they must be."""
+    numbers = real(k), real(b)
+    if any(
+        math.isnan(x) and not isinstance(given, float)
+        for x, given in zip(numbers, (k, b), strict=True)
+    ):
+        raise BadInput(f"k = {k!r}, b = {b!r}: both must be real numbers.")
+    if not 0.0 <= numbers[0] <= 1.0:
+        raise BadInput(
+            f"k = {k!r}: a restitution coefficient lies between 0 and 1; choose one there."
+        )
+    if not math.isfinite(numbers[1]):
+        raise BadInput(f"b = {b!r}: the entry of the saltation matrix must be a finite number.")
+    return numbers
+
+
 def saltation(k: float, b: float) -> NDArray[np.float64]:
     """The 2x2 block ``[[-k, 0], [b, -k]]`` of (19) acting on (u_0, u_0'); all else is identity."""
+    check_finite(k, b)
     return np.array([[-k, 0.0], [b, -k]])
 
 
@@ -32,4 +60,7 @@ def saltation_entry(acceleration: float, w_minus: float, k: float) -> float:
     >>> saltation_entry(-0.25, 0.5, 0.8)
     -0.9
     """
+    check_finite(k, acceleration, "acceleration")
+    if not 0.0 < abs(real(w_minus)) < math.inf:
+        raise BadInput(f"w_minus = {shown(w_minus)}: a finite velocity other than 0 was expected.")
     return (1.0 + k) * acceleration / w_minus

@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, check_gamma
 from contbreather.stability.aliases import slope_at_zero
-from contbreather.stability.arc import Arc, angle, curve, grid, sample
-from contbreather.stability.winding import check_kb, resolved_arc
+from contbreather.stability.arc import Arc, angle, curve, grid, on_band, sample
+from contbreather.stability.saltation import check_kb
+from contbreather.stability.winding import resolved_arc
 
 Array = NDArray[Any]
 
@@ -95,14 +95,8 @@ def scattering(gamma: float, nu: ArrayLike, k: float, b: float, spring: float = 
     """
     gamma = check_gamma(gamma, spring)
     k, b = check_kb(k, b)
-    x = np.asarray(nu, dtype=float)
-    low, high = math.sqrt(spring), math.sqrt(spring + 4.0 * gamma)
-    if not np.all((x > low) & (x < high)):
-        raise BadInput(
-            f"nu = {nu!r}: waves of the band of gamma = {gamma} have angles between {low:.6g} and "
-            f"{high:.6g} (times pi); choose one of them."
-        )
-    alpha = np.arcsin(np.sqrt((x * x - spring) / (4.0 * gamma)))
+    low = on_band(gamma, nu, spring)[1]
+    alpha = np.arcsin(np.sqrt(low / (4.0 * gamma)))
     out, into = curve(sample(gamma, alpha, spring), k, b)
     return np.asarray(into / out)
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from contbreather.flows.modes import Turn, free_multipliers
 from contbreather.stability.pairs import REAL
-from contbreather.stability.refined import refined
+from contbreather.stability.zeros import distinct, newton, refined
 
 Array = NDArray[Any]
 
@@ -155,22 +155,14 @@ class Secular:
 
     def _zeros(self, mu: Array) -> Array:
         """What Newton's method finds in the upper half plane, each once."""
-        found: list[complex] = []
-        for _ in range(STEPS):
+
+        def step(mu: Array) -> Array:
             at, after, before = self.D(np.concatenate([mu, mu + SLOPE, mu - SLOPE])).reshape(3, -1)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                step = 2.0 * SLOPE * at / (after - before)
-            size = abs(step)
-            found += (mu - step)[size < ROUGH].tolist()
-            going = (size >= ROUGH) & (size < 1.0)
-            mu = mu[going] - step[going]
-            if not mu.size:
-                break
-        distinct: list[complex] = []
-        for one in found:
-            if one.imag > REAL and all(abs(one - other) > APART for other in distinct):
-                distinct.append(one)
-        return np.array(distinct, dtype=complex)
+            move = 2.0 * SLOPE * at / (after - before)
+            return np.where(abs(move) < 1.0, move, math.nan)
+
+        found = newton(step, mu, STEPS, ROUGH)
+        return distinct(found[found.imag > REAL], APART)
 
 
 def _dips(D: Array) -> Array:

@@ -29,11 +29,12 @@ from contbreather.checks import real
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, check_gamma
 from contbreather.stability.arc import Arc, angle, curve, grid, sample, window, windows
-from contbreather.stability.characteristic import D, sites_of, spring_of
+from contbreather.stability.characteristic import D, checked
+from contbreather.stability.saltation import check_kb
+from contbreather.stability.zeros import refined, steep
 
 Array = NDArray[Any]
 
-TURN = 0.6  # largest step of F between neighbouring samples, relative to its modulus
 DEPTH = 48  # halvings of one grid interval: down to 1e-16 in alpha
 ROUNDING = 1e-13  # of F's own terms: closer than that to zero, a count is not certain
 RIM = 1e-10  # of 1/4 - gamma: nearer, the band's edge and -1 are told apart by rounding
@@ -65,44 +66,19 @@ class Count:
         return self.count
 
 
-def check_kb(k: float, b: float) -> tuple[float, float]:
-    """k and b as floats, or say what they must be."""
-    numbers = real(k), real(b)
-    if any(
-        math.isnan(x) and not isinstance(given, float)
-        for x, given in zip(numbers, (k, b), strict=True)
-    ):
-        raise BadInput(f"k = {k!r}, b = {b!r}: both must be real numbers.")
-    if not 0.0 <= numbers[0] <= 1.0:
+def check_radius(radius: float, sites: int | None) -> None:
+    """Refuse a circle outside which multipliers cannot be counted."""
+    if sites is not None and 4 * sites > MOST:
         raise BadInput(
-            f"k = {k!r}: a restitution coefficient lies between 0 and 1; choose one there."
+            f"{sites} sites: multipliers are counted on rings of up to {MOST // 4}; for longer "
+            "ones ask about the infinite chain."
         )
-    if not math.isfinite(numbers[1]):
-        raise BadInput(f"b = {b!r}: the entry of the saltation matrix must be a finite number.")
-    return numbers
-
-
-def check_radius(radius: float, lattice: object) -> int | None:
-    """The number of sites of the lattice, if its multipliers outside this circle can be counted."""
-    sites = sites_of(lattice)
     if 1.0 < real(radius) < math.inf or (real(radius) == 1.0 and sites is None):
-        return sites
+        return
     raise BadInput(
         f"radius = {radius}: multipliers are counted outside a circle of radius 1 (infinite chain "
         "only, a ring has its band on that circle) or more."
     )
-
-
-def _steep(F: Array, noise: float = 0.0) -> Array:
-    """Intervals across which F moves by much of its modulus, and their neighbours; what is below
-    the noise at both ends cannot be told apart any better."""
-    size = np.abs(F)
-    steep = np.abs(F[1:] - F[:-1]) > TURN * np.minimum(size[1:], size[:-1])
-    steep &= np.maximum(size[1:], size[:-1]) > noise
-    wide = steep.copy()
-    wide[1:] |= steep[:-1]
-    wide[:-1] |= steep[1:]
-    return wide
 
 
 def resolved_arc(
@@ -118,17 +94,14 @@ def resolved_arc(
         return arc, out, into
     noise = NOISE * (abs(b) + 1.0)
     for _ in range(DEPTH):
-        wide = _steep(out, noise)
-        if inside:
-            wide |= _steep(into, noise)
-        steep = np.flatnonzero(wide)
-        steep = steep[arc.alpha[steep + 1] - arc.alpha[steep] > 1e-15]
-        if steep.size == 0:
+        wide = steep(out, noise) | steep(into, noise) if inside else steep(out, noise)
+        i = np.flatnonzero(wide & (np.diff(arc.alpha) > 1e-15))
+        if i.size == 0:
             break
-        middle = sample(gamma, 0.5 * (arc.alpha[steep] + arc.alpha[steep + 1]), spring)
+        middle = sample(gamma, 0.5 * (arc.alpha[i] + arc.alpha[i + 1]), spring)
         new = curve(middle, k, b)
-        out, into = np.insert(out, steep + 1, new[0]), np.insert(into, steep + 1, new[1])
-        arc = Arc(*(np.insert(old, steep + 1, x) for old, x in zip(arc, middle, strict=True)))
+        out, into = np.insert(out, i + 1, new[0]), np.insert(into, i + 1, new[1])
+        arc = Arc(*(np.insert(old, i + 1, x) for old, x in zip(arc, middle, strict=True)))
     return arc, out, into
 
 
@@ -220,24 +193,16 @@ def _outside(gamma: Array, k: Array, b: Array) -> Array:
     return np.where(certain, above + 1 * below + 2 * pairs, -1)
 
 
-def _circle_count(gamma: float, k: float, b: float, lattice: object, radius: float) -> Count:
+def _circle_count(gamma: float, k: float, b: float, lattice: Any, radius: float) -> Count:
     """Turning of D along a circle outside all its poles."""
-    depth = -math.log(radius) / math.pi
-    sites = sites_of(lattice) or 1
-    spring = spring_of(lattice)
-    band = angle(gamma, np.linspace(0.0, 0.5 * math.pi, 2 * sites + 33), spring)
+    depth, spring = -math.log(radius) / math.pi, lattice.spring
+    band = angle(gamma, np.linspace(0.0, 0.5 * math.pi, 2 * (lattice.sites or 1) + 33), spring)
     below = np.linspace(0.0, band[0], 33)[:-1] if spring else band[:0]
     x = np.concatenate([below, band, np.linspace(band[-1], 1.0, 33)[1:]])
-    values = D(gamma, x + 1j * depth, k, b, lattice)
-    for _ in range(DEPTH):
-        steep = np.flatnonzero(_steep(values))
-        steep = steep[x[steep + 1] - x[steep] > 1e-15]
-        if steep.size == 0 or x.size > MOST:
-            break
-        middle = 0.5 * (x[steep] + x[steep + 1])
-        values = np.insert(values, steep + 1, D(gamma, middle + 1j * depth, k, b, lattice))
-        x = np.insert(x, steep + 1, middle)
-    if x.size > MOST:
+    x, values, enough = refined(
+        x, lambda x: x + 1j * depth, lambda nu: D(gamma, nu, k, b, lattice), 0.0, MOST
+    )
+    if not enough:
         raise NotConverged(
             f"D turns too fast on the circle of radius {radius} to count its zeros outside "
             f"({lattice}): take a radius farther from 1."
@@ -279,8 +244,9 @@ def unstable_count(
     >>> unstable_count(0.1144, 0.8, 0.236).count, unstable_count(0.1144, 0.8, 0.235).count
     (0, 2)
     """
-    gamma = check_gamma(gamma, spring_of(lattice))
+    gamma, sites, _ = checked(gamma, lattice)
     k, b = check_kb(k, b)
-    if check_radius(radius, lattice) is None and radius == 1.0:
+    check_radius(radius, sites)
+    if radius == 1.0:
         return _chain_count(gamma, k, b, cast(InfiniteChain, lattice))
     return _circle_count(gamma, k, b, lattice, float(radius))

@@ -186,6 +186,11 @@ def test_a_coefficient_that_is_zero_stays_a_parameter():
         (lambda: Fourier(cos={1: "x"}), "not a finite number"),
         (lambda: Fourier.from_response(cos="x"), "coefficients by harmonic were expected"),
         (lambda: Fourier.from_response(sin={"a": 1.0}), "sin harmonic 'a'"),
+        (
+            lambda: Fourier(cos={"x": 1}),
+            "cos harmonic 'x': one of the odd harmonics 1, 3, 5, ... "
+            "was expected, a whole number; cos={1: -1.0} is -cos",
+        ),
         (lambda: Fourier(cos=np.ones(2)), "coefficients by harmonic were expected"),
         (lambda: Fourier(), "is zero"),
         (lambda: Fourier(cos={1: 0.0}), "is zero"),

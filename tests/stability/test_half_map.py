@@ -197,11 +197,6 @@ def test_the_largest_is_never_inside_where_odd_modes_are_neutral():
         half_multipliers(Ring(12), 0.1, -0.1, 0.0)
 
 
-def test_a_ring_that_no_memory_holds_is_refused():
-    with pytest.raises(BadInput, match="up to 100000"):
-        even_multipliers(Ring(10**11), 0.1, 0.8, 0.2)
-
-
 # --- multipliers next to a circle ---------------------------------------------------------------
 
 

@@ -12,7 +12,7 @@ import pytest
 from contbreather.breathers import clearance, clearance_loops, pair_loops, rivals
 from contbreather.kernel import Kernel
 from contbreather.lattice import InfiniteChain, green, periodic, wave_loops
-from contbreather.stability import aliases, arc, arc_loops, orbit, orbit_loops, propagators, refined
+from contbreather.stability import aliases, arc, arc_loops, orbit, orbit_loops, propagators, zeros
 from contbreather.stability.characteristic import D
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.orbit import OrbitMap
@@ -46,7 +46,7 @@ def test_both_forms_share_their_constants() -> None:
         orbit_loops: {
             orbit: "GRID CERTAIN FLAT",
             propagators: "NEAR ORDERS POWERS FAR CLOSED",
-            refined: "TURN DEPTH MOST",
+            zeros: "TURN DEPTH MOST",
         },
         clearance_loops: {clearance: "CLOSE", rivals: "BESIDE ALIKE TELLING MIRRORED"},
         pair_loops: {green: "POWERS"},

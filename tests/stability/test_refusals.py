@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from contbreather import stability
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import isolated, unstable_count, unstable_multipliers, winding
 from contbreather.stability.characteristic import D, D_gradient
-from contbreather.stability.half_map import dense_half_map
+from contbreather.stability.half_map import dense_half_map, even_multipliers
 from contbreather.stability.isolated import closest_approach
 from contbreather.stability.orbit import OrbitMap, _zeros
 from contbreather.stability.pairs import beyond, outermost
@@ -28,6 +29,56 @@ def test_derivatives_far_inside_or_outside_are_refused() -> None:
     for nu in (0.4 - 1.0j, 0.4 - 0.999j):
         found = D_gradient(0.1, nu, 0.8, 0.3, Ring(9))
         assert found.value == pytest.approx(D(0.1, nu, 0.8, 0.3, Ring(9)), rel=1e-12)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, "x", None])
+@pytest.mark.parametrize(
+    ("ask", "name"),
+    [
+        (lambda bad: stability.D(0.1, bad, 0.8, 0.3), "nu"),
+        (lambda bad: stability.D(0.1, 0.3, bad, 0.3), "k"),
+        (lambda bad: stability.D_slope(0.1, [0.3, bad], 0.8, 0.3), "nu"),
+        (lambda bad: stability.D_slope(0.1, 0.3, 0.8, bad), "b"),
+        (lambda bad: stability.D_gradient(0.1, 0.3, 0.8, bad), "b"),
+        (lambda bad: stability.G(0.1, bad), "nu"),
+        (lambda bad: stability.on_arc(0.1, bad, 0.8, 0.3), "nu"),
+        (lambda bad: stability.on_arc(0.1, 0.3, bad, 0.3), "k"),
+        (lambda bad: stability.on_arc(0.1, 0.3, 0.8, 0.3, bad), "spring"),
+        (lambda bad: stability.scattering(0.1, bad, 0.8, 0.3), "nu"),
+        (lambda bad: stability.window(bad, 0.8), "gamma"),
+        (lambda bad: stability.window(0.1, bad), "k"),
+        (lambda bad: stability.neimark_sacker(0.1, bad), "k"),
+        (lambda bad: stability.neimark_sacker(0.1, 0.8, bad), "spring"),
+        (lambda bad: closest_approach(0.1, 0.8, 0.3, bad), "spring"),
+        (lambda bad: dense_half_map(5, 0.1, 0.8, bad), "b"),
+        (lambda bad: stability.apply_half_map(Ring(3), 0.1, bad, 0.3, np.zeros(6)), "k"),
+        (lambda bad: stability.saltation(0.8, bad), "b"),
+        (lambda bad: stability.saltation_entry(bad, 0.5, 0.8), "acceleration"),
+        (lambda bad: stability.saltation_entry(-0.2, bad, 0.8), "w_minus"),
+    ],
+)
+def test_what_is_no_finite_number_is_named(ask, name: str, bad: object) -> None:
+    with pytest.raises(BadInput, match=rf"{name} = .*(number|band|expected|lies between)"):
+        ask(bad)
+
+
+def test_an_impact_has_a_velocity() -> None:
+    with pytest.raises(BadInput, match="w_minus = 0: a finite velocity other than 0"):
+        stability.saltation_entry(1.0, 0, 0.8)
+
+
+def test_rings_are_as_long_as_fits_into_memory() -> None:
+    for ask, says in (
+        (lambda: Ring(10**9), "sites = 1000000000: a ring has at most 10000000"),
+        (lambda: dense_half_map(5001, 0.1, 0.8, 0.3), "written down for rings of up to 5000"),
+        (lambda: even_multipliers(Ring(10**6), 0.1, 0.8, 0.3), "rings of up to 100000"),
+        (
+            lambda: unstable_count(0.1, 0.8, 0.3, Ring(10**6), radius=1.1),
+            "counted on rings of up to 262144",
+        ),
+    ):
+        with pytest.raises(BadInput, match=says):
+            ask()
 
 
 def test_without_coupling_there_is_no_band_to_approach() -> None:

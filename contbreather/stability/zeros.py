@@ -1,0 +1,106 @@
+"""Zeros of analytic functions: counted by the turning on a curve, found by Newton's method."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+TURN = 0.6  # largest step between neighbouring samples, relative to their modulus
+DEPTH = 40  # halvings of one interval
+MOST = 2**12  # samples of one piece: one that asks for more has a zero on it, or is rounding
+
+
+def steep(F: Array, floor: float) -> Array:
+    """Intervals across which F moves by much of its modulus, and their neighbours; what is below
+    the floor at both ends is nothing but rounding."""
+    size = np.abs(F)
+    found = np.abs(F[1:] - F[:-1]) > TURN * np.minimum(size[1:], size[:-1])
+    found &= np.maximum(size[1:], size[:-1]) > floor
+    wide = found.copy()
+    wide[1:] |= found[:-1]
+    wide[:-1] |= found[1:]
+    return wide
+
+
+def refined(
+    x: Array,
+    place: Callable[[Array], Array],
+    value: Callable[[Array], Array],
+    floor: float,
+    most: int = MOST,
+) -> tuple[Array, Array, bool]:
+    """Samples put closer wherever the function moves by much of its modulus, unless that is nothing
+    but rounding, below the floor: about a zero on the circle itself. With several sites F has more
+    rounding than its terms tell, so that the samples are bounded as well; were they enough?"""
+    F = value(place(x))
+    for _ in range(DEPTH):
+        i = np.flatnonzero(steep(F, floor) & (x[1:] - x[:-1] > 1e-13))
+        if i.size == 0:
+            break
+        if x.size + i.size > most:
+            return x, F, False
+        between = 0.5 * (x[i] + x[i + 1])
+        x, F = np.insert(x, i + 1, between), np.insert(F, i + 1, value(place(between)))
+    return x, F, True
+
+
+def newton(
+    step: Callable[[Array], Array],
+    x: Array,
+    steps: int,
+    rough: float,
+    longest: float = math.inf,
+    within: Callable[[Array], Array] = np.asarray,
+) -> Array:
+    """What Newton's method reaches from all these starts at once, with repetitions.
+
+    A start is done with a step below `rough`, and lost where a step is not finite. Longer steps
+    than `longest` are shortened: a start stays in its own neighbourhood. `within` brings places
+    back to where they are looked for, and drops those that are too far off.
+    """
+    found: list[Array] = []
+    for _ in range(steps):
+        with np.errstate(all="ignore"):
+            move = step(x)
+            size = np.abs(move)
+        done = size < rough
+        found.append(within(x[done] - move[done]))
+        going = ~done & np.isfinite(move)
+        x = within(x[going] - move[going] * np.minimum(1.0, longest / size[going]))
+        if x.size == 0:
+            break
+    return np.concatenate(found)
+
+
+def distinct(x: Array, apart: float) -> Array:
+    """Each once, in their order."""
+    kept: list[complex] = []
+    for one in x.tolist():
+        if all(abs(one - other) > apart for other in kept):
+            kept.append(one)
+    return np.array(kept, dtype=complex)
+
+
+def on_axis(nu: Array) -> Array:
+    """Real multipliers ``exp(i pi nu)`` put exactly on the real axis."""
+    for axis in (0.0, 1.0):
+        nu = np.where(np.abs(nu.real - axis) < 1e-9, axis + 1j * nu.imag, nu)
+    return nu
+
+
+def multipliers_of(nu: Array) -> Array:
+    """``exp(i pi nu)`` with 0 <= Re nu <= 1, the largest first, complex ones with conjugates."""
+    nu = on_axis(nu[np.argsort(nu.imag, kind="stable")])
+    twice = np.where((nu.real == 0.0) | (nu.real == 1.0), 1, 2)  # a real one stands alone
+    mu = np.repeat(np.exp(1j * math.pi * nu), twice)
+    second = np.cumsum(twice)[twice == 2] - 1
+    mu[second] = mu[second].conj()
+    real = np.repeat(twice == 1, twice)
+    mu[real] = mu[real].real
+    return mu
