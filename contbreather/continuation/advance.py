@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .branch import Stop
 from .branch_points import crossing
 from .curve import Curve
-from .newton import Solution, Undefined, correction, newton
+from .newton import Solution, Undefined, correction
 from .point import Point
 from .segment import Segment, tangent_at
 from .starts import Bound
@@ -114,15 +114,8 @@ class Stepper:
         return Solution(z, True, iterations, residual, 0.0)
 
     def correct(self, predicted: Array, row: Array) -> Solution:
-        found = newton(
-            self.curve.equations,
-            self.curve.jacobian,
-            predicted,
-            row=row,
-            metric=self.curve.metric,
-            tolerance=self.steps.tolerance,
-            most=ITERATIONS,
-        )
+        how = {"tolerance": self.steps.tolerance, "most": ITERATIONS}
+        found = self.curve.newton(predicted, row, **how)
         if not found.converged:
             raise Failed(Stop.NO_CONVERGENCE, f"residual {found.residual:.2g}")
         return found

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import check_kind
+from ..checks import check_kind, shown
 from ..columns import Columns
 from ..display import Shown
 from ..errors import BadInput
@@ -143,6 +143,8 @@ class Branch(Columns, Shown):
             raise BadInput(
                 f"branch[{key!r}]: the name of a column or the number of a point was expected"
             ) from None
+        except IndexError:
+            raise IndexError(f"branch[{shown(key)}]: it has {len(self)} points") from None
 
     def _piece(self, key: slice) -> Branch:
         """The points of a slice, in the order of the walk."""

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from . import derivatives
-from .newton import OUT_OF_DOMAIN, Dense, Undefined, factors_of, length, rounding
+from .newton import (
+    OUT_OF_DOMAIN,
+    Dense,
+    Solution,
+    Undefined,
+    factors_of,
+    length,
+    newton,
+    rounding,
+)
 from .sparse import (
     Factors,
     Matrix,
@@ -36,24 +45,21 @@ _ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
 
 
 def _check_shape(what: str, given: Any, shape: tuple[int, ...]) -> None:
-    if is_sparse(given) and len(shape) == 2:
-        if given.shape != shape:
-            raise BadInput(
-                f"the {what} is sparse and has shape {given.shape}; {shape} was expected"
-            )
-        _check_entries(what, canonical(given))
-        return
-    if is_sparse(given):
+    sparse = is_sparse(given)
+    if sparse and len(shape) == 1:
         raise BadInput(
             f"the {what} is sparse, a {type(given).__name__}; a dense array of shape {shape} was "
             "expected: return its toarray()"
         )
     try:
-        found = np.asarray(given, dtype=float).shape
+        found = given.shape if sparse else np.asarray(given, dtype=float).shape
     except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(f"the {what} is {given!r}; an array of numbers was expected") from error
     if found != shape:
-        raise BadInput(f"the {what} has shape {found}; {shape} was expected")
+        kind = "is sparse and has" if sparse else "has"
+        raise BadInput(f"the {what} {kind} shape {found}; {shape} was expected")
+    if sparse:
+        _check_entries(what, canonical(given))
 
 
 def _check_entries(what: str, given: Matrix) -> None:
@@ -181,6 +187,10 @@ class Curve:
 
     def equations(self, z: Array) -> Array:
         return self.problem.evaluate(self.unknowns(z), self.params(z))
+
+    def newton(self, guess: Array, row: Array | None = None, **how: Any) -> Solution:
+        """The solution next to a guess, at the same value of a row; how is as for `newton`."""
+        return newton(self.equations, self.jacobian, guess, row=row, metric=self.metric, **how)
 
     @property
     def settler(self) -> Settler | None:

@@ -294,12 +294,7 @@ class _Growth:
     most: int
     shown: Counter
     kept: Checkpoint
-    branches: list[Branch] = field(default_factory=list)
-    births: list[Birth] = field(default_factory=list)
-    places: list[tuple[Place, ...]] = field(default_factory=list)
-    meetings: list[Meeting] = field(default_factory=list)
-    failed: list[Failure] = field(default_factory=list)
-    left: list[Place] = field(default_factory=list)
+    tree: Diagram = Diagram((), (), ())  # its branches with all that is known of them
     queue: deque[Place] = field(default_factory=deque)
 
     def run(self, start: Problem | Startable) -> None:
@@ -307,41 +302,38 @@ class _Growth:
         with taking(lambda piece: self._add(piece, Birth(0))):
             first = self._trace(start, self.within, self.events, Birth(0))
         self._add(first, Birth(0))
-        while self.queue and len(self.branches) < self.most:
+        while self.queue and len(self.tree) < self.most:
             self._switch_at(self.queue[0])
             self.queue.popleft()
 
     def so_far(self) -> Diagram | None:
-        """What an interruption leaves; places come last, so their number tells what is whole."""
-        count = len(self.places)
-        return self.diagram(count, interrupted=True) if count else None
+        """What an interruption leaves."""
+        return self.diagram(interrupted=True) if len(self.tree) else None
 
-    def diagram(self, count: int | None = None, *, interrupted: bool = False) -> Diagram:
-        return Diagram(
-            tuple(self.branches[:count]),
-            tuple(self.births[:count]),
-            tuple(self.places),
-            tuple(self.meetings),
-            tuple(self.failed),
-            (*self.left, *self.queue),
-            interrupted,
-        )
+    def diagram(self, *, interrupted: bool = False) -> Diagram:
+        left = (*self.tree.left, *self.queue)
+        return replace(self.tree, left=left, interrupted=interrupted)
+
+    def _note(self, **more: object) -> None:
+        """Put one more entry at the end of rows of the diagram, all of them at once."""
+        rows = {name: (*getattr(self.tree, name), entry) for name, entry in more.items()}
+        self.tree = replace(self.tree, **rows)  # type: ignore[arg-type]
 
     def _switch_at(self, place: Place) -> None:
-        self.shown.title = f"branch {len(self.branches)}, {len(self.queue)} points to switch at: "
+        self.shown.title = f"branch {len(self.tree)}, {len(self.queue)} points to switch at: "
         try:
             seeds = seeds_at(place.point)
         except ContbreatherError as error:
-            self.failed.append(Failure(place, str(error)))
+            self._note(failed=Failure(place, str(error)))
             return
         for seed in seeds:
-            if len(self.branches) >= self.most:
-                self.left.append(place)
+            if len(self.tree) >= self.most:
+                self._note(left=place)
                 return
             try:
                 self._follow(place, seed)
             except ContbreatherError as error:
-                self.failed.append(Failure(place, str(error)))
+                self._note(failed=Failure(place, str(error)))
 
     def _follow(self, place: Place, seed: Seed) -> None:
         """Follow one arm, unless its first step is on a branch that is known."""
@@ -352,12 +344,12 @@ class _Growth:
         glance = replace(self.steps, most=1)
         first = follow(point, seed, within=within, events=(), steps=glance, progress=False)
         reach = first.curve.length(first[-1].z - first[0].z)
-        known = recognised(first[-1], self.branches, reach)
+        known = recognised(first[-1], self.tree, reach)
         if known is not None and (known.simpler or not known.image):
             self._meet(place, known, seed)
             return
         image_of = None if known is None else known.branch
-        birth = Birth(self.births[place.branch].depth + 1, place, image_of)
+        birth = Birth(self.tree.births[place.branch].depth + 1, place, image_of)
         small = simplest(first[-1], reach)
         with taking(lambda piece: self._add(piece, birth)):
             if small is not first[-1]:  # a branch of a smaller problem, which the place lies on
@@ -385,10 +377,7 @@ class _Growth:
         """The file, while one more branch grows."""
 
         def whole(piece: Branch) -> Diagram | None:
-            lists = {
-                name: [*getattr(self, name)] for name in ("branches", "births", "places", "left")
-            }
-            here: _Growth = replace(self, **lists, queue=deque(self.queue))  # type: ignore[arg-type]
+            here = replace(self, queue=self.queue.copy())
             here._add(piece, birth)
             return here.so_far()
 
@@ -398,20 +387,18 @@ class _Growth:
         return {name: window for name, window in self.within.items() if name in problem.names}
 
     def _meet(self, place: Place, known: Likeness, seed: Seed) -> None:
-        larger = seed.problem.residual is not self.branches[place.branch].problem.residual
+        larger = seed.problem.residual is not self.tree[place.branch].problem.residual
         if larger and known.branch == place.branch:  # else a curve that crosses itself
             raise NotConverged(
                 "an arm cannot be distinguished from the branch it was to leave; shorter first "
                 "steps, or switch by hand"
             )
         meeting = Meeting(place, known.branch)
-        if meeting not in self.meetings:
-            self.meetings.append(meeting)
+        if meeting not in self.tree.meetings:
+            self._note(meetings=meeting)
 
     def _add(self, branch: Branch, birth: Birth) -> None:
-        index = len(self.branches)
-        self.branches.append(branch)
-        self.births.append(birth)
+        index, later = len(self.tree), list[Place]()
         places: list[Place] = []
         for point in branch.special:
             if point.parent is not None or (point.kind == "EP" and branch.stop is Stop.CLOSED):
@@ -419,25 +406,23 @@ class _Growth:
             known = self._known_place(point, places)
             places.append(known or Place(index, point))
             if known is None and lift_of(point) is not None:
-                self._later(places[-1], birth)
-        self.places.append(tuple(places))
+                later.append(places[-1])
+        self._note(branches=branch, births=birth, places=tuple(places))
+        # all that leaves an image is the image of what leaves the original
+        for place in later if birth.image_of is None else ():
+            if birth.depth < self.depth:
+                self.queue.append(place)
+            else:
+                self._note(left=place)
 
     def _known_place(self, point: Point, places: Sequence[Place]) -> Place | None:
         """The place where the branch of a point crosses another one, or itself."""
         if lift_of(point) is None:
             return None
-        for place in chain(*self.places, places):
+        for place in chain(*self.tree.places, places):
             if lift_of(place.point) is not None and same_place(point, place.point):
                 return place
         return None
-
-    def _later(self, place: Place, birth: Birth) -> None:
-        if birth.image_of is not None:
-            return  # all that leaves an image is the image of what leaves the original
-        if birth.depth < self.depth:
-            self.queue.append(place)
-        else:
-            self.left.append(place)
 
 
 # --- in files -----------------------------------------------------------------------------------

@@ -78,17 +78,10 @@ def _check(loops: Loops, z: Array, value: Array, slopes: Array) -> None:
 
 
 @lru_cache(maxsize=64)
-def _functions(
-    residual: Callable[..., Any],
-    jacobian: Callable[..., Any] | None,
-    names: tuple[str, ...],
-    n: int,
-    slots: tuple[int, ...],
-    scalar: bool,
-) -> tuple[Any, Any] | None:
+def _functions(*given: Any) -> tuple[Any, Any] | None:
     """Both functions for `stride`, or None where numba refuses them."""
     try:
-        made = _compiled(residual, jacobian, names, n, slots, scalar)
+        made = _compiled(*given)
         for function in made:
             native.address(function, "ppp")
     except (native.NotCompiled, ImportError) as reason:
@@ -105,10 +98,14 @@ def _compiled(
     slots: tuple[int, ...],
     scalar: bool,
 ) -> tuple[Any, Any]:
-    njit = _compiler().njit(error_model="numpy")
+    import numba
+
+    njit = numba.njit(error_model="numpy")
     m, width, by_hand = len(slots), n + len(slots), 0 if jacobian is None else n
     record = _as_record(names)
-    put = njit(_put(njit(residual), n, _entry(scalar), record))
+    # of a single equation a number will do
+    entry = numba.njit((lambda value, i: value) if scalar else (lambda value, i: value[i]))
+    put = njit(_put(njit(residual), n, entry, record))
     column = njit(_column(put, len(names), n, slots))
     rows = njit(_rows(njit(jacobian), n, width, record) if jacobian else lambda x, data, out: 0)
 
@@ -135,17 +132,6 @@ def _compiled(
         return status
 
     return njit(evaluate), njit(derive)
-
-
-def _compiler() -> Any:
-    import numba
-
-    return numba
-
-
-def _entry(scalar: bool) -> Any:
-    """An entry of what a residual gave: of a single equation a number will do."""
-    return _compiler().njit((lambda value, i: value) if scalar else (lambda value, i: value[i]))
 
 
 def _put(function: Any, n: int, entry: Any, record: Any) -> Callable[..., int]:
@@ -208,11 +194,11 @@ def _column(put: Any, count: int, n: int, slots: tuple[int, ...]) -> Callable[..
 
 def _as_record(names: tuple[str, ...]) -> Any:
     """The parameters at a pointer as a record, which is indexed by their names."""
+    import numba
     from numba.extending import intrinsic
 
-    numba, types = _compiler(), _compiler().types
-    carray = numba.carray
-    pointer = types.CPointer(numba.from_dtype(np.dtype([(name, float) for name in names])))
+    carray: Any = numba.carray  # type: ignore[attr-defined]
+    pointer = numba.types.CPointer(numba.from_dtype(np.dtype([(name, float) for name in names])))
 
     def pointed(_: Any, where: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:

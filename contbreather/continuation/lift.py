@@ -153,8 +153,7 @@ def _beside(point: Point, tangent: Array) -> Array:
     row = curve.dual(tangent)
     for distance in (_STRIDE, 2 * _STRIDE):
         try:
-            guess = point.z + distance * tangent
-            found = newton(curve.equations, curve.jacobian, guess, row=row, metric=curve.metric)
+            found = curve.newton(point.z + distance * tangent, row)
         except Undefined:
             return tangent
         if not found.converged:

@@ -16,7 +16,7 @@ from .curve import Curve
 from .dips import Place, bottom, probe, separated
 from .extended import extended
 from .loci import Singular
-from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
+from .newton import OUT_OF_DOMAIN, Solution, Undefined
 from .point import Event, Examined, Level, Locus, Point
 from .segment import Segment
 from .trail import ASIDE, Trail, Value, counts_apart, measure
@@ -156,21 +156,18 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
     left = list(points)
     while left:
         first = left.pop(0)
-        if first.event is None or first.event.examine is None:
-            yield first
-            continue
-        reach = _SAME * (1 + first.curve.length(first.z))
-        here = [first] + [
-            other
-            for other in left
-            if other.event is not None
-            and other.event.examine is not None
-            and first.curve.length(other.z - first.z) <= reach
-        ]
+        here, reach = [first], _SAME * (1 + first.curve.length(first.z))
+        for other in left if _is_verified(first) else ():
+            if _is_verified(other) and first.curve.length(other.z - first.z) <= reach:
+                here.append(other)
         left = [other for other in left if not any(other is one for one in here)]
         best = max(here, key=_rank)
         also = {p.kind: None for p in here if p.located and p.kind != best.kind}
         yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
+
+
+def _is_verified(point: Point) -> bool:
+    return point.event is not None and point.event.examine is not None
 
 
 def _rank(point: Point) -> tuple[bool, bool, bool]:
@@ -437,9 +434,8 @@ def _zero(trail: Trail, left: float, right: float) -> Iterator[Place]:
     if polished is not None:
         yield polished
         return
-    if (
-        float(trail.look(left)) * float(trail.look(right)) > 0
-    ):  # what was seen on the cubic is not there
+    # what was seen on the cubic may not be there
+    if float(trail.look(left)) * float(trail.look(right)) > 0:
         trail.done.append((left, right))
         return
     from scipy.optimize import brentq  # dear to import, and hardly ever needed
@@ -549,16 +545,10 @@ def _solved(
     problem = extended(near.curve, replace(locus, extra=own))  # names that no problem has
     curve, n = Curve(problem, ()), near.curve.size
     start = np.concatenate([near.x, problem.x[n:-1], near.z[-1:]])
-    tolerance = min(tolerance, _LOCATED)
-    found = newton(curve.equations, curve.jacobian, start, metric=curve.metric, tolerance=tolerance)
-    names = zip(locus.extra, own, strict=True)
-    detail = {name: _plain(found.z[problem.slots[long]]) for name, long in names}
-    z = np.append(found.z[:n], found.z[-1])
-    return replace(found, z=z), detail
-
-
-def _plain(value: Any) -> Any:
-    return float(value) if np.ndim(value) == 0 else value
+    found = curve.newton(start, tolerance=min(tolerance, _LOCATED))
+    known = Point(curve, found.z)
+    detail = {name: known[long] for name, long in zip(locus.extra, own, strict=True)}
+    return replace(found, z=np.append(found.z[:n], found.z[-1])), detail
 
 
 def _special(trail: Trail, point: Point, low: float, high: float, reason: str = "") -> Point:

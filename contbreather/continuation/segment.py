@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .curve import Curve
-from .newton import Dense, Solution, Undefined, newton
+from .newton import Dense, Solution, Undefined
 from .point import Point
 from .rank import weakest
 from .sparse import Matrix
@@ -60,33 +60,21 @@ class Segment:
     def at(self, u: float) -> Point:
         """The point of the curve at u, solved for."""
         if u not in self._known:
-            curve, (guess, slope) = self.curve, self.guess(u)
-            settled = self._settled(guess, slope)
-            if settled is not None:
-                z, tangent, residual, _ = settled
-                self._near(guess, z)
-                return self._known.setdefault(u, self._point(u, z, tangent, residual))
-            found = newton(
-                curve.equations,
-                curve.jacobian,
-                guess,
-                row=self._row,
-                metric=curve.metric,
-                tolerance=self.tolerance,
-            )
-            if not found.converged:
-                raise Undefined("Newton's iteration failed between two points of the curve")
-            self._near(guess, found.z)
-            tangent, _ = tangent_at(curve, found.z, slope)
-            self._known[u] = self._point(u, found.z, tangent, found.residual)
+            self._known[u] = self._point(u, *self._solved(*self.guess(u)))
         return self._known[u]
 
-    def _settled(self, guess: Array, slope: Array) -> tuple[Array, Array, float, int] | None:
-        """The point solved for and its tangent, where the equations can be compiled."""
-        settler = self.curve.settler
-        if settler is None:
-            return None
-        return settler.settled(guess, self._across, slope, self.tolerance)
+    def _solved(self, guess: Array, slope: Array) -> tuple[Array, Array, float]:
+        """z, tangent and residual across the chord, by loops where the equations have any."""
+        curve, settler = self.curve, self.curve.settler
+        known = settler and settler.settled(guess, self._across, slope, self.tolerance)
+        if known:
+            self._near(guess, known[0])
+            return known[:3]
+        found = curve.newton(guess, self._row, tolerance=self.tolerance)
+        if not found.converged:
+            raise Undefined("Newton's iteration failed between two points of the curve")
+        self._near(guess, found.z)
+        return found.z, tangent_at(curve, found.z, slope)[0], found.residual
 
     @cached_property
     def _across(self) -> Array:

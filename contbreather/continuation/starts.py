@@ -14,7 +14,7 @@ from ..checks import real
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import Curve
-from .newton import Undefined, approach, newton
+from .newton import Undefined, approach
 from .point import Event, Point
 from .problem import Problem
 from .rank import weakest
@@ -77,10 +77,7 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
         if z is None:
             return None
         tangent, _ = tangent_at(curve, z, np.eye(1, z.size, z.size - 1)[0])
-        row, metric = curve.dual(tangent), curve.metric
-        found = newton(
-            curve.equations, curve.jacobian, z, row=row, metric=metric, tolerance=tolerance
-        )
+        found = curve.newton(z, curve.dual(tangent), tolerance=tolerance)
     except Undefined:
         return None
     moved = Point(curve, found.z, tangent, 0.0, found.residual)

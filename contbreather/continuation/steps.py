@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from numbers import Integral
 
 from ..checks import real, shown
@@ -49,12 +49,15 @@ class Steps:
     growth: float = 1.5
 
     def __post_init__(self) -> None:
-        sizes = (self.smallest, self.first, self.longest(0.0), self.tolerance, self.growth)
-        given: tuple[object, ...] = (*sizes, self.most)
-        if any(math.isnan(real(size)) and not isinstance(size, float) for size in given):
-            raise BadInput(f"every entry of {self} must be a number")
-        if not all(math.isfinite(size) and size > 0 for size in sizes):
-            raise BadInput(f"every size in {self} must be finite and positive")
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if value is None and one.default is None:
+                continue
+            size = real(value)
+            if math.isnan(size) and not isinstance(value, float):
+                raise BadInput(f"{one.name} must be a number, got {shown(value)}")
+            if one.name != "most" and not 0 < size < math.inf:
+                raise BadInput(f"{one.name} must be finite and positive, got {shown(value)}")
         if not self.smallest <= min(self.first, self.longest(0.0)):
             raise BadInput(
                 f"no step may be shorter than smallest = {self.smallest:g}, "

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,8 +26,6 @@ _AS_IT_IS = 16  # and of plain text, after each of which a signal is seen
 _LOADING = 0.0 if native.workers_process() else 0.05
 _COMPILING = 3.0
 
-_stride: Callable[..., int] = plain.stride
-_settle: Callable[..., int] = plain.settle
 _log = logging.getLogger(__name__)
 
 
@@ -54,14 +53,47 @@ class Loops:
 Compilable = Callable[[tuple[str, ...], Mapping[str, float]], Loops | None]
 
 
+class _Text:
+    """A text of `stride` on the equations of a curve, as it is, or compiled once that pays; what
+    follows `d` in its arguments are `arrays`, and those of a call."""
+
+    def __init__(self, name: str, loops: Loops, d: int, arrays: Sequence[Array]) -> None:
+        self.name, self.loops, self.d, self.arrays = name, loops, d, arrays
+        self.data = np.array(loops.data)
+        self.code: Callable[..., int] | None = None
+
+    def is_compiled(self) -> bool:
+        """Whether machine code is called, which is looked for here."""
+        known = None if self.code else machine(self.loops)
+        if known is not None:
+            self.code = partial(known[self.name], self.data.ctypes.data, self.d)
+            self.at = [array.ctypes.data for array in self.arrays]
+        return self.code is not None
+
+    def __call__(self, *most: int, out: tuple[Array, ...] = ()) -> int:
+        if self.is_compiled() and self.code is not None:
+            return self.code(*most, *self.at, *(array.ctypes.data for array in out))
+        loops, arrays = self.loops, (*self.arrays, *out)
+        lists = [array.ravel().tolist() for array in arrays]
+        given = loops.evaluate, loops.derive, self.data.tolist(), self.d
+        try:
+            with _timed(loops.evaluate):
+                status: int = getattr(plain, self.name)(*given, *most, *lists)
+        except ArithmeticError:  # an overflow, where compiled code goes on with an infinity
+            return plain.LOOK
+        for array, values in zip(arrays, lists, strict=True):
+            array.reshape(-1)[:] = values
+        return status
+
+
 class Strider:
     """Takes the plain steps of one walk.
 
     Attributes
     ----------
-    size, side, longest : float
-        After a stretch: the size to try next, the sign of the bordered determinant, and the longest
-        step so far.
+    state : ndarray
+        After a stretch: arclength, the size to try next, the sign of the bordered determinant, the
+        longest step so far, and the residual.
     bend : ndarray
         How the tangent turns at its end, by arclength.
     """
@@ -77,13 +109,12 @@ class Strider:
         d = metric.size
         self.loops, self.d = loops, d
         edges = [entry for bound in bounds for entry in bound]
-        self.fixed = [np.array([*rules, len(bounds), *edges]), metric, np.concatenate(origin)]
-        self.data = np.array(loops.data)
+        fixed = [np.array([*rules, len(bounds), *edges]), metric, np.concatenate(origin)]
         self.state = np.zeros(5)
         self.moving = [np.zeros(d) for _ in range(3)]  # z, tangent, bend
-        self.scratch = [np.zeros(d), np.zeros(d), np.zeros(d), *np.zeros((3, 3 * d * d))]
-        self.out = np.zeros((_AT_ONCE, 2 * d + 2))
-        self.call: Callable[..., int] | None = None
+        self.bend = self.moving[2]
+        scratch = [*np.zeros((3, d)), *np.zeros((3, 3 * d * d))]
+        self.text = _Text("stride", loops, d, [*fixed, self.state, *self.moving, *scratch])
 
     def go(
         self,
@@ -98,54 +129,10 @@ class Strider:
         for mine, given in zip(self.moving, (z, tangent, bend), strict=True):
             mine[:] = given
         self.state[:4] = state
-        self.call = self.call or self._compiled()
-        if self.call is None:
-            count = self._as_it_is(min(most, _AS_IT_IS))
-        else:
-            count = self.call(min(most, _AT_ONCE))
-        d, rows = self.d, self.out[:count].copy()
+        most = min(most, _AT_ONCE if self.text.is_compiled() else _AS_IT_IS)
+        d, out = self.d, np.empty((most, 2 * self.d + 2))
+        rows = out[: max(self.text(most, out=(out,)), 0)].copy()
         return rows[:, :d], rows[:, d : 2 * d], rows[:, -2], rows[:, -1]
-
-    @property
-    def size(self) -> float:
-        return float(self.state[plain.SIZE])
-
-    @property
-    def side(self) -> int:
-        return int(self.state[plain.SIDE])
-
-    @property
-    def longest(self) -> float:
-        return float(self.state[plain.LONGEST])
-
-    @property
-    def bend(self) -> Array:
-        return self.moving[2].copy()
-
-    def _as_it_is(self, most: int) -> int:
-        loops = self.loops
-        lists = [array.tolist() for array in (*self.fixed, self.state, *self.moving, *self.scratch)]
-        out = [0.0] * (most * (2 * self.d + 2))
-        data = self.data.tolist()
-        try:
-            with _timed(loops.evaluate):
-                count = _stride(loops.evaluate, loops.derive, data, self.d, most, *lists, out)
-        except ArithmeticError:  # an overflow, where compiled code goes on with an infinity
-            return 0
-        for array, values in zip((self.state, *self.moving), lists[3:7], strict=True):
-            array[:] = values
-        self.out.reshape(-1)[: len(out)] = out
-        return count
-
-    def _compiled(self) -> Callable[[int], int] | None:
-        """A call of compiled code for this walk, where that is at hand or has to be."""
-        known = machine(self.loops)
-        if known is None:
-            return None
-        arrays = [self.data, *self.fixed, self.state, *self.moving, *self.scratch, self.out]
-        at = [array.ctypes.data for array in arrays]
-        both = known.evaluate, known.derive
-        return lambda most: known.stride(*both, at[0], self.d, most, *at[1:])
 
 
 class Settler:
@@ -153,11 +140,10 @@ class Settler:
 
     def __init__(self, loops: Loops, metric: Array) -> None:
         d = metric.size
-        self.loops, self.d, self.metric = loops, d, metric
-        self.data, self.rules, self.state = np.array(loops.data), np.zeros(1), np.zeros(5)
+        self.rules, self.state = np.zeros(1), np.zeros(5)
         self.own = [np.zeros(d) for _ in range(4)]  # across, slope, there, ahead
-        self.scratch = [*np.zeros((3, 3 * d * d))]
-        self.call: Callable[[], int] | None = None
+        arrays = [self.rules, metric, self.state, *self.own, *np.zeros((3, 3 * d * d))]
+        self.text = _Text("settle", loops, d, arrays)
 
     def settled(
         self, guess: Array, across: Array, slope: Array, tolerance: float
@@ -167,49 +153,17 @@ class Settler:
         self.rules[plain.TOLERANCE] = tolerance
         for mine, given in zip(self.own, (across, slope, guess), strict=False):
             mine[:] = given
-        self.call = self.call or self._compiled()
-        iterations = self._as_it_is() if self.call is None else self.call()
+        iterations = self.text()
         if iterations < 0:
             return None
         residual = float(self.state[plain.RESIDUAL])
         return self.own[2].copy(), self.own[3].copy(), residual, iterations
 
-    def _arrays(self) -> list[Array]:
-        return [self.data, self.rules, self.metric, self.state, *self.own, *self.scratch]
 
-    def _as_it_is(self) -> int:
-        data, *lists = [array.tolist() for array in self._arrays()]
-        loops = self.loops
-        try:
-            with _timed(loops.evaluate):
-                status = _settle(loops.evaluate, loops.derive, data, self.d, *lists)
-        except ArithmeticError:  # an overflow, where compiled code goes on with an infinity
-            return plain.LOOK
-        self.state[:], self.own[2][:], self.own[3][:] = lists[2], lists[5], lists[6]
-        return status
-
-    def _compiled(self) -> Callable[[], int] | None:
-        known = machine(self.loops)
-        if known is None:
-            return None
-        data, *others = [array.ctypes.data for array in self._arrays()]
-        return lambda: known.settle(known.evaluate, known.derive, data, self.d, *others)
-
-
-@dataclass(frozen=True)
-class Machine:
-    """Machine code: two functions to call, and where those of the problem are."""
-
-    stride: Callable[..., int]
-    settle: Callable[..., int]
-    evaluate: int
-    derive: int
-
-
+# Texts by name, to be called from `data` on: the functions of the problem are bound to them.
+Machine = Mapping[str, Callable[..., int]]
 _spent: dict[Any, float] = {}  # seconds without code, by equations
 _known: dict[Any, Machine | None] = {}
-
-
 _eager: list[bool] = []  # not empty where everything is compiled at once
 
 
@@ -238,22 +192,26 @@ def _timed(equations: Any) -> Iterator[None]:
 
 
 def machine(loops: Loops) -> Machine | None:
-    """Both texts and both functions of a problem in machine code, None where it does not pay yet or
+    """Both texts with the functions of a problem in machine code, None where it does not pay yet or
     cannot be had."""
-    evaluate, derive = loops.evaluate, loops.derive
+    evaluate = loops.evaluate
     if evaluate in _known:
         return _known[evaluate]
-    texts = (plain.stride, plain.KINDS), (plain.settle, plain.SETTLING)
-    functions = (evaluate, "ppp"), (derive, "ppp")
+    texts: dict[str, Any] = {
+        "stride": (plain.stride, plain.KINDS),
+        "settle": (plain.settle, plain.SETTLING),
+    }
+    functions = (evaluate, "ppp"), (loops.derive, "ppp")
     if not (loops.at_once or _eager):
         if sum(_spent.values()) < _LOADING:
             return None
         paid = _spent.get(evaluate, 0.0) >= _COMPILING
-        if not (paid or all(native.is_kept(*part) for part in (*texts, *functions))):
+        if not (paid or all(native.is_kept(*part) for part in (*texts.values(), *functions))):
             return None
     try:
-        calls, at = [native.function(*t) for t in texts], [native.address(*f) for f in functions]
-        _known[evaluate] = Machine(calls[0], calls[1], at[0], at[1])
+        calls = {name: native.function(*text) for name, text in texts.items()}
+        at = [native.address(*function) for function in functions]
+        _known[evaluate] = {name: partial(call, *at) for name, call in calls.items()}
     except native.NotCompiled as reason:
         _log.info("steps are taken without compiled code: %s", reason)
         _known[evaluate] = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -153,9 +153,9 @@ def trace(
         problem, wanted = scope(start, events, inadmissible=inadmissible)
         first = Walker(problem, free, within, sides[0], wanted, steps, along)
         for walker in [first, first.turned()] if len(sides) == 2 else [first]:
-            legs.append(Leg())
-            legs[-1].go(walker, shown, lambda special: kept.look(special, so_far))
-            if legs[0].end.stop is Stop.CLOSED:
+            legs.append(Leg(walker))
+            legs[-1].go(shown, lambda special: kept.look(special, so_far))
+            if walker.end.stop is Stop.CLOSED:
                 break
         whole = replace(_whole(legs), settings=settings, origin=origin)
         kept.finish(whole)
@@ -166,24 +166,18 @@ def trace(
 class Leg:
     """One side of a branch, as far as it has been walked."""
 
+    walker: Walker
     pieces: list[Piece] = field(default_factory=list)
-    end: End = End(Stop.INTERRUPTED)
 
-    def go(self, walker: Walker, shown: Counter, keep: Callable[[bool], None]) -> None:
-        """Run a walk to its end."""
-        pieces = walker.pieces()
-        while True:
-            try:
-                piece = next(pieces)
-            except StopIteration as stopped:
-                self.end = stopped.value
-                return
+    def go(self, shown: Counter, keep: Callable[[bool], None]) -> None:
+        """Walk to its end."""
+        for piece in self.walker.pieces():
             self.pieces.append(piece)
             shown.advance(piece[-1], len(piece))
             keep(isinstance(piece, list) and any(point.kind for point in piece))
 
     def branch(self) -> Branch:
-        points, end = labelled(Points.joined(self.pieces)), self.end
+        points, end = labelled(Points.joined(self.pieces)), self.walker.end
         return Branch(points, end.stop, reason=end.reason, doubtful=end.doubtful)
 
 
@@ -198,7 +192,7 @@ def _whole(legs: Sequence[Leg]) -> Branch:
 def _so_far(legs: Sequence[Leg]) -> Branch | None:
     """What an interrupted walk leaves: nothing, one side, or more."""
     walked = [leg for leg in legs if leg.pieces]
-    if len(walked) == 1 and walked[0].end.stop is not Stop.INTERRUPTED:
+    if len(walked) == 1 and walked[0].walker.end.stop is not Stop.INTERRUPTED:
         finished = walked[0].branch().reversed()  # the other side was to set out from its start
         return _with_ends(replace(finished, stop=Stop.INTERRUPTED))
     return _whole(walked) if walked else None
@@ -278,6 +272,7 @@ class Walker:
                 self.curve, self.curve.start, tangent, 0.0, residual, detail=self._moved(problem)
             )
             self.tests = self._first_tests()
+        self.end = End(Stop.INTERRUPTED)
         self.longest, self.tiny = 0.0, 0
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
         self.ahead: Sequence[Point] = ()  # plain steps that were taken,
@@ -296,15 +291,11 @@ class Walker:
 
     def run(self) -> Generator[Point, None, End]:
         """Step, look for events, yield: until the curve, the window or the numerics end."""
-        pieces = self.pieces()
-        while True:
-            try:
-                yield from next(pieces)
-            except StopIteration as stopped:
-                end: End = stopped.value
-                return end
+        for piece in self.pieces():
+            yield from piece
+        return self.end
 
-    def pieces(self) -> Generator[Piece, None, End]:
+    def pieces(self) -> Iterator[Piece]:
         """The same, several points at a time."""
         point, size, tests = self.origin, self.steps.first, self.tests
         bend = np.zeros_like(point.z)
@@ -330,20 +321,24 @@ class Walker:
                     found = self._events_on(point, step, tests, first=count == 0)
                     line, stop = self._line_up(point, step, found, first=count == 0)
             except Failed as failed:
-                end = failed if point is not self.origin else self._stuck(failed)
+                end = failed
                 break
             doubtful += found.doubtful
             yield line
             if stop is not None:
-                return End(stop, self._rim(line[-1], stop), tuple(doubtful))
+                self.end = End(stop, self._rim(line[-1], stop), tuple(doubtful))
+                return
             if not step.plain:
                 turned = step.point.direction - point.direction
                 bend, size = turned / (step.point.arclength - point.arclength), step.next_size
             point, tests, count = step.point, found.after, count + 1
             self.side = step.side or self.side
+        reason = end.reason or self._rim(point, end.stop)
         if point is self.origin:
+            if self.directed and end.stop is Stop.NO_CONVERGENCE:
+                reason = f"no curve leaves the start in this direction: {reason}"
             yield [point]
-        return End(end.stop, end.reason or self._rim(point, end.stop), tuple(doubtful))
+        self.end = End(end.stop, reason, tuple(doubtful))
 
     @property
     def waits(self) -> bool:
@@ -385,7 +380,9 @@ class Walker:
         step = self.stepper.advance(point, bend, size, self.side)
         self._refuse_to_crawl(step.point.arclength - point.arclength)
         if count > 2 and self._returns(point, step.point):
-            step = replace(step, point=self._closing(point), stop=Stop.CLOSED)
+            length = point.arclength + self.curve.length(self.origin.z - point.z)
+            end = replace(self.origin, arclength=length)
+            step = replace(step, point=end, stop=Stop.CLOSED)
         return step
 
     def _stride(
@@ -400,9 +397,10 @@ class Walker:
         if len(stretch[0]) and strider.loops.at_once and self._strayed(stretch[0], stretch[1]):
             self.strider = None
             return (), size, bend
+        _, size, side, longest, _ = strider.state.tolist()
         if len(stretch[0]):
-            self.side, self.longest, self.tiny = strider.side, strider.longest, 0
-        return Points(self.curve, *stretch), strider.size, strider.bend
+            self.side, self.longest, self.tiny = int(side), longest, 0
+        return Points(self.curve, *stretch), size, strider.bend.copy()
 
     def _strayed(self, zs: Array, tangents: Array) -> bool:
         """Whether the derivative of compiled functions, differences with the steps that suited the
@@ -443,13 +441,6 @@ class Walker:
                 if math.isclose(value, edge, rel_tol=EXACT):
                     return f"the domain of {bound.name} ends at {value:g}"
         return ""
-
-    def _stuck(self, failed: Failed) -> Failed:
-        """What to say of a walk that cannot make its first step."""
-        if not self.directed or failed.stop is not Stop.NO_CONVERGENCE:
-            return failed
-        reason = f"no curve leaves the start in this direction: {failed.reason}"
-        return Failed(failed.stop, reason)
 
     def _refuse_to_crawl(self, length: float) -> None:
         """End a walk that only takes tiny steps: it would not get anywhere, at great expense."""
@@ -536,10 +527,6 @@ class Walker:
         near = self.stepper.correct(self.origin.z + gap - row.dot(gap) * self.origin.direction, row)
         gap = near.z - self.origin.z
         return self.curve.length(gap) <= _FINE * (1 + self.curve.length(near.z))
-
-    def _closing(self, point: Point) -> Point:
-        length = self.curve.length(self.origin.z - point.z)
-        return replace(self.origin, arclength=point.arclength + length)
 
 
 def _quiet() -> np.errstate:
