@@ -24,9 +24,9 @@ from contbreather.continuation import (
 from contbreather.continuation.diagram import Diagram, diagram
 from contbreather.continuation.lift import Lift, Seed
 from contbreather.continuation.maps import FixedPoint
-from contbreather.errors import BadInput, Interrupted, NotConverged
+from contbreather.errors import Interrupted, NotConverged
 
-from .zoo import LORENZ, PITCHFORK, STATIC, TRANSCRITICAL, Array, imperfect, scalar
+from .zoo import LORENZ, PITCHFORK, STATIC, TRANSCRITICAL, Array, Counted, imperfect, scalar
 
 MU = {"mu": (-1.0, 1.0)}
 WIDE = {"mu": (-2.0, 2.0)}
@@ -304,26 +304,14 @@ def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on(
     assert "1 arm not followed" in tree.describe()
 
 
-class Impatient:
-    """Raises what Ctrl-C raises, at the n-th evaluation."""
-
-    def __init__(self, at: int) -> None:
-        self.at, self.calls = at, 0
-
-    def __call__(self, x: Array, p: Mapping[str, float]) -> Array:
-        self.calls += 1
-        if self.calls == self.at:
-            raise KeyboardInterrupt
-        return two_levels(x, p)
-
-
 def test_an_interruption_at_any_moment_hands_over_what_there_is() -> None:
-    whole = Impatient(0)
+    whole = Counted(two_levels)
     grown(Problem(whole, {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
     kept = []
     for at in np.linspace(200, whole.calls - 1, 23).astype(int):
+        mine = Counted(two_levels, interrupted=at)
         with pytest.raises(Interrupted) as stop:
-            grown(Problem(Impatient(at), {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
+            grown(Problem(mine, {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
         tree = stop.value.partial
         assert tree.interrupted
         assert tree.graph.number_of_nodes() > 0
@@ -336,35 +324,13 @@ def test_an_interruption_at_any_moment_hands_over_what_there_is() -> None:
 
 def test_an_interruption_before_the_first_point_has_nothing_to_hand_over() -> None:
     with pytest.raises(Interrupted) as stop:
-        grown(Problem(Impatient(1), {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
+        grown(Problem(Counted(two_levels, interrupted=1), {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
     assert stop.value.partial is None
 
 
 def test_a_start_that_is_no_solution_is_refused_like_anywhere() -> None:
     with pytest.raises(NotConverged, match="is not a solution"):
         grown(scalar(lambda x, p: 1 + x**2 + p["mu"] ** 2, 0.0, {"mu": 0.0}))
-
-
-@pytest.mark.parametrize(
-    "given",
-    [{"depth": -1}, {"most": 0}, {"depth": "2"}, {"depth": 1.5}, {"most": None}, {"depth": True}],
-)
-def test_impossible_bounds_are_refused(given: dict[str, object]) -> None:
-    with pytest.raises(BadInput, match=r"a whole number, at least [01], was expected"):
-        grown(PITCHFORK.problem, **given)
-
-
-@pytest.mark.parametrize(
-    ("given", "wanted"),
-    [
-        ({"within": 3}, "windows by name"),
-        ({"events": 3}, "events must be a list"),
-        ({"steps": 3}, "steps must be given as Steps"),
-    ],
-)
-def test_what_is_no_window_event_or_step_is_refused(given: dict[str, int], wanted: str) -> None:
-    with pytest.raises(BadInput, match=wanted):
-        grown(PITCHFORK.problem, **given)
 
 
 # --- what is shown ----------------------------------------------------------------------------

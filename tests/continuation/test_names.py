@@ -11,16 +11,6 @@ from contbreather.continuation.point import Meeting
 from contbreather.errors import BadInput
 
 
-@pytest.mark.parametrize("name", ["arclength", "residual"])
-def test_the_names_of_columns_that_every_branch_has_are_taken(name: str) -> None:
-    line = {"residual": lambda x, p: x - 1.0, "start": {"x": 1.0}, "params": {"mu": 0.0}}
-    for given in ({"start": {name: 1.0}}, {"params": {"mu": 0.0, name: 1.0}}):
-        with pytest.raises(BadInput, match=rf"rename \['{name}'\] in the problem"):
-            cb.Problem(**{**line, **given})
-    with pytest.raises(BadInput, match=rf"rename \['{name}'\]"):
-        cb.Problem(**line, record={name: lambda point: 0.0})
-
-
 def test_a_level_that_was_met_is_said() -> None:
     problem = cb.Problem(
         lambda x, p: x - p["mu"],

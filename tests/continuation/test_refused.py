@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,10 @@ import pytest
 from numpy.typing import NDArray
 
 import contbreather as cb
-from contbreather.continuation import Stop, sealed
+from contbreather.continuation import Event, sealed
 from contbreather.errors import BadInput, NoSolution, NotConverged
+
+from .zoo import LINE, PITCHFORK
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -119,6 +121,181 @@ def test_two_multipliers_minus_one_with_two_eigenvectors_are_no_simple_doubling(
                for point in branch.doubtful) or branch.doubtful  # fmt: skip
 
 
+# --- what was given -------------------------------------------------------------------------------
+
+
+def line(**given: Any) -> cb.Branch:
+    return cb.trace(LINE.problem, given.pop("free", "mu"), **given)
+
+
+def solved(residual: Any, *, n: int = 2, **given: Any) -> cb.Branch:
+    """A walk from x = 0, or from a row of numbers, with the parameter mu."""
+    start = {"x": 0.0} if n == 1 else {"x": np.zeros(n)}
+    return cb.trace(cb.Problem(residual, start, {"mu": 0.0}, **given), "mu")
+
+
+def problem(start: Any, params: Any, **given: Any) -> cb.Problem:
+    return cb.Problem(lambda x, p: x - p["mu"], start, params, **given)
+
+
+def measured(value: Any, since: float) -> cb.Branch:
+    """A test that gives no number from some mu on."""
+    event = Event("UZ", lambda point: 1.0 if point["mu"] < since else value)
+    return line(within={"mu": (-1.0, 1.0)}, events=[event])
+
+
+def only_here(x: Array, p: Params) -> Array:
+    if x[0] != 0:
+        raise ValueError("nothing beside it")
+    return np.array([0.0])
+
+
+RIGHT, FOUR = np.eye(2), problem({"u": np.ones(4)}, {"mu": 1.0})
+BAD: tuple[Any, ...] = ("a", 1j, [[1], [1, 2]], {})  # no numbers
+NO_PAIR = r"the window of 'mu' must be a pair \(low, high\) of numbers, got "
+NO_NUMBER = "must be a number or a one-dimensional array of numbers, got "
+Row = tuple[Callable[..., Any], Sequence[Any], dict[str, Any], str]
+GIVEN: list[Row] = [
+    # problems
+    (problem, ({"x": math.nan}, {"mu": 0.0}), {}, "'x' must be finite, got nan"),
+    (problem, ({"x": 0.0}, {"mu": math.inf}), {}, "'mu' must be finite, got inf"),
+    (problem, ({"x": np.zeros((2, 2))}, {}), {}, r"'x' has shape \(2, 2\)"),
+    (problem, ({"x": np.zeros(0)}, {}), {}, "'x' is empty; at least one number was expected"),
+    (problem, ({"x": 0.0}, {"mu": [0.0]}), {}, r"'mu' has shape \(1,\); a number"),
+    (problem, ({"x": 0.0}, {}), {"domain": {"y": (0, 1)}}, "no 'y' in this problem"),
+    *((problem, ({"x": value}, {}), {}, f"'x' {NO_NUMBER}") for value in BAD),
+    *((problem, ({"x": 0.0}, {"mu": value}), {}, f"'mu' {NO_NUMBER}") for value in BAD),
+    *(
+        (problem, (start, params), more, rf"rename \['{name}'\] in the problem")
+        for name in ("arclength", "residual")
+        for start, params, more in (
+            ({name: 1.0}, {}, {}), ({"x": 1.0}, {name: 1.0}, {}),
+            ({"x": 1.0}, {}, {"record": {name: lambda point: 0.0}}),
+        )
+    ),
+    (LINE.problem.at, (), {"nu": 1.0}, r"no 'nu' in this problem; it has \['x', 'mu'\]"),
+    (LINE.problem.at, (), {"x": [1.0, 2.0]}, r"x = \[1\.0, 2\.0\]: a number was expected"),
+    (problem({"u": np.ones(3)}, {}).at, (), {"u": 1.0}, r"u = 1\.0: an array was expected, as it"),
+    # equations and their derivatives
+    (solved, (lambda u, p: np.zeros(3),), {}, r"the residual has shape \(3,\) for 2 unknowns"),
+    (solved, (lambda u, p: 0.0,), {}, r"has shape \(1,\) for 2 unknowns; as many equations as unk"),
+    (solved, (lambda u, p: np.zeros((2, 1)),), {}, r"has shape \(2, 1\) for 2 unknowns"),
+    *(
+        (solved, (lambda x, p, value=value: value,), {"n": 1},
+         r"the residual is array.*an array of numbers was expected")
+        for value in (None, "a", np.array([object()]), True)
+    ),
+    (solved, (lambda x, p: x - p["mu"] if p["mu"].real < 0.5 else None,), {"n": 1},
+     "the residual is array"),
+    *(
+        (solved, (lambda x, p, equation=equation: equation(x[0], p["mu"]),), {"n": 1},
+         r"no value at the start x=0, mu=0: .+")
+        for equation in (
+            lambda x, mu: 1 / mu, lambda x, mu: math.log(mu), lambda x, mu: x * math.nan,
+        )
+    ),
+    (solved, (lambda u, p: u,), {"jacobian": lambda u, p: np.eye(3)},
+     r"Jacobian has shape \(3, 3\); \(2, 2\) was expected"),
+    (solved, (lambda u, p: u,),
+     {"jacobian": lambda u, p: RIGHT, "sensitivity": lambda u, p, name: np.zeros((2, 1))},
+     r"sensitivity has shape \(2, 1\); \(2,\) was expected"),
+    # starts and directions
+    *(
+        (cb.trace, (start, "mu"), {}, f"a Problem was expected, or what has one: .* got {kind}")
+        for start, kind in ((None, "None"), (3, "an int"), ("PF", "a str"), (3.0, "a float"))
+    ),
+    *(
+        (cb.switch, (point,), {}, f"switch takes a special point .* got {kind}")
+        for point, kind in ((None, "None"), ("PF", "a str"), (3.0, "a float"))
+    ),
+    *(
+        (line, (), {"free": free}, r"is not a parameter of this problem; it has \['mu'\]")
+        for free in (["mu"], ("mu",), None, 3, "nu", "x")
+    ),
+    *(
+        (cb.trace, (PITCHFORK.problem, "mu"), {"along": along}, "a direction of")
+        for along in ("ab", [1j, 1.0], [1.0], [0.0, 0.0], [1.0, math.inf])
+    ),
+    (cb.trace, (cb.Problem(only_here, {"x": 0.0}, {"mu": 0.0}), "mu"), {"along": [1.0, 0.0]},
+     "no derivatives at the start"),
+    *(
+        (line, (), {"towards": towards}, "towards must be 'both', 'up' or 'down', got")
+        for towards in ("left", "", None, 1)
+    ),
+    *(
+        (cb.diagram, (PITCHFORK.problem, "mu"), {"within": {}, **bound}, "a whole number, at least")
+        for bound in (
+            {"depth": -1}, {"most": 0}, {"depth": "2"}, {"depth": 1.5}, {"most": None},
+            {"depth": True},
+        )
+    ),
+    *(
+        (cb.diagram, (PITCHFORK.problem, "mu"), {"within": {}, name: 3}, words)
+        for name, words in (
+            ("within", "windows by name"), ("events", "must be a list"), ("steps", "given as Steps")
+        )
+    ),
+    # windows
+    *(
+        (line, (), {"within": {"mu": window}}, NO_PAIR)
+        for window in ((None, 1), ("a", "b"), (0, 1, 2), 3, None, (math.nan, 1))
+    ),
+    (line, (), {"within": {"nu": (0, 1)}}, r"no 'nu' in this problem; it has \['x', 'mu'\]"),
+    (line, (), {"within": {"mu": (1, 0)}}, r"the window of 'mu' is empty: \(1, 0\)"),
+    (line, (), {"within": {"mu": (0, 0)}}, r"the window of 'mu' is empty"),
+    (line, (), {"within": {"mu": (1, 2)}}, r"the start has mu=0, outside \(1, 2\)"),
+    *(
+        (cb.trace, (FOUR, "mu"), {"within": {"u": window}}, words)
+        for window, words in (
+            ((-1, 30), "its window is one of its norm, which is never negative"),
+            ((20, 30), r"the start has \|u\|=2, outside \(20, 30\)"),
+            ((9, 8), "the window of 'u' is empty"), (5, "must be a pair"),
+        )
+    ),
+    # events
+    (line, (), {"events": 3}, "events must be a list of them, got 3"),
+    *(
+        (measured, (value, since), {}, r"the test of UZ gave .*; one real number was expected")
+        for value in (None, 1j, np.array([1.0]), "a")
+        for since in (-9.0, 0.5)
+    ),
+    # steps
+    (line, (), {"steps": 0.1}, r"steps must be given as Steps\(largest=...\), got 0.1"),
+    *(
+        (cb.Steps, (), {name: value}, f"^{name} must be {words}, got {value!r}$")
+        for name, value, words in (
+            ("first", 0.0, "finite and positive"), ("first", "a", "a number"),
+            ("largest", -1.5, "finite and positive"), ("largest", math.nan, "finite and positive"),
+            ("smallest", math.inf, "finite and positive"), ("smallest", None, "a number"),
+            ("tolerance", math.nan, "finite and positive"),
+            ("tolerance", -1.0, "finite and positive"),
+            ("growth", None, "a number"), ("most", True, "a number"),
+            *(("most", count, "a whole number, at least 1 step") for count in (0, 10.5, math.nan)),
+        )
+    ),
+    (cb.Steps, (), {"smallest": 0.02}, r"shorter than smallest = 0\.02, got first = 0\.01"),
+    (cb.Steps, (), {"smallest": 0.2, "first": 1.0}, r"and largest = 0\.1"),
+    (cb.Steps, (), {"growth": 1.0}, "growth must exceed 1, got 1"),
+    (cb.Steps, (), {"growth": 0.5}, "growth must exceed 1, got 0.5"),
+    (cb.Steps, (), {"tolerance": 0.9e-13}, "below 1e-13 is lost in rounding, got 9e-14"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "given", "named", "sentence"), GIVEN)
+def test_what_makes_no_sense_is_refused(
+    call: Callable[..., Any], given: Sequence[Any], named: dict[str, Any], sentence: str
+) -> None:
+    with pytest.raises(BadInput, match=sentence):
+        call(*given, **named)
+
+
+def test_a_point_that_is_not_there_is_an_index_error_with_the_length_of_the_branch() -> None:
+    branch = line(within={"mu": (0.0, 0.01)})
+    for index in (len(branch), -len(branch) - 1, 10**9, 10**5000):
+        with pytest.raises(IndexError, match=rf"^branch\[.*\]: it has {len(branch)} points$"):
+            branch[index]
+
+
 # --- walks ----------------------------------------------------------------------------------------
 
 
@@ -150,24 +327,18 @@ def test_a_misspelt_parameter_is_a_sentence_with_the_parameters_there_are(where:
         cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})
 
 
-def test_a_table_of_the_users_own_without_an_entry_is_an_error_of_its_own() -> None:
-    problem = cb.Problem(lambda x, p: x * {}["mu"], {"x": 0.0}, {"mu": 1.0})
+@pytest.mark.parametrize(
+    ("residual", "more"),
+    [
+        (lambda x, p: x * {}["mu"], {}),
+        (lambda x, p: x - p["mu"] if p["mu"] < 1.5 else x - {}["mu"], {}),
+        (lambda x, p: x - p["mu"], {"jacobian": lambda x, p: {}["mu"]}),
+    ],
+)
+def test_a_table_of_the_users_own_without_an_entry_is_an_error_of_its_own(residual, more) -> None:
+    problem = cb.Problem(residual, {"x": 1.0}, {"mu": 1.0}, **more)
     with pytest.raises(KeyError, match="mu"):
         cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})
-
-
-def test_a_walk_into_a_rim_ends_there_with_the_reason() -> None:
-    def field(x: Array, p: Params) -> Any:
-        if np.real(p["m"]) > 0.5:
-            raise ValueError("no value beyond a half")
-        return x - p["m"]
-
-    branch = cb.trace(
-        cb.Problem(field, {"x": 0.0}, {"m": 0.0}), "m", within={"m": (-1, 1)}, events=()
-    )
-    assert branch.stop is Stop.RIM
-    assert branch[-1]["m"] == pytest.approx(0.5, abs=1e-2)
-    assert branch.began is Stop.BOUND
 
 
 @pytest.mark.parametrize("towards", ["up", "down", "both"])
@@ -176,32 +347,6 @@ def test_a_walk_goes_where_it_is_told_to(towards: str) -> None:
     branch = cb.trace(mine, "m", towards=towards, within={"m": (-0.3, 0.4)}, events=())
     ends = {"up": (0.0, 0.4), "down": (-0.3, 0.0), "both": (-0.3, 0.4)}[towards]
     assert (branch["m"].min(), branch["m"].max()) == pytest.approx(ends, abs=1e-12)
-    for wrong in ("left", "", None, 1):
-        with pytest.raises(BadInput, match="towards must be 'both', 'up' or 'down', got"):
-            cb.trace(mine, "m", towards=wrong, events=())
-
-
-def test_a_terminal_level_ends_a_walk_and_others_do_not() -> None:
-    mine = cb.Problem(lambda x, p: x - p["m"], {"x": 0.0}, {"m": 0.0})
-    for terminal in (False, True):
-        events = [cb.user("m", 0.25, terminal=terminal)]
-        branch = cb.trace(mine, "m", towards="up", within={"m": (0.0, 0.5)}, events=events)
-        assert branch[-1]["m"] == pytest.approx(0.25 if terminal else 0.5, abs=1e-12)
-        assert branch.stop is (Stop.EVENT if terminal else Stop.BOUND)
-        assert branch.first("UZ")["m"] == pytest.approx(0.25, abs=1e-12)
-
-
-def test_of_a_diagram_no_more_branches_are_followed_than_asked_for() -> None:
-    mine = cb.Problem(
-        lambda x, p: x * (p["m"] - x), {"x": 0.0}, {"m": -0.5}, events=[cb.branch_point()]
-    )
-    within = {"m": (-1.0, 1.0), "x": (-1.0, 1.0)}
-    tree = cb.diagram(mine, "m", within=within)
-    one = cb.diagram(mine, "m", within=within, most=1)
-    assert len(tree.branches) == 3
-    assert len(one.branches) == 1
-    assert one.left
-    assert not tree.left
 
 
 # --- closed forms at their rims -------------------------------------------------------------------

@@ -38,6 +38,7 @@ from .zoo import (
     STATIC,
     TRANSCRITICAL,
     Array,
+    counted,
     crowded,
     scalar,
     trace_case,
@@ -190,19 +191,9 @@ def test_any_event_can_have_its_own_arms_in_a_larger_problem() -> None:
 
 
 def test_an_interruption_keeps_the_arms_there_are() -> None:
-    calls = 0
-
-    def residual(x: Array, p: Mapping[str, float]) -> Array:
-        nonlocal calls
-        calls += 1
-        if calls > limit:
-            raise KeyboardInterrupt
-        return np.array([x[0] * (p["mu"] - x[0] ** 2)])
-
-    limit = 10**9
-    mine = Problem(residual, {"x": 0.0}, {"mu": -0.7})
+    mine, counter = counted(PITCHFORK.problem)
     point = trace(mine, "mu", events=[branch_point()], within=MU).first("BP")
-    limit = calls + 120
+    counter.interrupted = counter.calls + 121
     with pytest.raises(Interrupted) as stop:
         switch(point, within=MU)
     arms = stop.value.partial
@@ -329,16 +320,6 @@ def test_no_first_step_is_an_error_not_a_branch_of_one_point() -> None:
         follow(point, seed, within=MU, steps=Steps(smallest=1e-3))
 
 
-def test_a_start_without_derivatives_is_refused() -> None:
-    def residual(x: Array, p: Mapping[str, float]) -> Array:
-        if x[0] != 0:
-            raise ValueError("nothing beside it")
-        return np.array([0.0])
-
-    with pytest.raises(BadInput, match="no derivatives at the start"):
-        trace(Problem(residual, {"x": 0.0}, {"mu": 0.0}), "mu", along=[1.0, 0.0])
-
-
 # --- the door to the walk ---------------------------------------------------------------------
 
 
@@ -422,11 +403,3 @@ def test_a_large_scale_does_not_blur_what_is_known() -> None:
 def test_folds_are_no_branch_points_for_the_algebraic_bifurcation_equation() -> None:
     branch = trace(CIRCLE.problem, "mu", events=[fold(), branch_point()])
     assert {point.kind for point in branch.special} <= {"LP", "EP"}
-
-
-@pytest.mark.parametrize(("thing", "kind"), [("PF", "a str"), (None, "None"), (3.0, "a float")])
-def test_what_is_no_point_or_start_is_refused_by_its_type(thing: object, kind: str) -> None:
-    with pytest.raises(BadInput, match=f"switch takes a special point .* got {kind}"):
-        switch(thing)
-    with pytest.raises(BadInput, match=f"a Problem was expected, or what has one: .* got {kind}"):
-        trace(thing, "mu")

@@ -166,28 +166,6 @@ def test_words_lean_to_the_left_and_numbers_to_the_right() -> None:
 # --- sizes of steps -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"first": 0.0}, "every size in .* must be finite and positive"),
-        ({"largest": -1.0}, "every size in .* must be finite and positive"),
-        ({"smallest": math.inf}, "every size in .* must be finite and positive"),
-        ({"tolerance": math.nan}, "every size in .* must be finite and positive"),
-        ({"first": "x"}, "every entry of .* must be a number"),
-        ({"smallest": 0.02}, r"no step may be shorter than smallest = 0\.02, got first = 0\.01"),
-        ({"smallest": 0.2, "first": 1.0}, r"and largest = 0\.1"),
-        ({"growth": 1.0}, "growth must exceed 1, got 1"),
-        ({"growth": 0.5}, "growth must exceed 1, got 0.5"),
-        ({"tolerance": 0.9e-13}, "a tolerance below 1e-13 is lost in rounding, got 9e-14"),
-        ({"most": 0}, "most must be a whole number, at least 1 step, got 0"),
-        ({"most": 1.5}, "most must be a whole number, at least 1 step, got 1.5"),
-    ],
-)
-def test_steps_that_cannot_be_made_are_refused(given: dict[str, Any], words: str) -> None:
-    with pytest.raises(BadInput, match=words):
-        cb.Steps(**given)
-
-
 def test_steps_at_the_rims_of_what_can_be_made() -> None:
     assert cb.Steps(tolerance=1e-13, most=1, growth=1.0001, smallest=0.01).first == 0.01
     assert cb.Steps().longest(0.0) == 0.1

@@ -47,17 +47,3 @@ def test_the_domain_of_an_array_is_one_of_its_norm_too() -> None:
     branch = cb.trace(cubes(domain={"u": (0, 9)}), "mu", within={"mu": (0.5, 1e4)}, towards="up")
     assert branch.reason == "the domain of u ends at 9"
     assert np.linalg.norm(branch[-1]["u"]) == pytest.approx(9, rel=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("window", "sentence"),
-    [
-        ((-1, 30), "its window is one of its norm, which is never negative"),
-        ((20, 30), r"the start has \|u\|=6.34\d*, outside \(20, 30\)"),
-        ((9, 8), "the window of 'u' is empty"),
-        (5, "must be a pair"),
-    ],
-)
-def test_windows_that_make_no_sense_for_an_array_are_refused(window: object, sentence: str) -> None:
-    with pytest.raises(cb.BadInput, match=sentence):
-        cb.trace(cubes(), "mu", within={"u": window})  # type: ignore[dict-item]

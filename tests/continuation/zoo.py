@@ -379,13 +379,16 @@ def trace_case(case: Case, scale: float = 1.0, first: float = 0.1, **given: Any)
 
 @dataclass
 class Counted:
-    """A residual that counts its calls."""
+    """A residual that counts its calls, and does what Ctrl-C does at one of them."""
 
     residual: Callable[..., Array]
     calls: int = 0
+    interrupted: float = math.inf
 
     def __call__(self, x: Array, params: Mapping[str, float]) -> Array:
         self.calls += 1
+        if self.calls == self.interrupted:
+            raise KeyboardInterrupt
         return self.residual(x, params)
 
 
