@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
@@ -367,12 +368,15 @@ class _Search:
                 f"no breather at {self.name} = {self.value:g} for {self._searched()}; "
                 "widen the window, or choose another value"
             )
-        # a curve too narrow for the comb still shows where it meets another: look beside that
+        # a curve too narrow for the comb still shows where it meets others: look beside these, and
+        # between them, where one that leads from meeting to meeting has to pass
+        met = [point[self.pair[0]] for point in self._unexplained()]
+        beside = [x + step for x in met for step in (-BESIDE, BESIDE)]
+        between = [0.5 * (x + other) for x, other in pairwise(sorted(met))]
         low, high = self.within[self.pair[0]]
-        for met in self._unexplained():
-            for x in (met[self.pair[0]] - BESIDE, met[self.pair[0]] + BESIDE):
-                if low <= x <= high:
-                    self._scan(x, shown)
+        for x in (*beside, *between):
+            if low <= x <= high:
+                self._scan(x, shown)
 
     def _searched(self) -> str:
         """The windows as words."""

@@ -177,6 +177,19 @@ def test_the_line_is_not_monotone_in_the_amplitude() -> None:
     assert line["a"][lowest] == pytest.approx(0.26, abs=0.02)
 
 
+@pytest.mark.parametrize(("sites", "k"), [(16, 0.7), (8, 0.3), (40, 0.3)])
+def test_a_curve_narrower_than_the_comb_is_found_between_its_meetings(sites: int, k: float) -> None:
+    found = cb.zones(k=k, lattice=cb.Ring(sites), within={"gamma": (0.24, 0.2499)})
+    (line,) = found["NS"]
+    assert np.ptp(line["gamma"]) < 3e-4
+    assert sorted(point.kind for point in line.special) == ["NS-GR", "NS-LP"]
+    for other in ("LP", "GR"):
+        there = found[other][0].first(f"{other}-NS")
+        here = line.first(f"NS-{other}")
+        assert there["a"] == pytest.approx(here["a"], abs=1e-9)
+        assert there["gamma"] == pytest.approx(here["gamma"], abs=1e-9)
+
+
 def test_windows_narrow_the_search_and_empty_ones_are_refused() -> None:
     narrow = cb.zones(k=0.8, within={"gamma": (0.0, 0.05)})
     assert narrow.curves["LP"][0]["gamma"].max() == 0.05
