@@ -50,25 +50,13 @@ class Between(NamedTuple):
 
 
 class Watch(Protocol):
-    """What the clearance of an orbit is measured on."""
+    """What the clearance of an orbit is measured on; those of all roads derive from it."""
 
-    @property
-    def k(self) -> float: ...
-    @property
-    def highest(self) -> int:
-        """Highest harmonic of the forcing."""
-
-    @property
-    def start(self) -> float:
-        """Time of the first impact of a section."""
-
-    @property
-    def length(self) -> float:
-        """Of the section, in time."""
-
-    @property
-    def sign(self) -> int:
-        """-1 where the motion is reversed after a section, 1 where it repeats."""
+    k: float
+    highest: int  # harmonic of the forcing
+    start: float  # time of the first impact of a section
+    length: float  # of the section, in time
+    sign: int  # -1 where the motion is reversed after a section, 1 where it repeats
 
     @property
     def flights(self) -> tuple[Between, ...]:
@@ -82,9 +70,12 @@ class Watch(Protocol):
     def beside(self) -> Collection[int]:
         """Sites coupled to one that hits a wall."""
 
-    def walls(self, site: int) -> Wall: ...
+    def walls(self, site: int) -> Wall:
+        return USUAL
+
     def far(self) -> tuple[float, float]:
         """Time and margin of the far field, 1 where there is none."""
+        return self.start, 1.0
 
     def at(self, site: Any, t: float) -> Terms:
         """Displacement, velocity and acceleration of a site."""
@@ -97,9 +88,12 @@ class Watch(Protocol):
 
     def packed(self) -> Any:
         """The motion as numbers for `clearance_loops`, None where it has no such form."""
+        return None
 
     def felt(self, site: int) -> float:
-        """How strongly a site feels the impacts, in powers of the coupling."""
+        """How strongly a site feels the impacts, in powers of the coupling; 1 where a lattice knows
+        no distances."""
+        return 1.0
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import USUAL, Between, Terms, Wall, fineness
+from contbreather.breathers.clearance import Between, Terms, Wall, Watch, fineness
 from contbreather.lattice import Forcing, Lattice
 from contbreather.lattice.green import POWERS, TERMS, Flight, response_weights
 from contbreather.lattice.periodic import is_resonant, wave, wave_basis, wave_rows, wave_table
@@ -43,7 +43,7 @@ class Packed(NamedTuple):
 # --- the closed form ------------------------------------------------------------------------
 
 
-class ClosedWatch:
+class ClosedWatch(Watch):
     """A symmetric breather of chain or ring, with the site 0 that impacts; of each pair of sites
     that are mirror images one is watched."""
 
@@ -70,9 +70,6 @@ class ClosedWatch:
         # sites that the impacts do not reach move as the first of them does
         return sites[: 1 + int(np.count_nonzero(b.p * np.abs(first) > FAINT))]
 
-    def walls(self, site: int) -> Wall:
-        return USUAL
-
     def packed(self) -> Packed | None:
         """None with springs."""
         b = self.breather
@@ -80,8 +77,7 @@ class ClosedWatch:
             return None
         idle = tuple(_distances(b.lattice).tolist())
         impacts = ((0, b.phi, -2.0 * b.p), (0, b.phi + math.pi, 2.0 * b.p))
-        head = b.k, b.a, 1.0, self.start, self.length, self.far()[1]
-        return _packed(b, head, (0,), idle, (1,), impacts, 1, None)
+        return _packed(self, b, 1, (0,), idle, impacts, 0.0)
 
     def far(self) -> tuple[float, float]:
         b = self.breather
@@ -118,30 +114,30 @@ class ClosedWatch:
 
 
 def _packed(
+    watch: Watch,
     orbit: Any,
-    head: tuple[float, ...],
+    turns: int,
     hit: tuple[int, ...],
     idle: tuple[int, ...],
-    beside: tuple[int, ...],
     impacts: tuple[tuple[int, float, float], ...],
-    flights: int,
-    offsets: FloatArray | None,
+    offsets: FloatArray | float,
 ) -> Packed | None:
-    sites, f, n = (*hit, *idle), orbit.forcing, int(head[2])
+    sites, f, beside = (*hit, *idle), orbit.forcing, tuple(sorted(watch.beside))
     distances, places = _places(orbit.lattice, sites, beside, tuple(one[0] for one in impacts))
-    table = wave_rows(orbit.lattice, orbit.gamma, distances, n)
+    table = wave_rows(orbit.lattice, orbit.gamma, distances, turns)
     if table is None:
         return None
-    if offsets is not None:
-        places = places.copy()
-        places[:, 0] = offsets
+    places = places.copy()
+    places[:, 0] = offsets
+    head = watch.k, orbit.a, turns, watch.start, watch.length, watch.far()[1]
+    flights = len(impacts) if watch.sign > 0 else len(impacts) // 2
     fine = fineness(f.highest)
     counts = len(f.harmonics), len(impacts), flights, len(hit), len(sites), fine
     series = [entry for harmonic in f.harmonics for entry in harmonic]
     hits = [entry for site, t, J in impacts for entry in (t, J, hit.index(site))]
     given = np.array([*head, f.peak(), *counts, *series, *hits], dtype=float)
     data = np.concatenate([given, places.ravel()])
-    return Packed(data, sites, table, 4 + len(sites), (2 * n * fine + 1) * (len(sites) + 4))
+    return Packed(data, sites, table, 4 + len(sites), (2 * turns * fine + 1) * (len(sites) + 4))
 
 
 @lru_cache(maxsize=256)
@@ -190,29 +186,45 @@ def _answers(
     return first, powers @ response_weights().T
 
 
-# --- the periodic Green's function ----------------------------------------------------------
-
-
-class GreenWatch:
-    """An orbit of chain or ring with any impacts."""
-
-    sign = 1
+class OrbitWatch(Watch):
+    """An orbit with any impacts."""
 
     def __init__(self, orbit: Any) -> None:
         self.orbit = orbit
-        self.k, self.length = float(orbit.k), float(orbit.period)
-        self.start, self.highest = float(orbit.impacts[0].time), int(orbit.forcing.highest)
-        self.hit = tuple(sorted({impact.site for impact in orbit.impacts}))
-        self._offsets: dict[int | None, float] = {}
+        self.k, self.sign = float(orbit.k), int(orbit.section.sign)
+        self.start, self.length = float(orbit.times[0]), float(orbit.section.length)
+        self.highest = int(orbit.forcing.highest)
+        self.hit = orbit.section.hit
 
     @cached_property
     def flights(self) -> tuple[Between, ...]:
-        orbit = self.orbit
-        rows = zip(
-            orbit.impacts, orbit.incoming.tolist(), orbit.accelerations.tolist(), strict=True
-        )
-        hits = [(one.site, one.time, one.wall * w, -one.wall * bend) for one, w, bend in rows]
-        return flights_between(hits, len(hits), self.length)
+        """Of each impact of a section until the next one of the same site; times count modulo the
+        period."""
+        orbit, found = self.orbit, []
+        order = sorted(orbit.hits, key=lambda one: (one.time - self.start) % orbit.period)
+        for i, own in enumerate(order[: orbit.section.count]):
+            later = (one for one in (*order[i + 1 :], *order[:i]) if one.site == own.site)
+            again = next(later, own)
+            length = orbit.period if again is own else (again.time - own.time) % orbit.period
+            speed, next_speed = own.wall * own.before, again.wall * again.before
+            push = -own.wall * own.acceleration
+            found.append(Between(own.site, own.time, again.time, length, speed, next_speed, push))
+        return tuple(found)
+
+    @property
+    def beside(self) -> Collection[int]:
+        return {n for site in self.hit for n in self.orbit.lattice.beside(site)}
+
+
+# --- the periodic Green's function ----------------------------------------------------------
+
+
+class GreenWatch(OrbitWatch):
+    """An orbit of chain or ring with any impacts."""
+
+    def __init__(self, orbit: Any) -> None:
+        super().__init__(orbit)
+        self._offsets: dict[int | None, float] = {}
 
     @property
     def _resonant(self) -> bool:
@@ -226,22 +238,12 @@ class GreenWatch:
         sites = {site % ring for site in near} if ring else set(near)
         return np.array(sorted(sites - set(self.hit)), dtype=int)
 
-    @property
-    def beside(self) -> Collection[int]:
-        return {n for site in self.hit for n in self.orbit.lattice.beside(site)}
-
-    def walls(self, site: int) -> Wall:
-        return USUAL
-
     def packed(self) -> Packed | None:
         """None on a ring whose modes are summed one by one."""
-        o = self.orbit
-        idle = tuple(self.idle.tolist())
-        head = self.k, o.a, float(o.section.turns), self.start, self.length, self.far()[1]
-        offsets = o.flight.offset((*self.hit, *idle))
+        o, idle = self.orbit, tuple(self.idle.tolist())
         impacts = tuple((one.site, one.time, one.impulse) for one in o.impacts)
-        beside = tuple(sorted(self.beside))
-        return _packed(o, head, self.hit, idle, beside, impacts, len(impacts), offsets)
+        offsets = o.flight.offset((*self.hit, *idle))
+        return _packed(self, o, o.section.turns, self.hit, idle, impacts, offsets)
 
     def far(self) -> tuple[float, float]:
         orbit, offset = self.orbit, self._far_offset
@@ -315,45 +317,18 @@ def moved(orbit: Any, site: int | None, t: float) -> Terms:
 # --- modes of a finite lattice --------------------------------------------------------------
 
 
-class ModalWatch:
+class ModalWatch(OrbitWatch):
     """A shot orbit of any finite lattice."""
 
-    def __init__(self, orbit: Any) -> None:
-        self.orbit = orbit
-        self.k, self.sign = float(orbit.k), int(orbit.section.sign)
-        self.start, self.length = float(orbit.times[0]), float(orbit.section.length)
-        self.highest = int(orbit.forcing.highest)
-        self.hit = orbit.section.hit
-        self.walls = orbit.walls.at
-
-    @cached_property
-    def flights(self) -> tuple[Between, ...]:
-        orbit = self.orbit
-        hits = [
-            (one.site, one.time, one.wall * one.before, -one.wall * one.acceleration)
-            for one in orbit.hits
-        ]
-        return flights_between(hits, orbit.section.count, orbit.period)
+    def walls(self, site: int) -> Wall:
+        found: Wall = self.orbit.walls.at(site)
+        return found
 
     @cached_property
     def idle(self) -> Sites:
         sites = self.orbit.lattice.idle(self.hit)
         watched = [self.walls(n) != NO_WALLS for n in sites.tolist()]
         return np.asarray(sites[np.array(watched, dtype=bool)])
-
-    @property
-    def beside(self) -> Collection[int]:
-        return {n for site in self.hit for n in self.orbit.lattice.beside(site)}
-
-    def far(self) -> tuple[float, float]:
-        return self.start, 1.0
-
-    def packed(self) -> None:
-        """Its modes are summed one by one."""
-
-    def felt(self, site: int) -> float:
-        """A lattice knows no distances."""
-        return 1.0
 
     def at(self, site: int, t: float) -> Terms:
         found: Terms = self.orbit.flight.at(site, t)
@@ -366,18 +341,3 @@ class ModalWatch:
         step = self.length / size
         motion = self.orbit.flight.motion(self.start + step * np.arange(size, dtype=float))
         return np.asarray(motion[:, sites].T)
-
-
-def flights_between(
-    hits: Sequence[tuple[int, float, float, float]], count: int, period: float
-) -> tuple[Between, ...]:
-    """The flights that start with the first `count` of the impacts (site, time, speed, push) of a
-    period; times count modulo the period."""
-    first, found = hits[0][1], []
-    order = sorted(hits, key=lambda hit: (hit[1] - first) % period)
-    for i, (site, time, speed, push) in enumerate(order[:count]):
-        later = (hit for hit in (*order[i + 1 :], *order[:i]) if hit[0] == site)
-        _, end, next_speed, _ = again = next(later, order[i])
-        length = period if again is order[i] else (end - time) % period
-        found.append(Between(site, time, end, length, speed, next_speed, push))
-    return tuple(found)
