@@ -10,7 +10,7 @@ response at unit amplitude and ``q = (1 - k)/(1 + k)``
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -218,8 +218,8 @@ def smallest_amplitude(
     q = restitution_ratio(k)
     if isinstance(forcing, Harmonic):
         return q / math.hypot(chi, q)
-    crests = _crests(_reduced(forcing, chi, q))
-    return q / max(chi * forcing.df(phi) + q * forcing.f(phi) for phi in crests)
+    series = _reduced(forcing, chi, q)
+    return q / max(series.at(phi, 0) for phi in _crests(series))
 
 
 def _harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]:
@@ -244,17 +244,12 @@ def _harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]
 def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tuple[float, float]]:
     """``p chi = 1 - a f``, ``p q = a f'`` with p > 0, for any f that is a series.
 
-    Between two neighbouring extrema the reduced equation is monotone: one root or none.
+    Between two neighbouring extrema of ``chi f' + q f`` lies one root of what is left of them
+    without p, ``a (chi f' + q f) = q``, or none.
     """
-
-    def reduced(phi: float) -> float:
-        return a * (chi * forcing.df(phi) + q * forcing.f(phi)) - q
-
-    def steepness(phi: float) -> float:
-        return a * (chi * forcing.d2f(phi) + q * forcing.df(phi))
-
-    crests = _crests(_reduced(forcing, chi, q))
-    heights = [reduced(phi) for phi in crests]
+    series = _reduced(forcing, chi, q)
+    crests = _crests(series)
+    heights = [a * series.at(phi, 0) - q for phi in crests]
     phases: list[float] = []
     touching = False
     for i, (phi, height) in enumerate(zip(crests, heights, strict=True)):
@@ -264,12 +259,12 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
             heights[i] = 0.0
             if not touched:
                 phases.append(phi)
-            elif abs(steepness(phi)) < abs(steepness(phases[-1])):
+            elif abs(series.at(phi, 1)) < abs(series.at(phases[-1], 1)):
                 phases[-1] = phi  # of points on one flat top the one nearest its crest
     for i, left in enumerate(crests):
         right = crests[i + 1] if i + 1 < len(crests) else crests[0] + 2.0 * math.pi
         if heights[i] * heights[(i + 1) % len(crests)] < 0.0:
-            phases.append(_crossing(reduced, steepness, left, right))
+            phases.append(_crossing(series, q / a, left, right))
     found = []
     for phi in phases:
         p = (1.0 - a * forcing.f(phi)) / chi
@@ -278,35 +273,37 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
     return found
 
 
-def _crossing(
-    value: Callable[[float], float], slope: Callable[[float], float], left: float, right: float
-) -> float:
+def _crossing(series: Series, level: float, left: float, right: float) -> float:
     from scipy.optimize import brentq  # dear to import
 
-    x = float(brentq(value, left, right, xtol=1e-14, rtol=4.0 * EPS))
-    steepness = slope(x)
-    step = value(x) / steepness if steepness else 0.0
+    def above(phi: float) -> float:
+        return float(series.at(phi, 0)) - level
+
+    x = float(brentq(above, left, right, xtol=1e-14, rtol=4.0 * EPS))
+    steepness = series.at(x, 1)
+    step = above(x) / steepness if steepness else 0.0
     return x - step if abs(step) < 1e-9 else x
 
 
-def _reduced(forcing: Forcing, chi: float, q: float) -> tuple[tuple[int, float, float], ...]:
-    """``chi f' + q f`` as harmonics (m, cosine, sine)."""
-    return tuple((m, q * c + chi * m * s, q * s - chi * m * c) for m, c, s in forcing.harmonics)
+def _reduced(forcing: Forcing, chi: float, q: float) -> Series:
+    """``chi f' + q f``."""
+    return Series(
+        tuple((m, q * c + chi * m * s, q * s - chi * m * c) for m, c, s in forcing.harmonics)
+    )
 
 
-def _crests(harmonics: tuple[tuple[int, float, float], ...]) -> list[float]:
-    """All extrema of a trigonometric polynomial in [-pi, pi), by its companion matrix.
+def _crests(series: Series) -> list[float]:
+    """All extrema in [-pi, pi), by the companion matrix of the slope.
 
     Roots off the unit circle give spurious angles; as points between which to look they do
     no harm, so none is thrown away and no tolerance decides.
     """
-    highest = max(m for m, _, _ in harmonics)
-    slope = {m: (m * s, -m * c) for m, c, s in harmonics}
+    slope = {m: (m * s, -m * c) for m, c, s in series.harmonics}
     largest = max(math.hypot(c, s) for c, s in slope.values())
     # a last coefficient that is nearly nothing would spoil the matrix; Newton restores it below
     kept = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
     if max(kept) > 64:
-        start = _bends(slope, 32 * highest)
+        start = _bends(slope, 32 * max(slope))
     else:
         # odd harmonics only: with Z = z^2 the matrix has half the size
         top = max(kept)
@@ -317,7 +314,7 @@ def _crests(harmonics: tuple[tuple[int, float, float], ...]) -> list[float]:
             poly[(top + m) // 2] += 0.5 * complex(c, s)
         half = 0.5 * np.angle(np.roots(poly))
         start = np.concatenate([half, half + math.pi])
-    found = [_settled(phi, harmonics) for phi in start.tolist()]
+    found = [_settled(phi, series) for phi in start.tolist()]
     distinct: list[float] = []
     for phi in sorted(math.remainder(phi, 2.0 * math.pi) for phi in found):
         if not distinct or phi - distinct[-1] > 1e-9:
@@ -333,19 +330,14 @@ def _bends(slope: Mapping[int, tuple[float, float]], size: int) -> FloatArray:
     return np.asarray(2.0 * math.pi * np.flatnonzero(low | (values * after <= 0.0)) / size)
 
 
-def _settled(phi: float, harmonics: Iterable[tuple[int, float, float]]) -> float:
+def _settled(phi: float, series: Series) -> float:
     """A few Newton steps to the extremum next to ``phi``; where there is none, anywhere will do."""
     x = phi
     for _ in range(8):
-        slope = curvature = 0.0
-        for m, c, s in harmonics:
-            cos, sin = math.cos(m * x), math.sin(m * x)
-            slope += m * (s * cos - c * sin)
-            curvature -= m * m * (c * cos + s * sin)
+        _, slope, curvature = series.motion(x)
         if curvature == 0.0:
             break
-        step = slope / curvature
-        x -= step
-        if abs(step) < 1e-15:
+        x -= slope / curvature
+        if abs(slope) < 1e-15 * abs(curvature):
             break
     return x if abs(x - phi) < 1.0 else phi

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from contbreather.breathers.closure import smallest_amplitude
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.symmetric import symmetric_roots
-from contbreather.breathers.zones import WINDOWS
+from contbreather.breathers.zones import WINDOWS, up_to_the_fold
 from contbreather.checks import check_kind, one_of
 from contbreather.continuation import Branch, Point, Problem, trace
 from contbreather.continuation.boundary import named_pair
@@ -187,7 +186,7 @@ def find_event(
             reason = str(error)
             continue
         problem = problem_with(start, *pair, threshold=threshold)
-        events = _up_to_the_fold(problem.events)
+        events = tuple(map(up_to_the_fold, problem.events))
         branch = trace(problem, free, within={free: reach}, events=events, progress=False)
         for followed in _with_arms(branch, {free: reach}) if kind == "PD" else (branch,):
             for point in followed.special:
@@ -204,11 +203,6 @@ def _with_arms(branch: Branch, within: Mapping[str, Window]) -> Iterator[Branch]
     for point in branch.special:
         if point.kind == "PF" and point.located:
             yield switch(point, within=within, progress=False)[0]
-
-
-def _up_to_the_fold(events: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The curve is to begin among the breathers before the fold."""
-    return tuple(replace(one, ends="branch") if one.kind == "LP" else one for one in events)
 
 
 def _combed(name: str, given: float | None, span: Window) -> Iterator[float]:

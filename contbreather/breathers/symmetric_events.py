@@ -22,6 +22,7 @@ from contbreather.breathers.clearance import Terms, Watch
 from contbreather.breathers.closed_form import SymmetricFlight, flight_slope_of
 from contbreather.breathers.grazing import ALIKE, Crest
 from contbreather.breathers.grazing import grazing as followed
+from contbreather.breathers.multipliers import examine_angle
 from contbreather.breathers.normal_form import bends
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.watched import phase
@@ -85,9 +86,18 @@ def neimark_sacker(
     """NS of a symmetric breather on one lattice, whichever it lives on; the infinite chain unless
     given."""
     lattice = InfiniteChain() if on is None else on
-    event = _pair_leaves(lattice, threshold)
-    ring = isinstance(lattice, Ring)
-    about = f"stability of a ring of {lattice.sites}, threshold {threshold:g}" if ring else ""
+    if isinstance(lattice, InfiniteChain):
+        event = Event(
+            "NS", _off_window, count=_ends_below, locus=_arc_locus, examine=_examine_angle
+        )
+        about = ""
+    else:
+        check_kind(lattice, Ring, "InfiniteChain() or Ring(sites)")
+        check_threshold(threshold)
+        test = partial(_outermost, lattice, threshold)
+        locus = partial(_circle_locus, lattice, threshold)
+        event = Event("NS", test, locus=locus, examine=_examine_angle)
+        about = f"stability of a ring of {lattice.sites}, threshold {threshold:g}"
     own, rows = partial(_unstable_at, lattice, threshold), partial(_rows_unstable, lattice)
     return Judged.judging(event, {"unstable": Counting(own, rows)}, about)
 
@@ -121,19 +131,6 @@ def unstable(breather: SymmetricFlight, lattice: Lattice, threshold: float) -> i
         return outside(map.gamma, map.k, map.b, map.lattice)
     radius = math.sqrt(threshold)
     return unstable_count(breather.gamma, breather.k, breather.b, lattice, radius=radius).count
-
-
-def _pair_leaves(on: InfiniteChain | Ring, threshold: float) -> Event:
-    if isinstance(on, InfiniteChain):
-        return Event("NS", _off_window, count=_ends_below, locus=_arc_locus, examine=_examine_angle)
-    check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
-    check_threshold(threshold)
-    return Event(
-        "NS",
-        partial(_outermost, on, threshold),
-        locus=partial(_circle_locus, on, threshold),
-        examine=_examine_angle,
-    )
 
 
 def grazing() -> Event:
@@ -177,22 +174,21 @@ def _fold(breather: SymmetricFlight) -> float:
 
 
 def _fold_slope(breather: SymmetricFlight, name: str) -> float:
-    a, f, phi = breather.a, breather.forcing, breather.phi
+    a, f, phi, chi, q = breather.a, breather.forcing, breather.phi, breather.chi, breather.q
     if name == "phi":
-        return a * (breather.chi * f.d3f(phi) + breather.q * f.d2f(phi))
-    if name == "gamma":
-        return breather.lattice.dchi(breather.gamma) * a * f.d2f(phi)
-    if name == "spring":
-        a *= f.d2f(phi)
-        return a * breather.lattice.by_spring(breather.gamma, "chi") + _fold_driven(breather, name)
+        return a * (chi * f.d3f(phi) + q * f.d2f(phi))
     if name == "k":
         return -2.0 * a * f.df(phi) / (1.0 + breather.k) ** 2
-    return _fold_driven(breather, name)
+    driven = chi * _driven(breather, 2, name, phi) + q * _driven(breather, 1, name, phi)
+    return driven + _mean_slope(breather, "chi", name) * a * f.d2f(phi)
 
 
-def _fold_driven(breather: SymmetricFlight, name: str) -> float:
-    chi, q, phi = breather.chi, breather.q, breather.phi
-    return chi * _driven(breather, 2, name, phi) + q * _driven(breather, 1, name, phi)
+def _mean_slope(breather: SymmetricFlight, mean: str, name: str) -> float:
+    """Of `chi`, `eta` or `sigma` in a parameter."""
+    lattice: Any = breather.lattice
+    if name == "spring":
+        return float(lattice.by_spring(breather.gamma, mean))
+    return float(getattr(lattice, f"d{mean}")(breather.gamma)) if name == "gamma" else 0.0
 
 
 def _pitchfork(breather: SymmetricFlight, edge: float | None = None) -> float:
@@ -212,13 +208,14 @@ def _turning(breather: SymmetricFlight, edge: float | None = None) -> float:
 
 def _turning_slope(breather: SymmetricFlight, name: str) -> float:
     lattice: Any = breather.lattice
-    gamma = breather.gamma
-    if not lattice.spring:
-        return lattice.dsigma(gamma) if name == "gamma" else 0.0
-    tau, q = lattice.tau(gamma), breather.q
-    if name == "k":
-        return -2.0 * q / (tau * (1.0 + breather.k) ** 2)
-    return lattice.dsigma(gamma) - 0.5 * (q / tau) ** 2 * lattice.dtau(gamma)
+    slope = _mean_slope(breather, "sigma", name)
+    if lattice.spring and name in ("gamma", "k"):
+        gamma, q = breather.gamma, breather.q
+        tau = lattice.tau(gamma)
+        by_q = -2.0 / (1.0 + breather.k) ** 2 if name == "k" else 0.0
+        by_tau = lattice.dtau(gamma) if name == "gamma" else 0.0
+        slope += q / tau * (by_q - 0.5 * q / tau * by_tau)
+    return slope
 
 
 def _pitchfork_slope(breather: SymmetricFlight, name: str) -> float:
@@ -227,9 +224,7 @@ def _pitchfork_slope(breather: SymmetricFlight, name: str) -> float:
     if name == "phi":
         return breather.a * breather.forcing.d3f(breather.phi)
     driven = _driven(breather, 2, name, breather.phi)
-    if name in ("gamma", "k"):
-        driven -= 2.0 * breather.p * _turning_slope(breather, name)
-    return driven
+    return driven - 2.0 * breather.p * _turning_slope(breather, name)
 
 
 def _pitchfork_locus(held: Always, point: Point) -> Locus:
@@ -286,14 +281,10 @@ def _b_slope(breather: SymmetricFlight, name: str) -> float:
         return -half * a * breather.forcing.d2f(phi) / p
     if name == "phi":
         return half * a * breather.forcing.d3f(phi)
-    if name == "gamma":
-        return -0.5 * c * c * breather.lattice.deta(breather.gamma)
     if name == "k":
         return 2.0 * breather.b / c
-    slope = half * _driven(breather, 2, name, phi)
-    if name == "spring":
-        slope -= 0.5 * c * c * breather.lattice.by_spring(breather.gamma, "eta")
-    return slope
+    driven = half * _driven(breather, 2, name, phi)
+    return driven - 0.5 * c * c * _mean_slope(breather, "eta", name)
 
 
 def _chain_map(breather: SymmetricFlight) -> HalfMap:
@@ -382,12 +373,8 @@ def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:
 
 
 def _arc_derivative(curve: Curve, z: Array, extra: Array) -> Array:
-    breather = _breather(curve, z)
-    return _along(curve, breather, _on_arc(breather, extra[0]))
-
-
-def _on_arc(breather: SymmetricFlight, nu: float) -> OnArc:
-    return on_arc(breather.gamma, nu, breather.k, breather.b, breather.lattice.spring)
+    on = _breather(curve, z)
+    return _along(curve, on, on_arc(on.gamma, extra[0], on.k, on.b, on.lattice.spring))
 
 
 def _along(curve: Curve, breather: SymmetricFlight, F: OnArc | Gradient) -> Array:
@@ -398,9 +385,7 @@ def _along(curve: Curve, breather: SymmetricFlight, F: OnArc | Gradient) -> Arra
 
 
 def _examine_angle(point: Point) -> str:
-    if "nu" not in point.detail and point["k"] < 1.0:
-        return "a pair was seen to leave or to turn real, but no angle solves the locus"
-    return ""
+    return "" if point["k"] == 1.0 else examine_angle(point)
 
 
 # --- Neimark-Sacker by the paper's rule on a ring -----------------------------------------------

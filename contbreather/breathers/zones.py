@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, TypedDict, Unpack, overload
@@ -325,32 +325,29 @@ def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, 
     return tuple(done)
 
 
+@dataclass
 class _Search:
     """One zone diagram in the making."""
 
-    def __init__(
-        self,
-        name: str,
-        value: float,
-        forcing: Forcing,
-        lattice: Lattice,
-        within: Mapping[str, tuple[float, float]],
-        threshold: float,
-        past_folds: bool,
-    ) -> None:
-        self.name, self.value, self.pair = name, value, PAIRS[name]
-        self.forcing, self.lattice = forcing, lattice
-        given = windows(within)
-        for other in given:
+    name: str
+    value: float
+    forcing: Forcing
+    lattice: Lattice
+    given: Mapping[str, tuple[float, float]]
+    threshold: float
+    past_folds: bool
+    kept: Checkpoint = field(default_factory=Nowhere)
+
+    def __post_init__(self) -> None:
+        self.pair = PAIRS[self.name]
+        for other in self.given:
             if other not in self.pair:
                 raise BadInput(f"no window for {other!r}: the plane is that of {self.pair}")
-        self.within = {n: _narrowed(n, given.get(n)) for n in self.pair}
-        self.threshold, self.past_folds = threshold, past_folds
-        self.events = events_on(lattice, threshold)
-        if not past_folds:
-            self.events = tuple(_ending(event) for event in self.events)
+        self.within = {n: _narrowed(n, self.given.get(n)) for n in self.pair}
+        self.events = events_on(self.lattice, self.threshold)
+        if not self.past_folds:
+            self.events = tuple(map(up_to_the_fold, self.events))
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
-        self.kept: Checkpoint = Nowhere()
 
     def zones(self, *, interrupted: bool = False) -> Zones:
         """The curves there are."""
@@ -473,7 +470,7 @@ def _followed(point: Point) -> str:
     return event.base.kind if isinstance(event, Meeting) else event.kind
 
 
-def _ending(event: Event) -> Event:
+def up_to_the_fold(event: Event) -> Event:
     """A fold ends the zone: what lies behind it is the other breather."""
     return replace(event, ends="branch") if event.kind == "LP" else event
 
