@@ -120,6 +120,7 @@ def test_the_command_writes_data_and_a_picture(run: Callable[[str], tuple[int, s
     assert content["failed"][0]["failed_k"] == 2.0
     with xarray.open_dataset("atlas.nc", engine="h5netcdf", decode_cf=False) as data:
         assert data.a.to_numpy().tolist() == content["atlas"]["a"]
+    assert "atlas.nc is an atlas: xarray opens it" in run("show atlas.nc")[2]
     assert Path("atlas.csv").read_text().count("\n") == 1 + len(content["atlas"]["a"])
 
 

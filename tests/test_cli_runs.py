@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -88,6 +89,10 @@ def test_every_command_that_computes_keeps_its_results(
         ("show folder", "there is no file in it that `save` wrote"),
         ("show b.nc PF7", r"no 'PF7' in b.nc; there are \['branch'\] and points \['EP1', 'EP2'\]"),
         ("extend b.nc", "goes no further: at its last point it is at the edge of its window"),
+        (
+            "extend b.nc --window 0.7 0.8 --end first",
+            r"a in \(0\.7, 0\.76\), at a = 0\.7, and \(0\.7, 0\.8\) was asked for: ",
+        ),
         ("extend b.nc EP1", "'EP1' is not a branch or a boundary; there are branch"),
         ("extend b.nc --window 0.9 1", "the start has a=0.76, outside"),
         (f"{BRANCH[:-4]}b.nc --csv b.nc", "--csv and --save both name b.nc"),
@@ -102,8 +107,6 @@ def test_every_command_that_computes_keeps_its_results(
 def test_what_cannot_be_is_one_sentence(
     kept: Callable[[str], Output], command: str, sentence: str
 ) -> None:
-    import re
-
     Path("bad.nc").write_text("nothing of the kind")
     Path("folder").mkdir()
     before = Path("b.nc").read_bytes()
@@ -112,3 +115,18 @@ def test_what_cannot_be_is_one_sentence(
     assert re.search(sentence, err)
     assert err.count("\n") == 1
     assert Path("b.nc").read_bytes() == before
+
+
+def test_a_window_without_end_has_no_edge_to_stop_at() -> None:
+    open_ = {"p": (0.0, np.inf)}
+    short = cb.trace(cb.symmetric(0.75, 0.04, 0.8), "a", within={"a": (0.74, 0.76), **open_})
+    longer = cb.extend(short, end="last", within={"a": (0.74, 0.77), **open_})
+    assert longer["a"][-1] == pytest.approx(0.77, abs=1e-12)
+
+
+def test_a_null_vector_is_shown_by_the_names_of_its_unknowns(run: Callable[[str], Output]) -> None:
+    ring = "--lattice ring:6 --gamma 0.05 --k 0.8 --damping 0.01"
+    run(f"branch --free a {ring} --window 0.05 0.1 --a 0.09 --save ring.nc")
+    line = next(one for one in run("show ring.nc LP1")[1].splitlines() if one.startswith("null"))
+    numbers = r"\d numbers up to 0\.\d+"
+    assert re.fullmatch(rf"null = t1 -?0\.\d+, q {numbers}, r {numbers}\.", line)

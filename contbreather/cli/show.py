@@ -10,7 +10,7 @@ from contbreather.cli.output import branch_entry, lines_of, point_entry
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
-    from contbreather.continuation import Run
+    from contbreather.continuation import Point, Run
 
 
 def show(run: str | None = None, name: str | None = None, /, *, into: Into = Into()) -> None:
@@ -50,8 +50,22 @@ def opened(path: str | None) -> Run:
 
     if path is None:
         raise BadInput("RUN is missing: the file, or the folder, that --save has kept")
+    if _is_atlas(path):
+        raise BadInput(
+            f"{path} is an atlas: xarray opens it, and so does anything that reads netCDF; shown "
+            "here are branches, boundaries, diagrams, zones and runs"
+        )
     load(path)  # says what is wrong
     return Run(path)
+
+
+def _is_atlas(path: str) -> bool:
+    """Whether its first attribute, the content, says so."""
+    try:
+        with open(path, "rb") as file:
+            return b"atlas of contbreather" in file.read(4096)
+    except OSError:
+        return False  # `load` says why
 
 
 def _brief(found: Mapping[str, Any]) -> Iterator[object]:
@@ -76,10 +90,26 @@ def _lines(result: Any) -> Iterator[object]:
     elif isinstance(result, Point):
         yield f"{result!r}"
         for name, value in result.detail.items():
-            yield f"{name} = {value:.9g}." if isinstance(value, float) else f"{name} = {value}."
+            yield f"{name} = {_in_words(result, value)}."
     else:
         yield result if hasattr(result, "__rich__") else f"{_described(result)}."
         yield from (f"{point!r}" for point in getattr(result, "special", ()))
+
+
+def _in_words(point: Point, value: Any) -> str:
+    """A number or a word; a vector by the names of its unknowns, arrays by their largest entry."""
+    if isinstance(value, list | tuple):
+        return "; ".join(_in_words(point, one) for one in value)
+    if not hasattr(value, "shape") or not value.shape:
+        return f"{value:.9g}" if isinstance(value, float) else str(value)
+    words = []
+    for name, slot in point.ground.curve.slots.items():
+        entries = value[slot] if isinstance(slot, slice) else value[slot : slot + 1]
+        if entries.size == 1:
+            words.append(f"{name} {entries[0]:.9g}")
+        elif entries.size:
+            words.append(f"{name} {entries.size} numbers up to {abs(entries).max():.3g}")
+    return ", ".join(words)
 
 
 def _entry(result: Any) -> dict[str, Any]:

@@ -17,6 +17,8 @@ from .starts import Within, all_of, windows
 from .steps import Steps, steps_of
 from .trace import trace
 
+Windows = Mapping[str, tuple[float, float]]
+
 _EDGE = 1e-9  # relative, within which an end is on the edge of a window
 _OVER: dict[Stop | None, str] = {
     Stop.CLOSED: "it is closed: there is nothing beyond",
@@ -107,18 +109,29 @@ def _over(branch: Branch, side: str, asked: Settings) -> str:
     at = -1 if last else 0
     if stop in _OVER:
         return _OVER[stop]
-    if stop is Stop.BOUND and (reason or _at_edge(branch, at, asked.within)):
-        windows = ", ".join(f"{name} in ({a:g}, {b:g})" for name, (a, b) in asked.within.items())
-        return reason or f"it is at the edge of its window, {windows}: give a wider one"
+    edges = _edges(branch, at, asked.within)
+    if stop is Stop.BOUND and (reason or edges):
+        return reason or f"it is at the edge of its window, {'; '.join(edges)}: give a wider one"
     if branch[at].tangent is None:
         return "no direction is known"
     return ""
 
 
-def _at_edge(branch: Branch, at: int, within: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether an end is on an edge of a window, which may be wider than the one it stopped at."""
-    ends = ((float(branch[name][at]), edge) for name, both in within.items() for edge in both)
-    return any(abs(value - edge) <= _EDGE * (1.0 + abs(edge)) for value, edge in ends)
+def _edges(branch: Branch, at: int, within: Windows) -> list[str]:
+    """The windows on whose edge an end is, which may be wider than those it stopped at: each with
+    the place, and with what was asked for if that is another."""
+    found = []
+    for name, asked in within.items():
+        value = float(branch[name][at])
+        if any(abs(value - edge) <= _EDGE * (1.0 + abs(value)) for edge in asked):
+            own = branch.settings.within.get(name, asked) if branch.settings else asked
+            more = "" if own == asked else f", and {_span(asked)} was asked for"
+            found.append(f"{name} in {_span(own)}, at {name} = {value:g}{more}")
+    return found
+
+
+def _span(window: tuple[float, float]) -> str:
+    return f"({window[0]:g}, {window[1]:g})"
 
 
 def _further(
