@@ -8,7 +8,6 @@ import json
 import math
 import os
 import re
-import shlex
 import subprocess
 import sys
 from collections.abc import Callable
@@ -28,17 +27,11 @@ from contbreather.cli.output import to_csv
 from contbreather.errors import NotConverged
 from contbreather.stability.arc import on_arc
 
-POINT = ["point", "--a", "0.5", "--gamma", "0.12", "--k", "0.4"]
-BRANCH = ["branch", "--free", "a", "--gamma", "0.1", "--k", "0.8"]
+POINT = "point --a 0.5 --gamma 0.12 --k 0.4"
+BRANCH = "branch --free a --gamma 0.1 --k 0.8"
 TWO_HARMONICS = "-cos(t) - 2.7*cos(3*t)"
 
-Output = tuple[int, str, str]
-
-
-@pytest.fixture
-def run(run: Callable[[str], Output]) -> Callable[..., Output]:
-    """The same, with the words one by one."""
-    return lambda *words: run(shlex.join(words))
+Run = Callable[[str], tuple[int, str, str]]
 
 
 def typed(*arguments: str, where: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -97,34 +90,16 @@ REFUSED = {
     "k missing": ("point --gamma 0.1 --a 0.8", r"--k is missing: the restitution"),
     "value missing": ("point --a", r"--a requires an argument"),
     "even forcing": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing '-cos(t)+cos(2*t)'",
+        f"{POINT} --forcing '-cos(t)+cos(2*t)'",
         r"even harmonic 2: it is not antisymmetric",
     ),
-    "forcing with a mean": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing '1-cos(t)'",
-        r"antisymmetric|mean",
-    ),
-    "wrong period": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing 'cos(t/2)'",
-        r"antisymmetric|period",
-    ),
-    "no formula": ("point --a 0.5 --gamma 0.12 --k 0.4 --forcing 'cos(t'", r"is not a formula"),
-    "letter without value": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing '-cos(t)-c*cos(3*t)'",
-        r"needs a value for c",
-    ),
-    "time by another name": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing '-cos(x)'",
-        r"needs a value for x; the time is t",
-    ),
-    "forcing zero": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing 0",
-        r"the forcing '0' is zero; a breather needs",
-    ),
-    "forcing zero by its letter": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --forcing 'c*cos(t)' --set c=0",
-        r"is zero at c = 0;",
-    ),
+    "forcing with a mean": (f"{POINT} --forcing '1-cos(t)'", r"antisymmetric|mean"),
+    "wrong period": (f"{POINT} --forcing 'cos(t/2)'", r"antisymmetric|period"),
+    "no formula": (f"{POINT} --forcing 'cos(t'", r"is not a formula"),
+    "letter without value": (f"{POINT} --forcing '-cos(t)-c*cos(3*t)'", r"needs a value for c"),
+    "time by another name": (f"{POINT} --forcing '-cos(x)'", r"needs a value for x; the time is t"),
+    "forcing zero": (f"{POINT} --forcing 0", r"the forcing '0' is zero; a breather needs"),
+    "forcing zero by its letter": (f"{POINT} --forcing 'c*cos(t)' --set c=0", r"is zero at c = 0;"),
     "a beyond all bounds": (
         "point --a 1e300 --gamma 0.1 --k 0.8",
         r"too large.*no breather is admissible beyond a = 1, where",
@@ -146,86 +121,41 @@ REFUSED = {
         "zones --k 0.8 --gamma-window 0.02 0.03 --a-window 0.3 0.4",
         r"no curve passes the window",
     ),
-    "value without letter": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --set c=1",
-        r"unknown forcing parameter c",
-    ),
-    "set without a number": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --set c=lots",
-        r"NAME=VALUE was expected",
-    ),
-    "set without a name": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --set =1",
-        r"NAME=VALUE was expected",
-    ),
-    "no sites": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --sites 0",
-        r"sites = .*: a whole number, at least 1",
-    ),
-    "sites no number": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --sites many",
-        r"many is not a whole number",
-    ),
-    "threshold alone": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --threshold 1.005",
-        r"--threshold needs --sites",
-    ),
-    "threshold below one": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --sites 10 --threshold 0.9",
-        r"threshold = 0\.9",
-    ),
-    "threshold nan": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --sites 10 --threshold nan",
-        r"threshold = nan",
-    ),
-    "unknown option": (
-        "point --a 0.5 --gamma 0.12 --k 0.4 --amplitude 3",
-        r"Unknown option.*--amplitude",
-    ),
+    "value without letter": (f"{POINT} --set c=1", r"unknown forcing parameter c"),
+    "set without a number": (f"{POINT} --set c=lots", r"NAME=VALUE was expected"),
+    "set without a name": (f"{POINT} --set =1", r"NAME=VALUE was expected"),
+    "no sites": (f"{POINT} --sites 0", r"sites = .*: a whole number, at least 1"),
+    "sites no number": (f"{POINT} --sites many", r"many is not a whole number"),
+    "threshold alone": (f"{POINT} --threshold 1.005", r"--threshold needs --sites"),
+    "threshold below one": (f"{POINT} --sites 10 --threshold 0.9", r"threshold = 0\.9"),
+    "threshold nan": (f"{POINT} --sites 10 --threshold nan", r"threshold = nan"),
+    "unknown option": (f"{POINT} --amplitude 3", r"Unknown option.*--amplitude"),
     "unknown command": (
         "zone",
         r'Unknown command "zone"\. Did you mean "zones"\?; see contbreather --help',
     ),
-    "stray word": ("point --a 0.5 --gamma 0.12 --k 0.4 more", r"more"),
+    "stray word": (f"{POINT} more", r"more"),
     "no free parameter": ("branch --gamma 0.1 --k 0.8", r"--free is missing"),
     "unknown free parameter": (
         "branch --free b --gamma 0.1 --k 0.8",
         r"unknown parameter 'b'; there are a, gamma, k",
     ),
-    "unknown direction": (
-        "branch --free a --gamma 0.1 --k 0.8 --towards left",
-        r'"both", "up", "down"',
-    ),
+    "unknown direction": (f"{BRANCH} --towards left", r'"both", "up", "down"'),
     "window above existence": (
-        "branch --free a --gamma 0.1 --k 0.8 --window 0.9 0.95",
+        f"{BRANCH} --window 0.9 0.95",
         r"no breather .* between 0\.9 and 0\.95: .*\(15\) is broken",
     ),
-    "window below existence": (
-        "branch --free a --gamma 0.1 --k 0.8 --window 0.01 0.05",
-        r"no breather .* below the fold",
-    ),
-    "window the wrong way round": (
-        "branch --free a --gamma 0.1 --k 0.8 --window 0.9 0.5",
-        r"the smaller first",
-    ),
-    "window nan": ("branch --free a --gamma 0.1 --k 0.8 --window nan 0.5", r"two finite numbers"),
-    "window infinite": (
-        "branch --free a --gamma 0.1 --k 0.8 --window 0 inf",
-        r"two finite numbers",
-    ),
-    "half a window": ("branch --free a --gamma 0.1 --k 0.8 --window 0.5", r"--window requires 2"),
+    "window below existence": (f"{BRANCH} --window 0.01 0.05", r"no breather .* below the fold"),
+    "window the wrong way round": (f"{BRANCH} --window 0.9 0.5", r"the smaller first"),
+    "window nan": (f"{BRANCH} --window nan 0.5", r"two finite numbers"),
+    "window infinite": (f"{BRANCH} --window 0 inf", r"two finite numbers"),
+    "half a window": (f"{BRANCH} --window 0.5", r"--window requires 2"),
     "window outside of the domain": (
         "branch --free gamma --a 0.5 --k 0.8 --window 0.3 0.4",
         r"contains no breather",
     ),
-    "start outside of the window": (
-        "branch --free a --gamma 0.1 --k 0.8 --a 0.7 --window 0.1 0.6",
-        r"outside of the window",
-    ),
-    "start that is no breather": (
-        "branch --free a --gamma 0.1 --k 0.8 --a 0.95",
-        r"\(15\) is broken",
-    ),
+    "start outside of the window": (f"{BRANCH} --a 0.7 --window 0.1 0.6", r"outside of the window"),
+    "start that is no breather": (f"{BRANCH} --a 0.95", r"\(15\) is broken"),
     "zones in an empty window": ("zones --gamma-window 0.3 0.4", r"contains no breather"),
     "zones above existence": (
         "zones --k 0.8 --gamma-window 0.2 0.24 --a-window 0.9 0.99",
@@ -255,36 +185,19 @@ REFUSED = {
     ),
     "no such figure": ("figure 9", r"there are the figures 2, 3, 4, 5, 6, 7, 8"),
     "no figure": ("figure", r"there are the figures 2, 3, 4, 5, 6, 7, 8"),
-    "empty table name": (
-        "branch --free a --gamma 0.1 --k 0.8 --csv ''",
-        r"name of the file to write is empty",
-    ),
-    "table in a directory's place": (
-        "branch --free a --gamma 0.1 --k 0.8 --csv .",
-        r"it is a directory",
-    ),
+    "empty table name": (f"{BRANCH} --csv ''", r"name of the file to write is empty"),
+    "table in a directory's place": (f"{BRANCH} --csv .", r"it is a directory"),
     "figure in a directory's place": ("zones -o .", r"it is a directory"),
-    "table nowhere": (
-        "branch --free a --gamma 0.1 --k 0.8 --csv nowhere/b.csv",
-        r"there is no directory nowhere",
-    ),
+    "table nowhere": (f"{BRANCH} --csv nowhere/b.csv", r"there is no directory nowhere"),
     "unknown format": ("zones -o zones.jpeg", r"suffix must be one of"),
-    "one file for two": (
-        "branch --free a --gamma 0.1 --k 0.8 --csv b.png -o b.png",
-        r"different names",
-    ),
-    "unwritable": (
-        "branch --free a --gamma 0.1 --k 0.8 --csv /proc/b.csv",
-        r"cannot write /proc/b\.csv",
-    ),
+    "one file for two": (f"{BRANCH} --csv b.png -o b.png", r"different names"),
+    "unwritable": (f"{BRANCH} --csv /proc/b.csv", r"cannot write /proc/b\.csv"),
 }
 
 
 @pytest.mark.parametrize(("line", "sentence"), REFUSED.values(), ids=REFUSED)
-def test_bad_input_is_one_sentence_and_status_2(
-    run: Callable[..., Output], line: str, sentence: str
-) -> None:
-    status, out, err = run(*shlex.split(line))
+def test_bad_input_is_one_sentence_and_status_2(run: Run, line: str, sentence: str) -> None:
+    status, out, err = run(line)
     assert status == BAD_INPUT
     assert out == ""
     assert err.startswith("contbreather: ")
@@ -294,36 +207,36 @@ def test_bad_input_is_one_sentence_and_status_2(
     assert list(Path().iterdir()) == []  # nothing half done is left
 
 
-def test_bad_input_is_refused_the_same_way_with_json(run: Callable[..., Output]) -> None:
-    status, out, err = run("point", "--a", "0.01", "--gamma", "0.1", "--k", "0.8", "--json")
+def test_bad_input_is_refused_the_same_way_with_json(run: Run) -> None:
+    status, out, err = run("point --a 0.01 --gamma 0.1 --k 0.8 --json")
     assert (status, out) == (BAD_INPUT, "")
     assert "the smallest a is" in err
 
 
 def test_bad_places_are_refused_before_anything_is_computed(
-    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def never(**kwargs: object) -> None:
         raise AssertionError("computed first")
 
     monkeypatch.setattr(import_module("contbreather.breathers.zones"), "zones", never)
-    assert run("zones", "-o", "nowhere/z.png")[0] == BAD_INPUT
+    assert run("zones -o nowhere/z.png")[0] == BAD_INPUT
 
 
 def test_numerics_that_fail_are_one_sentence_and_status_1(
-    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(*args: object, **kwargs: object) -> None:
         raise NotConverged("Newton's iteration went nowhere", residual=1.0)
 
     monkeypatch.setattr("contbreather.breathers.symmetric_roots", fails)
-    status, out, err = run(*POINT)
+    status, out, err = run(POINT)
     assert (status, out) == (FAILED, "")
     assert err == "contbreather: Newton's iteration went nowhere\n"
 
 
 def test_branch_that_breaks_off_is_shown_and_has_status_1(
-    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from dataclasses import replace
 
@@ -337,37 +250,35 @@ def test_branch_that_breaks_off_is_shown_and_has_status_1(
         )
 
     monkeypatch.setattr(continuation, "trace", broken)
-    status, out, err = run(*BRANCH, "--json")
+    status, out, err = run(f"{BRANCH} --json")
     assert status == FAILED
     assert strict(out)["columns"]["a"]
     assert "broke off" in err
     assert "too sharp" in err
 
 
-def test_interruption_has_its_own_status(
-    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_interruption_has_its_own_status(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(*args: object, **kwargs: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("contbreather.breathers.symmetric_roots", stopped)
-    assert run(*POINT)[0] == INTERRUPTED
+    assert run(POINT)[0] == INTERRUPTED
 
 
-def test_bugs_are_not_hidden(run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bugs_are_not_hidden(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def bug(*args: object, **kwargs: object) -> None:
         raise KeyError("bug")
 
     monkeypatch.setattr("contbreather.breathers.symmetric_roots", bug)
     with pytest.raises(KeyError):
-        run(*POINT)
+        run(POINT)
 
 
 # --- point --------------------------------------------------------------------------------------
 
 
-def test_point_gives_the_library_s_numbers_to_the_last_digit(run: Callable[..., Output]) -> None:
-    status, out, err = run(*POINT, "--json")
+def test_point_gives_the_library_s_numbers_to_the_last_digit(run: Run) -> None:
+    status, out, err = run(f"{POINT} --json")
     content, b = strict(out), cb.symmetric(0.5, 0.12, 0.4)
     assert (status, err) == (DONE, "")
     assert out.count("\n") == 1
@@ -380,28 +291,28 @@ def test_point_gives_the_library_s_numbers_to_the_last_digit(run: Callable[..., 
     assert "ring" not in content
 
 
-def test_point_on_a_ring_follows_the_paper_s_rule(run: Callable[..., Output]) -> None:
-    line = ["point", "--a", "0.2", "--gamma", "0.11", "--k", "0.8", "--json", "--sites", "40"]
-    ring = strict(run(*line, "--threshold", "1.02")[1])["ring"]
+def test_point_on_a_ring_follows_the_paper_s_rule(run: Run) -> None:
+    line = "point --a 0.2 --gamma 0.11 --k 0.8 --json --sites 40"
+    ring = strict(run(f"{line} --threshold 1.02")[1])["ring"]
     full = np.abs(cb.symmetric(0.2, 0.11, 0.8).multipliers(sites=40))
     assert (ring["sites"], ring["threshold"]) == (40, 1.02)
     assert ring["largest"] == pytest.approx(full.max(), abs=1e-13)
     assert ring["unstable"] == np.sum(full > 1.02)
-    assert strict(run(*line)[1])["ring"]["threshold"] == 1.005
+    assert strict(run(line)[1])["ring"]["threshold"] == 1.005
 
 
 def test_multipliers_in_json_are_pairs_of_real_and_imaginary_part(
-    run: Callable[..., Output],
+    run: Run,
 ) -> None:
-    out = run("point", "--a", "0.2", "--gamma", "0.11", "--k", "0.8", "--json")[1]
+    out = run("point --a 0.2 --gamma 0.11 --k 0.8 --json")[1]
     multipliers = [complex(*pair) for pair in strict(out)["multipliers"]]
     assert multipliers == cb.symmetric(0.2, 0.11, 0.8).stability().multipliers.tolist()
 
 
-def test_point_of_two_harmonics_has_the_numbers_of_the_notes(run: Callable[..., Output]) -> None:
-    line = ["point", "--a", "0.3", "--gamma", "0.12", "--k", "0.7", "--json", "--forcing"]
-    for extra in ([TWO_HARMONICS], ["-cos(t) - c*cos(3*t)", "--set", "c=2.7"]):
-        content = strict(run(*line, *extra)[1])
+def test_point_of_two_harmonics_has_the_numbers_of_the_notes(run: Run) -> None:
+    line = "point --a 0.3 --gamma 0.12 --k 0.7 --json --forcing"
+    for extra in (f"{TWO_HARMONICS!r}", "'-cos(t) - c*cos(3*t)' --set c=2.7"):
+        content = strict(run(f"{line} {extra}")[1])
         assert content["p"] == pytest.approx(0.669089966883616, abs=1e-14)
         assert content["phi"] == pytest.approx(-3.03379882172877, abs=1e-13)
         assert content["max_neighbour"] == pytest.approx(0.581967518208344, abs=1e-13)
@@ -409,54 +320,54 @@ def test_point_of_two_harmonics_has_the_numbers_of_the_notes(run: Callable[..., 
 
 
 def test_people_read_a_verdict_that_names_its_chain_and_threshold(
-    run: Callable[..., Output],
+    run: Run,
 ) -> None:
-    _, out, _ = run(*POINT, "--sites", "40")
+    _, out, _ = run(f"{POINT} --sites 40")
     assert "Infinite chain: stable" in out
     assert "Ring of 40:" in out
     assert "threshold 1.005" in out
     assert "0.680056001966" in out
 
 
-def test_solution_through_a_wall_is_not_called_a_breather(run: Callable[..., Output]) -> None:
-    line = ["point", "--a", "0.95", "--gamma", "0.1", "--k", "0.8"]
-    assert "No breather: site 1 reaches |u| = 1.15925" in run(*line)[1]
-    content = strict(run(*line, "--json")[1])
+def test_solution_through_a_wall_is_not_called_a_breather(run: Run) -> None:
+    line = "point --a 0.95 --gamma 0.1 --k 0.8"
+    assert "No breather: site 1 reaches |u| = 1.15925" in run(line)[1]
+    content = strict(run(f"{line} --json")[1])
     assert content["admissible"] is False
     assert content["max_neighbour"] > 1
 
 
 def test_nothing_is_said_of_the_stability_of_what_is_no_breather(
-    run: Callable[..., Output],
+    run: Run,
 ) -> None:
     """Its multipliers are inside the circle, but the chain has no such motion."""
     assert cb.symmetric(0.9, 0.1, 0.8).stability().unstable == 0
-    line = ["point", "--a", "0.9", "--gamma", "0.1", "--k", "0.8", "--sites", "40"]
-    out = run(*line)[1]
+    line = "point --a 0.9 --gamma 0.1 --k 0.8 --sites 40"
+    out = run(line)[1]
     assert "stable" not in out.replace("stability", "")
     assert "Nothing is said of its stability" in out
-    content = strict(run(*line, "--json")[1])
+    content = strict(run(f"{line} --json")[1])
     assert (content["stable"], content["unstable"]) == (None, None)
     assert content["ring"]["unstable"] is None
     assert "(15) is broken" in content["reason"]
 
 
-def test_any_root_can_be_asked_for(run: Callable[..., Output]) -> None:
-    place = ["--a", "0.3", "--gamma", "0.12", "--k", "0.7", "--forcing", TWO_HARMONICS, "--json"]
+def test_any_root_can_be_asked_for(run: Run) -> None:
+    place = f"--a 0.3 --gamma 0.12 --k 0.7 --forcing {TWO_HARMONICS!r} --json"
     roots = cb.breathers.symmetric_roots(0.3, 0.12, 0.7, forcing=cb.Symbolic(TWO_HARMONICS))
     assert len(roots) == 4
     for number, root in enumerate(roots, start=1):
-        content = strict(run("point", *place, "--root", str(number))[1])
+        content = strict(run(f"point {place} --root {number}")[1])
         assert (content["root"], content["p"], content["phi"]) == (number, root.p, root.phi)
         assert [one["p"] for one in content["other_roots"]] == [
             other.p for other in roots if other is not root
         ]
 
 
-def test_branch_starts_at_the_root_that_was_asked_for(run: Callable[..., Output]) -> None:
-    line = ["branch", "--free", "gamma", "--a", "0.5", "--k", "0.8", "--gamma", "0.1", "--json"]
+def test_branch_starts_at_the_root_that_was_asked_for(run: Run) -> None:
+    line = "branch --free gamma --a 0.5 --k 0.8 --gamma 0.1 --json"
     for number, root in enumerate(cb.breathers.symmetric_roots(0.5, 0.1, 0.8), start=1):
-        columns = strict(run(*line, "--root", str(number))[1])["columns"]
+        columns = strict(run(f"{line} --root {number}")[1])["columns"]
         nearest = min(abs(np.array(columns["gamma"]) - 0.1))
         here = int(np.argmin(abs(np.array(columns["gamma"]) - 0.1)))
         assert nearest < 1e-12
@@ -474,27 +385,25 @@ RIM = {
 
 
 @pytest.mark.parametrize(("a", "gamma", "k"), RIM.values(), ids=RIM)
-def test_rim_of_the_domain_works(
-    run: Callable[..., Output], a: float, gamma: float, k: float
-) -> None:
-    status, out, _ = run("point", f"--a={a!r}", f"--gamma={gamma}", f"--k={k}", "--json")
+def test_rim_of_the_domain_works(run: Run, a: float, gamma: float, k: float) -> None:
+    status, out, _ = run(f"point --a={a!r} --gamma={gamma} --k={k} --json")
     content = strict(out)
     assert status == DONE
     assert content["p"] == cb.symmetric(a, gamma, k).p
     assert content["max_neighbour"] is not None
 
 
-def test_at_the_fold_the_verdict_is_not_certain(run: Callable[..., Output]) -> None:
+def test_at_the_fold_the_verdict_is_not_certain(run: Run) -> None:
     fold = smallest_amplitude(0.1, 0.8)
-    out = run("point", f"--a={fold!r}", "--gamma", "0.1", "--k", "0.8", "--json")[1]
+    out = run(f"point --a={fold!r} --gamma 0.1 --k 0.8 --json")[1]
     assert strict(out)["certain"] is False
 
 
 # --- branch -------------------------------------------------------------------------------------
 
 
-def test_branch_lists_its_special_points_and_why_it_ends(run: Callable[..., Output]) -> None:
-    status, out, err = run("branch", "--free", "a", "--gamma", "0.04", "--k", "0.8")
+def test_branch_lists_its_special_points_and_why_it_ends(run: Run) -> None:
+    status, out, err = run("branch --free a --gamma 0.04 --k 0.8")
     assert (status, err) == (DONE, "")
     lines = [
         line for line in out.splitlines() if line.startswith("\N{BOX DRAWINGS LIGHT VERTICAL}")
@@ -514,17 +423,15 @@ def test_branch_lists_its_special_points_and_why_it_ends(run: Callable[..., Outp
         (0.8, "GR1", r"site 1 reaches \|u\| = 1 at t = "),
     ],
 )
-def test_an_end_says_what_grazed(
-    run: Callable[..., Output], k: float, label: str, sentence: str
-) -> None:
-    out = run("branch", "--free", "a", "--gamma", "0.1", "--k", str(k))[1]
+def test_an_end_says_what_grazed(run: Run, k: float, label: str, sentence: str) -> None:
+    out = run(f"branch --free a --gamma 0.1 --k {k}")[1]
     assert re.search(rf"^{label}: ended at a terminal event \({sentence}", out, flags=re.MULTILINE)
 
 
-def test_where_two_graze_both_are_named(run: Callable[..., Output]) -> None:
+def test_where_two_graze_both_are_named(run: Run) -> None:
     """Checked by the profile: both sites are on a wall at the times that are said."""
-    line = ["boundary", "GR", "--k", "0.05"]
-    content = strict(run(*line, "--json")[1])
+    line = "boundary GR --k 0.05"
+    content = strict(run(f"{line} --json")[1])
     point = next(point for point in content["special"] if point["kind"] == "GR-GR")
     (sentence,) = [end for end in content["ends"] if end.startswith("GR-GR1")]
     found = re.findall(r"site (\d) at t = (\S+)", sentence)
@@ -535,17 +442,17 @@ def test_where_two_graze_both_are_named(run: Callable[..., Output]) -> None:
         assert abs(breather.displacement(int(site), float(time))) == pytest.approx(1.0, abs=1e-8)
 
 
-def test_free_parameter_is_the_first_number_of_a_row(run: Callable[..., Output]) -> None:
+def test_free_parameter_is_the_first_number_of_a_row(run: Run) -> None:
     for line, heading in (
-        (["branch", "--free", "gamma", "--a", "0.2", "--k", "0.8"], "label gamma p phi unstable"),
-        (["boundary", "PF", "--k", "0.8"], "label gamma a p phi unstable"),
+        ("branch --free gamma --a 0.2 --k 0.8", "label gamma p phi unstable"),
+        ("boundary PF --k 0.8", "label gamma a p phi unstable"),
     ):
-        words = re.sub("[┃ ]+", " ", run(*line)[1].splitlines()[2])
+        words = re.sub("[┃ ]+", " ", run(line)[1].splitlines()[2])
         assert words.strip().startswith(heading)
 
 
-def test_verdict_on_the_verge_is_left_out_of_table_and_csv(run: Callable[..., Output]) -> None:
-    out = run(*BRANCH, "--csv", "b.csv")[1]
+def test_verdict_on_the_verge_is_left_out_of_table_and_csv(run: Run) -> None:
+    out = run(f"{BRANCH} --csv b.csv")[1]
     cells = {row.split("│")[1].strip(): row.split("│")[5].strip()
              for row in out.splitlines() if row.startswith("│")}  # fmt: skip
     rows = {row["label"]: row["unstable"] for row in table(Path("b.csv")) if row["label"]}
@@ -571,14 +478,14 @@ def test_tables_fit_terminals_of_80_columns(tmp_path: Path) -> None:
     assert float(a) == pytest.approx(0.0527199073812, rel=1e-4)
 
 
-def test_pipes_take_tables_as_wide_as_they_are(run: Callable[..., Output]) -> None:
-    out = run("boundary", "NS", "--k", "0.8")[1]
+def test_pipes_take_tables_as_wide_as_they_are(run: Run) -> None:
+    out = run("boundary NS --k 0.8")[1]
     assert "0.125220720183" in out
     assert "residual" in out
 
 
-def test_branch_in_json_is_all_columns_and_special_points(run: Callable[..., Output]) -> None:
-    content = strict(run(*BRANCH, "--window", "0.3", "0.7", "--json")[1])
+def test_branch_in_json_is_all_columns_and_special_points(run: Run) -> None:
+    content = strict(run(f"{BRANCH} --window 0.3 0.7 --json")[1])
     columns = content["columns"]
     assert content["free"] == "a"
     assert {"p", "phi", "a", "gamma", "k", "unstable"} <= set(columns)
@@ -591,36 +498,36 @@ def test_branch_in_json_is_all_columns_and_special_points(run: Callable[..., Out
 @pytest.mark.parametrize(
     ("free", "rest", "kind", "value"),
     [
-        ("gamma", ["--a", "0.2", "--k", "0.8"], "NS", 0.0969710),
-        ("a", ["--gamma", "0.04", "--k", "0.8"], "PF", 0.777632425944),
-        ("k", ["--a", "0.2", "--gamma", "0.0969709466"], "NS", 0.8),
+        ("gamma", "--a 0.2 --k 0.8", "NS", 0.0969710),
+        ("a", "--gamma 0.04 --k 0.8", "PF", 0.777632425944),
+        ("k", "--a 0.2 --gamma 0.0969709466", "NS", 0.8),
     ],
 )
 def test_branch_in_any_parameter_finds_a_start_by_itself(
-    run: Callable[..., Output], free: str, rest: list[str], kind: str, value: float
+    run: Run, free: str, rest: str, kind: str, value: float
 ) -> None:
-    special = strict(run("branch", "--free", free, *rest, "--json")[1])["special"]
+    special = strict(run(f"branch --free {free} {rest} --json")[1])["special"]
     found = [point[free] for point in special if point["kind"] == kind]
     assert found == pytest.approx([value], abs=1e-7)
 
 
-def test_branch_in_a_letter_of_the_forcing(run: Callable[..., Output]) -> None:
-    line = ["branch", "--free", "c", "--a", "0.3", "--gamma", "0.12", "--k", "0.7"]
-    formula = ["--forcing", "-cos(t) - c*cos(3*t)", "--window", "0", "2.7", "--json"]
-    columns = strict(run(*line, *formula)[1])["columns"]
+def test_branch_in_a_letter_of_the_forcing(run: Run) -> None:
+    line = "branch --free c --a 0.3 --gamma 0.12 --k 0.7"
+    formula = "--forcing '-cos(t) - c*cos(3*t)' --window 0 2.7 --json"
+    columns = strict(run(f"{line} {formula}")[1])["columns"]
     assert columns["c"][-1] == 2.7
     assert columns["p"][-1] == pytest.approx(0.669089966883616, abs=1e-12)
 
 
-def test_branch_by_the_paper_s_rule(run: Callable[..., Output]) -> None:
-    line = ["branch", "--free", "gamma", "--a", "0.2", "--k", "0.8", "--window", "0.08", "0.1"]
-    special = strict(run(*line, "--sites", "400", "--json")[1])["special"]
+def test_branch_by_the_paper_s_rule(run: Run) -> None:
+    line = "branch --free gamma --a 0.2 --k 0.8 --window 0.08 0.1"
+    special = strict(run(f"{line} --sites 400 --json")[1])["special"]
     first = next(point["gamma"] for point in special if point["kind"] == "NS")
     assert first == pytest.approx(0.0915527427, abs=1e-9)
 
 
-def test_branch_as_a_table_has_all_digits_and_labels(run: Callable[..., Output]) -> None:
-    status, out, _ = run(*BRANCH, "--csv", "b.csv", "-o", "b.pdf", "--json")
+def test_branch_as_a_table_has_all_digits_and_labels(run: Run) -> None:
+    status, out, _ = run(f"{BRANCH} --csv b.csv -o b.pdf --json")
     content, rows = strict(out), table(Path("b.csv"))
     assert status == DONE
     assert content["written"] == ["b.csv", "b.pdf"]
@@ -634,8 +541,8 @@ def test_branch_as_a_table_has_all_digits_and_labels(run: Callable[..., Output])
 
 
 @pytest.mark.parametrize("kind", ["LP", "pf", "NS", "GR"])
-def test_boundary_of_each_kind_needs_no_seed(run: Callable[..., Output], kind: str) -> None:
-    columns = strict(run("boundary", kind, "--k", "0.8", "--json")[1])["columns"]
+def test_boundary_of_each_kind_needs_no_seed(run: Run, kind: str) -> None:
+    columns = strict(run(f"boundary {kind} --k 0.8 --json")[1])["columns"]
     check = DEFINING[kind.upper()]
     for i in range(0, len(columns["a"]), 7):
         assert check({name: column[i] for name, column in columns.items()})
@@ -644,22 +551,22 @@ def test_boundary_of_each_kind_needs_no_seed(run: Callable[..., Output], kind: s
 @pytest.mark.parametrize(
     ("pair", "fixed"), [("k a", "--gamma=0.04"), ("k gamma", "--a=0.8"), ("a gamma", "--k=0.8")]
 )
-def test_boundary_in_any_pair(run: Callable[..., Output], pair: str, fixed: str) -> None:
-    columns = strict(run("boundary", "PF", "--pair", *pair.split(), fixed, "--json")[1])["columns"]
+def test_boundary_in_any_pair(run: Run, pair: str, fixed: str) -> None:
+    columns = strict(run(f"boundary PF --pair {pair} {fixed} --json")[1])["columns"]
     for i in range(0, len(columns["a"]), 5):
         assert DEFINING["PF"]({name: column[i] for name, column in columns.items()})
 
 
-def test_doublings_are_found_on_an_arm(run: Callable[..., Output]) -> None:
-    content = strict(run("boundary", "pd", "--k", "0.95", "--json")[1])
+def test_doublings_are_found_on_an_arm(run: Run) -> None:
+    content = strict(run("boundary pd --k 0.95 --json")[1])
     ends = {point["label"]: (point["gamma"], point["a"]) for point in content["special"]}
     assert ends["EP1"] == pytest.approx((0.0, 0.9050853098), abs=1e-9)
     assert ends["PD-GR1"] == pytest.approx((0.0130085246, 0.954578604), abs=1e-9)
 
 
-def test_boundary_passes_the_fold_as_the_library_does(run: Callable[..., Output]) -> None:
+def test_boundary_passes_the_fold_as_the_library_does(run: Run) -> None:
     """NS-LP is no end: the line goes on among the breathers with the smaller p."""
-    content = strict(run("boundary", "NS", "--k", "0.8", "--json")[1])
+    content = strict(run("boundary NS --k 0.8 --json")[1])
     labels = [point["label"] for point in content["special"]]
     point = cb.trace(cb.symmetric(0.2, 0.08, 0.8), "gamma").first("NS")
     line = cb.boundary(point, ("gamma", "a"), within={"gamma": (0, 0.2499)})
@@ -667,13 +574,11 @@ def test_boundary_passes_the_fold_as_the_library_does(run: Callable[..., Output]
 
 
 @pytest.mark.parametrize("stop", [cb.continuation.Stop.NO_CONVERGENCE, cb.continuation.Stop.RIM])
-@pytest.mark.parametrize(
-    "line", [BRANCH, ["boundary", "PF", "--k", "0.8"]], ids=["branch", "boundary"]
-)
+@pytest.mark.parametrize("line", [BRANCH, "boundary PF --k 0.8"], ids=["branch", "boundary"])
 def test_what_ends_in_mx_is_shown_and_has_status_1(
-    run: Callable[..., Output],
+    run: Run,
     monkeypatch: pytest.MonkeyPatch,
-    line: list[str],
+    line: str,
     stop: cb.continuation.Stop,
 ) -> None:
     from dataclasses import replace
@@ -687,14 +592,14 @@ def test_what_ends_in_mx_is_shown_and_has_status_1(
         return replace(whole(*args, **kwargs), stop=stop, reason="too sharp")
 
     monkeypatch.setattr(continuation, name, broken)
-    status, out, err = run(*line)
+    status, out, err = run(line)
     assert status == FAILED
     assert "label" in out
     assert "too sharp" in err
 
 
-def test_boundary_shows_where_it_meets_others(run: Callable[..., Output]) -> None:
-    status, out, _ = run("boundary", "PF", "--k", "0.8", "--csv", "pf.csv", "-o", "pf.svg")
+def test_boundary_shows_where_it_meets_others(run: Run) -> None:
+    status, out, _ = run("boundary PF --k 0.8 --csv pf.csv -o pf.svg")
     assert status == DONE
     assert "PF-GR1" in out
     assert "Wrote pf.csv." in out
@@ -811,9 +716,9 @@ def test_labelled_rows_solve_both_equations_of_their_meeting(bare) -> None:
                 assert DEFINING[kind](point), row
 
 
-def test_zones_print_for_programs_without_writing(run: Callable[..., Output]) -> None:
-    line = ["zones", "--k", "0.8", "--gamma-window", "0.05", "0.08", "--json"]
-    content = strict(run(*line)[1])
+def test_zones_print_for_programs_without_writing(run: Run) -> None:
+    line = "zones --k 0.8 --gamma-window 0.05 0.08 --json"
+    content = strict(run(line)[1])
     assert list(Path().iterdir()) == []
     (diagram,) = content["zones"]
     assert diagram["fixed"] == {"k": 0.8}
@@ -832,7 +737,7 @@ def test_zones_print_for_programs_without_writing(run: Callable[..., Output]) ->
 
 
 def test_zones_of_several_values_are_shared_out_in_order(
-    run: Callable[..., Output], monkeypatch: pytest.MonkeyPatch
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To whoever computes many pieces of work, no executor being named: all cores."""
     module, asked = import_module("contbreather.breathers.zones_many"), dict[str, Any]()
@@ -842,16 +747,16 @@ def test_zones_of_several_values_are_shared_out_in_order(
         return [work(item) for item in items]
 
     monkeypatch.setattr(module, "each", here)
-    line = ["zones", "--k", "0.8", "--k", "0.7", "--gamma-window", "0.05", "0.07", "--json"]
-    found = strict(run(*line)[1])["zones"]
+    line = "zones --k 0.8 --k 0.7 --gamma-window 0.05 0.07 --json"
+    found = strict(run(line)[1])["zones"]
     assert [diagram["fixed"] for diagram in found] == [{"k": 0.8}, {"k": 0.7}]
     assert asked["executor"] is None
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "value"), [("gamma", "0.05"), ("a", "0.5")])
-def test_zones_in_other_planes(run: Callable[..., Output], name: str, value: str) -> None:
-    status, _, _ = run("zones", f"--{name}", value, "-o", "z.png", "--csv", "z.csv")
+def test_zones_in_other_planes(run: Run, name: str, value: str) -> None:
+    status, _, _ = run(f"zones --{name} {value} -o z.png --csv z.csv")
     assert status == DONE
     rows = table(Path("z.csv"))
     assert {float(row[name]) for row in rows} == {float(value)}
@@ -860,9 +765,9 @@ def test_zones_in_other_planes(run: Callable[..., Output], name: str, value: str
 
 
 @pytest.mark.slow
-def test_zones_of_another_forcing(run: Callable[..., Output]) -> None:
-    line = ["zones", "--k", "0.7", "--gamma-window", "0.1", "0.14", "--forcing", TWO_HARMONICS]
-    content = strict(run(*line, "--json")[1])
+def test_zones_of_another_forcing(run: Run) -> None:
+    line = f"zones --k 0.7 --gamma-window 0.1 0.14 --forcing {TWO_HARMONICS!r}"
+    content = strict(run(f"{line} --json")[1])
     assert "cos(3 * t)" in content["forcing"]
     forcing = cb.Symbolic(TWO_HARMONICS)
     lows = [curve for curve in content["zones"][0]["curves"] if curve["curve"] == "LP"]
@@ -875,28 +780,28 @@ def test_zones_of_another_forcing(run: Callable[..., Output]) -> None:
     assert min(map(abs, smallest)) < 1e-10
 
 
-def test_a_window_that_is_cut_says_so(run: Callable[..., Output]) -> None:
-    line = ["zones", "--k", "0.8", "--gamma-window", "0.2", "0.3", "--json"]
-    status, out, err = run(*line)
+def test_a_window_that_is_cut_says_so(run: Run) -> None:
+    line = "zones --k 0.8 --gamma-window 0.2 0.3 --json"
+    status, out, err = run(line)
     assert status == DONE
     assert "only 0.2 to 0.2499 is looked at" in err
     assert max(max(c["gamma"]) for c in strict(out)["zones"][0]["curves"]) <= 0.2499
-    assert run(*line[:4], "0.2", "0.24", "--json")[2] == ""
+    assert run(line.replace("0.3", "0.24"))[2] == ""
 
 
 def test_without_meetings_there_is_a_sentence_and_no_empty_table(
-    run: Callable[..., Output],
+    run: Run,
 ) -> None:
-    out = run("zones", "--a", "0.3", "--gamma-window", "0.05", "0.1", "--csv", "z.csv")[1]
+    out = run("zones --a 0.3 --gamma-window 0.05 0.1 --csv z.csv")[1]
     assert out.startswith("No two curves meet there.\nPoints on the curves at a = 0.3: NS ")
     assert "┃" not in out
 
 
-@pytest.mark.parametrize("command", [["boundary"], ["zones"], ["branch"], ["figure"], ["point"]])
-def test_help_fills_its_lines(command: list[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize("command", ["boundary", "zones", "branch", "figure", "point"])
+def test_help_fills_its_lines(command: str, tmp_path: Path) -> None:
     """No line of prose is broken where the source breaks it: the next word would not fit."""
     done = subprocess.run(
-        [sys.executable, "-m", "contbreather", *command, "--help"],
+        [sys.executable, "-m", "contbreather", command, "--help"],
         env={**os.environ, "PYTHONPATH": str(Path(cb.__file__).parents[1]), "COLUMNS": "80"},
         capture_output=True, text=True, check=True,
     )  # fmt: skip
@@ -918,7 +823,7 @@ def test_help_shows_a_default_that_says_something(default: object, seen: str | N
 # --- figure and the rest ------------------------------------------------------------------------
 
 
-def test_warm_says_how_much_is_compiled(run: Callable[..., Output], monkeypatch) -> None:
+def test_warm_says_how_much_is_compiled(run: Run, monkeypatch) -> None:
     from contbreather.breathers import ahead
 
     monkeypatch.setattr(ahead, "compile_ahead", lambda: 6)
@@ -931,16 +836,16 @@ def test_warm_says_how_much_is_compiled(run: Callable[..., Output], monkeypatch)
     assert "--verbose" in said
 
 
-def test_figure_writes_its_picture_and_says_what_is_exact(run: Callable[..., Output]) -> None:
-    status, out, _ = run("figure", "4")
+def test_figure_writes_its_picture_and_says_what_is_exact(run: Run) -> None:
+    status, out, _ = run("figure 4")
     assert status == DONE
     assert Path("figure4.png").read_bytes().startswith(b"\x89PNG")
     assert "infinite chain (exact)" in " ".join(out.split())
     assert "Wrote figure4.png." in out
 
 
-def test_figure_for_programs(run: Callable[..., Output]) -> None:
-    content = strict(run("figure", "3", "--json", "--csv", "m.csv")[1])
+def test_figure_for_programs(run: Run) -> None:
+    content = strict(run("figure 3 --json --csv m.csv")[1])
     assert content["written"] == ["m.csv"]
     assert len(content["rows"]) == 1600
     assert [float(row["modulus"]) for row in table(Path("m.csv"))] == [
@@ -959,7 +864,7 @@ def test_help_and_version_are_quick_for_they_load_no_numerics() -> None:
     assert "--free" in done.stdout
 
 
-def test_version_is_the_package_s(run: Callable[..., Output]) -> None:
+def test_version_is_the_package_s(run: Run) -> None:
     assert run("--version")[:2] == (DONE, f"{cb.__version__}\n")
 
 
@@ -979,7 +884,7 @@ def test_reader_that_has_seen_enough_is_no_error() -> None:
         "diagram --free a --gamma 0.04 --k 0.8 --depth 1.2",
     ],
 )
-def test_half_a_site_is_refused(line: str, run: Callable[..., Output]) -> None:
-    status, out, err = run(*shlex.split(line))
+def test_half_a_site_is_refused(line: str, run: Run) -> None:
+    status, out, err = run(line)
     assert (status, out) == (BAD_INPUT, "")
     assert "is not a whole number" in err

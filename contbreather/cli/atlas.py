@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+import contbreather as cb
 from contbreather.cli.interrupts import kept
 from contbreather.cli.options import Into, Plane, Whole
+from contbreather.cli.output import table_of
 from contbreather.errors import BadInput
 from contbreather.files import writable
 
@@ -47,7 +49,7 @@ def atlas(
     save
         Write the atlas to this netCDF file.
     """
-    from contbreather.breathers.atlas import atlas as chart
+    from contbreather.breathers.atlas import save_atlas
 
     if into == Into() and save is None:
         into, save = Into(output=FIGURE), DATA
@@ -67,13 +69,13 @@ def atlas(
         **fixed,
         **further,
     }
-    found, cut = kept(lambda: chart(**asked))
-    made = [] if save is None else [_saved(save, found)]
+    found, cut = kept(cb.atlas, **asked)
+    made = [] if save is None else [str(save_atlas(save, found))]
     into.leave(
         lambda: {**on.entry(), "atlas": _columns(found), "failed": _failed(found)},
         [*_lines(found), *(f"Wrote {path}." for path in made)],
-        lambda: (_rows(found), list(_columns(found))),
-        lambda: _figure(found),
+        lambda: table_of(_columns(found)),
+        lambda: cb.plotting.plot_atlas(found),
         cut=cut,
     )
 
@@ -105,12 +107,6 @@ def _assigned(text: str) -> tuple[str, list[float]]:
     return name.strip(), _values(f"--over {name}", (values,))
 
 
-def _saved(path: str, found: Dataset) -> str:
-    from contbreather.breathers.atlas import save_atlas
-
-    return str(save_atlas(path, found))
-
-
 def _columns(found: Dataset) -> dict[str, Any]:
     """Those along points, words in place of their numbers."""
     from contbreather.breathers.atlas import words
@@ -121,15 +117,9 @@ def _columns(found: Dataset) -> dict[str, Any]:
     return {**columns, "kind": words(found, "kind"), "meeting": words(found, "meeting")}
 
 
-def _rows(found: Dataset) -> Iterator[dict[str, Any]]:
-    columns = {n: c if isinstance(c, list) else c.tolist() for n, c in _columns(found).items()}
-    for row in zip(*columns.values(), strict=True):
-        yield dict(zip(columns, row, strict=True))
-
-
 def _failed(found: Dataset) -> list[dict[str, Any]]:
-    columns = {str(n): c.to_numpy().tolist() for n, c in found.items() if c.dims == ("failed",)}
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    columns = {str(n): c.to_numpy() for n, c in found.items() if c.dims == ("failed",)}
+    return [dict(row) for row in table_of(columns)[0]]
 
 
 def _lines(found: Dataset) -> Iterator[object]:
@@ -143,9 +133,3 @@ def _lines(found: Dataset) -> Iterator[object]:
             f"{n.removeprefix('failed_')} = {v:g}" for n, v in one.items() if n != "reason"
         )
         yield f"No diagram at {at}: {one['reason'].rstrip('.')}."
-
-
-def _figure(found: Dataset) -> Any:
-    from contbreather.plotting import plot_atlas
-
-    return plot_atlas(found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contbreather as cb
 from contbreather.cli.branch import leave
 from contbreather.cli.interrupts import kept
 from contbreather.cli.options import PARAMETERS, Keep, Span, Where, interval
@@ -37,9 +38,6 @@ def boundary(
         Lowest and highest value of the first; 0 to 0.2499 for gamma, 0.01 to 0.999 for k unless
         given.
     """
-    from contbreather import continuation
-    from contbreather.breathers import find_event
-
     into.check()
     wanted = _kind(kind)
     on = where.on(*pair)
@@ -49,10 +47,10 @@ def boundary(
     given = where.need(*(name for name in PARAMETERS if name not in pair))
     within = {first: interval(first, window, on.reach), second: interval(second, None, {})}
     like = {**given, **on.given, "within": within, "threshold": on.threshold}
-    seed = find_event(wanted, pair, **like)
-    steps = continuation.Steps(largest=0.02)
+    seed = cb.breathers.find_event(wanted, pair, **like)
+    steps = cb.Steps(largest=0.02)
     found, cut = kept(
-        lambda: continuation.boundary(seed, pair, within=within, steps=steps, save=into.save)
+        cb.continuation.boundary, seed, pair, within=within, steps=steps, save=into.save
     )
     leave(found, "curve", {"curve": wanted, "pair": pair, **on.entry()}, into, cut)
 

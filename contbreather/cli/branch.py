@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+import contbreather as cb
 from contbreather.cli.interrupts import kept
 from contbreather.cli.options import Along, Into, Keep, Where, Whole
 from contbreather.cli.output import branch_entry, branch_table, check_ends, lines_of
-
-if TYPE_CHECKING:
-    from contbreather.continuation import Branch
 
 
 def branch(
@@ -33,32 +31,20 @@ def branch(
     root
         Which solution of (11), in order of decreasing p, where there are several.
     """
-    from contbreather import continuation
-
     into.check()
     start = along.start(where, root)
-    problem = start.problem
-    found, cut = kept(
-        lambda: continuation.trace(
-            problem, start.free, within=start.within, towards=towards, save=into.save
-        )
-    )
+    asked: dict[str, Any] = {"within": start.within, "towards": towards, "save": into.save}
+    found, cut = kept(cb.continuation.trace, start.problem, start.free, **asked)
     leave(found, "branch", start.entry(), into, cut)
 
 
-def leave(found: Branch, what: str, about: Mapping[str, Any], into: Into, cut: bool) -> None:
+def leave(found: cb.Branch, what: str, about: Mapping[str, Any], into: Into, cut: bool) -> None:
     """All that is wanted of one branch or boundary; raise if it broke off."""
     into.leave(
         lambda: {**about, **branch_entry(found)},
         lines_of(found),
         lambda: branch_table([found]),
-        lambda: _drawn(found),
+        lambda: cb.plotting.plot(found),
         cut=cut,
     )
     check_ends(found, what)
-
-
-def _drawn(found: Branch) -> Any:
-    from contbreather.plotting import plot
-
-    return plot(found)

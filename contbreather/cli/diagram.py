@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import contbreather as cb
 from contbreather.cli.interrupts import kept
 from contbreather.cli.options import Along, Keep, Where, Whole
 from contbreather.cli.output import branch_entry, branch_table, point_entry
 from contbreather.errors import NotConverged
-
-if TYPE_CHECKING:
-    from contbreather.continuation.diagram import Diagram, Place
 
 
 def diagram(
@@ -33,18 +31,15 @@ def diagram(
     most
         Number of branches after which no others are followed.
     """
-    from contbreather.continuation.diagram import diagram
-
     into.check()
     start = along.start(where)
-    shot = start.shot
     asked: dict[str, Any] = {"within": start.within, "depth": depth, "most": most}
-    tree, cut = kept(lambda: diagram(shot, start.free, **asked, save=into.save))
+    tree, cut = kept(cb.diagram, start.shot, start.free, **asked, save=into.save)
     into.leave(
         lambda: {**start.entry(), **_content(tree)},
         _lines(tree, depth),
         lambda: branch_table(tree.branches, "branch"),
-        lambda: _drawn(tree),
+        lambda: cb.plotting.plot_diagram(tree),
         cut=cut or tree.interrupted,
     )
     ended = [(i, stop) for i, one in enumerate(tree) for stop in (one.began, one.stop)]
@@ -54,18 +49,12 @@ def diagram(
         raise NotConverged(f"the diagram is not complete: {'; '.join(lost)}")
 
 
-def _drawn(tree: Diagram) -> Any:
-    from contbreather.plotting import plot_diagram
-
-    return plot_diagram(tree)
-
-
-def _lines(tree: Diagram, depth: int) -> Iterator[object]:
+def _lines(tree: Any, depth: int) -> Iterator[object]:
     yield tree
     yield from (f"{line}." for line in _loose_ends(tree, depth))
 
 
-def _loose_ends(tree: Diagram, depth: int) -> Iterator[str]:
+def _loose_ends(tree: Any, depth: int) -> Iterator[str]:
     """What the tree does not show: arms that lead to a known branch, points left alone."""
     yield from map(str, tree.meetings)
     begun = {birth.place.name for birth in tree.births if birth.place is not None}
@@ -82,11 +71,11 @@ def _loose_ends(tree: Diagram, depth: int) -> Iterator[str]:
         yield f"Not switched at: {_named(deep)}; raise --depth"
 
 
-def _named(places: list[Place]) -> str:
+def _named(places: list[Any]) -> str:
     return ", ".join(place.name for place in places)
 
 
-def _content(tree: Diagram) -> dict[str, Any]:
+def _content(tree: Any) -> dict[str, Any]:
     """Branches, and the graph as nodes and edges that name them."""
     places = {place.name: place for row in tree.places for place in row}
     edges = [

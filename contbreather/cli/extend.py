@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+import contbreather as cb
 from contbreather.cli.branch import leave
 from contbreather.cli.interrupts import kept
 from contbreather.cli.options import Keep, Span, Whole
 from contbreather.cli.show import opened
 from contbreather.errors import BadInput
-
-if TYPE_CHECKING:
-    from contbreather.continuation import Branch, Run
 
 
 def extend(
@@ -42,36 +40,31 @@ def extend(
     most
         Number of steps after which it ends, at each end.
     """
-    from contbreather import continuation
     from contbreather.continuation.checkpoint import Checkpoint, Inner
 
     found = opened(run)
     branch, place, own = _chosen(found, name)
     into = replace(into, save=into.save or str(place))
     into.check()
-    settings = branch.settings or continuation.branch.Settings()
+    settings = branch.settings or cb.continuation.branch.Settings()
     within = settings.within if window is None else {**settings.within, branch.free: window}
     steps = settings.steps if most is None else replace(settings.steps, most=most)
-    others = dict(continuation.Run(place)) if into.save == str(place) else {}
+    others = dict(cb.Run(place)) if into.save == str(place) else {}
     file = Checkpoint(into.save or place, own)
     inner = Inner(file, lambda longer: {**others, own: longer})
-    longer, cut = kept(
-        lambda: continuation.extend(branch, end=end, within=within, steps=steps, save=inner)
-    )
+    longer, cut = kept(cb.extend, branch, end=end, within=within, steps=steps, save=inner)
     file.finish({**others, own: longer})
     leave(longer, "branch", {"free": branch.free}, into, cut)
 
 
-def _chosen(found: Run, name: str | None) -> tuple[Branch, Any, str]:
+def _chosen(found: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
     """The branch, the file it is in, and its name there."""
-    from contbreather.continuation import Branch
-
-    branches = [own for own, result in found.items() if isinstance(result, Branch)]
+    branches = [own for own, result in found.items() if isinstance(result, cb.Branch)]
     if name is None and len(branches) != 1:
         there = ", ".join(branches) or "none"
         raise BadInput(f"which branch of {found.path}? There are {there}; give the name of one")
     name = name or branches[0]
     branch = found[name]
-    if not isinstance(branch, Branch):
+    if not isinstance(branch, cb.Branch):
         raise BadInput(f"{name!r} is not a branch or a boundary; there are {', '.join(branches)}")
     return branch, *found.place(name)

@@ -17,13 +17,14 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import Any, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 from contbreather.errors import Interrupted
 
 STATUS = 130
 PAUSE, PATIENCE = 0.01, 300  # seconds, and how often what may not be interrupted is looked at again
 T = TypeVar("T")
+P = ParamSpec("P")
 
 
 class Act(enum.Enum):
@@ -132,7 +133,7 @@ def computing() -> Iterator[None]:
         _watch.act = _watch.rest
 
 
-def kept(work: Callable[[], T]) -> tuple[T, bool]:
+def kept(work: Callable[P, T], *args: P.args, **asked: P.kwargs) -> tuple[T, bool]:
     """What a computation gives, and whether Ctrl-C has cut it short.
 
     Raises
@@ -142,7 +143,7 @@ def kept(work: Callable[[], T]) -> tuple[T, bool]:
     """
     try:
         with computing():
-            return work(), False
+            return work(*args, **asked), False
     except Interrupted as stop:
         if stop.partial is None:
             raise

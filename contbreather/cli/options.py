@@ -10,14 +10,14 @@ from unicodedata import normalize
 
 from cyclopts import Parameter
 
+import contbreather as cb
 from contbreather.cli.interrupts import end
-from contbreather.cli.output import check_places, note, say, to_csv, to_figure, to_json
+from contbreather.cli.output import Table, check_places, note, say, to_csv, to_figure, to_json
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
     from cyclopts import Token
 
-    from contbreather.continuation import Problem
     from contbreather.lattice import Forcing
 
 HARMONIC = "-cos(t)"
@@ -110,15 +110,13 @@ class Where:
 
     def drive(self, free: Iterable[str] = ()) -> Forcing:
         """The forcing; letters that are free and have no value begin at 1."""
-        from contbreather.lattice import Harmonic, Symbolic
-
         letters = dict(_assignment(text) for text in self.set)
         if self.forcing.replace(" ", "") == HARMONIC and not letters:
-            return Harmonic()
+            return cb.Harmonic()
         for name in free:
             if name not in NAMES:
                 letters.setdefault(name, 1.0)
-        return Symbolic(self.forcing, **letters)
+        return cb.Symbolic(self.forcing, **letters)
 
     def on(self, *free: str) -> On:
         """What it lives on, and is judged by."""
@@ -278,8 +276,6 @@ class Along:
 
     def start(self, where: Where, root: int = 1) -> Start:
         """A breather at the value of the free parameter, if one is given, or in its window."""
-        from contbreather.breathers import find_symmetric
-
         if self.free is None:
             raise BadInput("--free is missing: which parameter is to vary, a for instance?")
         free, on = self.free, where.on(self.free)
@@ -290,7 +286,7 @@ class Along:
             raise BadInput(
                 f"{free} = {near[0]:g} is outside of the window {span[0]:g} to {span[1]:g}"
             )
-        found = find_symmetric(free, near, root=root, **{**given, **on.given})
+        found = cb.breathers.find_symmetric(free, near, root=root, **{**given, **on.given})
         return Start(found, on, free, {free: span})
 
 
@@ -303,16 +299,15 @@ class Start(NamedTuple):
     within: dict[str, Span]
 
     @property
-    def problem(self) -> Problem:
+    def problem(self) -> cb.Problem:
         """Its equations, with all events."""
         from contbreather.breathers.search import problem_with
 
         return problem_with(self.breather, self.free, threshold=self.on.threshold)
 
     @property
-    def shot(self) -> Problem:
+    def shot(self) -> cb.Problem:
         """Equations that can be switched from: on finite lattices those of shooting."""
-        from contbreather.breathers.shooting import shooting
         from contbreather.stability.verdict import THRESHOLD
 
         if self.on.threshold != THRESHOLD:
@@ -320,14 +315,11 @@ class Start(NamedTuple):
                 f"--threshold {self.on.threshold:g}: branches that are switched to are judged by "
                 f"the paper's {THRESHOLD}; leave it out"
             )
-        return self.problem if self.on.lattice.sites is None else shooting(self.breather)
+        return self.problem if self.on.lattice.sites is None else cb.shooting(self.breather)
 
     def entry(self) -> dict[str, Any]:
         """For JSON."""
         return {"free": self.free, **self.on.entry()}
-
-
-Table = tuple[Iterable[Mapping[str, Any]], Sequence[str]]  # rows, and the columns to write
 
 
 @Parameter(name="*")

@@ -10,16 +10,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import contbreather as cb
 from contbreather.errors import BadInput, NotConverged
 from contbreather.files import writable, write_csv
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from contbreather.continuation import Branch, Point
-
 PIPE_WIDTH = 160  # of sentences, where there is no terminal to fit into
 ENDLESS = 100_000
+Table = tuple[Iterable[Mapping[str, Any]], Sequence[str]]  # rows, and the columns to write
 CUT = "interrupted: cut short"
 BOTH = 1e-6  # of two margins that vanish together
 
@@ -39,9 +39,7 @@ def check_places(tables: Mapping[str, str | None], figure: str | None) -> None:
         if path is not None:
             writable(path)
     if figure is not None:
-        from contbreather.plotting.canvas import figure_path
-
-        figure_path(figure)
+        cb.plotting.canvas.figure_path(figure)
     taken: dict[str, str] = {}
     for option, path in {**tables, "--output": figure}.items():
         if path is None:
@@ -96,19 +94,28 @@ def to_csv(
 
 def to_figure(path: str, draw: Callable[[], Any], *, cut: bool = False) -> Path:
     """Draw and write; what was cut short by Ctrl-C says so above."""
-    from contbreather.plotting.canvas import save_figure
-
     drawn = draw()
     if cut:
         figure: Any = getattr(drawn, "figure", None) or drawn
         figure.suptitle(CUT, fontsize="small")
-    return save_figure(drawn, path)
+    return cb.plotting.canvas.save_figure(drawn, path)
+
+
+def table_of(columns: Mapping[str, Any]) -> Table:
+    """Columns as rows, for CSV."""
+    plain = [one.tolist() if hasattr(one, "tolist") else one for one in columns.values()]
+    return (dict(zip(columns, row, strict=True)) for row in zip(*plain, strict=True)), list(columns)
+
+
+def sentences(lines: Iterable[str]) -> list[str]:
+    """With a capital and one full stop each."""
+    return [f"{line[0].upper()}{line[1:].rstrip('.')}." for line in lines]
 
 
 # --- branches -----------------------------------------------------------------------------------
 
 
-def columns_of(branch: Branch) -> list[str]:
+def columns_of(branch: cb.Branch) -> list[str]:
     """The columns of a branch that are numbers."""
     first = branch[0]
     return [n for n in branch.names if n in OWN or not getattr(first[n], "ndim", 0)]
@@ -118,7 +125,7 @@ OWN = ("arclength", "residual")  # columns that points have as attributes
 
 
 def branch_table(
-    branches: Sequence[Branch], tag: str = "", first: int = 0
+    branches: Sequence[cb.Branch], tag: str = "", first: int = 0
 ) -> tuple[Iterator[dict[str, Any]], list[str]]:
     """One row for each point, in order along each branch, with its label; and the columns. Under
     `tag` the branches are numbered."""
@@ -131,18 +138,17 @@ def branch_table(
     return rows, [*filter(None, [tag]), *names, "label"]
 
 
-def _rows(branch: Branch) -> Iterator[dict[str, Any]]:
-    names = columns_of(branch)
-    columns = [branch[name].tolist() for name in names]
+def _rows(branch: cb.Branch) -> Iterator[dict[str, Any]]:
+    rows, names = table_of({name: branch[name] for name in columns_of(branch)})
     counts = [name for name in branch.problem.record if name in names]
-    for point, values in zip(branch, zip(*columns, strict=True), strict=True):
-        row = {**dict(zip(names, values, strict=True)), "label": point.label}
+    for point, values in zip(branch, rows, strict=True):
+        row = {**values, "label": point.label}
         if point.kind:  # no count where rounding decides it, as in tables
             row |= {name: branch.shown(point, name) for name in counts}
         yield row
 
 
-def point_entry(point: Point) -> dict[str, Any]:
+def point_entry(point: cb.continuation.Point) -> dict[str, Any]:
     """A special point for JSON."""
     numbers = {n: value for n, value in point.values.items() if not getattr(value, "ndim", 0)}
     return {
@@ -157,7 +163,7 @@ def point_entry(point: Point) -> dict[str, Any]:
     }
 
 
-def branch_entry(branch: Branch) -> dict[str, Any]:
+def branch_entry(branch: cb.Branch) -> dict[str, Any]:
     """A branch for JSON: all columns, special points, and why it ends where it does."""
     return {
         "columns": {name: branch[name] for name in columns_of(branch)},
@@ -167,7 +173,7 @@ def branch_entry(branch: Branch) -> dict[str, Any]:
     }
 
 
-def ends(branch: Branch) -> list[str]:
+def ends(branch: cb.Branch) -> list[str]:
     """The reason of each end, as sentences."""
     sentences = []
     sides = (
@@ -182,7 +188,7 @@ def ends(branch: Branch) -> list[str]:
     return sentences
 
 
-def lines_of(branch: Branch) -> Iterator[object]:
+def lines_of(branch: cb.Branch) -> Iterator[object]:
     """A branch for people: its table, why it ends, and what could not be verified."""
     yield branch
     yield from (f"{line}." for line in ends(branch))
@@ -191,7 +197,7 @@ def lines_of(branch: Branch) -> Iterator[object]:
         yield f"In doubt: {point.kind} at {place}: {point.detail.get('reason', 'not located')}."
 
 
-def _grazed(point: Point) -> str:
+def _grazed(point: cb.continuation.Point) -> str:
     """What touches a wall at an end of breathers or orbits; nothing at other ends."""
     kinds = point.kind.split("-")
     if not {"GR", "VI"} & set(kinds):
@@ -209,7 +215,7 @@ def _grazed(point: Point) -> str:
     return reason.removeprefix("at the limit: ").rstrip(".")
 
 
-def check_ends(branch: Branch, what: str) -> None:
+def check_ends(branch: cb.Branch, what: str) -> None:
     """Raise where the numerics gave up: what there is was shown, but it is not all."""
     if any(stop is not None and stop.failed for stop in (branch.began, branch.stop)):
         raise NotConverged(f"the {what} broke off: {'; '.join(ends(branch))}")

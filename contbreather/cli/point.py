@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
+import contbreather as cb
 from contbreather.cli.options import NAMES, PARAMETERS, On, Where, Whole
-from contbreather.cli.output import say, to_json
+from contbreather.cli.output import say, sentences, to_json
 from contbreather.errors import NotConverged
 
 if TYPE_CHECKING:
@@ -27,13 +28,12 @@ def point(
     json
         Print one JSON object, in full precision.
     """
-    from contbreather.breathers import symmetric_roots
     from contbreather.breathers.search import rooted
 
     values, rule = where.need(*PARAMETERS), where.on()
     # of a point, --sites asks for a ring besides the infinite chain
     on = rule if where.lattice else replace(where, sites=None, threshold=None).on()
-    found: tuple[Any, ...] = symmetric_roots(**{**values, **on.given})
+    found: tuple[Any, ...] = cb.breathers.symmetric_roots(**{**values, **on.given})
     breather = rooted(found, root)
     others = [other for other in found if other is not breather]
     verdicts = _verdicts(breather, on, rule)
@@ -69,9 +69,7 @@ def _content(
     content: dict[str, Any] = {
         **{name: getattr(breather, name) for name in NAMES},
         **on.entry(),
-        "p": breather.p,
-        "phi": breather.phi,
-        "chi": breather.chi,
+        **{name: getattr(breather, name) for name in ("p", "phi", "chi")},
         "admissible": margins.ok,
         "max_neighbour": margins.max_neighbour,
         "margin": margins.margin,
@@ -119,4 +117,4 @@ def _sentences(breather: Any, verdicts: list[Any], others: list[Any]) -> list[st
     if others:
         roots = ", ".join(f"p = {other.p:.9g}" for other in others)
         lines.append(f"further roots of (11): {roots}")
-    return [f"{line[0].upper()}{line[1:].rstrip('.')}." for line in lines]
+    return sentences(lines)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from contbreather.cli.interrupts import end, kept
 from contbreather.cli.options import Whole
@@ -46,37 +47,22 @@ def run(
         Print one JSON object.
     """
     from contbreather.studies import run as conduct
+    from contbreather.studies.cluster import cluster as dask
 
     if study is None:
         raise BadInput("which study? Name its file: contbreather run study.toml")
     if cluster is not None and workers is not None:
         raise BadInput(f"--workers {workers} and --cluster {cluster}: give one of the two")
-    with nullcontext(workers) if cluster is None else _cluster(cluster) as executor:
-        report, cut = kept(lambda: conduct(study, folder=folder, executor=executor, again=again))
+    with nullcontext(workers) if cluster is None else dask(cluster) as executor:
+        report, cut = kept(conduct, study, folder=folder, executor=executor, again=again)
     if json:
-        to_json(_content(report))
+        written = [str(path) for path in report.written]
+        to_json({**asdict(report), "folder": str(report.folder), "written": written})
     else:
         say(*_lines(report))
     end(cut)
     if report.failed:
         raise NotConverged(f"{len(report.failed)} of the study failed: {', '.join(report.failed)}")
-
-
-def _cluster(address: str) -> Any:
-    from contbreather.studies.cluster import cluster
-
-    return cluster(address)
-
-
-def _content(report: Report) -> dict[str, Any]:
-    return {
-        "folder": str(report.folder),
-        "computed": report.computed,
-        "kept": report.kept,
-        "failed": report.failed,
-        "written": [str(path) for path in report.written],
-        "interrupted": report.interrupted,
-    }
 
 
 def _lines(report: Report) -> Iterator[str]:

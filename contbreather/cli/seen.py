@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import contbreather as cb
 from contbreather.cli.interrupts import computing
 
 if TYPE_CHECKING:
@@ -37,15 +38,12 @@ class Seen:
 
 def seen_of(run: Run | SmoothRun, site: int = 0) -> Seen:
     """A whole run and how it ended, not judged yet."""
-    from contbreather.dynamics import RunStop
-
     stop = getattr(run, "reason", "") or run.stop.value
-    return Seen(run, run.periods, run.stop is RunStop.INTERRUPTED, stop, site=site)
+    return Seen(run, run.periods, run.stop is cb.dynamics.RunStop.INTERRUPTED, stop, site=site)
 
 
 def seen_in(kept: Recording, wanted: int, site: int = 0) -> Seen:
     """A run on disk, not judged yet: it is read piece by piece, only its end is held."""
-
     run = _end_of(kept, 2 * JUDGED)
     interrupted = kept.interrupted
     stop = run.reason or run.stop.value
@@ -58,13 +56,12 @@ def seen_in(kept: Recording, wanted: int, site: int = 0) -> Seen:
 def judged(seen: Seen) -> Seen:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
     try:
-        from contbreather.dynamics import Run
         from contbreather.paper.fates import life
 
         if seen.stream is not None:
             by_site = _counted(one.impacts for one in seen.stream.stretches())
             seen = replace(seen, by_site=by_site, lost=_lost_in(seen.stream, seen.site))
-        elif isinstance(seen.run, Run):
+        elif isinstance(seen.run, cb.dynamics.Run):
             lost = life(seen.run, seen.site) if seen.periods else None
             seen = replace(seen, by_site=_counted([seen.run.impacts]), lost=lost)
         kind, reason, evidence = _judged(seen.run)
@@ -142,12 +139,10 @@ def periods_in_words(count: float) -> str:
 
 def _judged(run: Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
     """Kind, sentence and evidence from the later half of a run."""
-    from contbreather.dynamics import RunStop
     from contbreather.dynamics.verdicts import Kind, judge
-    from contbreather.errors import ContbreatherError
 
     half = min(JUDGED, run.periods // 2)
-    if run.stop is RunStop.CHATTER:
+    if run.stop is cb.dynamics.RunStop.CHATTER:
         return Kind.UNDECIDED.name, "it ends before a period of too many impacts", {}
     if half < ENOUGH:
         length = length_of(run)
@@ -158,20 +153,18 @@ def _judged(run: Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
     found: Any
     try:
         found = judge(later)
-    except ContbreatherError as error:
+    except cb.errors.ContbreatherError as error:
         return Kind.UNDECIDED.name, f"no verdict: {error}", {}
     return found.kind.name, f"{found.kind.value}; {found.reason}", dict(found.evidence)
 
 
 def _later(run: Any, skip: int) -> Any:
     """A run without its first periods."""
-    from contbreather.dynamics import State
-
     rest: dict[str, Any] = {
         "times": run.times[skip:],
-        "strobe": State(run.strobe.u[skip:], run.strobe.v[skip:]),
+        "strobe": cb.dynamics.State(run.strobe.u[skip:], run.strobe.v[skip:]),
         # the verdict is about whole periods
-        "final": State(run.strobe.u[-1].copy(), run.strobe.v[-1].copy()),
+        "final": cb.dynamics.State(run.strobe.u[-1].copy(), run.strobe.v[-1].copy()),
         "end": float(run.times[-1]),
     }
     tables = [name for name in ("impacts", "rests") if hasattr(run, name)]

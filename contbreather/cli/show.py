@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import contbreather as cb
 from contbreather.cli.options import Into
-from contbreather.cli.output import branch_entry, lines_of, point_entry
+from contbreather.cli.output import branch_entry, lines_of, point_entry, table_of
 from contbreather.errors import BadInput
-
-if TYPE_CHECKING:
-    from contbreather.continuation import Point, Run
 
 
 def show(run: str | None = None, name: str | None = None, /, *, into: Into = Into()) -> None:
@@ -43,11 +41,8 @@ def show(run: str | None = None, name: str | None = None, /, *, into: Into = Int
     )
 
 
-def opened(path: str | None) -> Run:
+def opened(path: str | None) -> cb.Run:
     """What is on disk; a sentence where nothing is."""
-    from contbreather.continuation import Run
-    from contbreather.runs import load
-
     if path is None:
         raise BadInput("RUN is missing: the file, or the folder, that --save has kept")
     if _is_atlas(path):
@@ -55,8 +50,8 @@ def opened(path: str | None) -> Run:
             f"{path} is an atlas: xarray opens it, and so does anything that reads netCDF; shown "
             "here are branches, boundaries, diagrams, zones and runs"
         )
-    load(path)  # says what is wrong
-    return Run(path)
+    cb.load(path)  # says what is wrong
+    return cb.Run(path)
 
 
 def _is_atlas(path: str) -> bool:
@@ -83,11 +78,9 @@ def _described(result: Any) -> str:
 
 
 def _lines(result: Any) -> Iterator[object]:
-    from contbreather.continuation import Branch, Point
-
-    if isinstance(result, Branch):
+    if isinstance(result, cb.Branch):
         yield from lines_of(result)
-    elif isinstance(result, Point):
+    elif isinstance(result, cb.continuation.Point):
         yield f"{result!r}"
         for name, value in result.detail.items():
             yield f"{name} = {_in_words(result, value)}."
@@ -96,7 +89,7 @@ def _lines(result: Any) -> Iterator[object]:
         yield from (f"{point!r}" for point in getattr(result, "special", ()))
 
 
-def _in_words(point: Point, value: Any) -> str:
+def _in_words(point: cb.continuation.Point, value: Any) -> str:
     """A number or a word; a vector by the names of its unknowns, arrays by their largest entry."""
     if isinstance(value, list | tuple):
         return "; ".join(_in_words(point, one) for one in value)
@@ -114,12 +107,10 @@ def _in_words(point: Point, value: Any) -> str:
 
 def _entry(result: Any) -> dict[str, Any]:
     """For JSON."""
-    from contbreather.continuation import Branch, Point
-
-    if isinstance(result, Point):
+    if isinstance(result, cb.continuation.Point):
         return point_entry(result)
     about: dict[str, Any] = {"kind": type(result).__name__, "description": _described(result)}
-    if isinstance(result, Branch):
+    if isinstance(result, cb.Branch):
         return {**about, **branch_entry(result)}
     special = [point_entry(point) for point in getattr(result, "special", ())]
     return {**about, "special": special} if special else about
@@ -135,23 +126,18 @@ def _table_of(found: Mapping[str, Any], result: Any) -> Any:
         columns = result.columns()
     else:
         raise BadInput("--csv: a point has no columns; name what it is on")
-    names = [name for name, column in columns.items() if column.ndim == 1]
-    rows = zip(*(columns[name].tolist() for name in names), strict=True)
-    return (dict(zip(names, row, strict=True)) for row in rows), names
+    return table_of({name: column for name, column in columns.items() if column.ndim == 1})
 
 
 def _drawn(found: Mapping[str, Any]) -> Any:
-    from contbreather.breathers import Zones
-    from contbreather.continuation import Branch
     from contbreather.continuation.diagram import Diagram
-    from contbreather.plotting import plot, plot_diagram, plot_zones
 
     values = list(found.values())
-    if all(isinstance(value, Zones) for value in values):
-        return plot_zones(values)[0]
+    if all(isinstance(value, cb.breathers.Zones) for value in values):
+        return cb.plotting.plot_zones(values)[0]
     if len(values) == 1 and isinstance(values[0], Diagram):
-        return plot_diagram(values[0])
-    branches = [value for value in values if isinstance(value, Branch)]
+        return cb.plotting.plot_diagram(values[0])
+    branches = [value for value in values if isinstance(value, cb.Branch)]
     if not branches:
         raise BadInput("--output: only branches, diagrams and zones are drawn here; name one")
-    return plot(*branches)
+    return cb.plotting.plot(*branches)

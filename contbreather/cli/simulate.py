@@ -9,10 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import Parameter
 
+import contbreather as cb
 from contbreather.cli.interrupts import STATUS as INTERRUPTED
 from contbreather.cli.interrupts import computing
 from contbreather.cli.options import PARAMETERS, KeepRun, On, Where, Whole
-from contbreather.cli.output import check_places, note, say, to_csv, to_figure, to_json
+from contbreather.cli.output import (
+    check_places,
+    note,
+    say,
+    sentences,
+    to_csv,
+    to_figure,
+    to_json,
+)
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
 from contbreather.cli.starts import read_state, write_state
 from contbreather.errors import BadInput
@@ -21,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-    from contbreather.dynamics import Run, SmoothRun
+    from contbreather.dynamics import SmoothRun
 
 SITES = 20  # the paper's ring
 WINDOW = 6  # periods drawn densely
@@ -86,8 +95,6 @@ class Asked:
     @computing()
     def simulate(self, where: Where) -> Seen:
         """Run it."""
-        from contbreather.dynamics import record, simulate, simulate_smooth
-
         values, on = where.need(*PARAMETERS), where.on()
         lattice = None if on.lattice.sites is None else on.lattice
         state, t0 = (
@@ -96,12 +103,14 @@ class Asked:
         shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on.forcing, "t0": t0}
         if self.smooth is not None:
             smooth: dict[str, Any] = {"m": self.smooth, "periods": self.periods}
-            return seen_of(simulate_smooth(self._pushed(state), **smooth, **shared))
+            return seen_of(cb.dynamics.simulate_smooth(self._pushed(state), **smooth, **shared))
         shared |= {"walls": on.more["walls"]}
         if self.stream is not None:
-            kept = record(self.stream, self._pushed(state), periods=int(self.periods), **shared)
+            kept = cb.dynamics.record(
+                self.stream, self._pushed(state), periods=int(self.periods), **shared
+            )
             return seen_in(kept, int(self.periods), where.site)
-        run = simulate(self._pushed(state), periods=self.periods, **shared)
+        run = cb.simulate(self._pushed(state), periods=self.periods, **shared)
         return seen_of(run, where.site)
 
     def _read(self, where: Where, lattice: Any) -> tuple[Any, float]:
@@ -127,11 +136,8 @@ class Asked:
 def _breather(where: Where, on: On, lattice: Any) -> tuple[Any, float]:
     """The exact breather at t = 0, or a quarter of a period later if it hits just then. That of
     a ring is the one without damping, as in the paper; that of --lattice has all."""
-    from contbreather.breathers import symmetric
-    from contbreather.lattice import Ring
-
     values = where.given | ({} if where.lattice else {"damping": 0.0})
-    found = symmetric(**{**values, **on.given, "lattice": lattice or Ring(SITES)})
+    found = cb.symmetric(**{**values, **on.given, "lattice": lattice or cb.Ring(SITES)})
     margins = found.admissibility()
     if not margins.ok:
         raise BadInput(f"{margins.reason.rstrip('.')}; give a state with --start instead")
@@ -179,9 +185,7 @@ def _files(seen: Seen, asked: Asked, into: KeepRun) -> Iterator[Any]:
     if asked.final is not None:
         yield write_state(asked.final, seen.run.final, seen.run.end)
     if into.save is not None:
-        from contbreather.runs import save
-
-        save(into.save, run=seen.run)
+        cb.save(into.save, run=seen.run)
         yield into.save
     if into.csv is not None:
         names = [f"{name}_{n}" for name in "uv" for n in range(seen.run.sites)]
@@ -213,14 +217,12 @@ def _strobes(seen: Seen) -> Iterator[dict[str, float]]:
 
 
 def _impacts(seen: Seen) -> Iterator[dict[str, float]]:
-    from contbreather.dynamics import Run
-
     if seen.stream is not None:
         for one in seen.stream.stretches():
             table = one.impacts
             table["time"] += seen.stream.t0
             yield from _rows(table)
-    elif isinstance(seen.run, Run):
+    elif isinstance(seen.run, cb.dynamics.Run):
         yield from _rows(seen.run.impacts)
 
 
@@ -229,16 +231,14 @@ def _rows(table: Any) -> Iterator[dict[str, float]]:
         yield dict(zip(IMPACTS, row, strict=True))
 
 
-def draw(run: Run | SmoothRun, site: int = 0) -> Figure:
+def draw(run: cb.dynamics.Run | SmoothRun, site: int = 0) -> Figure:
     """The last periods of three sites, the section of one, and how localised it was."""
-    from contbreather.plotting import new_figure, plot_localisation, plot_motion, plot_section
-    from contbreather.plotting.canvas import style
-
-    with style():
-        figure, (motion, section, where) = new_figure(3, height=13.5)
-        plot_motion(_window(run, site), ax=motion)
-        plot_section(run, site=site, skip=run.periods // 2, ax=section)
-        plot_localisation(run, ax=where)
+    plotting = cb.plotting
+    with plotting.style():
+        figure, (motion, section, where) = plotting.new_figure(3, height=13.5)
+        plotting.plot_motion(_window(run, site), ax=motion)
+        plotting.plot_section(run, site=site, skip=run.periods // 2, ax=section)
+        plotting.plot_localisation(run, ax=where)
         titles = ("the last periods", "once in a period, later half", "where the energy is")
         for ax, letter, title in zip((motion, section, where), "abc", titles, strict=True):
             ax.set_title(f"({letter}) {title}", loc="left", pad=3)
@@ -247,14 +247,13 @@ def draw(run: Run | SmoothRun, site: int = 0) -> Figure:
 
 def _window(run: Any, site: int) -> Any:
     """The last periods again, with some sites recorded densely."""
-    from contbreather.dynamics import Sample, State
     from contbreather.dynamics.impacting import completed
     from contbreather.dynamics.smooth import let_go
 
     count = min(WINDOW, run.periods)
-    state = State(run.strobe.u[-1 - count], run.strobe.v[-1 - count])
+    state = cb.dynamics.State(run.strobe.u[-1 - count], run.strobe.v[-1 - count])
     shown = tuple(dict.fromkeys((site + n) % run.sites for n in (0, 1, run.sites // 2)))
-    window: dict[str, Any] = {"periods": max(1, count), "sample": Sample(shown, 100)}
+    window: dict[str, Any] = {"periods": max(1, count), "sample": cb.dynamics.Sample(shown, 100)}
     window |= {"t0": float(run.times[-1 - count]), "progress": False}
     return completed(let_go(state, run.conditions, **window)).record
 
@@ -318,4 +317,4 @@ def _sentences(seen: Seen) -> list[str]:
     lines = [seen.reason]
     if seen.interrupted or seen.stop != "went through all its periods":
         lines.append(seen.stop)
-    return [f"{line[0].upper()}{line[1:].rstrip('.')}." for line in lines]
+    return sentences(lines)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+import contbreather as cb
 from contbreather.cli.interrupts import kept
 from contbreather.cli.options import Along, Keep, Where
 from contbreather.cli.output import (
@@ -22,7 +23,6 @@ from contbreather.errors import BadInput
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from contbreather.continuation import Branch, Point
     from contbreather.continuation.tabular import Sheet
 
 TIMES = ("t1", "t2", "t3", "t4")
@@ -46,17 +46,14 @@ def switch(
     at
         Where to switch, a kind or a label; once more for the branch found there: --at PF --at PD.
     """
-    from contbreather import continuation
-    from contbreather.continuation.switching import switch
-
     into.check()
     start = along.start(where)
     within = start.within
-    branch = parent = continuation.trace(start.shot, start.free, within=within)
+    branch = parent = cb.continuation.trace(start.shot, start.free, within=within)
     for kind in at[:-1]:
-        parent = switch(_first(kind, parent), within=within)[0]
+        parent = cb.switch(_first(kind, parent), within=within)[0]
     point = _first(at[-1], parent)
-    arms, cut = kept(lambda: switch(point, within=within, save=into.save))
+    arms, cut = kept(cb.switch, point, within=within, save=into.save)
 
     def content() -> dict[str, Any]:
         about = {**start.entry(), "at": point_entry(point), "branch": branch_entry(branch)}
@@ -73,7 +70,7 @@ def switch(
         check_ends(arm, f"arm {i}")
 
 
-def _first(kind: str, branch: Branch) -> Point:
+def _first(kind: str, branch: cb.Branch) -> cb.continuation.Point:
     try:
         return branch.first(kind.upper())
     except BadInput:
@@ -84,7 +81,9 @@ def _first(kind: str, branch: Branch) -> Point:
 # --- for people -----------------------------------------------------------------------------------
 
 
-def _lines(point: Point, parent: Branch, arms: Sequence[Branch]) -> Iterator[object]:
+def _lines(
+    point: cb.continuation.Point, parent: cb.Branch, arms: Sequence[cb.Branch]
+) -> Iterator[object]:
     """Where it was switched, the special points of all arms, their stability and their ends."""
     free = point.curve.free[0]
     yield f"{point.label} at {free} = {point[free]:.12g}, on {parent.describe()}."
@@ -96,7 +95,7 @@ def _lines(point: Point, parent: Branch, arms: Sequence[Branch]) -> Iterator[obj
         yield from (f"Arm {i}, {line}." for line in (*_stretches(arm), *_ends(arm)))
 
 
-def _table(arms: Sequence[Branch]) -> Sheet:
+def _table(arms: Sequence[cb.Branch]) -> Sheet:
     """A line for each special point of each arm."""
     from contbreather.continuation.tabular import Column, Sheet
 
@@ -112,12 +111,12 @@ def _table(arms: Sequence[Branch]) -> Sheet:
     return Sheet([first, labels, *own], title=f"{arms[0].problem.label} in {free}")
 
 
-def _name(point: Point) -> str:
+def _name(point: cb.continuation.Point) -> str:
     """The label that the point has in files, too: an arm starts at its EP1."""
     return point.title if point.located else f"{point.title}?"
 
 
-def _stretches(arm: Branch) -> Iterator[str]:
+def _stretches(arm: cb.Branch) -> Iterator[str]:
     """Between which of its special points an arm is stable, and on which chain."""
     from contbreather.continuation.refine import between
     from contbreather.stability.verdict import THRESHOLD
@@ -136,7 +135,7 @@ def _stretches(arm: Branch) -> Iterator[str]:
             yield f"{_name(arm[i])} to {_name(arm[j])}: {word} on {on}"
 
 
-def _ends(arm: Branch) -> Iterator[str]:
+def _ends(arm: cb.Branch) -> Iterator[str]:
     """Why it ends where it does; of grazing also which site, and when."""
     end = arm[-1]
     if end.kind in ("GR", "VI"):
@@ -147,7 +146,7 @@ def _ends(arm: Branch) -> Iterator[str]:
         yield f"the mirror image of arm {arm.image_of + 1}"
 
 
-def _entry(arm: Branch) -> dict[str, Any]:
+def _entry(arm: cb.Branch) -> dict[str, Any]:
     """An arm for JSON."""
     image = arm.image_of
     return {
@@ -159,25 +158,22 @@ def _entry(arm: Branch) -> dict[str, Any]:
     }
 
 
-def _drawn(parent: Branch, arms: Sequence[Branch]) -> Figure:
+def _drawn(parent: cb.Branch, arms: Sequence[cb.Branch]) -> Figure:
     """Arms and the branch they leave: p, and what tells both arms apart."""
-    from contbreather.continuation import with_columns
-    from contbreather.plotting import new_figure, plot_diagram
-    from contbreather.plotting.canvas import style
-
+    plotting = cb.plotting
     near = _between_folds(parent, arms[0])
-    with style():
+    with plotting.style():
         if not all("p" in branch.names for branch in (parent, *arms)):
-            return plot_diagram((near, *arms)).figure
-        figure, (above, below) = new_figure(2)
-        plot_diagram((parent, *arms), y="p", ax=above)
+            return plotting.plot_diagram((near, *arms)).figure
+        figure, (above, below) = plotting.new_figure(2)
+        plotting.plot_diagram((parent, *arms), y="p", ax=above)
         if "asymmetry" not in near.names:
-            near = with_columns(near, asymmetry=lambda point: 0.0)
-        plot_diagram((near, *arms), y="asymmetry", ax=below)
+            near = cb.continuation.with_columns(near, asymmetry=lambda point: 0.0)
+        plotting.plot_diagram((near, *arms), y="asymmetry", ax=below)
     return figure
 
 
-def _between_folds(branch: Branch, arm: Branch) -> Branch:
+def _between_folds(branch: cb.Branch, arm: cb.Branch) -> cb.Branch:
     """The piece of a branch, from fold to fold, that an arm leaves."""
     left = next(i for i, point in enumerate(branch) if point is arm[0].parent)
     folds = [i for i, point in enumerate(branch) if point.kind == "LP"]

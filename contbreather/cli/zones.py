@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import contbreather as cb
 from contbreather.cli.interrupts import kept
 from contbreather.cli.options import Keep, Plane
 from contbreather.errors import BadInput
-
-if TYPE_CHECKING:
-    from contbreather.breathers.zones import Zones
-    from contbreather.continuation import Branch
 
 RESTITUTIONS = (0.8, 0.4)  # the paper's
 FIGURE, TABLE = "zones.png", "zones.csv"
@@ -51,7 +48,7 @@ def zones(
     on, windows = plane.on(), plane.within
     asked: dict[str, Any] = {"ks" if name == "k" else name: values, "within": windows}
     asked |= {"lattice": on.lattice, "threshold": on.threshold, "forcing": on.forcing}
-    found, cut = kept(lambda: _drawn(asked, into.save))
+    found, cut = kept(_computed, asked, into.save)
     if not any(branches for one in found for branches in one.curves.values()):
         raise BadInput(
             "no curve passes the window: breathers exist all over it, all stable or all unstable "
@@ -61,20 +58,19 @@ def zones(
         lambda: {**on.entry(), "zones": [_entry(one) for one in found]},
         _lines(found),
         lambda: ((row for one in found for row in _rows(one)), COLUMNS),
-        lambda: _figure(found, windows),
+        lambda: cb.plotting.plot_zones(found, within=windows)[0],
         cut=cut,
     )
 
 
-def _drawn(asked: dict[str, Any], save: Any) -> tuple[Zones, ...]:
+def _computed(asked: dict[str, Any], save: Any) -> tuple[cb.breathers.Zones, ...]:
     """All diagrams, over the cores where that pays."""
-    from contbreather.breathers.zones_many import zones_many
     from contbreather.continuation.checkpoint import checkpoint
     from contbreather.workers import Failed
 
-    done: list[Zones] = []
+    done: list[cb.breathers.Zones] = []
     with checkpoint(save, "zones") as file:
-        for one in zones_many(**asked):
+        for one in cb.zones_many(**asked):
             if isinstance(one, Failed):
                 raise one.error
             done.append(one)
@@ -87,8 +83,6 @@ def _fixed(
     k: tuple[float, ...], gamma: tuple[float, ...], a: tuple[float, ...]
 ) -> tuple[str, tuple[float, ...]]:
     """The parameter that is fixed, and its values."""
-    from contbreather.lattice.conditions import restitution_ratio
-
     given = {name: values for name, values in {"k": k, "gamma": gamma, "a": a}.items() if values}
     if not given:
         return "k", RESTITUTIONS
@@ -97,18 +91,10 @@ def _fixed(
             f"zones are drawn with one parameter fixed, but {' and '.join(given)} were given; "
             "leave one"
         )
-    for value in k:
-        restitution_ratio(value)
     return next(iter(given.items()))
 
 
-def _figure(found: Sequence[Zones], windows: dict[str, tuple[float, float]]) -> Any:
-    from contbreather.plotting import plot_zones
-
-    return plot_zones(found, within=windows)[0]
-
-
-def _rows(diagram: Zones) -> Iterator[dict[str, Any]]:
+def _rows(diagram: cb.breathers.Zones) -> Iterator[dict[str, Any]]:
     """Points of all curves, in order along each; `piece` tells curves of one kind apart."""
     fixed = dict([diagram.fixed])
     for kind, branches in diagram.curves.items():
@@ -120,12 +106,12 @@ def _rows(diagram: Zones) -> Iterator[dict[str, Any]]:
                 yield {**fixed, **numbers, **label}
 
 
-def _columns(branch: Branch) -> dict[str, Any]:
+def _columns(branch: cb.Branch) -> dict[str, Any]:
     slots = branch.curve.slots
     return {name: branch[name] for name in COLUMNS if name in slots}
 
 
-def _entry(diagram: Zones) -> dict[str, Any]:
+def _entry(diagram: cb.breathers.Zones) -> dict[str, Any]:
     curves = [
         {"curve": kind, **_columns(branch), "labels": [point.label for point in branch]}
         for kind, branches in diagram.curves.items()
@@ -139,32 +125,23 @@ def _entry(diagram: Zones) -> dict[str, Any]:
             "points": list(_points(diagram)), "regions": regions}  # fmt: skip
 
 
-def _points(diagram: Zones) -> Iterator[dict[str, Any]]:
+def _points(diagram: cb.breathers.Zones) -> Iterator[dict[str, Any]]:
     """The codim-2 points, each once."""
     from contbreather.plotting.zones import names_of_meetings
 
     for point, (_, _, name) in zip(diagram.special, names_of_meetings(diagram), strict=True):
-        breather = point.solution
-        yield {
-            "k": breather.k,
-            "meeting": name.replace("\N{EN DASH}", "-"),
-            "gamma": breather.gamma,
-            "a": breather.a,
-            "p": breather.p,
-            "phi": breather.phi,
-        }
+        numbers = {name: getattr(point.solution, name) for name in ("gamma", "a", "p", "phi")}
+        meeting = name.replace("\N{EN DASH}", "-")
+        yield {"k": point.solution.k, "meeting": meeting, **numbers}
 
 
-def _lines(found: Sequence[Zones]) -> Iterator[object]:
+def _lines(found: Sequence[cb.breathers.Zones]) -> Iterator[object]:
     """Where the curves meet, and how many points they have."""
     from contbreather.continuation.tabular import Column, Sheet
 
     rows = [row for one in found for row in _points(one)]
     if rows:
-        columns = [
-            Column(name, [row[name] for row in rows])
-            for name in ("k", "meeting", "gamma", "a", "p", "phi")
-        ]
+        columns = [Column(name, [row[name] for row in rows]) for name in rows[0]]
         yield Sheet(columns, "Where the curves meet")
     else:
         yield "No two curves meet there."
