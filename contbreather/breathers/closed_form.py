@@ -20,11 +20,10 @@ from contbreather.breathers.section import Impact, Section
 from contbreather.breathers.watched import ClosedWatch
 from contbreather.checks import real
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, Ring
+from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, check_amplitude, restitution_ratio
 from contbreather.lattice.green import Flight, flight
 from contbreather.lattice.held import Held
-from contbreather.stability import half_multipliers
 from contbreather.stability.half_period import HalfMap
 
 FloatArray = NDArray[np.float64]
@@ -190,8 +189,3 @@ class SymmetricFlight:
     @property
     def map(self) -> HalfMap:
         return HalfMap(self.gamma, self.k, self.b, self.lattice)
-
-    def multipliers(self) -> ComplexArray:
-        """Those of QS on a ring."""
-        assert isinstance(self.lattice, Ring)
-        return half_multipliers(self.lattice, self.gamma, self.k, self.b)

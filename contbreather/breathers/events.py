@@ -14,14 +14,16 @@ from typing import Any
 
 from contbreather.breathers import symmetric_events
 from contbreather.breathers.closed_form import SymmetricFlight
-from contbreather.breathers.orbit import Orbit, orbit_at, plain
+from contbreather.breathers.orbit import Orbit, orbit_at
+from contbreather.breathers.problem import unstable_by
 from contbreather.checks import shown
 from contbreather.continuation import Event, Locus, Point, Problem
-from contbreather.continuation.point import Counting, Judged
+from contbreather.continuation.point import Judged
 from contbreather.continuation.recipes import Recipe, maker
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability.verdict import THRESHOLD, beyond
+from contbreather.lattice.plain import made, plain
+from contbreather.stability.verdict import THRESHOLD
 
 WHY: Mapping[str, str] = {
     "PF": "only a symmetric orbit, known by half its period, has a pitchfork",
@@ -151,8 +153,6 @@ def neimark_sacker(
 
 @maker("NS")
 def _again(of: Mapping[str, Any]) -> Event:
-    from contbreather.lattice.plain import made  # all forcings, too
-
     return neimark_sacker(on=made(of["on"]), threshold=of["threshold"])
 
 
@@ -172,7 +172,7 @@ def _pair_leaves(
                 f"chain and ring only; take the orbit there, orbit.on({on!r})."
             )
         return elsewhere
-    found = next(event for event in orbit.road.events(threshold) if event.kind == "NS")
+    found = _of_kind("NS", orbit.road.problem(threshold))
     return found if isinstance(found, Judged) else _judged(found, threshold)
 
 
@@ -185,9 +185,5 @@ def _orbit_of(problem: Problem) -> Orbit:
 
 def _judged(event: Event, threshold: float) -> Event:
     """With the column of what is unstable by the same threshold."""
-    record = {"unstable": Counting(partial(_unstable, threshold))}
+    record = {"unstable": unstable_by(threshold)}
     return Judged.judging(event, record, f"threshold {threshold:g}")
-
-
-def _unstable(threshold: float, point: Point) -> float:
-    return beyond(point.solution.map, threshold)

@@ -43,13 +43,7 @@ ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
 
 
 def events_of(section: Section, threshold: float = THRESHOLD) -> tuple[Event, ...]:
-    """All events of an orbit with these impacts.
-
-    Examples
-    --------
-    >>> [event.kind for event in events_of(Section(((0, 1), (0, -1))))]
-    ['LP', 'BP', 'PD', 'NS', 'GR']
-    """
+    """All events of an orbit with these impacts."""
     own = symmetry_breaking() if section.symmetric else real_multiplier("PD", -1.0, _slopes)
     return (fold(), branching(), own, pair_beyond(threshold, _slopes), contact())
 
@@ -105,10 +99,6 @@ def _flight(point: Point) -> ModalFlight:
     return flight
 
 
-def _at(curve: Curve, z: FloatArray) -> ModalFlight:
-    return _flight(Point(curve, z))
-
-
 # --- derivatives ------------------------------------------------------------------------------
 
 
@@ -118,7 +108,7 @@ def _slopes(conditions: Conditions, curve: Curve, z: FloatArray, extra: FloatArr
     Of the state the map knows velocities and accelerations at the impacts, and these are linear in
     it: one direction for each of them tells what all modes do.
     """
-    flight = _at(curve, z)
+    flight = _flight(Point(curve, z))
     m, size = flight.t.size, 2 * flight.q.size
 
     def near(z: FloatArray) -> FloatArray:
@@ -150,7 +140,7 @@ _PITCHFORK = real_multiplier("PF", 1.0, _slopes)
 
 
 def _crest(orbit: Orbit, site: int) -> Crest:
-    return Crest(partial(_motion, site), partial(_watched, site))
+    return Crest(partial(_motion, site), partial(_slopes_at, site))
 
 
 def _motion(site: int, orbit: Orbit, t: float) -> Terms:
@@ -158,8 +148,8 @@ def _motion(site: int, orbit: Orbit, t: float) -> Terms:
     return terms
 
 
-def _watched(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:
-    found: FloatArray = orbit.flight.watched(site, t, curve.free)[:2, 1:]
+def _slopes_at(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:
+    found: FloatArray = orbit.flight.slopes_at(site, t, curve.free)
     return found
 
 
@@ -173,4 +163,4 @@ def _shallow_locus(orbit: Orbit) -> Locus:
 
 
 def _velocity(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-    return np.array([_at(curve, z).arrivals[j].velocity])
+    return np.array([_flight(Point(curve, z)).arrivals[j].velocity])

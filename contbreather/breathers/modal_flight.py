@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,18 +59,12 @@ class Leg(NamedTuple):
     stop: int
     since: float
     flight: float  # how long; backwards where an impact overtakes the first one
+    turn: Turn
     q: FloatArray  # the modes at its start
     r: FloatArray
     q_end: FloatArray
     r_end: FloatArray
-
-
-class Course(NamedTuple):
-    """A section: its legs, and the impacts at the ends of all legs but the last."""
-
-    legs: tuple[Leg, ...]
-    turns: tuple[Turn, ...]
-    arrivals: tuple[Arrival, ...]
+    arrival: Arrival | None  # at its end; none at that of the section
 
 
 class Resonance(NamedTuple):
@@ -110,6 +104,7 @@ class ModalFlight:
     q: FloatArray
     r: FloatArray
     conditions: Conditions
+    offsets: ClassVar[tuple[float, ...]] = ()  # are part of the state
 
     def __post_init__(self) -> None:
         if not np.ptp(self.t) < self.section.length:
@@ -149,69 +144,51 @@ class ModalFlight:
         return self.shapes * masses[[n for n, _ in self.section.impacts], None]
 
     @cached_property
-    def _course(self) -> Course:
+    def legs(self) -> tuple[Leg, ...]:
+        """The free flights, one more than there are impacts."""
         start = float(self.t[0])
         # in order of time: impacts of different sites may overtake each other
         lags = sorted((float(time) - start, j) for j, time in enumerate(self.t))
-        legs, turns, arrivals = [], [], []
+        legs: list[Leg] = []
         at, now, q, r = 0, 0.0, self.q, self.r
         for lag, j in [*lags, (self.section.length, 0)]:
             fly = turn(self.z, lag - now, self.conditions.damping)
-            q_end, r_end = fly(q, r)
-            legs.append(Leg(at, j, start + now, lag - now, q, r, q_end, r_end))
-            turns.append(fly)
-            if len(legs) > len(lags):
-                break
-            arrivals.append(self._arrival(j, start + lag, q_end, r_end))
-            loss = (1.0 + self.conditions.k) * arrivals[-1].velocity
-            at, now, q, r = j, lag, q_end, r_end - loss * self.kicks[j]
-        return Course(tuple(legs), tuple(turns), tuple(arrivals))
+            end = fly(q, r)
+            one = self._arrival(j, start + lag, *end) if len(legs) < len(lags) else None
+            legs.append(Leg(at, j, start + now, lag - now, fly, q, r, *end, one))
+            if one is not None:
+                loss = (1.0 + self.conditions.k) * one.velocity
+                at, now, q, r = j, lag, end[0], end[1] - loss * self.kicks[j]
+        return tuple(legs)
+
+    @cached_property
+    def arrivals(self) -> tuple[Arrival, ...]:
+        """The impacts in order of time."""
+        return tuple(leg.arrival for leg in self.legs if leg.arrival is not None)
 
     def _arrival(self, j: int, time: float, q: FloatArray, r: FloatArray) -> Arrival:
         site, wall = self.section.impacts[j]
         e, a = self.shapes[j], self.conditions.a
         _, speed, bend = self.forced.at(site, time)
-        return Arrival(
-            j,
-            site,
-            wall,
-            time,
-            float(e.dot(r)) + a * speed,
-            float(e.dot(self.pulled(q, r))) + a * bend,
-        )
+        velocity, pull = float(e.dot(r)), float(e.dot(self.pulled(q, r)))
+        return Arrival(j, site, wall, time, velocity + a * speed, pull + a * bend)
 
     def pulled(self, q: FloatArray, r: FloatArray) -> FloatArray:
         """Acceleration of free modes."""
         damping = self.conditions.damping
         return -self.z * q - damping * r if damping else -self.z * q
 
-    @property
-    def legs(self) -> tuple[Leg, ...]:
-        """The free flights, one more than there are impacts."""
-        return self._course.legs
-
-    @property
-    def arrivals(self) -> tuple[Arrival, ...]:
-        """The impacts in order of time."""
-        return self._course.arrivals
-
     # -------------------------------------------------------------------------------- motion
 
     @cached_property
     def impacts(self) -> tuple[Impact, ...]:
-        found = {one.which: one for one in self.arrivals}
         loss = -(1.0 + self.conditions.k)
-        in_order = (found[j] for j in range(len(found)))
+        in_order = sorted(self.arrivals)
         return tuple(Impact(x.site, x.wall, x.time, loss * x.velocity) for x in in_order)
 
     @property
     def accelerations(self) -> FloatArray:
-        found = {one.which: one.acceleration for one in self.arrivals}
-        return np.array([found[j] for j in range(len(found))])
-
-    @property
-    def offsets(self) -> tuple[float, ...]:
-        return ()
+        return np.array([one.acceleration for one in sorted(self.arrivals)])
 
     @property
     def x(self) -> FloatArray:
@@ -227,7 +204,7 @@ class ModalFlight:
         """By how much the lattice as a whole sits off centre, its mean over sites and time."""
         if self.section.symmetric:
             return 0.0
-        share = self.basis.at(np.arange(self.lattice.sites)).mean(axis=0)
+        share = self.basis.at(np.arange(self.conditions.lattice.sites)).mean(axis=0)
         # by Gauss's rule: to rounding for as many nodes, and modes may drift, turn or decay
         nodes, weights = np.polynomial.legendre.leggauss(
             12 + int(math.sqrt(float(self.z.max())) * self.section.length)
@@ -249,8 +226,9 @@ class ModalFlight:
 
     def at(self, n: int, t: float) -> tuple[float, float, float]:
         """Displacement, velocity and acceleration of one site at one time."""
-        q, r = self._modes_once(t)
-        e, a = self.basis.at(n), self.conditions.a
+        _, leg, sign = self._cut(t)
+        q, r, a = sign * leg.q_end, sign * leg.r_end, self.conditions.a
+        e = self.basis.at(n)
         u, v, w = self.forced.at(n, t)
         bend = float(e.dot(self.pulled(q, r)))
         return float(e.dot(q)) + a * u, float(e.dot(r)) + a * v, bend + a * w
@@ -286,18 +264,23 @@ class ModalFlight:
             sign * (flown.swing * fast - flown.pull * now),
         )
 
-    def _modes_once(self, t: float) -> tuple[FloatArray, FloatArray]:
-        """The same at one time."""
+    def _cut(self, t: float) -> tuple[int, Leg, int]:
+        """The same at one time: which leg it falls on, that leg up to there, and its sign."""
         T, first = self.section.length, self.legs[1].since
         sections = math.floor((t - first) / T)
         since = t - first - sections * T
         slack = 4.0 * EPS * (T + abs(t) + abs(first))
         if T - since <= slack:
             sections, since = sections + 1, 0.0
-        leg = next(x for x in reversed(self.legs[1:]) if x.since - first <= since + slack)
+        i = len(self.legs) - 1
+        while self.legs[i].since - first > since + slack:
+            i -= 1
+        leg = self.legs[i]
         ahead = max(since - (leg.since - first), 0.0)
-        q, r = turn(self.z, ahead, self.conditions.damping)(leg.q, leg.r)
-        return (q, r) if sections % 2 == 0 or self.section.sign > 0 else (-q, -r)
+        fly = turn(self.z, ahead, self.conditions.damping)
+        q, r = fly(leg.q, leg.r)
+        cut = Leg(leg.start, NOWHERE, leg.since, ahead, fly, leg.q, leg.r, q, r, None)
+        return i, cut, 1 if sections % 2 == 0 else self.section.sign
 
     @cached_property
     def _flights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -323,7 +306,8 @@ class ModalFlight:
         m, K = self.t.size, self.q.size
         sign, last = self.section.sign, self.legs[-1]
         value = np.empty(m + 2 * K)
-        for leg, one in zip(self.legs, self.arrivals, strict=False):
+        for leg in self.legs[:-1]:
+            one: Any = leg.arrival
             own = float(self.shapes[one.which].dot(leg.q_end))
             forced = self.conditions.a * self.forced.at(one.site, one.time)[0]
             wall = self.conditions.walls.position(one.site, one.wall)
@@ -340,11 +324,10 @@ class ModalFlight:
         Y, R = np.zeros((2, K, width + len(names)))
         Y[own, m + own] = R[own, m + K + own] = 1.0
         starts = []
-        for leg, fly, one in zip(
-            self.legs, self._course.turns, [*self.arrivals, None], strict=True
-        ):
+        for leg in self.legs:
             starts.append((Y, R))
-            Y, R = self._carried(leg, fly, Y, R, names)
+            Y, R = self._carried(leg, Y, R, names)
+            one = leg.arrival
             if one is None:
                 break
             e = self.shapes[one.which]
@@ -362,13 +345,11 @@ class ModalFlight:
             R = R - np.multiply.outer(self.kicks[one.which], loss)
         return Tangents(walls, starts, Y, R)
 
-    def _carried(
-        self, leg: Leg, fly: Turn, Y: Array, R: Array, names: Sequence[str]
-    ) -> tuple[Array, Array]:
+    def _carried(self, leg: Leg, Y: Array, R: Array, names: Sequence[str]) -> tuple[Array, Array]:
         """Derivatives at the end of a leg from those at its start; its ends in time move."""
         if not leg.flight and leg.start == leg.stop:  # from the first impact to itself
             return Y, R
-        Y, R = fly(Y, R)
+        Y, R = leg.turn(Y, R)
         pull = self.pulled(leg.q_end, leg.r_end)
         for j, side in ((leg.stop, 1.0), (leg.start, -1.0)):
             if j != NOWHERE:
@@ -377,9 +358,9 @@ class ModalFlight:
         damping = self.conditions.damping
         for column, name in enumerate(names, start=Y.shape[1] - len(names)):
             if name == "damping":
-                slope = turn_slope_in_damping(self.z, leg.flight, fly, damping)
+                slope = turn_slope_in_damping(self.z, leg.flight, leg.turn, damping)
             elif name in ("gamma", "spring"):
-                slope = turn_slope(self.z, leg.flight, fly, damping)
+                slope = turn_slope(self.z, leg.flight, leg.turn, damping)
             else:
                 continue
             rise = self.basis.lam if name == "gamma" else 1.0
@@ -397,25 +378,15 @@ class ModalFlight:
         matrix[m + K + own, m + K + own] -= sign
         return matrix
 
-    def watched(self, site: int, time: float, names: Sequence[str]) -> FloatArray:
-        """Displacement, velocity and acceleration of a site at a time (first column), and the
-        derivatives of the first two in t, q, r and `names` (the others), shape ``(3, ...)``."""
-        T, first = self.section.length, self.legs[1].since
-        sections = math.floor((time - first) / T)
-        now, side = time - sections * T, self.section.sign**sections
-        i = max(j for j, leg in enumerate(self.legs) if j == 1 or (j and leg.since <= now))
-        leg, (Y, R) = self.legs[i], self.tangents(names).starts[i]
-        fly = turn(self.z, now - leg.since, self.conditions.damping)
-        q, r = fly(leg.q, leg.r)
-        cut = leg._replace(stop=NOWHERE, flight=now - leg.since, q_end=q, r_end=r)
-        Y, R = self._carried(cut, fly, Y, R, names)
+    def slopes_at(self, site: int, time: float, names: Sequence[str]) -> FloatArray:
+        """Derivatives of displacement and velocity of a site at a fixed time in t, q, r and
+        `names`, shape ``(2, ...)``."""
+        i, leg, sign = self._cut(time)
+        Y, R = self._carried(leg, *self.tangents(names).starts[i], names)
         e = self.basis.at(site)
-        rows = np.zeros((3, 1 + Y.shape[1]))
-        rows[:2, 1:] = side * (e @ Y), side * (e @ R)
-        rows[:, 0] = side * e.dot(q), side * e.dot(r), side * e.dot(self.pulled(q, r))
-        rows[:, 0] += np.multiply(self.conditions.a, self.forced.at(site, time))
+        rows = np.array([sign * (e @ Y), sign * (e @ R)])
         for column, name in enumerate(names, start=rows.shape[1] - len(names)):
-            rows[:2, column] += self.driven(name, site, time)
+            rows[:, column] += self.driven(name, site, time)
         return rows
 
     def driven(self, name: str, site: int, time: float) -> tuple[float, float]:
@@ -428,17 +399,6 @@ class ModalFlight:
     # -------------------------------------------------------------------------- perturbations
 
     @cached_property
-    def saltations(self) -> tuple[FloatArray, ...]:
-        """The 2x2 block of (19) for each of `arrivals`, with its own velocity and
-        acceleration; the side takes no part, both change sign with it."""
-        k, damping = self.conditions.k, self.conditions.damping
-        # braked less after the impact than before, a site turns round faster by damping (1 + k) v
-        return tuple(
-            saltation(k, saltation_entry(one.acceleration, one.velocity, k) + (1.0 + k) * damping)
-            for one in self.arrivals
-        )
-
-    @cached_property
     def impact_slopes(self) -> FloatArray:
         """Derivatives in (q, r) of velocity and acceleration at each impact in turn, (2m, 2K).
 
@@ -446,8 +406,8 @@ class ModalFlight:
         """
         Y, R = np.eye(2 * self.q.size).reshape(2, self.q.size, -1)
         rows = []
-        for fly, one in zip(self._course.turns, self.arrivals, strict=False):
-            Y, R = fly(Y, R)
+        for leg, one in zip(self.legs, self.arrivals, strict=False):
+            Y, R = leg.turn(Y, R)
             e = self.shapes[one.which]
             speed = e @ R
             rows += [speed, -(e * self.z) @ Y - self.conditions.damping * speed]
@@ -457,35 +417,16 @@ class ModalFlight:
     @cached_property
     def map(self) -> ModalMap:
         """What small perturbations become over a section."""
-        on = self.conditions
-        blows = tuple(
-            Blow(self.shapes[one.which], self.kicks[one.which], saltation)
-            for one, saltation in zip(self.arrivals, self.saltations, strict=True)
-        )
-        return ModalMap(
-            on.lattice,
-            on.gamma,
-            on.damping,
-            self.z,
-            on.gamma * self.basis.unseen + on.spring,
-            self._course.turns,
-            blows,
-            self.section.length,
-            self.section.sign,
-        )
-
-    def multipliers(self) -> NDArray[np.complex128]:
-        """First those of the modes that impacts see; the others are exactly ``exp(+-i w T)``."""
-        return self.map.multipliers()
-
-    @property
-    def lattice(self) -> Finite:
-        lattice: Finite = self.conditions.lattice
-        return lattice
-
-    @property
-    def period(self) -> float:
-        return self.section.period
+        on, blows = self.conditions, []
+        for one in self.arrivals:
+            # velocity and acceleration change sign with the side; braked less after the impact
+            # than before, a site turns round faster by damping (1 + k) v
+            b = saltation_entry(one.acceleration, one.velocity, on.k) + (1.0 + on.k) * on.damping
+            shape, kick = self.shapes[one.which], self.kicks[one.which]
+            blows.append(Blow(shape, kick, saltation(on.k, b)))
+        unseen, turns = on.gamma * self.basis.unseen + on.spring, tuple(x.turn for x in self.legs)
+        own = self.z, unseen, turns, tuple(blows), self.section.length, self.section.sign
+        return ModalMap(on.lattice, on.gamma, on.damping, *own)
 
     @cached_property
     def condition(self) -> float:

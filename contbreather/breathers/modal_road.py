@@ -18,20 +18,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.images import images_of, simpler_than
-from contbreather.breathers.lifts import lift
 from contbreather.breathers.modal_events import events_of
 from contbreather.breathers.modal_flight import ModalFlight
-from contbreather.breathers.orbit import Orbit, plain
+from contbreather.breathers.orbit import Orbit
+from contbreather.breathers.problem import orbit_problem, unstable_by
 from contbreather.breathers.road import road
 from contbreather.breathers.section import WEAK, Impact, Section, check_order, check_possible
 from contbreather.breathers.watched import ModalWatch
-from contbreather.continuation import Event, Point, Problem
-from contbreather.continuation.point import Counting
-from contbreather.continuation.recipes import Recipe
+from contbreather.continuation import Point, Problem
 from contbreather.lattice import Ring
 from contbreather.lattice.conditions import Conditions
-from contbreather.stability.verdict import THRESHOLD, beyond
+from contbreather.stability.verdict import THRESHOLD
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -52,6 +49,13 @@ class Modes(ModalFlight):
     ) -> Modes:
         check_possible(section, on)
         return cls.from_times(on, section, times)
+
+    @classmethod
+    def of(cls, on: Conditions, section: Section, x: FloatArray, params: Params) -> Modes:
+        """With these unknowns."""
+        m = section.count
+        q, r = np.split(x[m:], 2)
+        return cls(section, x[:m], q, r, on.at(params))
 
     @classmethod
     def from_times(cls, on: Conditions, section: Section, times: Any) -> Modes:
@@ -84,14 +88,10 @@ class Modes(ModalFlight):
         check_possible(longer.section, self.conditions)
         return longer.problem
 
-    def problem(self, threshold: float) -> Problem:
+    def problem(self, threshold: float = THRESHOLD) -> Problem:
         return modal_problem(Orbit(self), threshold)
 
-    def guess(self) -> Problem:
-        return modal_problem(Orbit(self))
-
-    def events(self, threshold: float) -> tuple[Event, ...]:
-        return events_of(self.section, threshold)
+    guess = problem
 
     @property
     def watch(self) -> ModalWatch:
@@ -100,7 +100,7 @@ class Modes(ModalFlight):
     def on(self, lattice: Any) -> Orbit | None:
         """From ring to ring the sites around the one that impacts keep their motion, new ones move
         like the farthest."""
-        rings = isinstance(lattice, Ring) and isinstance(self.lattice, Ring)
+        rings = isinstance(lattice, Ring) and isinstance(self.conditions.lattice, Ring)
         if not (rings and self.section.local):
             return None
         return Orbit(self.resized(lattice)).solved()
@@ -108,70 +108,52 @@ class Modes(ModalFlight):
     def resized(self, ring: Ring) -> Modes:
         section, apart = self.section.around(ring.sites), np.arange(ring.sites)
         apart = np.minimum(apart, ring.sites - apart)
+        nearest = np.minimum(apart, self.conditions.lattice.sites // 2)
         rows: list[FloatArray] = []
         for modes in (self.q, self.r):
-            own = np.roll(self.basis.to_sites(modes), -self.section.hit[0])
-            rows.append(np.roll(own[np.minimum(apart, self.lattice.sites // 2)], section.hit[0]))
-        q, r = (ring.basis(section.hit).from_sites(row) for row in rows)
-        on = replace(self.conditions, lattice=ring)
-        return Modes(section, self.t, q, r, on)
+            own = np.roll(self.basis.to_sites(modes), -self.section.hit[0])[nearest]
+            rows.append(ring.basis(section.hit).from_sites(np.roll(own, section.hit[0])))
+        q, r = rows
+        return Modes(section, self.t, q, r, replace(self.conditions, lattice=ring))
 
 
 @dataclass(frozen=True, eq=False)
 class ShootingEquations:
     """The equations of one section, as functions of all that can change.
 
-    ``x = (t1 .. tm, q, r)``; `params` names those of the `Conditions`.
+    ``x = (t1 .. tm, q, r)``; `params` names those of the `Conditions`. Steps, tests and locations
+    ask for those of one place on curves of their own.
     """
 
     section: Section
     conditions: Conditions
 
     def flight(self, x: FloatArray, params: Params) -> Modes:
-        """The section flown from these unknowns; kept, because residual, derivatives and events
-        ask for the same few in turn."""
+        """The section flown from these unknowns."""
         return _flown(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
 
     def residual(self, x: FloatArray, params: Params) -> FloatArray:
-        return _left(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
+        return _left(self.flight(x, params))
 
     def derivatives(self, x: FloatArray, params: Params, names: tuple[str, ...]) -> FloatArray:
-        return _derived(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()), names)
-
-    def orbit(self, point: Point) -> Orbit:
-        return Orbit(self.flight(point.x, point.params))
-
-    def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
-        """Other solutions that are the same orbit, or its mirror image."""
-        found = images_of(Orbit(self.flight(x, params)))
-        return tuple(image.flight.x for image in found)
+        return _derived(self.flight(x, params), names)
 
 
 @lru_cache(maxsize=64)
 def _flown(of: ShootingEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> Modes:
-    x, m = np.frombuffer(unknowns), of.section.count
-    K, on = (x.size - m) // 2, of.conditions.at(dict(params))
-    return Modes(of.section, x[:m], x[m : m + K], x[m + K :], on)
-
-
-# Steps, tests and locations ask for those of one place on curves of their own.
+    return Modes.of(of.conditions, of.section, np.frombuffer(unknowns), dict(params))
 
 
 @lru_cache(maxsize=64)
-def _left(of: ShootingEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> Any:
-    found = _flown(of, unknowns, params).residual()
+def _left(flight: Modes) -> FloatArray:
+    found = flight.residual()
     found.flags.writeable = False
     return found
 
 
 @lru_cache(maxsize=8)  # they are large
-def _derived(
-    of: ShootingEquations,
-    unknowns: bytes,
-    params: tuple[tuple[str, float], ...],
-    names: tuple[str, ...],
-) -> FloatArray:
-    found = _flown(of, unknowns, params).jacobian(names)
+def _derived(flight: Modes, names: tuple[str, ...]) -> FloatArray:
+    found = flight.jacobian(names)
     found.flags.writeable = False
     return found
 
@@ -190,28 +172,20 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     shooting = ShootingEquations(section, on)
     times = {f"t{j + 1}": float(time) for j, time in enumerate(flight.t)}
     least = WEAK if _loose(section, on) else 0.0
-    return Problem(
-        shooting.residual,
-        {**times, "q": flight.q, "r": flight.r},
-        on.params,
+    bounds = dict.fromkeys(("a", "damping", "spring"), (0.0, math.inf))
+    return orbit_problem(
+        "shooting",
+        shooting.flight,
+        orbit,
+        threshold,
+        residual=shooting.residual,
+        start={**times, "q": flight.q, "r": flight.r},
+        params=on.params,
         derivatives=shooting.derivatives,
         events=events_of(section, threshold),
         record=_columns(section, threshold),
-        domain={
-            "gamma": (least, on.lattice.highest_gamma),
-            "k": (0.0, 1.0),
-            "a": (0.0, math.inf),
-            "damping": (0.0, math.inf),
-            "spring": (0.0, math.inf),
-        },
-        interpret=shooting.orbit,
-        images=shooting.images,
-        simpler=_simpler,
-        lifts={"PF": lift, "PD": lift},
+        domain={**bounds, "gamma": (least, on.lattice.highest_gamma), "k": (0.0, 1.0)},
         label=f"shooting, {on.lattice.describe()}, {section.describe()}",
-        recipe=Recipe(
-            "shooting", {"conditions": on, "section": section, "threshold": threshold}, plain
-        ),
     )
 
 
@@ -219,12 +193,6 @@ def _loose(section: Section, on: Conditions) -> bool:
     """Whether idle sites may rest anywhere without coupling; an orbit that comes back with the
     opposite sign has them rest at 0."""
     return on.spring < WEAK and on.lattice.sites > 1 and not section.symmetric
-
-
-def _simpler(point: Point) -> Problem | None:
-    """The problem of half the period, where the orbit repeats itself after half of it."""
-    found = simpler_than(point.solution)
-    return None if found is None else found.problem
 
 
 def _columns(section: Section, threshold: float) -> dict[str, Any]:
@@ -237,7 +205,7 @@ def _columns(section: Section, threshold: float) -> dict[str, Any]:
         columns["c"] = attrgetter("solution.c")
     if same and count == 2:
         columns["asymmetry"] = partial(_asymmetry, section.period)
-    columns["unstable"] = Counting(partial(_unstable, threshold))
+    columns["unstable"] = unstable_by(threshold)
     return {**columns, "condition": attrgetter("solution.flight.condition")}
 
 
@@ -247,7 +215,3 @@ def _momentum(j: int, point: Point) -> float:
 
 def _asymmetry(period: float, point: Point) -> float:
     return float(point["t2"] - point["t1"] - 0.5 * period)
-
-
-def _unstable(threshold: float, point: Point) -> float:
-    return beyond(point.solution.map, threshold)

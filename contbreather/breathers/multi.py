@@ -11,13 +11,14 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import networkx as nx
 import numpy as np
 
 from contbreather.breathers.modal_events import contact
-from contbreather.breathers.modal_road import Modes, modal_problem
+from contbreather.breathers.modal_road import Modes
 from contbreather.breathers.one_site import symmetric_orbits
 from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import Inadmissible
@@ -36,13 +37,7 @@ LOOSE = 1e-4
 TOGETHER = 9  # digits to which times are compared: impacts at once are listed by their sites
 
 
-@dataclass(frozen=True)
-class Single:
-    """The impacts of one site in the limit without coupling."""
-
-    site: int
-    section: Section
-    times: tuple[float, ...]
+Single = tuple[int, Orbit]  # a site, and the orbit it has in the limit without coupling
 
 
 def multibreather(
@@ -142,28 +137,28 @@ def _single(site: int, what: Any, on: Conditions) -> Single:
             f"site {site}: {what!r} has gamma = {what.gamma!r}; an orbit of the single oscillator, "
             "without coupling, is expected."
         )
-    return Single(site, what.section, tuple(what.times.tolist()))
+    return site, what
 
 
 def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
     """All impacts in order of time over one common section."""
-    turns = math.lcm(*(one.section.turns for one in singles))
-    symmetric = turns % 2 == 1 and all(one.section.symmetric for one in singles)
+    turns = math.lcm(*(one.section.turns for _, one in singles))
+    symmetric = turns % 2 == 1 and all(one.section.symmetric for _, one in singles)
     length = math.pi * turns * (1 if symmetric else 2)
     impacts = sorted(
-        ((time, one.site, wall) for one in singles for time, wall in _unrolled(one, length)),
+        ((time, site, wall) for site, one in singles for time, wall in _unrolled(one, length)),
         key=lambda impact: (round(impact[0], TOGETHER), impact[1]),
     )
     sequence = tuple((n, wall) for _, n, wall in impacts)
     return Section(sequence, turns, -1 if symmetric else 1), [time for time, _, _ in impacts]
 
 
-def _unrolled(one: Single, length: float) -> Iterator[tuple[float, int]]:
+def _unrolled(orbit: Orbit, length: float) -> Iterator[tuple[float, int]]:
     """Times and walls over a section of that length, which is a whole number of its own."""
-    own = one.section.length
-    for lap in range(round(length / own)):
-        for time, (_, wall) in zip(one.times, one.section.impacts, strict=True):
-            yield time + lap * own, one.section.sign**lap * wall
+    own = orbit.section
+    for lap in range(round(length / own.length)):
+        for one in orbit.impacts:
+            yield one.time + lap * own.length, own.sign**lap * one.wall
 
 
 def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
@@ -174,7 +169,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
     first = min(LOOSE, on.gamma) if loose else 0.0
     try:
         seed = Modes.from_times(replace(on, gamma=first), section, times)
-        start, _ = modal_problem(Orbit(seed)).solve(tolerance=1e-11)
+        start, _ = seed.problem().solve(tolerance=1e-11)
     except NotConverged:
         return None
     orbit = orbit_at(start)
@@ -223,11 +218,8 @@ class Multibreather:
 
     def stable(self, threshold: float = THRESHOLD) -> bool:
         """Whether it exists, and no multiplier of it is beyond the threshold."""
-        return (
-            self.exists
-            and self.orbit is not None
-            and self.orbit.stability(threshold=threshold).stable
-        )
+        orbit = self.orbit if self.exists else None
+        return orbit is not None and orbit.stability(threshold=threshold).stable
 
 
 def multibreathers(
@@ -279,29 +271,24 @@ def _entry(sites: tuple[int, ...], copies: int, on: Conditions) -> Multibreather
 
 def _classes(lattice: Finite, count: int) -> list[tuple[tuple[int, ...], int]]:
     """Choices of sites up to the symmetries of the lattice, with the size of each class."""
+    alike_by = nx.algorithms.isomorphism
+    same = partial(
+        nx.is_isomorphic,
+        node_match=alike_by.categorical_node_match("colour", ""),
+        edge_match=alike_by.categorical_edge_match("weight", ""),
+    )
     found: dict[str, list[tuple[tuple[int, ...], nx.Graph, int]]] = {}
     for sites in itertools.combinations(range(lattice.sites), count):
         graph = _coloured(lattice, sites)
         mark = nx.weisfeiler_lehman_graph_hash(graph, edge_attr="weight", node_attr="colour")
         alike = found.setdefault(mark, [])
         for i, (first, other, copies) in enumerate(alike):
-            if _same(graph, other):
+            if same(graph, other):
                 alike[i] = (first, other, copies + 1)
                 break
         else:
             alike.append((sites, graph, 1))
     return [(sites, copies) for alike in found.values() for sites, _, copies in alike]
-
-
-def _same(one: nx.Graph, other: nx.Graph) -> bool:
-    return bool(
-        nx.is_isomorphic(
-            one,
-            other,
-            node_match=lambda u, v: u["colour"] == v["colour"],
-            edge_match=lambda u, v: u["weight"] == v["weight"],
-        )
-    )
 
 
 def _coloured(lattice: Finite, sites: tuple[int, ...]) -> nx.Graph:

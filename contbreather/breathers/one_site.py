@@ -83,7 +83,7 @@ def _answer(rest: ModalFlight) -> tuple[FloatArray, FloatArray]:
     if (abs(det) < RESONANT).any():
         w = float(np.sqrt(rest.z[abs(det).argmin()]))
         raise BadInput(
-            f"a mode of the {rest.lattice.describe()} with the frequency {w:.9g} is in "
+            f"a mode of the {rest.conditions.lattice.describe()} with the frequency {w:.9g} is in "
             "resonance with the orbit: change gamma or spring, or give it damping."
         )
     q = -((1.0 + fly.swing) * after[0] - fly.reach * after[1]) / det

@@ -207,7 +207,7 @@ class Orbit(Shown):
     @property
     def phi(self) -> float:
         """Time of the impact on the wall +1 of a symmetric orbit of one site."""
-        self._need(self.symmetric and self.section.count == 1, "phi", "symmetric orbits with one")
+        self._need_one("phi")
         late = 0.0 if self.impacts[0].wall > 0 else self.section.length
         return math.remainder(self.impacts[0].time + late, self.period)
 
@@ -215,13 +215,13 @@ class Orbit(Shown):
     def chi(self) -> float:
         """Eq. (10): where a unit impact, with its mirror images, leaves the site that hits. By
         (11), ``p chi = wall - a f(phi)``."""
-        self._need(self.symmetric and self.section.count == 1, "chi", "symmetric orbits with one")
+        self._need_one("chi")
         return float(self.flight.chi)
 
     @property
     def b(self) -> float:
         """The entry of the saltation matrix (19), the same at every impact."""
-        self._need(self.symmetric and self.section.count == 1, "b", "symmetric orbits with one")
+        self._need_one("b")
         return float(self.entries[0])
 
     @property
@@ -232,13 +232,16 @@ class Orbit(Shown):
     @property
     def asymmetry(self) -> float:
         """Of an orbit with two impacts ``t2 - t1 - pi``: 0 where both flights are equal."""
-        self._need(self.section.two_impacts, "asymmetry", "orbits with two")
+        if not self.section.two_impacts:
+            raise self._lacks("asymmetry", "orbits with two impacts, on +1 and then on -1")
         return (self.impacts[1].time - self.impacts[0].time) % self.period - math.pi
 
-    def _need(self, right: bool, name: str, which: str) -> None:
-        if not right:
-            rest = "impacts, on +1 and then on -1" if "two" in which else "impact in half a period"
-            raise BadInput(f"{name} belongs to {which} {rest}; this one has the {self.describe()}.")
+    def _need_one(self, name: str) -> None:
+        if not self.symmetric or self.section.count > 1:
+            raise self._lacks(name, "symmetric orbits with one impact in half a period")
+
+    def _lacks(self, name: str, which: str) -> BadInput:
+        return BadInput(f"{name} belongs to {which}; this one has the {self.describe()}.")
 
     # --------------------------------------------------------------------------------- motion
 
@@ -319,14 +322,13 @@ class Orbit(Shown):
         return found
 
     def _guessed_on(self, lattice: Any) -> Orbit:
-        guess = orbit_of(
-            replace(self.conditions, lattice=lattice),
-            self.section.moved(lattice),
-            self.times,
-            self.impulses,
-            self.offsets or (self.c,) * len(self.section.hit),
-        )
-        return _settled(guess.problem)
+        hit, on = self.section.hit, replace(self.conditions, lattice=lattice)
+        offsets = self.offsets or (self.c,) * len(hit)
+        if lattice.sites is not None:  # they belong to the sites from left to right
+            there = sorted(zip((site % lattice.sites for site in hit), offsets, strict=True))
+            offsets = tuple(c for _, c in there)
+        section = self.section.moved(lattice)
+        return _settled(orbit_of(on, section, self.times, self.impulses, offsets).problem)
 
     @property
     def repeats(self) -> bool:
@@ -445,7 +447,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
             )
         if flag("half", half) and not own.symmetric:
             raise BadInput("this orbit is not known by half its period: it has no half map.")
-        found = own.road.multipliers()
+        found: ComplexArray = own.map.multipliers()
         return found if half or not own.symmetric else found * found
 
     @property
@@ -561,13 +563,8 @@ def _settled(problem: Problem) -> Orbit:
 
 
 def checked(orbit: Orbit, iterations: int | None = None) -> None:
-    """That what solves the equations is an orbit of its section.
-
-    Raises
-    ------
-    NotConverged
-        If impacts come out of order, or a site moves away from the wall it should hit.
-    """
+    """`NotConverged` where what solves the equations has impacts out of order, or with a site that
+    moves away from the wall it should hit."""
 
     def refuse(why: str) -> NotConverged:
         return NotConverged(
@@ -588,13 +585,6 @@ def checked(orbit: Orbit, iterations: int | None = None) -> None:
                 f"at t = {one.time:.9g} site {one.site} comes to its wall from outside, with the "
                 f"velocity {velocity * one.wall:.6g}."
             )
-
-
-def plain(value: Any) -> Any:
-    """What equations are made of, by numbers and names."""
-    from contbreather.lattice.plain import plain
-
-    return plain(value)
 
 
 def orbit_at(problem: Problem) -> Orbit:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from contbreather.breathers.asymmetric import NAMES
 from contbreather.breathers.modal_road import Modes, modal_problem
 from contbreather.breathers.orbit import Orbit
-from contbreather.breathers.section import Impact, Section
+from contbreather.breathers.section import Section
 from contbreather.breathers.symmetric import ClosedForm, symmetric_problem
 from contbreather.breathers.wave_road import Waves, asymmetric_problem, impact_problem
 from contbreather.continuation import Problem
@@ -35,38 +35,16 @@ def _symmetric(of: Plain, start: Plain, params: Params) -> Problem:
     return symmetric_problem(Orbit(found), of["threshold"])
 
 
-@maker("asymmetric breather")
-def _asymmetric(of: Plain, start: Plain, params: Params) -> Problem:
-    p, *times, c = (start[name] for name in NAMES)
-    return asymmetric_problem(
-        _by_waves(of, params, times, (-2.0 * p, 2.0 * p), (c,)), of["threshold"]
-    )
+def _with_impacts(road_of: Any, problem: Any, of: Plain, start: Plain, params: Params) -> Problem:
+    x = np.concatenate([np.ravel(value) for value in start.values()])
+    found = road_of(made(of["conditions"]), _section(of["section"]), x, params)
+    again: Problem = problem(Orbit(found), of["threshold"])
+    return again
 
 
-@maker("orbit with impacts")
-def _with_impacts(of: Plain, start: Plain, params: Params) -> Problem:
-    values, m = list(start.values()), len(of["section"]["impacts"])
-    orbit = _by_waves(of, params, values[:m], values[m : 2 * m], values[2 * m :])
-    return impact_problem(orbit, of["threshold"])
-
-
-def _by_waves(
-    of: Plain, params: Params, times: Sequence[float], impulses: Sequence[float], offsets: Any
-) -> Orbit:
-    section = _section(of["section"])
-    named = zip(section.impacts, times, impulses, strict=True)
-    impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
-    on = made(of["conditions"]).at(params)
-    return Orbit(Waves(on, section, impacts, tuple(offsets)))
-
-
-@maker("shooting")
-def _shooting(of: Plain, start: Plain, params: Params) -> Problem:
-    times, q, r = (
-        [value for name, value in start.items() if name not in "qr"],
-        start["q"],
-        start["r"],
-    )
-    on = made(of["conditions"]).at(params)
-    found = Modes(_section(of["section"]), np.array(times), q, r, on)
-    return modal_problem(Orbit(found), of["threshold"])
+for kind, road_of, problem in (
+    ("asymmetric breather", Waves.arm, asymmetric_problem),
+    ("orbit with impacts", Waves.of, impact_problem),
+    ("shooting", Modes.of, modal_problem),
+):
+    maker(kind)(partial(_with_impacts, road_of, problem))

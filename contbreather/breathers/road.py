@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import Watch
 from contbreather.breathers.section import Impact, Section
-from contbreather.continuation import Event, Problem
+from contbreather.continuation import Problem
 from contbreather.lattice.conditions import Conditions
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 class Road(Protocol):
@@ -56,10 +55,8 @@ class Road(Protocol):
 
     @property
     def map(self) -> Any:
-        """What small perturbations become over a section."""
-
-    def multipliers(self) -> ComplexArray:
-        """All of a finite lattice, over a section."""
+        """What small perturbations become over a section; of a finite lattice it has all
+        ``multipliers()``."""
 
     @staticmethod
     def suits(on: Conditions, section: Section) -> bool:
@@ -75,7 +72,6 @@ class Road(Protocol):
     def guess(self) -> Problem:
         """The problem for what need not be a solution yet."""
 
-    def events(self, threshold: float) -> tuple[Event, ...]: ...
     @property
     def watch(self) -> Watch:
         """What the clearance from the walls is measured on."""

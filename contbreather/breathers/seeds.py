@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.modal_road import Modes
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.refusals import ImpossibleSequence
-from contbreather.breathers.section import Section, checked_impacts
+from contbreather.breathers.section import Section, Sequenced, checked_impacts
 from contbreather.checks import state_rows
 from contbreather.errors import BadInput
 from contbreather.flows.modes import Turn, driven, turn
@@ -34,8 +34,7 @@ TOGETHER = 8  # digits to which the times of impacts are compared
 OUTSIDE = 1e-6  # a seed may be beyond a wall by this much
 
 
-@dataclass(frozen=True)
-class Contact:
+class Contact(NamedTuple):
     """One impact of a seed in free motion."""
 
     site: int
@@ -127,13 +126,7 @@ def from_state(
     sign: int = 1,
 ) -> Modes:
     """A state of the lattice, followed over one section: its impacts in order, and the state before
-    the first of them.
-
-    Raises
-    ------
-    BadInput
-        If it has no impacts, or others than those of the sequence.
-    """
+    the first of them."""
     motion = Motion(on, state, time)
     T = math.pi * turns * (1.0 if sign < 0 else 2.0)
     seen: list[Contact] = []
@@ -153,12 +146,8 @@ def from_state(
             "or its impact times by hand."
         )
     seen.sort(key=lambda one: (round(one.time, TOGETHER), one.site))
-    m = len(seen)
-    # the motion goes on as it was, or turned over: three sections hold every start there is
-    course = [
-        Contact(one.site, sign**i * one.wall, one.time + i * T) for i in range(3) for one in seen
-    ]
-    first = _start(course, sequence, on.lattice, sign, words)
+    m, course = len(seen), _course(seen, T, sign)
+    first = _start(course, sequence, on.lattice, words)
     own = course[first : first + m]
     section = Section(tuple((c.site, c.wall) for c in own), turns, sign)
     basis = on.lattice.basis(section.hit)
@@ -168,18 +157,28 @@ def from_state(
     return Modes(section, times, q, r, on)
 
 
+def _course(contacts: Sequence[Contact], length: float, sign: int) -> list[Contact]:
+    """Three sections, which hold every start there is: it goes on as it was, or turned over."""
+    turned = (one._replace(wall=sign**i * one.wall) for i in range(3) for one in contacts)
+    m = len(contacts)
+    return [one._replace(time=one.time + j // m * length) for j, one in enumerate(turned)]
+
+
+def _beginning(course: list[Contact], wanted: Sequenced) -> int | None:
+    """Which of the impacts of three sections comes first in a sequence of one."""
+    m, impacts = len(course) // 3, [(one.site, one.wall) for one in course]
+    return next((i for i in range(2 * m) if tuple(impacts[i : i + m]) == wanted), None)
+
+
 def _start(
-    course: list[Contact], sequence: Sequence[Any] | None, lattice: Finite, sign: int, words: str
+    course: list[Contact], sequence: Sequence[Any] | None, lattice: Finite, words: str
 ) -> int:
-    """Which of the impacts of three sections comes first in the sequence."""
-    m = len(course) // 3
-    starts = range(2 * m if sign < 0 else m)
     if sequence is None:  # the first on the wall at +1, by choice
-        return next((i for i in starts if course[i].wall > 0), 0)
+        return next((i for i, one in enumerate(course) if one.wall > 0), 0)
     wanted = Section(checked_impacts(sequence)).placed(lattice).impacts
-    for i in starts:
-        if tuple((one.site, one.wall) for one in course[i : i + m]) == wanted:
-            return i
+    if (first := _beginning(course, wanted)) is not None:
+        return first
+    m = len(course) // 3
     raise ImpossibleSequence(
         f"the seed does not hit its walls in the order {wanted}: followed over one section it "
         f"meets {words}; give that sequence, another seed, or the impact times by hand.",
@@ -189,13 +188,7 @@ def _start(
 
 
 def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> Modes:
-    """From impact times alone, ``{"t1": ..., "t2": ...}``.
-
-    Raises
-    ------
-    BadInput
-        If times are missing, or those of one site are not in the order of the section.
-    """
+    """From impact times alone, ``{"t1": ..., "t2": ...}``."""
     names = [f"t{j + 1}" for j in range(section.count)]
     unknown, missing = sorted(set(times) - set(names)), sorted(set(names) - set(times))
     if unknown or missing:
@@ -245,16 +238,14 @@ def from_orbit(
 def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> Modes:
     """With another impact first; or with the same times at other sites."""
     section = replace(orbit.section, impacts=checked_impacts(sequence)).placed(on.lattice)
-    m, T, sign = orbit.section.count, orbit.section.length, orbit.section.sign
+    m = orbit.section.count
     if section.count != m:
         raise BadInput(
             f"the seed has {m} impacts in a section, the sequence {section.impacts} "
             f"{section.count}: give impact times by hand."
         )
     own = orbit.section.placed(on.lattice).impacts
-    course = [((n, sign**i * wall), t + i * T) for i in range(3)
-              for (n, wall), t in zip(own, orbit.times.tolist(), strict=True)]  # fmt: skip
-    starts = (i for i in range(2 * m if sign < 0 else m)
-              if tuple(impact for impact, _ in course[i : i + m]) == section.impacts)  # fmt: skip
-    first = next(starts, 0)
-    return Modes.from_times(on, section, np.array([t for _, t in course[first : first + m]]))
+    contacts = [Contact(*hit, t) for hit, t in zip(own, orbit.times.tolist(), strict=True)]
+    course = _course(contacts, orbit.section.length, orbit.section.sign)
+    first = _beginning(course, section.impacts) or 0
+    return Modes.from_times(on, section, [one.time for one in course[first : first + m]])

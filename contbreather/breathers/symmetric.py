@@ -12,7 +12,7 @@ from contbreather.breathers.closed_form import HALF, SymmetricFlight
 from contbreather.breathers.closure import Closure, roots, sprung
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.one_site import symmetric_orbits
-from contbreather.breathers.orbit import Orbit, orbit_at, orbit_of, plain, with_parameters
+from contbreather.breathers.orbit import Orbit, orbit_at, orbit_of, with_parameters
 from contbreather.breathers.road import Road, road
 from contbreather.breathers.section import Impact, Section
 from contbreather.breathers.symmetric_events import grazing, neimark_sacker, pitchfork, saddle_node
@@ -33,6 +33,7 @@ from contbreather.lattice import (
 )
 from contbreather.lattice.conditions import Conditions, Walls, check_amplitude, restitution_ratio
 from contbreather.lattice.held import held
+from contbreather.lattice.plain import plain
 from contbreather.stability.verdict import THRESHOLD
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
@@ -80,9 +81,6 @@ class ClosedForm(SymmetricFlight):
 
     def guess(self) -> Problem:
         return symmetric_problem(Orbit(self))
-
-    def events(self, threshold: float) -> tuple[Event, ...]:
-        return events_on(self.lattice, threshold)
 
     def on(self, lattice: Any) -> Orbit | None:
         """The root of (11) nearest to this one."""

@@ -29,6 +29,7 @@ from contbreather.breathers.multipliers import (
     real_multiplier,
 )
 from contbreather.breathers.orbit import Orbit
+from contbreather.breathers.problem import counted
 from contbreather.breathers.watched import moved
 from contbreather.continuation import Event, Lift, Locus, Point, fold
 from contbreather.continuation.boundary import meeting
@@ -38,9 +39,7 @@ from contbreather.continuation.point import Always
 from contbreather.lattice import Lattice, Ring
 from contbreather.lattice.periodic import Wave, wave, wave_slope
 from contbreather.stability.orbit import OrbitMap
-from contbreather.stability.section_map import ModalMap
-from contbreather.stability.verdict import beyond, check_threshold
-from contbreather.stability.winding import Count
+from contbreather.stability.verdict import check_threshold
 
 Array = NDArray[np.float64]
 
@@ -82,16 +81,6 @@ def pitchfork_of_arms() -> Event:
     """PF of an orbit with two impacts: both flights become equal, ``t2 - t1 = pi``.
 
     Nothing changes sign there but the asymmetry itself: both arms are mirror images.
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> from contbreather.breathers.arms import asymmetric
-    >>> arm = asymmetric(0.8, 0.04, 0.8).problem
-    >>> branch = cb.trace(arm, "a", towards="down", events=[pitchfork_of_arms()],
-    ...                   within={"a": (0.7, 0.81)})
-    >>> round(branch.first("PF")["a"], 12)
-    0.777632425944
     """
     return Event("PF", _asymmetry, locus=Always(Locus({}, _equal_flights, _equal_flights_slope)))
 
@@ -103,12 +92,13 @@ def _asymmetry(point: Point) -> float:
 def period_doubling() -> Event:
     """PD: a multiplier passes -1 (`OrbitMap.crosses`)."""
     locus, examine = Always(OnCircle(nu=1.0).locus()), partial(examine_real, -1.0)
-    return Event("PD", _doubling_test, count=_outside, locus=locus, examine=examine)
+    return Event("PD", _minus_one, count=_outside, locus=locus, examine=examine)
 
 
 def orbit_neimark_sacker() -> Event:
     """NS: a complex pair of multipliers of the infinite chain leaves the unit circle."""
-    return Event("NS", _off_circle, count=_pairs_outside, locus=_arc_locus, examine=examine_angle)
+    off, outside = partial(_pairs, 0), partial(_pairs, 1)
+    return Event("NS", off, count=outside, locus=_arc_locus, examine=examine_angle)
 
 
 def events_on(lattice: Lattice, threshold: float) -> tuple[Event, ...]:
@@ -120,21 +110,13 @@ def events_on(lattice: Lattice, threshold: float) -> tuple[Event, ...]:
     return period_doubling(), orbit_neimark_sacker(), touch, tally()
 
 
-@lru_cache(maxsize=512)
-def _counted(map: OrbitMap) -> Count:
-    # the event asks at every step, the column of a table after the walk for the same counts
-    return map.count()
-
-
-def unstable(orbit: Orbit, threshold: float) -> float:
-    """Multipliers outside: isolated ones on the infinite chain, beyond the threshold on a ring."""
-    found: OrbitMap | ModalMap = orbit.map
-    return _counted(found).count if isinstance(found, OrbitMap) else beyond(found, threshold)
+def _minus_one(point: Point) -> float:
+    return solution_at(point).map.crosses(-1.0)
 
 
 def _outside(point: Point) -> int:
     """Beside PD: two multipliers that pass -1 within one step are seen by it."""
-    return _counted(point.solution.map).count
+    return counted(point.solution.map).count
 
 
 def tally() -> Event:
@@ -143,7 +125,7 @@ def tally() -> Event:
 
 
 def _certainly_outside(point: Point) -> float | int:
-    found = _counted(solution_at(point).map)
+    found = counted(solution_at(point).map)
     return found.count if found.certain else math.nan
 
 
@@ -168,27 +150,17 @@ def symmetric_again(point: Point) -> Lift:
     return Lift(breather.problem, point.curve.free[-1])
 
 
-# --- period doubling ------------------------------------------------------------------------------
-
-
-def _doubling_test(point: Point) -> float:
-    return solution_at(point).map.crosses(-1.0)
-
-
 # --- Neimark-Sacker -------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=512)
-def _pairs(map: OrbitMap) -> tuple[float, int]:
+def _asked(map: OrbitMap) -> tuple[float, int]:
     return map.pairs()
 
 
-def _off_circle(point: Point) -> float:
-    return _pairs(solution_at(point).map)[0]
-
-
-def _pairs_outside(point: Point) -> int:
-    return _pairs(solution_at(point).map)[1]
+def _pairs(which: int, point: Point) -> float | int:
+    """How far the next pair is off the circle (0), or how many are outside (1)."""
+    return _asked(solution_at(point).map)[which]
 
 
 def _arc_locus(point: Point) -> Locus:

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
-from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
-from contbreather.breathers.orbit import Orbit, checked, orbit_at, orbit_of, plain, with_parameters
+from contbreather.breathers.orbit import Orbit, orbit_of
+from contbreather.breathers.problem import orbit_problem, unstable_by
 from contbreather.breathers.road import Road, road
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.breathers.watched import GreenWatch
@@ -25,12 +25,9 @@ from contbreather.breathers.wave_events import (
     orbit_fold,
     pitchfork_of_arms,
     symmetric_again,
-    unstable,
 )
 from contbreather.breathers.waves import GreenFlight, OrbitEquations, Params
-from contbreather.continuation import Event, Point, Problem, branch_point, fold
-from contbreather.continuation.point import Counting
-from contbreather.continuation.recipes import Recipe
+from contbreather.continuation import Point, Problem, branch_point, fold
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls
@@ -62,10 +59,22 @@ class Waves(GreenFlight):
                 "and one impulse for each impact is expected."
             )
         check_order(section, times)
-        named = zip(section.impacts, times, impulses, strict=True)
-        impacts = tuple(Impact(*impact, float(t), float(J)) for impact, t, J in named)
-        offsets = tuple(float(c) for c in offsets) or (0.0,) * len(section.hit)
-        return cls(on, section, impacts, offsets)
+        offsets = offsets or (0.0,) * len(section.hit)
+        return cls.of(on, section, [*times, *impulses, *offsets], on.params)
+
+    @classmethod
+    def of(cls, on: Conditions, section: Section, x: Any, params: Params) -> Waves:
+        """With these times, impulses and offsets."""
+        m, values = section.count, np.asarray(x, dtype=float).tolist()
+        named = zip(section.impacts, values[:m], values[m : 2 * m], strict=True)
+        impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
+        return cls(on.at(params), section, impacts, tuple(values[2 * m :]))
+
+    @classmethod
+    def arm(cls, on: Conditions, section: Section, x: Any, params: Params) -> Waves:
+        """With ``p, t1, t2, c`` of two impacts."""
+        p, t1, t2, c = x
+        return cls.of(on, section, (t1, t2, -2.0 * p, 2.0 * p, c), params)
 
     def problem(self, threshold: float) -> Problem:
         orbit = Orbit(self)
@@ -75,9 +84,6 @@ class Waves(GreenFlight):
 
     def guess(self) -> Problem:
         return impact_problem(Orbit(self))
-
-    def events(self, threshold: float) -> tuple[Event, ...]:
-        return self.problem(threshold).events
 
     @property
     def watch(self) -> GreenWatch:
@@ -101,26 +107,8 @@ class Waves(GreenFlight):
         (one,) = impacts
         return orbit_of(self.conditions, section, [one.time], [one.impulse]).road
 
-    def on(self, lattice: Any) -> Orbit | None:
-        """By Newton's method, from the same impacts and offsets."""
-        conditions = replace(self.conditions, lattice=lattice)
-        if not self.suits(conditions, self.section):
-            return None
-        moved = self if lattice.sites is None else self._around(lattice.sites)
-        solved, found = Orbit(replace(moved, conditions=conditions)).problem.solve(tolerance=1e-11)
-        orbit = orbit_at(solved)
-        checked(orbit, found.iterations)
-        return orbit
-
-    def _around(self, ring: int) -> Waves:
-        """With its sites counted around a ring."""
-        section = self.section.around(ring)
-        # offsets belong to the sites from left to right
-        order = sorted(range(len(self.offsets)), key=lambda i: self.section.hit[i] % ring)
-        impacts = tuple(one._replace(site=one.site % ring) for one in self.impacts)
-        return replace(
-            self, section=section, impacts=impacts, offsets=tuple(self.offsets[i] for i in order)
-        )
+    def on(self, lattice: Any) -> None:
+        """Its impacts are as good a guess as any."""
 
 
 # --- any impacts ----------------------------------------------------------------------------------
@@ -136,55 +124,26 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """
     motion = orbit.flight
     equations: OrbitEquations = motion.equations
-    record: dict[str, Any] = {"unstable": Counting(partial(_unstable, threshold))}
+    record: dict[str, Any] = {"unstable": unstable_by(threshold)}
     if orbit.section.two_impacts:
-        record["p"], record["asymmetry"] = (
-            attrgetter("solution.p"),
-            attrgetter("solution.asymmetry"),
-        )
-    return Problem(
-        equations.residual,
-        dict(zip(equations.names, motion.x.tolist(), strict=True)),
-        _params(orbit),
+        names = "p", "asymmetry"
+        record |= {name: attrgetter(f"solution.{name}") for name in names}
+    return orbit_problem(
+        "orbit with impacts",
+        partial(Waves.of, orbit.conditions, orbit.section),
+        orbit,
+        threshold,
+        residual=equations.residual,
+        start=dict(zip(equations.names, motion.x.tolist(), strict=True)),
+        params=_params(orbit),
         jacobian=equations.jacobian,
         sensitivity=equations.sensitivity,
         events=(fold(), branch_point(), *events_on(orbit.lattice, threshold)),
         record=record,
         domain=domain_of(equations),
-        interpret=partial(_interpreted, equations, orbit.conditions),
-        images=partial(_images, equations, orbit.conditions),
-        simpler=_simpler,
         lifts={"PD": lift},
-        wider=partial(with_parameters, threshold),
         label="orbit with impacts",
-        recipe=_recipe("orbit with impacts", orbit, threshold),
     )
-
-
-def _orbit(equations: OrbitEquations, on: Conditions, x: FloatArray, values: Params) -> Orbit:
-    times, impulses, offsets = equations.split(x)
-    named = zip(equations.sequence, times.tolist(), impulses.tolist(), strict=True)
-    impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
-    return Orbit(Waves(on.at(values), equations.section, impacts, tuple(offsets.tolist())))
-
-
-def _interpreted(equations: OrbitEquations, on: Conditions, point: Point) -> Orbit:
-    return _orbit(equations, on, point.x, point.params)
-
-
-def _images(
-    equations: OrbitEquations, on: Conditions, x: FloatArray, values: Params
-) -> tuple[FloatArray, ...]:
-    return tuple(image.flight.x for image in images_of(_orbit(equations, on, x, values)))
-
-
-def _unstable(threshold: float, point: Point) -> float:
-    return unstable(point.solution, threshold)
-
-
-def _recipe(kind: str, orbit: Orbit, threshold: float) -> Recipe:
-    on = {"conditions": orbit.conditions, "section": orbit.section}
-    return Recipe(kind, {**on, "threshold": threshold}, plain)
 
 
 def _params(orbit: Orbit) -> dict[str, float]:
@@ -195,21 +154,11 @@ def _params(orbit: Orbit) -> dict[str, float]:
 
 def domain_of(equations: OrbitEquations) -> dict[str, tuple[float, float]]:
     """Where the parameters mean something, and each impulse pushes away from its wall."""
-    edge = 0.25 if equations.lattice.sites is not None else 0.25 / equations.turns**2
+    edge = 0.25 if equations.lattice.sites is not None else 0.25 / equations.section.turns**2
     domain = {"gamma": (0.0, edge), "k": (0.0, 1.0), "a": (0.0, math.inf)}
-    for i, (_, wall) in enumerate(equations.sequence):
+    for i, (_, wall) in enumerate(equations.section.impacts):
         domain[f"J{i + 1}"] = (-math.inf, -LEAST) if wall > 0 else (LEAST, math.inf)
     return domain
-
-
-def _simpler(point: Point) -> Problem | None:
-    orbit: Orbit = point.solution
-    small = simpler_than(orbit)
-    if small is not None:
-        return small.problem
-    if orbit.section.two_impacts and abs(orbit.asymmetry) > EQUAL:
-        return orbit.problem
-    return None
 
 
 # --- two impacts of one site ----------------------------------------------------------------------
@@ -221,41 +170,31 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     Columns: p, t1, t2, c; a, gamma, k and the parameters of the forcing; ``asymmetry`` is
     t2 - t1 - pi, ``unstable`` the number of multipliers outside.
     """
-    site, first = orbit.impacts[0].site, orbit.impacts[0].time
+    first = orbit.impacts[0].time
     times = first, first + math.pi + orbit.asymmetry  # times count modulo the period
-    start = dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True))
     equations = AsymmetricEquations(orbit.forcing, orbit.lattice)
-    return Problem(
-        equations.residual,
-        start,
-        _params(orbit),
+    return orbit_problem(
+        "asymmetric breather",
+        partial(Waves.arm, orbit.conditions, orbit.section),
+        orbit,
+        threshold,
+        residual=equations.residual,
+        start=dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True)),
+        params=_params(orbit),
         jacobian=equations.jacobian,
         sensitivity=equations.sensitivity,
         events=(pitchfork_of_arms(), orbit_fold(), *events_on(orbit.lattice, threshold)),
-        record={
-            "asymmetry": _asymmetry,
-            "unstable": Counting(partial(_unstable, threshold)),
-        },
+        record={"asymmetry": _asymmetry, "unstable": unstable_by(threshold)},
         domain={
             "gamma": (0.0, 0.25),
             "k": (0.0, 1.0),
             "a": (0.0, math.inf),
             "p": (LEAST, math.inf),
         },
-        interpret=partial(_arm, orbit.conditions, orbit.section, site),
         images=_mirror_image,
-        simpler=_symmetric_again,
         lifts={"PF": symmetric_again, "PD": lift},
-        wider=partial(with_parameters, threshold),
         label="asymmetric breather",
-        recipe=_recipe("asymmetric breather", orbit, threshold),
     )
-
-
-def _arm(on: Conditions, section: Section, site: int, point: Point) -> Orbit:
-    p, t1, t2, c = point.x.tolist()
-    impacts = (Impact(site, 1, t1, -2.0 * p), Impact(site, -1, t2, 2.0 * p))
-    return Orbit(Waves(on.at(point.params), section, impacts, (c,)))
 
 
 def _asymmetry(point: Point) -> float:
@@ -265,8 +204,3 @@ def _asymmetry(point: Point) -> float:
 def _mirror_image(x: FloatArray, params: Mapping[str, float]) -> tuple[FloatArray, ...]:
     p, t1, t2, c = x
     return (np.array((p, t2 - math.pi, t1 + math.pi, -c)),)
-
-
-def _symmetric_again(point: Point) -> Problem | None:
-    small = simpler_than(point.solution)
-    return None if small is None else small.problem

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.breathers.closure import EPS, forcing_with
-from contbreather.breathers.section import Impact, Section, Sequenced, check_both_walls
+from contbreather.breathers.section import Impact, Section, check_both_walls
 from contbreather.errors import BadInput
 from contbreather.kernel import Kernel
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, wave_loops
@@ -76,42 +76,31 @@ class OrbitEquations:
         check_both_walls(self.section, Conditions(1.0, 0.0, 0.0, lattice=self.lattice))
 
     @property
-    def sequence(self) -> Sequenced:
-        return self.section.impacts
-
-    @property
-    def sites(self) -> tuple[int, ...]:
-        """The sites that take impacts, from left to right: each has an offset."""
-        return self.section.hit
-
-    @property
-    def turns(self) -> int:
-        return self.section.turns
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Names of the unknowns, in order."""
-        m = range(1, len(self.sequence) + 1)
-        offsets = ["c"] if len(self.sites) == 1 else [f"c{i + 1}" for i in range(len(self.sites))]
-        return (*(f"t{i}" for i in m), *(f"J{i}" for i in m), *offsets)
+        impacts = range(1, self.section.count + 1)
+        sites = [""] if self.section.local else range(1, len(self.section.hit) + 1)
+        numbered = ("t", impacts), ("J", impacts), ("c", sites)
+        return tuple(f"{letter}{i}" for letter, numbers in numbered for i in numbers)
 
     @cached_property
     def walls(self) -> FloatArray:
-        return np.array([float(wall) for _, wall in self.sequence])
+        return np.array([float(wall) for _, wall in self.section.impacts])
 
     @cached_property
     def own(self) -> NDArray[np.int64]:
-        """Which of `sites` each impact belongs to."""
-        return np.array([self.sites.index(site) for site, _ in self.sequence])
+        """Which of the sites that hit each impact belongs to."""
+        return np.array([self.section.hit.index(site) for site, _ in self.section.impacts])
 
     @cached_property
     def links(self) -> FloatArray:
         """Stiffness between the offsets, per gamma: symmetric, its rows add up to zero."""
-        r = len(self.sites)
+        hit = self.section.hit
+        r = len(hit)
         stiffness = np.zeros((r, r))
-        pairs = [(i, i + 1, self.sites[i + 1] - self.sites[i]) for i in range(r - 1)]
+        pairs = [(i, i + 1, hit[i + 1] - hit[i]) for i in range(r - 1)]
         if self.lattice.sites is not None and r > 1:  # and on around the ring
-            pairs.append((r - 1, 0, self.lattice.sites - self.sites[-1] + self.sites[0]))
+            pairs.append((r - 1, 0, self.lattice.sites - hit[-1] + hit[0]))
         for i, j, bonds in pairs:
             stiffness[i, i] -= 1.0 / bonds
             stiffness[j, j] -= 1.0 / bonds
@@ -123,15 +112,15 @@ class OrbitEquations:
     def _pairs(self) -> dict[int, list[tuple[int, int]]]:
         """Pairs i > j of impacts, and (0, 0) for an impact with itself, by distance."""
         pairs: dict[int, list[tuple[int, int]]] = {0: []}
-        for i, (site, _) in enumerate(self.sequence):
-            for j, (other, _) in enumerate(self.sequence[:i]):
+        for i, (site, _) in enumerate(self.section.impacts):
+            for j, (other, _) in enumerate(self.section.impacts[:i]):
                 pairs.setdefault(self.lattice.distance(site - other), []).append((i, j))
         return pairs
 
     @cached_property
     def _rows(self) -> tuple[tuple[int, ...], list[int]]:
         """Distances between impacts, and which of them each pair has."""
-        sites = [site for site, _ in self.sequence]
+        sites = [site for site, _ in self.section.impacts]
         apart = [self.lattice.distance(one - other) for one in sites for other in sites]
         distances = tuple(sorted(set(apart)))
         return distances, [distances.index(one) for one in apart]
@@ -141,16 +130,16 @@ class OrbitEquations:
 
         On the diagonal the first derivative is left out: its jump is in the reset law.
         """
-        m = len(self.sequence)
+        m, turns = self.section.count, self.section.turns
         code = None if slope else _MEETINGS.code()
         distances, rows = self._rows
-        table = None if code is None else wave_table(self.lattice, gamma, distances, self.turns)
+        table = None if code is None else wave_table(self.lattice, gamma, distances, turns)
         if code is not None and table is not None:
-            return _called(code, np.array([m, self.turns, *times, *rows], dtype=float), table)
+            return _called(code, np.array([m, turns, *times, *rows], dtype=float), table)
         out = np.zeros((4, m, m))
         make = wave_slope if slope else wave
         for distance, pairs in self._pairs.items():
-            answer = make(self.lattice, gamma, distance, self.turns)
+            answer = make(self.lattice, gamma, distance, turns)
             if distance == 0:
                 value, _, curvature, _ = answer.at(0.0)
                 out[0].flat[:: m + 1], out[2].flat[:: m + 1] = value, curvature
@@ -168,7 +157,7 @@ class OrbitEquations:
 
     def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Times, impulses, offsets."""
-        m = len(self.sequence)
+        m = self.section.count
         return x[:m], x[m : 2 * m], x[2 * m :]
 
     def residual(self, x: FloatArray, params: Params) -> FloatArray:
@@ -186,16 +175,16 @@ class OrbitEquations:
         )
 
     def _balance(self, impulses: FloatArray, offsets: FloatArray, gamma: float) -> FloatArray:
-        mean = np.zeros(len(self.sites))
+        mean = np.zeros(len(self.section.hit))
         np.add.at(mean, self.own, impulses)
-        return mean + (2.0 * math.pi * self.turns * gamma) * (self.links @ offsets)
+        return mean + (self.section.period * gamma) * (self.links @ offsets)
 
     def jacobian(self, x: FloatArray, params: Params) -> FloatArray:
         """Derivatives with respect to x."""
         a, gamma, k, f = self._unpack(x, params)
         times, impulses, _ = self.split(x)
         h = self.meetings(gamma, times)
-        m, r = len(self.sequence), len(self.sites)
+        m, r = self.section.count, len(self.section.hit)
         own = np.arange(m)
         out = np.zeros((2 * m + r, 2 * m + r))
         walls, resets, balance = slice(0, m), slice(m, 2 * m), slice(2 * m, None)
@@ -209,28 +198,25 @@ class OrbitEquations:
         out[m + own, m + own] += 0.5 * (1.0 - k) / (1.0 + k)
         out[own, 2 * m + self.own] = 1.0
         out[2 * m + self.own, m + own] = 1.0
-        out[balance, balance] = (2.0 * math.pi * self.turns * gamma) * self.links
+        out[balance, balance] = (self.section.period * gamma) * self.links
         return out
 
     def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
         """Derivatives with respect to the parameter ``name``."""
         a, gamma, k, f = self._unpack(x, params)
         times, impulses, offsets = self.split(x)
-        balance = np.zeros(len(self.sites))
+        balance = np.zeros(len(self.section.hit))
         if name == "a":
             walls, resets = f.f(times), f.df(times)
         elif name == "gamma":
             h = self.meetings(gamma, times, slope=True)
             walls, resets = h[0] @ impulses, h[1] @ impulses
-            balance = (2.0 * math.pi * self.turns) * (self.links @ offsets)
+            balance = self.section.period * (self.links @ offsets)
         elif name == "k":
             walls, resets = np.zeros(times.size), -impulses / (1.0 + k) ** 2
-        elif name in self.forcing.params:
-            walls = a * np.array([f.f_param(name, float(t), 0) for t in times])
-            resets = a * np.array([f.f_param(name, float(t), 1) for t in times])
-        else:
-            have = ", ".join(("a", "gamma", "k", *self.forcing.params))
-            raise BadInput(f"unknown parameter {name!r}: this orbit has {have}.")
+        else:  # a parameter of the forcing
+            moved = ([f.f_param(name, float(t), order) for t in times] for order in (0, 1))
+            walls, resets = (a * np.array(row) for row in moved)
         return np.concatenate([walls, resets, balance])
 
     def _unpack(self, x: FloatArray, params: Params) -> tuple[float, float, float, Forcing]:
@@ -289,7 +275,7 @@ class GreenFlight:
         check_amplitude(on.a)
         restitution_ratio(on.k)
         check_coupling(on.lattice, on.gamma, self.section.turns)
-        sites = self.equations.sites
+        sites = self.equations.section.hit  # or a sentence why there are no equations
         if len(self.offsets) != len(sites):
             raise BadInput(
                 f"{len(self.offsets)} offsets for {len(sites)} impacting sites {list(sites)}: one "
@@ -341,7 +327,7 @@ class GreenFlight:
         At gamma = 0 nothing holds the others to them: they stay where they are, at 0.
         """
         sites = np.asarray(n, dtype=float)
-        places, values = list(self.equations.sites), list(self.offsets)
+        places, values = list(self.section.hit), list(self.offsets)
         ring = self.conditions.lattice.sites
         if self.conditions.gamma == 0.0:
             return np.asarray(np.where(np.isin(sites, places), np.interp(sites, places, values), 0))
@@ -390,10 +376,6 @@ class GreenFlight:
         if on.lattice.sites is not None:
             return ring_map(on.lattice, on.gamma, on.k, tuple(kicks), T)
         return OrbitMap(on.gamma, on.k, tuple(kicks), self.section.turns)
-
-    def multipliers(self) -> NDArray[np.complex128]:
-        assert isinstance(self.map, ModalMap)  # the infinite chain has a continuous spectrum
-        return self.map.multipliers()
 
 
 def _called(code: Callable[..., int], data: FloatArray, table: FloatArray) -> FloatArray:

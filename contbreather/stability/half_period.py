@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.arc import on_arc, window
 from contbreather.stability.characteristic import D, checked
-from contbreather.stability.half_map import even_multipliers
+from contbreather.stability.half_map import even_multipliers, half_multipliers
 from contbreather.stability.isolated import unstable_multipliers
 from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
 from contbreather.stability.winding import Count, unstable_count
@@ -89,6 +89,10 @@ class HalfMap:
         """On a ring: those of QS of the modes that the impact sees."""
         ring = Ring(self.lattice.sites)
         return even_multipliers(ring, self.gamma, self.k, self.b)
+
+    def multipliers(self) -> Array:
+        """On a ring: those of QS, all of them."""
+        return half_multipliers(Ring(self.lattice.sites), self.gamma, self.k, self.b)
 
     @property
     def idle(self) -> float:

@@ -157,7 +157,7 @@ def cascade_row() -> Row:
 def arm_row(points: int = 200) -> Row:
     """A branch of asymmetric breathers on the infinite chain, with events and stability."""
     import contbreather as cb
-    from contbreather.breathers.wave_events import _counted
+    from contbreather.breathers.problem import counted
     from contbreather.continuation.switching import follow, seeds_at
 
     start = cb.symmetric(a=0.7, gamma=GAMMA, k=K)
@@ -167,7 +167,7 @@ def arm_row(points: int = 200) -> Row:
     step = whole[-1].arclength / points  # short, for that many of them
 
     def walk() -> tuple[Any, Any]:
-        _counted.cache_clear()  # every run judges all its points itself
+        counted.cache_clear()  # every run judges all its points itself
         arm = follow(fork, seed, steps=cb.Steps(first=step, largest=step))
         return arm, arm["unstable"]
 
