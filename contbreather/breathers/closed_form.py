@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,10 @@ class SymmetricFlight:
     forcing: Forcing = field(default_factory=Harmonic)
     lattice: Lattice = field(default_factory=InfiniteChain)
 
+    section: ClassVar[Section] = HALF
+    offsets: ClassVar[tuple[float, ...]] = (0.0,)
+    c: ClassVar[float] = 0.0
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "lattice", sprung(self.lattice, self.forcing))
         self.lattice.check(self.gamma)
@@ -92,20 +96,8 @@ class SymmetricFlight:
         return Conditions(*on, forcing=f, lattice=self.lattice)
 
     @property
-    def section(self) -> Section:
-        return HALF
-
-    @property
     def impacts(self) -> tuple[Impact, ...]:
         return (Impact(0, 1, self.phi, -2.0 * self.p),)
-
-    @property
-    def offsets(self) -> tuple[float, ...]:
-        return (0.0,)
-
-    @property
-    def c(self) -> float:
-        return 0.0
 
     @property
     def error(self) -> float:

@@ -1,7 +1,7 @@
 """Equations (11) of the symmetric breather and two of its events, as text that can be compiled.
 
-z holds p, phi and the freed parameters; `data` all others, from `FREED` on. Each function fills in
-`out` and returns 0, or 1 outside of the domain.
+z holds p, phi, any unknowns of an event and the freed parameters; `data` all others, from `FREED`
+on. Each function fills in `out` and returns 0, or 1 outside of the domain.
 """
 
 from __future__ import annotations
@@ -15,17 +15,19 @@ FREED, PLACES = 0, 1
 A, GAMMA, K, CHI, DCHI, SIGMA, DSIGMA = range(5, 12)
 # f and its first three derivatives at phi; how many harmonics it has, and where the means begin;
 F, HARMONICS, MEANS = 12, 16, 17
+# how many unknowns of an event there are between phi and the freed parameters;
+UNKNOWNS = 18
 # from here on m, cosine and sine of each harmonic; then `expansion` of chi and of sigma.
-FIRST = 18
+FIRST = 19
 
 
 def unpack(z: Any, data: Any) -> int:
     """Put the freed parameters in their places; 1 if one of them is outside of the domain."""
     for i in range(int(data[FREED])):
-        place = int(data[PLACES + 2 * i])
-        data[place] = data[PLACES + 2 * i + 1] * z[2 + i]
+        place, value = int(data[PLACES + 2 * i]), z[2 + int(data[UNKNOWNS]) + i]
+        data[place] = data[PLACES + 2 * i + 1] * value
         if place == GAMMA:
-            if not 0.0 <= z[2 + i] < 0.25:
+            if not 0.0 <= value < 0.25:
                 return 1
             means = int(data[MEANS])
             means = mean(data, means, CHI)
@@ -100,20 +102,22 @@ def closure_slopes(z: Any, data: Any, out: Any) -> int:
     if unpack(z, data) != 0:
         return 1
     drive(data, z[1])
-    freed = int(data[FREED])
-    width, c = 2 + freed, 1.0 + data[K]
+    freed, first = int(data[FREED]), 2 + int(data[UNKNOWNS])
+    width, c = first + freed, 1.0 + data[K]
     out[0] = data[CHI]
     out[1] = data[A] * data[F + 1]
     out[width] = -(1.0 - data[K]) / c
     out[width + 1] = data[A] * data[F + 2]
+    for i in range(2, first):
+        out[i] = out[width + i] = 0.0
     for i in range(freed):
-        place = int(data[PLACES + 2 * i])
-        out[2 + i] = driven(data, i, z[1], 0)
-        out[width + 2 + i] = driven(data, i, z[1], 1)
+        place, at = int(data[PLACES + 2 * i]), first + i
+        out[at] = driven(data, i, z[1], 0)
+        out[width + at] = driven(data, i, z[1], 1)
         if place == GAMMA:
-            out[2 + i] = z[0] * data[DCHI]
+            out[at] = z[0] * data[DCHI]
         elif place == K:
-            out[width + 2 + i] = 2.0 * z[0] / (c * c)
+            out[width + at] = 2.0 * z[0] / (c * c)
     return 0
 
 

@@ -157,7 +157,7 @@ def pack(
     places, gamma = [*places, *(4 - 2 * freed) * [0.0]], here[1]
     means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
     flat = [entry for harmonic in harmonics for entry in harmonic]
-    head = [freed, *places, *here, *means, *4 * [0.0], len(harmonics), FIRST + len(flat)]
+    head = [freed, *places, *here, *means, *4 * [0.0], len(harmonics), FIRST + len(flat), 0]
     return tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
 
 

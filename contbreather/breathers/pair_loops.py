@@ -46,33 +46,12 @@ def on_arc(data: Any, table: Any, out: Any, found: Any) -> int:
     raise NotImplementedError
 
 
-def closed(z: Any, data: Any, out: Any) -> int:
-    """(11), which has the parameters one place earlier."""
-    own, one, other = z[2], z[3], z[4]
-    z[2], z[3] = one, other
-    status = closure(z, data, out)
-    z[2], z[3] = own, one
-    return status
-
-
-def closed_slopes(z: Any, data: Any, out: Any) -> int:
-    """The derivatives of (11), with a column for the new unknown."""
-    own, one, other = z[2], z[3], z[4]
-    z[2], z[3] = one, other
-    status = closure_slopes(z, data, out)
-    z[2], z[3] = own, one
-    out[9], out[8], out[6], out[5] = out[7], out[6], out[5], out[4]
-    out[4], out[3] = out[3], out[2]
-    out[2] = out[7] = 0.0
-    return status
-
-
 # --- a pair on the circle -----------------------------------------------------------------------
 
 
 def pair(z: Any, data: Any, out: Any) -> int:
     """(11) and both parts of F, eqs. of `arc`."""
-    if closed(z, data, out) != 0 or looked(z, data) != 0:
+    if closure(z, data, out) != 0 or looked(z, data) != 0:
         return 1
     out[2], out[3] = data[ANSWER], data[ANSWER + 1]
     return 0
@@ -91,7 +70,7 @@ def looked(z: Any, data: Any) -> int:
 
 def pair_slopes(z: Any, data: Any, out: Any) -> int:
     """Their derivatives, row by row."""
-    if closed_slopes(z, data, out) != 0 or looked(z, data) != 0:
+    if closure_slopes(z, data, out) != 0 or looked(z, data) != 0:
         return 1
     p, c, a = z[0], 1.0 + data[K], data[A]
     half = 0.5 * c * c / p
@@ -165,7 +144,7 @@ def motion(z: Any, data: Any) -> float:
 
 def contact(z: Any, data: Any, out: Any) -> int:
     """(11), and that a site is on a wall at a time, without velocity."""
-    if closed(z, data, out) != 0:
+    if closure(z, data, out) != 0:
         return 1
     p = motion(z, data) * z[0]
     out[2] = data[A] * data[F] + p * data[MOTION] - data[WALL]
@@ -175,7 +154,7 @@ def contact(z: Any, data: Any, out: Any) -> int:
 
 def contact_slopes(z: Any, data: Any, out: Any) -> int:
     """Their derivatives, row by row."""
-    if closed_slopes(z, data, out) != 0:
+    if closure_slopes(z, data, out) != 0:
         return 1
     sign = motion(z, data)
     p, a = sign * z[0], data[A]

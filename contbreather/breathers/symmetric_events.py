@@ -360,11 +360,12 @@ _ARC = {
 
 
 def _lengthened(closure: Loops, evaluate: Any, derive: Any, more: Sequence[float]) -> Loops | None:
-    """The closure with other equations, and what they ask for from `MORE` on; None where a forcing
-    has so many harmonics that these reach there."""
+    """The closure with one more unknown and two more equations, which ask for more from `MORE` on;
+    None where a forcing has so many harmonics that these reach there."""
     room = pair_loops.MORE - len(closure.data)
-    data = (*closure.data, *room * [0.0], *map(float, more))
-    return replace(closure, evaluate=evaluate, derive=derive, data=data) if room >= 0 else None
+    data = [*closure.data, *room * [0.0], *map(float, more)]
+    data[closed_loops.UNKNOWNS] = 1.0
+    return Loops(evaluate, derive, tuple(data)) if room >= 0 else None
 
 
 def _arc_conditions(curve: Curve, z: Array, extra: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,13 +56,13 @@ def arrays_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Kernel, "code", lambda kernel: None)
 
 
-def by_loops(orbit: Orbit) -> float:
+def by_loops(orbit: Orbit, function: Any = clearance_loops.margin, data: Any = None) -> float:
     """As the text says, without compiling it."""
     packed = orbit.watch.packed()
     assert packed is not None
     out, grid = [math.nan] * packed.own, [math.nan] * packed.points
-    data, table = packed.data.tolist(), packed.table.ravel().tolist()
-    assert clearance_loops.margin(data, table, grid, out) == 0
+    data = packed.data.tolist() if data is None else data
+    assert function(data, packed.table.ravel().tolist(), grid, out) == 0
     return out[0]
 
 
@@ -75,17 +76,15 @@ def test_the_least_margin_by_loops_is_that_of_the_clearance(orbit: Orbit) -> Non
 def test_the_least_rival_by_loops_is_that_of_all_rivals(orbit: Orbit, mirrored: bool) -> None:
     watch = orbit.watch
     for gap in clearance.gaps_of_idle(watch):  # as if each of them touched
-        packed = watch.packed()
-        data = rivals_data(watch, packed, gap.site, gap.time, mirrored=mirrored).tolist()
-        out, grid = [math.nan] * packed.own, [math.nan] * packed.points
-        table, busy = packed.table.ravel().tolist(), {one.site for one in orbit.impacts}
+        data = rivals_data(watch, watch.packed(), gap.site, gap.time, mirrored=mirrored).tolist()
+        busy = {one.site for one in orbit.impacts}
         known = rivals(watch, gap.site, gap.time, mirrored=mirrored)
-        assert clearance_loops.rivals(data, table, grid, out) == 0
-        assert out[0] == pytest.approx(min(known).margin, abs=1e-10)
+        found = by_loops(orbit, clearance_loops.rivals, data)
+        assert found == pytest.approx(min(known).margin, abs=1e-10)
         data[clearance_loops.FLIGHTS] = 0  # impacts come first almost always: without them, too
         idle = [one.margin for one in known if one.site not in busy]
-        assert clearance_loops.rivals(data, table, grid, out) == 0
-        assert out[0] == pytest.approx(min(idle), abs=1e-10)
+        found = by_loops(orbit, clearance_loops.rivals, data)
+        assert found == pytest.approx(min(idle), abs=1e-10)
 
 
 @pytest.mark.parametrize("size", [64, 100, 336])

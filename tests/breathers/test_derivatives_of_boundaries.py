@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,62 +21,15 @@ from contbreather.breathers.rivals import rivals
 from contbreather.breathers.section import Section
 from contbreather.breathers.shooting import shooting
 from contbreather.breathers.wave_road import impact_problem
-from contbreather.continuation import Branch, Locus, Point
+from contbreather.continuation import Locus, Point
 from contbreather.continuation.boundary import boundary_problem
 from contbreather.continuation.boundary import meeting as meeting_of
 from contbreather.continuation.curve import Curve
 
-RICH = cb.Fourier(cos={1: -1.0, 3: -0.2}, sin={5: 0.1})
 LETTERS = cb.Symbolic("-cos(t) - c*cos(3*t)", c=0.2)
 
 
-@cache
-def breathers() -> Branch:
-    return cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.0, 0.99)})
-
-
-@cache
-def with_letters() -> Branch:
-    start = cb.symmetric(0.5, 0.04, 0.8, forcing=LETTERS)
-    return cb.trace(start, "a", within={"a": (0.05, 0.99)})
-
-
-@cache
-def in_gamma() -> Branch:
-    return cb.trace(cb.symmetric(0.2, 0.08, 0.8), "gamma", within={"gamma": (0.0, 0.12)})
-
-
-@cache
-def on_ring() -> Branch:
-    start, events = cb.symmetric(0.2, 0.08, 0.8), [cb.neimark_sacker(on=cb.Ring(30))]
-    return cb.trace(start, "gamma", within={"gamma": (0.0, 0.12)}, events=events)
-
-
-@cache
-def at_small_k() -> Branch:
-    """Ends where site 0 grazes between its impacts, and where its impact vanishes."""
-    return cb.trace(cb.symmetric(0.6, 0.1, 0.01), "a", within={"a": (0.0, 1.0)})
-
-
-@cache
-def arm() -> Branch:
-    return cb.trace(asymmetric(0.82, 0.04, 0.8).problem, "a", within={"a": (0.7, 0.95)})
-
-
-@cache
-def arm_of_one() -> Branch:
-    start = asymmetric(0.85, 0.0, 0.8, lattice=cb.Ring(1)).problem
-    return cb.trace(start, "a", towards="up", within={"a": (0.8, 0.95)})
-
-
-@cache
-def general() -> Branch:
-    start = impact_problem(cb.symmetric(0.5, 0.05, 0.8).unfolded())
-    return cb.trace(start, "a", towards="up", within={"a": (0.4, 0.95)})
-
-
-@cache
-def two_sites() -> Branch:
+def two_sites() -> cb.Branch:
     """Sites 0 and 3 hit alike, each off centre by an offset of its own."""
     b = cb.symmetric(0.5, 0.03, 0.8)
     problem = orbit_of(
@@ -88,65 +42,83 @@ def two_sites() -> Branch:
     return cb.trace(problem, "a", towards="up", within={"a": (0.4, 1.2)}, events=grazing)
 
 
-@cache
-def shot() -> Branch:
-    start = shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8)
-    return cb.trace(start, "a", within={"a": (0.05, 0.99)})
+def branch(start: Any, free: str, low: float, high: float, **more: Any) -> cb.Branch:
+    return cb.trace(start, free, within={free: (low, high)}, **more)
+
+
+ON_RING = {"events": [cb.neimark_sacker(on=cb.Ring(30))]}
+LATER = cb.Fourier({1: -1.0, 3: -0.02})
+BRANCHES: dict[str, Callable[[], cb.Branch]] = {
+    "breathers": lambda: branch(cb.symmetric(0.5, 0.08, 0.8), "a", 0.0, 0.99),
+    "with letters": lambda: branch(cb.symmetric(0.5, 0.04, 0.8, forcing=LETTERS), "a", 0.05, 0.99),
+    "in gamma": lambda: branch(cb.symmetric(0.2, 0.08, 0.8), "gamma", 0.0, 0.12),
+    "on ring": lambda: branch(cb.symmetric(0.2, 0.08, 0.8), "gamma", 0.0, 0.12, **ON_RING),
+    # ends where site 0 grazes between its impacts, and where its impact vanishes
+    "at small k": lambda: branch(cb.symmetric(0.6, 0.1, 0.01), "a", 0.0, 1.0),
+    "arm": lambda: branch(asymmetric(0.82, 0.04, 0.8).problem, "a", 0.7, 0.95),
+    "arm of one": lambda: branch(
+        asymmetric(0.85, 0.0, 0.8, lattice=cb.Ring(1)).problem, "a", 0.8, 0.95, towards="up"
+    ),
+    "general": lambda: branch(
+        impact_problem(cb.symmetric(0.5, 0.05, 0.8).unfolded()), "a", 0.4, 0.95, towards="up"
+    ),
+    "two sites": two_sites,
+    "shot": lambda: branch(shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8), "a", 0.05, 0.99),
+    # by springs to the ground
+    "held": lambda: branch(cb.symmetric(0.5, 0.03, 0.8, spring=0.1), "a", 0.05, 2.0),
+    "arm of two": lambda: branch(
+        asymmetric(0.82, 0.04, 0.8, forcing=LATER).problem, "a", 0.7, 0.95, towards="up"
+    ),
+}
 
 
 @cache
-def held() -> Branch:
-    """Springs to the ground."""
-    start = cb.symmetric(0.5, 0.03, 0.8, spring=0.1)
-    return cb.trace(start, "a", within={"a": (0.05, 2.0)})
+def traced(name: str) -> cb.Branch:
+    return BRANCHES[name]()
 
 
-@cache
-def arm_of_two() -> Branch:
-    start = asymmetric(0.82, 0.04, 0.8, forcing=cb.Fourier({1: -1.0, 3: -0.02})).problem
-    return cb.trace(start, "a", towards="up", within={"a": (0.7, 0.95)})
-
-
-Place = tuple[Callable[[], Branch], str, tuple[str, str]]
+Place = tuple[str, str, tuple[str, str]]
 PLACES: list[Place] = [
-    (breathers, "LP", ("gamma", "a")),
-    (breathers, "GR", ("k", "a")),
-    (with_letters, "PF", ("gamma", "a")),
-    (with_letters, "PF", ("k", "a")),
-    (with_letters, "PF", ("c", "a")),
-    (with_letters, "LP", ("c", "k")),
-    (with_letters, "GR", ("c", "gamma")),
-    (in_gamma, "NS", ("a", "gamma")),
-    (in_gamma, "NS", ("k", "gamma")),
-    (on_ring, "NS", ("a", "gamma")),
-    (on_ring, "NS", ("k", "gamma")),
-    (at_small_k, "GR", ("gamma", "a")),
-    (arm, "PF", ("gamma", "a")),
-    (arm, "GR", ("gamma", "a")),
-    (arm, "GR", ("k", "a")),
-    (arm_of_one, "PD", ("k", "a")),
-    (general, "GR", ("gamma", "a")),
-    (two_sites, "GR", ("gamma", "a")),
-    (two_sites, "GR", ("k", "a")),
-    (held, "LP", ("k", "spring")),
-    (held, "PF", ("k", "a")),
-    (held, "PF", ("spring", "gamma")),
-    (held, "GR", ("spring", "a")),
-    (arm_of_two, "GR", ("c3", "a")),
-    (shot, "PF", ("gamma", "a")),
-    (shot, "LP", ("k", "a")),
-    (shot, "GR", ("gamma", "a")),
+    ("breathers", "LP", ("gamma", "a")),
+    ("breathers", "GR", ("k", "a")),
+    ("with letters", "PF", ("gamma", "a")),
+    ("with letters", "PF", ("k", "a")),
+    ("with letters", "PF", ("c", "a")),
+    ("with letters", "LP", ("c", "k")),
+    ("with letters", "GR", ("c", "gamma")),
+    ("in gamma", "NS", ("a", "gamma")),
+    ("in gamma", "NS", ("k", "gamma")),
+    ("on ring", "NS", ("a", "gamma")),
+    ("on ring", "NS", ("k", "gamma")),
+    ("at small k", "GR", ("gamma", "a")),
+    ("arm", "PF", ("gamma", "a")),
+    ("arm", "GR", ("gamma", "a")),
+    ("arm", "GR", ("k", "a")),
+    ("arm of one", "PD", ("k", "a")),
+    ("general", "GR", ("gamma", "a")),
+    ("two sites", "GR", ("gamma", "a")),
+    ("two sites", "GR", ("k", "a")),
+    ("held", "LP", ("k", "spring")),
+    ("held", "PF", ("k", "a")),
+    ("held", "PF", ("spring", "gamma")),
+    ("held", "GR", ("spring", "a")),
+    ("arm of two", "GR", ("c3", "a")),
+    ("shot", "PF", ("gamma", "a")),
+    ("shot", "LP", ("k", "a")),
+    ("shot", "GR", ("gamma", "a")),
 ]
 
 
 def named(place: Place) -> str:
     source, kind, pair = place
-    return f"{source.__name__} {kind} in {' '.join(pair)}"
+    return f"{source} {kind} in {' '.join(pair)}"
 
 
 def special(place: Place) -> Point:
     source, kind, _ = place
-    return next(p for p in source().special[::-1] if p.kind == kind and p.event.locus is not None)
+    return next(
+        p for p in traced(source).special[::-1] if p.kind == kind and p.event.locus is not None
+    )
 
 
 def differences(of: Callable[[np.ndarray], np.ndarray], z: np.ndarray, h: float) -> np.ndarray:
@@ -184,11 +156,11 @@ def of_locus(locus: Locus, curve: Curve, z: np.ndarray) -> tuple[np.ndarray, np.
 
 
 MEETINGS = [
-    (with_letters, "LP", ("gamma", "a"), pitchfork),
-    (in_gamma, "NS", ("a", "gamma"), pitchfork),
-    (with_letters, "GR", ("gamma", "a"), pitchfork),
-    (with_letters, "PF", ("gamma", "a"), cb.grazing),
-    (with_letters, "GR", ("c", "gamma"), cb.neimark_sacker),
+    ("with letters", "LP", ("gamma", "a"), pitchfork),
+    ("in gamma", "NS", ("a", "gamma"), pitchfork),
+    ("with letters", "GR", ("gamma", "a"), pitchfork),
+    ("with letters", "PF", ("gamma", "a"), cb.grazing),
+    ("with letters", "GR", ("c", "gamma"), cb.neimark_sacker),
 ]
 
 
@@ -230,7 +202,7 @@ def crests(orbit, n: int) -> list[tuple[float, float]]:
 
 def test_beside_the_crest_that_grazes_all_others_are_watched() -> None:
     """On the line of an arm: the next highest crest, per asymmetry, by brute force."""
-    first = next(p for p in arm().special[::-1] if p.kind == "GR")
+    first = next(p for p in traced("arm").special[::-1] if p.kind == "GR")
     line = cb.boundary(first, ("gamma", "a"), within={"gamma": (0.035, 0.045)})
     (event,) = (event for event in line.problem.events if event.kind == "GR-GR")
     for point in [p for p in line if not p.kind][::4]:

@@ -41,21 +41,27 @@ def test_fold_is_the_closed_form_14(gamma: float, k: float) -> None:
     assert fold.residual < 1e-14
 
 
-def test_fold_is_where_the_half_map_has_multiplier_minus_one() -> None:
+@pytest.mark.parametrize(
+    ("a", "gamma", "kind", "multiplier", "beside"),
+    [(0.1, 0.1, "LP", -1, 0.1), (0.6, 0.04, "PF", 1, 0.727632)],
+)
+def test_fold_and_pitchfork_are_where_the_half_map_has_a_multiplier_minus_one_and_one(
+    a: float, gamma: float, kind: str, multiplier: int, beside: float
+) -> None:
     def distance(breather: cb.Orbit) -> float:
         half = dense_half_map(40, breather.gamma, breather.k, breather.b)
-        return float(abs(np.linalg.eigvals(half) + 1).min())
+        return float(abs(np.linalg.eigvals(half) - multiplier).min())
 
-    fold = cb.trace(cb.symmetric(0.1, 0.1, 0.8), "a", within={"a": (0, 0.2)}).first("LP")
-    assert distance(fold.solution) < 1e-10
-    assert distance(cb.symmetric(0.1, 0.1, 0.8)) > 1e-3
+    point = cb.trace(cb.symmetric(a, gamma, 0.8), "a").first(kind)
+    assert distance(point.solution) < (1e-10 if kind == "LP" else 1e-12)
+    assert distance(cb.symmetric(beside, gamma, 0.8)) > 1e-3
 
 
 @pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.04, 0.8), (0.07, 0.95), (0.03, 0.4)])
-def test_pitchfork_is_the_closed_form(gamma: float, k: float) -> None:
-    q, sigma, chi = (1 - k) / (1 + k), CHAIN.sigma(gamma), CHAIN.chi(gamma)
-    branch = cb.trace(cb.symmetric(0.6, gamma, k), "a")
-    point = branch.first("PF")
+@pytest.mark.parametrize("lattice", [CHAIN, cb.Ring(6)])
+def test_pitchfork_is_the_closed_form(gamma: float, k: float, lattice: Any) -> None:
+    q, sigma, chi = (1 - k) / (1 + k), lattice.sigma(gamma), lattice.chi(gamma)
+    point = cb.trace(cb.symmetric(0.6, gamma, k, lattice=lattice), "a").first("PF")
     p = 1 / (chi - 2 * sigma)
     assert point["p"] == pytest.approx(p, rel=1e-12)
     assert point["a"] == pytest.approx(p * math.sqrt(q**2 + 4 * sigma**2), rel=1e-12)
@@ -69,16 +75,6 @@ def test_known_pitchforks() -> None:
     alone = cb.trace(cb.symmetric(0.5, 0.0, 0.8), "a").first("PF")
     q = 0.2 / 1.8
     assert alone["a"] == pytest.approx(2 * math.sqrt(4 + (math.pi * q) ** 2) / (math.pi**2 - 4))
-
-
-def test_pitchfork_is_where_the_half_map_has_multiplier_one() -> None:
-    def distance(breather: cb.Orbit) -> float:
-        half = dense_half_map(40, breather.gamma, breather.k, breather.b)
-        return float(abs(np.linalg.eigvals(half) - 1).min())
-
-    point = cb.trace(cb.symmetric(0.6, 0.04, 0.8), "a").first("PF")
-    assert distance(point.solution) < 1e-12
-    assert distance(cb.symmetric(point["a"] - 0.05, 0.04, 0.8)) > 1e-3
 
 
 @pytest.mark.parametrize(
@@ -167,45 +163,28 @@ def test_nothing_happens_where_nothing_happens() -> None:
     assert (branch["unstable"] == 0).all()
 
 
-def test_the_paper_rule_moves_with_the_ring() -> None:
-    found = {}
-    for sites in (200, 400, 800):
-        event = cb.neimark_sacker(on=cb.Ring(sites), threshold=1.005)
-        start = cb.symmetric(0.2, 0.07, 0.8)
-        branch = cb.trace(
-            start,
-            "gamma",
-            events=[event],
-            towards="up",
-            within={"gamma": (0, 0.1)},
-            steps=cb.Steps(first=0.002, largest=0.004),
-        )
-        found[sites] = branch.first("NS")["gamma"]
-    assert found[200] == pytest.approx(0.0824, abs=1e-4)
-    assert found[400] == pytest.approx(0.0916, abs=1e-4)
-    assert found[800] == pytest.approx(0.0969, abs=1e-4)
+def by_the_rule(sites: int, gamma: float, end: float, **more: Any) -> cb.Branch:
+    """Up from a coupling, with the event of the paper's rule on a ring alone."""
+    how = {"events": [cb.neimark_sacker(on=cb.Ring(sites), threshold=1.005)], "towards": "up"}
+    return cb.trace(
+        cb.symmetric(0.2, gamma, 0.8), "gamma", within={"gamma": (0, end)}, **how, **more
+    )
+
+
+@pytest.mark.parametrize(("sites", "gamma"), [(200, 0.0824), (400, 0.0916), (800, 0.0969)])
+def test_the_paper_rule_moves_with_the_ring(sites: int, gamma: float) -> None:
+    branch = by_the_rule(sites, 0.07, 0.1, steps=cb.Steps(first=0.002, largest=0.004))
+    assert branch.first("NS")["gamma"] == pytest.approx(gamma, abs=1e-4)
 
 
 def test_ring_rule_agrees_with_all_multipliers() -> None:
-    event = cb.neimark_sacker(on=cb.Ring(200), threshold=1.005)
-    start = cb.symmetric(0.2, 0.08, 0.8)
-    point = cb.trace(
-        start, "gamma", events=[event], towards="up", within={"gamma": (0, 0.09)}
-    ).first("NS")
+    point = by_the_rule(200, 0.08, 0.09).first("NS")
     largest = abs(point.solution.multipliers(sites=200)).max()
     assert largest == pytest.approx(1.005, abs=1e-10)
 
 
 def test_a_pair_that_turns_real_on_a_ring_is_no_neimark_sacker_point() -> None:
-    event = cb.neimark_sacker(on=cb.Ring(200), threshold=1.005)
-    branch = cb.trace(
-        cb.symmetric(0.2, 0.08, 0.8),
-        "gamma",
-        events=[event],
-        towards="up",
-        within={"gamma": (0, 0.23)},
-    )
-    assert [point.kind for point in branch.special] == ["EP", "NS", "EP"]
+    assert kinds(by_the_rule(200, 0.08, 0.23)) == ["EP", "NS", "EP"]
 
 
 def test_the_infinite_chain_has_no_threshold() -> None:
@@ -228,14 +207,6 @@ def test_parameters_of_the_forcing_are_continued_like_any_other(name: str) -> No
     assert last.residual < 1e-14
     again = cb.symmetric(0.3, 0.05, 0.8, forcing=last.forcing)
     assert again.p == pytest.approx(last.p, rel=1e-12)
-
-
-def test_ring_branches_know_their_own_lattice() -> None:
-    ring = cb.Ring(6)
-    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8, lattice=ring), "a", towards="up")
-    q, sigma, chi = 0.2 / 1.8, ring.sigma(0.04), ring.chi(0.04)
-    p = 1 / (chi - 2 * sigma)
-    assert branch.first("PF")["a"] == pytest.approx(p * math.sqrt(q**2 + 4 * sigma**2), rel=1e-12)
 
 
 def test_counts_along_a_branch_change_only_at_its_events() -> None:

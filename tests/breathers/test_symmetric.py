@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from contbreather.breathers import Closure, smallest_amplitude, symmetric, symmetric_roots
@@ -184,31 +183,6 @@ def test_half_a_period_of_the_dense_ring_and_the_reset_give_the_state_back_upsid
     assert end[sites] == pytest.approx(-b.incoming[0], abs=1e-13)
     end[sites] *= -b.k
     np.testing.assert_allclose(end, -start, atol=1e-13)
-
-
-def test_an_integrator_that_knows_only_1_and_2_comes_back_after_a_period():
-    sites, k = 6, 0.7
-    b = symmetric(0.3, 0.12, k, forcing=TWO, lattice=Ring(sites))
-
-    def motion(t, x):
-        u = x[:sites]
-        pull = b.gamma * (np.roll(u, 1) + np.roll(u, -1) - 2 * u)
-        return np.concatenate([x[sites:], pull + b.a * TWO.d2f(t)])
-
-    x, t = np.concatenate(b.state(sites, b.phi)), b.phi
-    for wall in (-1.0, 1.0):
-
-        def gap(t, x, wall=wall):
-            return x[0] - wall
-
-        gap.terminal, gap.direction = True, wall
-        run = solve_ivp(
-            motion, (t, t + 6.0), x, "DOP853", rtol=1e-12, atol=1e-13, events=gap, max_step=0.1
-        )
-        assert run.t_events[0][0] - t == pytest.approx(math.pi, abs=1e-10)
-        t, x = run.t_events[0][0], run.y_events[0][0]
-        x[sites] *= -k
-    np.testing.assert_allclose(x, np.concatenate(b.state(sites, b.phi)), atol=1e-9)
 
 
 def test_derived_quantities_are_read_off_the_motion():
