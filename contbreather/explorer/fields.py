@@ -12,7 +12,7 @@ import panel as pn
 from bokeh.models.widgets import Div
 
 from contbreather.checks import number
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, ContbreatherError
 from contbreather.explorer.style import WORDS
 from contbreather.lattice.typed import lattice_by
 
@@ -139,6 +139,16 @@ class Trouble(Words):
         """Another sentence, or none."""
         said = f'<div class="trouble" role="alert">{escape(sentence)}</div>'
         self.show(said if sentence else "")
+
+
+def tried(do: Callable[[], object], say: Callable[[str], object]) -> None:
+    """Do it, and say why not, or nothing."""
+    try:
+        do()
+    except ContbreatherError as error:
+        say(str(error))
+    else:
+        say("")
 
 
 def read_all(fields: Mapping[str, Field]) -> dict[str, Any] | None:

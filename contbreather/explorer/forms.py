@@ -10,7 +10,7 @@ from typing import Any
 import panel as pn
 
 from contbreather.breathers.zones import WINDOWS
-from contbreather.errors import BadInput, ContbreatherError
+from contbreather.errors import BadInput
 from contbreather.explorer import work
 from contbreather.explorer.fields import (
     MOST,
@@ -22,6 +22,7 @@ from contbreather.explorer.fields import (
     in_rows,
     optional,
     read_all,
+    tried,
 )
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import Chosen, State
@@ -58,18 +59,9 @@ class Forms:
 
     def _button(self, name: str, do: Callable[[], object], trouble: Trouble, **more: Any) -> Any:
         """A button that does something, or says why not."""
-
-        def pressed(_: object) -> None:
-            try:
-                do()
-            except ContbreatherError as error:
-                trouble.say(str(error))
-            else:
-                trouble.say("")
-
         more = {"sizing_mode": "stretch_width", "margin": (3, 5), **more}
         self.buttons[name] = pn.widgets.Button(label=name, **more)
-        self.buttons[name].on_click(pressed)
+        self.buttons[name].on_click(lambda _: tried(do, trouble.say))
         return self.buttons[name]
 
     # --- one breather -----------------------------------------------------------------------------

@@ -11,6 +11,7 @@ import asyncio
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -21,7 +22,15 @@ from panel.io.notebook import block_comm, patch_inline_stylesheets
 from contbreather.display import in_notebook
 from contbreather.errors import ContbreatherError
 from contbreather.explorer import seen
-from contbreather.explorer.fields import Field, Trouble, Words, a_count, read_all, some_sites
+from contbreather.explorer.fields import (
+    Field,
+    Trouble,
+    Words,
+    a_count,
+    read_all,
+    some_sites,
+    tried,
+)
 from contbreather.explorer.forms import Forms, card, offered
 from contbreather.explorer.ink import DARK, LIGHT
 from contbreather.explorer.session import Session
@@ -89,8 +98,8 @@ class Page:
         )
         self.point = pn.widgets.IntSlider(label="point", start=0, end=1, width=120)
         self.shown = pn.widgets.CheckBoxGroup(label="curves", inline=True)
-        self._on(self.x, lambda x: self._redrawn(axes=(x, self.y.value)))
-        self._on(self.y, lambda y: self._redrawn(axes=(self.x.value, y)))
+        self._on(self.x, lambda x: self.explorer.change(axes=(x, self.y.value)))
+        self._on(self.y, lambda y: self.explorer.change(axes=(self.x.value, y)))
         self._on(self.curve, lambda _: self._pick(0))
         self._on(self.point, self._pick)
         self._on(self.label, self._pick)
@@ -113,36 +122,26 @@ class Page:
         self.stop.on_click(lambda _: self.explorer.stop())
 
     def _laid_out(self) -> Any:
-        figures = {
-            "zones": card(
-                "Zones", self.k, self.zones.figure, self.zones_trouble.view, css=["zones"]
-            ),
-            "branches": card(
-                "Branches",
-                pn.FlexBox(
-                    self.x, self.y, self.curve, self.label, self.point, sizing_mode="stretch_width"
-                ),
-                self.branches.figure,
-                self.shown,
-                css=["branches"],
-            ),
-            "profile": card("Profile", self.profile.figure, css=["profile"]),
-            "motion": card(
-                "Motion over a period",
-                pn.Row(*(field.view for field in self.asked.values()), margin=0),
-                self.motion.figure,
-                css=["motion"],
-            ),
-            "multipliers": card("Multipliers", self.multipliers.figure, css=["multipliers"]),
-            "words": card("What it is", self.words.view, css=["words"]),
+        which = pn.FlexBox(
+            self.x, self.y, self.curve, self.label, self.point, sizing_mode="stretch_width"
+        )
+        asked = pn.Row(*(field.view for field in self.asked.values()), margin=0)
+        parts: dict[str, tuple[Any, ...]] = {
+            "zones": ("Zones", self.k, self.zones.figure, self.zones_trouble.view),
+            "branches": ("Branches", which, self.branches.figure, self.shown),
+            "profile": ("Profile", self.profile.figure),
+            "motion": ("Motion over a period", asked, self.motion.figure),
+            "multipliers": ("Multipliers", self.multipliers.figure),
+            "words": ("What it is", self.words.view),
         }
+        figures = [card(title, *own, css=[name]) for name, (title, *own) in parts.items()]
         self.run_card = card("Simulation", self.run.figure, css=["run"])
         top = pn.Row(
             self.status.view, self.stop, sizing_mode="stretch_width", css_classes=["status"],
             stylesheets=[STUCK], min_height=40,
         )  # fmt: skip
         grid = pn.Column(
-            top, *figures.values(), self.run_card, self.forms.view,
+            top, *figures, self.run_card, self.forms.view,
             sizing_mode="stretch_width", stylesheets=[GRID],
         )  # fmt: skip
         return pn.Column(grid, sizing_mode="stretch_width", stylesheets=[OUTER], margin=0)
@@ -154,30 +153,23 @@ class Page:
 
         def changed(event: Any) -> None:
             if not self._quiet:
-                self._tried(lambda: do(event.new))
+                tried(lambda: do(event.new), self._tell)
 
         widget.param.watch(changed, "value")
 
-    def _tried(self, do: Callable[[], object], trouble: Trouble | None = None) -> None:
-        try:
-            do()
-        except ContbreatherError as error:
-            if trouble is None:
-                self.explorer.tell(str(error))
-            else:
-                trouble.say(str(error))
-        else:
-            if trouble is not None:
-                trouble.say("")
+    def _tell(self, trouble: str) -> None:
+        if trouble:
+            self.explorer.tell(trouble)
 
     def _zones_tapped(self, event: Any) -> None:
-        self._tried(lambda: self.explorer.choose_at(a=event.y, gamma=event.x), self.zones_trouble)
+        look = partial(self.explorer.choose_at, a=event.y, gamma=event.x)
+        tried(look, self.zones_trouble.say)
 
     def _branch_tapped(self, event: Any) -> None:
         state = self.explorer.state
         found = self.branches.nearest(state.shown, *state.columns, (event.x, event.y))
         if found is not None:
-            self._tried(lambda: self.explorer.choose_point(*found))
+            tried(lambda: self.explorer.choose_point(*found), self._tell)
 
     def _pick(self, index: int) -> None:
         if self.curve.value and index != NOWHERE:
@@ -185,10 +177,7 @@ class Page:
 
     def _hide(self, shown: list[str]) -> None:
         curves = {one.code for one in self.explorer.state.curves}
-        self._redrawn(hidden=frozenset(curves - set(shown)))
-
-    def _redrawn(self, **values: Any) -> None:
-        self.explorer.draw(**values)
+        self.explorer.change(hidden=frozenset(curves - set(shown)))
 
     def _asked(self) -> None:
         found = read_all(self.asked)

@@ -56,7 +56,8 @@ class Session:
         for listener in tuple(self._listeners):
             listener(self.state)
 
-    def _change(self, **values: Any) -> None:
+    def change(self, **values: Any) -> None:
+        """Show something else: other columns (`axes`), or fewer curves (`hidden`)."""
         with self._changing:
             self.state = replace(self.state, **values)
         self._say()
@@ -75,10 +76,10 @@ class Session:
         k = number("k", k, 0.0, 1.0, "a restitution between 0 and 1")
         known = self._planes.get((k, forcing))
         if known is not None:
-            self._change(k=k, forcing=forcing, plane=known, sketch=sketch_of(known))
+            self.change(k=k, forcing=forcing, plane=known, sketch=sketch_of(known))
             return
         rough = self._rough(k, forcing)
-        self._change(k=k, forcing=forcing, sketch=rough or self.state.sketch)
+        self.change(k=k, forcing=forcing, sketch=rough or self.state.sketch)
         with self._changing:
             if self._ahead:
                 self._quick.stop()  # what is computed ahead can wait
@@ -122,7 +123,7 @@ class Session:
             return
         state = self.state
         if plane.fixed[1] == state.k or state.sketch is None or state.sketch.exact:
-            self._change(plane=plane, sketch=sketch_of(plane))
+            self.change(plane=plane, sketch=sketch_of(plane))
 
     def _next_ahead(self) -> None:
         """Begin with the nearest diagram that is not known yet, unless another one waits."""
@@ -139,7 +140,7 @@ class Session:
     def choose(self, chosen: Chosen) -> None:
         """Look at an orbit or a point."""
         self.message = ""
-        self._change(chosen=chosen)
+        self.change(chosen=chosen)
 
     def choose_at(self, a: float, gamma: float) -> None:
         """Look at the breather at a place of the zone diagram."""
@@ -160,11 +161,7 @@ class Session:
 
     def watch(self, sites: tuple[int, ...], ring: int) -> None:
         """Draw the motion of these sites, and judge a ring of so many."""
-        self._change(sites=sites, ring=whole("sites of the ring", ring, 3))
-
-    def draw(self, **values: Any) -> None:
-        """Draw other columns (`axes`), or leave out curves (`hidden`)."""
-        self._change(**values)
+        self.change(sites=sites, ring=whole("sites of the ring", ring, 3))
 
     # ---------------------------------------------------------------------------------- long work
 

@@ -3,7 +3,6 @@ carried on to it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.regions import Region, regions
 from contbreather.breathers.zones import KINDS, Zones
+from contbreather.plotting.labels import evenly
 from contbreather.plotting.zones import names_of_meetings
 
 Array = NDArray[np.float64]
@@ -25,24 +25,12 @@ LADDER = (0.02, 0.05, *(round(0.05 * i, 2) for i in range(2, 20)), 0.98)
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """What is drawn of a diagram.
-
-    Attributes
-    ----------
-    k : float
-    exact : bool
-        False for what is between two neighbours.
-    curves : dict
-        By kind, arrays of shape (n, 2).
-    regions : tuple of Region
-        Their verdicts are those of breathers at this k in any case.
-    meetings : tuple of (x, y, name)
-    """
+    """What is drawn of a diagram."""
 
     k: float
-    exact: bool
-    curves: dict[str, tuple[Array, ...]]
-    regions: tuple[Region, ...]
+    exact: bool  # False for what is between two neighbours
+    curves: dict[str, tuple[Array, ...]]  # by kind, arrays of shape (n, 2)
+    regions: tuple[Region, ...]  # with the verdicts of breathers at this k in any case
     meetings: tuple[Meeting, ...]
 
 
@@ -79,7 +67,8 @@ def between(one: Zones, other: Zones, k: float) -> Sketch | None:
     )
     there = replace(one, fixed=("k", k))
     lines = [line for kind in KINDS for line in curves[kind]]
-    box = _spans(lines)
+    places = np.vstack(lines)
+    box: Any = tuple(zip(places.min(axis=0).tolist(), places.max(axis=0).tolist(), strict=True))
     return Sketch(k, False, curves, regions(lines, box, there.unstable), meetings)
 
 
@@ -98,26 +87,9 @@ def _shape(zones: Zones) -> Any:
 
 def _mixed(one: Array, other: Array, share: float) -> Array:
     """Between two curves, point by point at the same part of their lengths."""
-    if _crosswise(one, other):
+    ends = one[[0, -1]]
+    straight, turned = (np.abs(ends - other[way]).sum() for way in ([0, -1], [-1, 0]))
+    if turned < straight:  # they were walked in opposite directions
         other = other[::-1]
-    first, last = _evenly(one), _evenly(other)
+    first, last = evenly(one, FINE), evenly(other, FINE)
     return first + share * (last - first)
-
-
-def _crosswise(one: Array, other: Array) -> bool:
-    """Whether they were walked in opposite directions."""
-    ends, turned = other[[0, -1]], other[[-1, 0]]
-    return float(np.abs(one[[0, -1]] - turned).sum()) < float(np.abs(one[[0, -1]] - ends).sum())
-
-
-def _evenly(line: Array) -> Array:
-    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    at = np.linspace(0.0, along[-1], FINE)
-    return np.column_stack([np.interp(at, along, column) for column in line.T])
-
-
-def _spans(lines: Iterable[Array]) -> Any:
-    places = np.vstack(list(lines))
-    low, high = places.min(axis=0), places.max(axis=0)
-    return tuple(zip(low.tolist(), high.tolist(), strict=True))

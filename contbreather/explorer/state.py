@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from contbreather.breathers.zones import Zones
@@ -26,27 +26,13 @@ class Named:
 
 @dataclass(frozen=True)
 class Chosen:
-    """What was clicked at, and how the script makes it.
+    """What was clicked at, and how the script makes it."""
 
-    Attributes
-    ----------
-    code : str
-        ``branch1[17]``, ``cb.symmetric(a=0.5, gamma=0.08, k=0.8)``.
-    orbit : Orbit or None
-        None where a point is known by its numbers only.
-    point : Point or None
-        None where no curve goes through it.
-    curve : str
-        How the script calls that curve.
-    index : int
-        The number of the point on it.
-    """
-
-    code: str
-    orbit: Any
-    point: Point | None = None
-    curve: str = ""
-    index: int = -1
+    code: str  # branch1[17], or cb.symmetric(a=0.5, gamma=0.08, k=0.8)
+    orbit: Any  # None where a point is known by its numbers only
+    point: Point | None = None  # None where no curve goes through it
+    curve: str = ""  # as the script calls it
+    index: int = -1  # of the point on it
 
     @property
     def switches(self) -> bool:
@@ -76,43 +62,20 @@ class Chosen:
 
 @dataclass(frozen=True)
 class State:
-    """All that is seen.
-
-    Attributes
-    ----------
-    k, forcing : float, str
-        What the zone diagram is wanted for; `plane` may still be that of another k.
-    plane : Zones or None
-        The last diagram that was computed.
-    sketch : Sketch or None
-        What is drawn: that one, or until there is one for this k, what lies between neighbours.
-    curves : tuple of Named
-        In the order in which they were made.
-    hidden : frozenset of str
-        Curves that are not drawn, by their names in the script.
-    axes : tuple of (str, str)
-        Columns of the bifurcation diagram; empty names are the first curve's own.
-    chosen : Chosen or None
-    sites, ring : tuple of int, int
-        Whose motion is drawn; which ring is judged besides.
-    run : tuple of (str, dynamics.Run) or None
-        The last simulation, and how the script calls it.
-    lines : tuple of str
-        Of the script, as far as it makes curves and runs.
-    """
+    """All that is seen; of zones those that are wanted, which may still be computed."""
 
     k: float = 0.8
     forcing: str = ""
-    plane: Zones | None = None
-    sketch: Sketch | None = None
+    plane: Zones | None = None  # the last that was computed
+    sketch: Sketch | None = None  # what is drawn: that, or what lies between its neighbours
     curves: tuple[Named, ...] = ()
-    hidden: frozenset[str] = frozenset()
-    axes: tuple[str, str] = ("", "")
+    hidden: frozenset[str] = frozenset()  # curves that are not drawn, by their code
+    axes: tuple[str, str] = ("", "")  # columns; empty: those of the first curve
     chosen: Chosen | None = None
-    sites: tuple[int, ...] = (0, 1, 2)
-    ring: int = RING
-    run: tuple[str, Run] | None = None
-    lines: tuple[str, ...] = field(default=())
+    sites: tuple[int, ...] = (0, 1, 2)  # whose motion is drawn
+    ring: int = RING  # that is judged besides
+    run: tuple[str, Run] | None = None  # the last simulation, by its code
+    lines: tuple[str, ...] = ()  # of the script that made curves and runs
 
     @property
     def shown(self) -> tuple[Named, ...]:

@@ -10,6 +10,7 @@ from bokeh.models import ColumnDataSource, HoverTool, Range1d
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
+from contbreather.breathers.regions import Region
 from contbreather.continuation import Branch, Point
 from contbreather.dynamics import Run
 from contbreather.dynamics.states import PERIOD
@@ -17,7 +18,14 @@ from contbreather.explorer.ink import Ink
 from contbreather.explorer.seen import Motion, Multipliers, Profile
 from contbreather.explorer.sketch import Sketch
 from contbreather.explorer.state import Chosen, Named, State
-from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, pieces
+from contbreather.plotting.branches import (
+    BEYOND,
+    STABLE,
+    UNSTABLE,
+    column_of,
+    pieces,
+    value_of,
+)
 
 Array = NDArray[Any]
 
@@ -36,6 +44,17 @@ DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
 LINES = {"LP": "solid", "GR": "dashed", "PF": "dashdot", "NS": "solid"}
 WORDS = {"LP": "fold (LP)", "GR": "grazing (GR)", "PF": "pitchfork (PF)",
          "NS": "Neimark\N{EN DASH}Sacker (NS)"}  # fmt: skip
+
+
+def _source(*columns: str) -> ColumnDataSource:
+    """Empty columns, in an order that `_fill` keeps."""
+    return ColumnDataSource({name: [] for name in columns})
+
+
+def _fill(source: ColumnDataSource, rows: Iterable[Any]) -> None:
+    """Other rows, or none."""
+    every = list(rows)
+    source.data = {name: [row[i] for row in every] for i, name in enumerate(source.column_names)}
 
 
 def symbol(name: str) -> str:
@@ -93,23 +112,23 @@ class ZonesView:
     def __init__(self, ink: Ink) -> None:
         self.figure = fig = _sheet(ink, "γ", "a", 470)
         self.shades = {"S": ink.stable, "US": ink.unstable}
-        self.regions = ColumnDataSource({"xs": [], "ys": [], "colour": []})
+        self.regions = _source("xs", "ys", "colour")
         fig.multi_polygons(
             "xs", "ys", source=self.regions, fill_color="colour", line_color="colour"
         )
         colours = {"LP": ink.line, "GR": ink.line, "PF": ink.vermillion, "NS": ink.blue}
-        self.curves = {kind: ColumnDataSource({"xs": [], "ys": []}) for kind in LINES}
+        self.curves = {kind: _source("xs", "ys") for kind in LINES}
         for kind, source in self.curves.items():
             fig.multi_line(
                 "xs", "ys", source=source, color=colours[kind], line_width=2,
                 line_dash=LINES[kind], legend_label=WORDS[kind],
             )  # fmt: skip
-        self.letters = ColumnDataSource({"x": [], "y": [], "text": []})
+        self.letters = _source("x", "y", "text")
         fig.text(
             "x", "y", "text", source=self.letters, text_color=ink.text, text_align="center",
             text_baseline="middle", text_font_style="bold", text_font_size="16px",
         )  # fmt: skip
-        self.meetings = ColumnDataSource({"x": [], "y": [], "text": []})
+        self.meetings = _source("x", "y", "text")
         fig.scatter(
             "x", "y", source=self.meetings, marker="hex", size=9, fill_color=ink.paper,
             line_color=ink.line,
@@ -118,7 +137,7 @@ class ZonesView:
             "x", "y", "text", source=self.meetings, text_color=ink.text, x_offset=8, y_offset=-4,
             text_font_size="12px",
         )  # fmt: skip
-        self.traced = ColumnDataSource({"xs": [], "ys": []})
+        self.traced = _source("xs", "ys")
         fig.multi_line("xs", "ys", source=self.traced, color=ink.cycle[2], line_width=1.5)
         self.here = _here(fig, ink)
         _legend(fig, ink)
@@ -126,22 +145,19 @@ class ZonesView:
     def show(self, drawn: Sketch) -> None:
         """Another diagram."""
         shaded = [one for one in drawn.regions if one.verdict]
-        outlines = [(one.outline, *one.holes) for one in shaded]
-        self.regions.data = {
-            "xs": [[[ring[:, 0] for ring in rings]] for rings in outlines],
-            "ys": [[[ring[:, 1] for ring in rings]] for rings in outlines],
-            "colour": [self.shades[one.verdict] for one in shaded],
-        }
+        _fill(self.regions, (self._region(one) for one in shaded))
         for kind, source in self.curves.items():
-            lines = drawn.curves[kind]
-            source.data = {"xs": [one[:, 0] for one in lines], "ys": [one[:, 1] for one in lines]}
-        met = _columns(drawn.meetings, 3)
-        self.meetings.data = dict(zip(("x", "y", "text"), met, strict=True))
-        letters = [(one.x, one.y, one.verdict) for one in shaded]
-        self.letters.data = dict(zip(("x", "y", "text"), _columns(letters, 3), strict=True))
+            _fill(source, (one.T for one in drawn.curves[kind]))
+        _fill(self.meetings, drawn.meetings)
+        _fill(self.letters, ((one.x, one.y, one.verdict) for one in shaded))
         every = np.vstack([line for lines in drawn.curves.values() for line in lines])
         _reach(self.figure.x_range, [0.0, every[:, 0].max()])
         _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
+
+    def _region(self, one: Region) -> tuple[Any, Any, str]:
+        rings = (one.outline, *one.holes)
+        xs, ys = ([[ring[:, i] for ring in rings]] for i in (0, 1))
+        return xs, ys, self.shades[one.verdict]
 
     def title(self, wanted: State) -> None:
         """Say what is shown, and what is on its way."""
@@ -155,27 +171,26 @@ class ZonesView:
 
     def boundaries(self, curves: Iterable[Named], k: float) -> None:
         """Draw the traced curves that lie in this plane, on those of the diagram."""
-        pairs = [
-            (one.branch["gamma"], one.branch["a"])
+        there = (
+            one.branch
             for one in curves
             if set(one.branch.curve.varied) == {"gamma", "a"}
             and one.branch.problem.params.get("k") == k
-        ]
-        xs, ys = _columns(pairs, 2)
-        self.traced.data = {"xs": xs, "ys": ys}
+        )
+        _fill(self.traced, ((one["gamma"], one["a"]) for one in there))
 
     def choose(self, chosen: Chosen | None, k: float) -> None:
         """Mark what is looked at, if it lies in this plane."""
-        place: dict[str, list[float]] = {"x": [], "y": []}
         orbit = None if chosen is None else chosen.orbit
+        place = []
         if orbit is not None and abs(orbit.k - k) < 1e-9 and not (orbit.spring or orbit.damping):
-            place = {"x": [orbit.gamma], "y": [orbit.a]}
-        self.here.data = place
+            place = [(orbit.gamma, orbit.a)]
+        _fill(self.here, place)
 
 
 def _here(fig: Any, ink: Ink) -> ColumnDataSource:
     """The mark of what is looked at."""
-    source = ColumnDataSource({"x": [], "y": []})
+    source = _source("x", "y")
     for size, colour, width in ((15, ink.paper, 5), (15, ink.vermillion, 2.5)):
         fig.scatter(
             "x", "y", source=source, size=size, fill_color=None, line_color=colour,
@@ -190,11 +205,6 @@ def marked(branch: Branch) -> list[tuple[int, Point]]:
     return list(zip(places.tolist(), branch.special, strict=True))
 
 
-def _columns(rows: Sequence[Sequence[Any]], count: int) -> list[list[Any]]:
-    """Rows as columns, also where there are none."""
-    return [[row[i] for row in rows] for i in range(count)]
-
-
 class BranchView:
     """The bifurcation diagram: solid where stable, special points labelled."""
 
@@ -203,11 +213,11 @@ class BranchView:
         self.figure = fig = _sheet(ink, "a", "p", 380, title="no branch yet")
         self.lines = {}
         for style, dash in DASHES.items():
-            self.lines[style] = ColumnDataSource({"xs": [], "ys": [], "colour": []})
+            self.lines[style] = _source("xs", "ys", "colour")
             fig.multi_line(
                 "xs", "ys", source=self.lines[style], color="colour", line_dash=dash, line_width=2
             )
-        self.special = ColumnDataSource({name: [] for name in (*SPECIAL, "dx", "dy")})
+        self.special = _source(*SPECIAL, "dx", "dy")
         marks = fig.scatter(
             "x", "y", source=self.special, marker="mark", size=9, fill_color="colour",
             line_color="colour",
@@ -229,13 +239,12 @@ class BranchView:
                 drawn[style].append((xs, ys, colour))
             marked += [_mark(point, one, x, y, colour) for point in one.branch.special]
         for style, rows in drawn.items():
-            found = dict(zip(("xs", "ys", "colour"), _columns(rows, 3), strict=True))
-            self.lines[style].data = found
+            _fill(self.lines[style], rows)
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
         self.figure.title.text = ", ".join(one.code for one in curves) or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
-        data = dict(zip(SPECIAL, _columns(marked, len(SPECIAL)), strict=True))
+        data: dict[str, Any] = {name: [one[i] for one in marked] for i, name in enumerate(SPECIAL)}
         ends = (self.figure.x_range, self.figure.y_range)
         across, up = (
             (np.array(data[name], dtype=float) - axis.start) / (axis.end - axis.start or 1.0)
@@ -246,11 +255,8 @@ class BranchView:
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
         """Mark the point that is looked at."""
-        place: dict[str, list[float]] = {"x": [], "y": []}
         point = None if chosen is None else chosen.point
-        if point is not None:
-            place = {"x": [_value(point, x)], "y": [_value(point, y)]}
-        self.here.data = place
+        _fill(self.here, [] if point is None else [(_value(point, x), _value(point, y))])
 
     def nearest(self, curves: Iterable[Named], x: str, y: str, at: tuple[float, float]) -> Any:
         """The curve and the number of the point next to a place of the figure; None if there is
@@ -259,8 +265,8 @@ class BranchView:
         height = self.figure.y_range.end - self.figure.y_range.start
         found = []
         for one in curves:
-            across = (_column(one, x) - at[0]) / (width or 1.0)
-            up = (_column(one, y) - at[1]) / (height or 1.0)
+            across = (column_of(one.branch, x) - at[0]) / (width or 1.0)
+            up = (column_of(one.branch, y) - at[1]) / (height or 1.0)
             far = np.hypot(across, up)
             far[[i for i, _ in marked(one.branch)]] *= 0.5
             found.append((float(far.min()), one.code, int(far.argmin())))
@@ -301,16 +307,9 @@ def _free(
     )
 
 
-def _column(one: Named, name: str) -> Array:
-    values = np.asarray(one.branch[name], dtype=float)
-    return values if values.ndim == 1 else values.max(axis=1)
-
-
 def _value(point: Any, name: str) -> float:
-    if name in ("arclength", "residual"):
-        return float(getattr(point, name))
     try:
-        return float(np.max(point[name]))
+        return value_of(point, name)
     except ValueError:  # of a column that this curve does not have
         return float("nan")
 
@@ -329,9 +328,9 @@ class ProfileView:
 
     def __init__(self, ink: Ink) -> None:
         self.figure = fig = _sheet(ink, "site n", "u", 260, title="profile")
-        self.walls = ColumnDataSource({"x0": [], "x1": [], "y": []})
+        self.walls = _source("x0", "x1", "y")
         fig.segment("x0", "y", "x1", "y", source=self.walls, line_color=ink.faint, line_width=2)
-        self.sites = ColumnDataSource({"n": [], "u": [], "low": [], "high": []})
+        self.sites = _source("n", "u", "low", "high")
         fig.segment(
             "n", "low", "n", "high", source=self.sites, line_color=ink.blue, line_alpha=0.35,
             line_width=7,
@@ -355,15 +354,15 @@ class MotionView:
     def __init__(self, ink: Ink, x: str) -> None:
         self.ink = ink
         self.figure = fig = _sheet(ink, x, "u", 260)
-        self.walls = ColumnDataSource({"xs": [], "ys": []})
+        self.walls = _source("xs", "ys")
         fig.multi_line(
             "xs", "ys", source=self.walls, color=ink.faint, line_dash="dashed", line_width=1.5
         )
-        self.lines = ColumnDataSource({"xs": [], "ys": [], "colour": [], "site": []})
+        self.lines = _source("xs", "ys", "colour", "site")
         fig.multi_line(
             "xs", "ys", source=self.lines, color="colour", line_width=1.8, legend_field="site"
         )
-        self.hits = ColumnDataSource({"x": [], "y": [], "colour": []})
+        self.hits = _source("x", "y", "colour")
         fig.scatter("x", "y", source=self.hits, color="colour", size=8)
         _legend(fig, ink)
         fig.legend[0].orientation, fig.legend[0].spacing = "horizontal", 12
@@ -372,8 +371,7 @@ class MotionView:
     def show(self, seen: Motion) -> None:
         """The motion of an orbit, with its walls and impacts."""
         colours = self._draw(seen.times, seen.by_site)
-        hits = [(time, wall, colours[site]) for site, time, wall in seen.hits]
-        self.hits.data = dict(zip(("x", "y", "colour"), _columns(hits, 3), strict=True))
+        _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in seen.hits))
         self._bound(seen.walls)
 
     def run(self, name: str, run: Run) -> None:
@@ -388,17 +386,15 @@ class MotionView:
 
     def _draw(self, times: Array, by_site: dict[int, Array]) -> dict[int, str]:
         colours = {n: self.ink.cycle[i % len(self.ink.cycle)] for i, n in enumerate(by_site)}
-        self.lines.data = {
-            "xs": [times] * len(by_site), "ys": list(by_site.values()),
-            "colour": list(colours.values()), "site": [f"site {n}" for n in by_site],
-        }  # fmt: skip
+        rows = ((times, u, colours[n], f"site {n}") for n, u in by_site.items())
+        _fill(self.lines, rows)
         _reach(self.figure.x_range, times[[0, -1]])
         return colours
 
     def _bound(self, walls: Iterable[float]) -> None:
         there = sorted({wall for wall in walls if np.isfinite(wall)})
         ends = [self.figure.x_range.start, self.figure.x_range.end]
-        self.walls.data = {"xs": [ends] * len(there), "ys": [[wall, wall] for wall in there]}
+        _fill(self.walls, ((ends, [wall, wall]) for wall in there))
         u = [value for line in self.lines.data["ys"] for value in (min(line), max(line))]
         _reach(self.figure.y_range, [*there, *u])
 
@@ -412,11 +408,11 @@ class MultipliersView:
         fig.update(sizing_mode="fixed", align="center", width=340, height=340)
         # what the axes and the title need, so that the frame is a square and a circle one
         fig.update(min_border_left=65, min_border_right=35, min_border_top=40, min_border_bottom=60)
-        self.band = ColumnDataSource({"xs": [], "ys": []})
+        self.band = _source("xs", "ys")
         fig.multi_line("xs", "ys", source=self.band, color=ink.band, line_width=11)
         angle = np.linspace(-np.pi, np.pi, 361)
         fig.line(np.cos(angle), np.sin(angle), color=ink.faint, line_width=1)
-        self.dots = ColumnDataSource({"x": [], "y": [], "colour": [], "size": []})
+        self.dots = _source("x", "y", "colour", "size")
         fig.scatter("x", "y", source=self.dots, color="colour", size="size")
 
     def show(self, seen: Multipliers) -> None:
@@ -428,7 +424,7 @@ class MultipliersView:
             "size": np.where(seen.alone, 8.0, 2.5),
         }  # fmt: skip
         arcs = [] if seen.edge is None else [np.linspace(0, s * np.pi * seen.edge) for s in (1, -1)]
-        self.band.data = {"xs": [np.cos(a) for a in arcs], "ys": [np.sin(a) for a in arcs]}
+        _fill(self.band, ((np.cos(arc), np.sin(arc)) for arc in arcs))
         largest = float(np.abs(mu).max(initial=0.0))
         beyond = f"; one at |μ| = {largest:.4g}" if largest > FARTHEST else ""
         self.figure.title.text = f"{seen.about}{beyond}"
@@ -438,6 +434,6 @@ class MultipliersView:
 
     def nothing(self, why: str) -> None:
         """None are known, for this reason."""
-        self.dots.data = {"x": [], "y": [], "colour": [], "size": []}
-        self.band.data = {"xs": [], "ys": []}
+        _fill(self.dots, [])
+        _fill(self.band, [])
         self.figure.title.text = why

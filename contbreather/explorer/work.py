@@ -24,27 +24,13 @@ MOMENTS = 32  # in a period, at which a simulation is seen
 
 @dataclass(frozen=True)
 class Work:
-    """A computation.
+    """A computation."""
 
-    Attributes
-    ----------
-    title : str
-        What is under way, for people.
-    name : str
-        What its result is called in the script, without its number.
-    code : str
-        The expression that gives it.
-    job : callable
-        ``job(progress)`` gives it.
-    setup : tuple of str
-        Lines of the script that come before.
-    """
-
-    title: str
-    name: str
-    code: str
+    title: str  # what is under way, for people
+    name: str  # of its result in the script, without its number
+    code: str  # the expression that gives it
     job: Job
-    setup: tuple[str, ...] = ()
+    setup: tuple[str, ...] = ()  # lines of the script that come before
 
 
 def breather(lattice: str = "", **values: Any) -> Chosen:
@@ -86,35 +72,31 @@ def traced(chosen: Chosen, free: str, window: Window) -> Work:
     """The branch through it in one parameter."""
     start = chosen.orbit if chosen.point is None else chosen.point
     within = {free: window}
-
-    def job(progress: Progress) -> Any:
-        return trace(start, free, within=within, progress=progress.points())
-
+    code = f'cb.trace({chosen.code}, "{free}", within={within})'
     return Work(
-        f"branch in {free}", "branch", f'cb.trace({chosen.code}, "{free}", within={within})', job
-    )
+        f"branch in {free}", "branch", code,
+        lambda progress: trace(start, free, within=within, progress=progress.points()),
+    )  # fmt: skip
 
 
 def switched(chosen: Chosen) -> Work:
     """All that leaves a special point."""
     point = _special(chosen, "to switch at")
-
-    def job(progress: Progress) -> Any:
-        return switch(point, progress=progress.points())
-
-    return Work(f"arms of {point.label}", "arms", f"cb.switch({chosen.code})", job)
+    return Work(
+        f"arms of {point.label}", "arms", f"cb.switch({chosen.code})",
+        lambda progress: switch(point, progress=progress.points()),
+    )  # fmt: skip
 
 
 def bounded(chosen: Chosen, pair: tuple[str, str], within: Mapping[str, Window]) -> Work:
     """The curve of a special point in two parameters."""
     point = _special(chosen, "to trace")
     windows = {name: within[name] for name in pair if name in within}
-
-    def job(progress: Progress) -> Any:
-        return boundary(point, pair, within=windows, progress=progress.points())
-
-    code = f"cb.boundary({chosen.code}, {pair}, within={windows})"
-    return Work(f"boundary of {point.label}", "line", code, job)
+    return Work(
+        f"boundary of {point.label}", "line",
+        f"cb.boundary({chosen.code}, {pair}, within={windows})",
+        lambda progress: boundary(point, pair, within=windows, progress=progress.points()),
+    )  # fmt: skip
 
 
 def _special(chosen: Chosen, what: str) -> Any:

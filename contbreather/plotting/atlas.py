@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.breathers.atlas import words
 from contbreather.breathers.zones import KINDS
 from contbreather.checks import kind_of
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import COLUMN, Drawn, drawing, symbol
+from contbreather.plotting.labels import evenly
 from contbreather.plotting.zones import LINES
 
 if TYPE_CHECKING:
@@ -121,22 +123,15 @@ def _lines(
         if name not in atlas or not np.isclose(atlas[name], value).any():
             raise BadInput(f"at {name} = {value!r}: the atlas has {_values(atlas, name)}")
     here = np.all([np.isclose(atlas[name], value) for name, value in at.items()], axis=0)
-    codes = dict(
-        zip(
-            _words(atlas.kind, "flag_meanings"),
-            atlas.kind.attrs["flag_values"].tolist(),
-            strict=True,
-        )
-    )
+    known = _words(atlas.kind, "flag_meanings")
     for kind in kinds:
-        if kind not in codes:
-            raise BadInput(f"no surface {kind!r}; there are {list(codes)}")
+        if kind not in known:
+            raise BadInput(f"no surface {kind!r}; there are {known}")
     space = np.stack([atlas[name].to_numpy() for name in names], axis=-1)
-    curve = atlas.curve.to_numpy()
+    curve, drawn = atlas.curve.to_numpy(), np.array(words(atlas, "kind"))
     found: dict[str, dict[float, list[Array]]] = {kind: {} for kind in kinds}
     for kind in kinds:
-        chosen = (atlas.kind.to_numpy() == codes[kind]) & here
-        for number in np.unique(curve[chosen]):
+        for number in np.unique(curve[(drawn == kind) & here]):
             points = space[curve == number]
             found[kind].setdefault(float(points[0, 1]), []).append(points)
     return found
@@ -183,10 +178,7 @@ def _strips(here: Sequence[Array], there: Sequence[Array]) -> list[tuple[Array, 
 def _even(points: Array) -> Array:
     """As many nodes for each curve, at equal distances in units of its extent."""
     extent = np.ptp(points, axis=0)
-    steps = np.linalg.norm(np.diff(points / np.where(extent > 0, extent, 1.0), axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    wanted = np.linspace(0.0, along[-1], NODES)
-    return np.stack([np.interp(wanted, along, column) for column in points.T], axis=-1)
+    return evenly(points, NODES, np.where(extent > 0, extent, 1.0))
 
 
 def _apart(one: Array, other: Array) -> float:

@@ -92,8 +92,7 @@ def plot(
     y = _ordinate(branches[0]) if y is None else y
     with drawing(ax) as drawn:
         axes = drawn.axes
-        axes.set_xlabel(symbol(x))
-        axes.set_ylabel(symbol(y))
+        axes.set(xlabel=symbol(x), ylabel=symbol(y))
         _draw(axes, branches, x, y)
     return drawn
 
@@ -146,7 +145,7 @@ def _ordinate(branch: Branch) -> str:
     return varied[1] if len(varied) > 1 else next(iter(branch.problem.start))
 
 
-def _column(branch: Branch, name: str) -> Array:
+def column_of(branch: Branch, name: str) -> Array:
     values = np.asarray(branch[name], dtype=float)
     return values if values.ndim == 1 else values.max(axis=1)
 
@@ -154,7 +153,7 @@ def _column(branch: Branch, name: str) -> Array:
 def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
     """Both columns, between the points along the cubic that their tangents give."""
     slots = [branch.curve.slots.get(name) for name in (x, y)]
-    columns = _column(branch, x), _column(branch, y)
+    columns = column_of(branch, x), column_of(branch, y)
     along = branch["arclength"]
     # a special point may sit on top of another point
     apart = np.append(True, np.diff(along) > 1e-6 * float(np.ptp(along)))
@@ -201,7 +200,7 @@ def _is_one(point: Point, other: Point) -> bool:
     return one.z.shape == same.z.shape and np.allclose(one.z, same.z, rtol=1e-6, atol=1e-6)
 
 
-def _value(point: Point, name: str) -> float:
+def value_of(point: Point, name: str) -> float:
     if name in ("arclength", "residual"):
         return float(getattr(point, name))
     return float(np.max(point[name]))
@@ -258,7 +257,7 @@ def _markers(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> None:
     for point in map(_named, branch.special):
         plain = point.kind == "EP"
         ax.plot(
-            _value(point, x), _value(point, y), marker(point.kind),
+            value_of(point, x), value_of(point, y), marker(point.kind),
             color=GREY if plain else colour, markersize=5 if plain else size(point.kind),
             markeredgecolor=colour if point.kind == "MX" else "none" if plain else "white",
             markeredgewidth=0.5,
@@ -303,22 +302,22 @@ def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str, colours: Sequ
     labels = Labels(ax)
     labels.keep_off([ax.get_legend()])
     for branch in branches:
-        labels.avoid(_column(branch, x), _column(branch, y))
+        labels.avoid(column_of(branch, x), column_of(branch, y))
     # with several branches their ends are many, and say nothing: a dot is enough
     quiet = "EP" if len(branches) > 1 else ""
     named: list[tuple[Point, str, str]] = []
     for colour in dict.fromkeys(colours):
         own = [b for b, its in zip(branches, colours, strict=True) if its == colour]
         points = [p for b in own for p in map(_named, b.special) if p.kind != quiet]
-        places = [ax.transData.transform((_value(p, x), _value(p, y))) for p in points]
+        places = [ax.transData.transform((value_of(p, x), value_of(p, y))) for p in points]
         for group in _gathered(zip(points, places, strict=True), SAME * labels.pixel):
             text = group[0].label if group[0].located else f"{group[0].label}?"
             several = f" \N{MULTIPLICATION SIGN}{len(group)}" if len(group) > 1 else ""
             named.append((group[0], text + several, colour))
     for point, _, _ in named:
-        labels.announce(_value(point, x), _value(point, y))
+        labels.announce(value_of(point, x), value_of(point, y))
     for point, text, colour in sorted(named, key=lambda one: one[0].kind == "EP"):
         style: dict[str, Any] = {"fontsize": "small", "color": colour}
         if point.kind == "EP":
             style = {"fontsize": "x-small", "color": GREY}
-        labels.place(_value(point, x), _value(point, y), text, **style)
+        labels.place(value_of(point, x), value_of(point, y), text, **style)

@@ -159,10 +159,13 @@ def _overlap(one: Array, other: Array) -> bool:
 
 def _dense(nodes: Array, spacing: float) -> Array:
     """The polyline through the nodes, sampled no wider than `spacing`."""
-    if len(nodes) == 1:
-        return nodes
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
-    if not along[-1] > 0.0:
-        return nodes[:1]
-    at = np.linspace(0.0, along[-1], 2 + int(along[-1] / spacing))
+    length = float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum())
+    return evenly(nodes, 2 + int(length / spacing)) if length > 0.0 else nodes[:1]
+
+
+def evenly(nodes: Array, count: int, scale: Array | float = 1.0) -> Array:
+    """So many points at equal distances along a polyline, its coordinates in units of `scale`."""
+    steps = np.linalg.norm(np.diff(nodes / scale, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    at = np.linspace(0.0, along[-1], count)
     return np.column_stack([np.interp(at, along, column) for column in nodes.T])

@@ -119,14 +119,9 @@ def off_the_band(mu: Array, edge: float, sites: int) -> NDArray[np.bool_]:
 
 def _frame(ax: Axes, mu: Array, half: bool) -> None:
     reach = 1.1 * max(1.15, float(np.abs(mu).max()))
-    ax.set_xlim(-reach, reach)
-    ax.set_ylim(-reach, reach)
-    ax.set_aspect("equal")
-    ax.set_xticks([-1, 0, 1])
-    ax.set_yticks([-1, 0, 1])
-    name = r"$\mu$" if half else r"$\mu^2$"
-    ax.set_xlabel(f"Re {name}")
-    ax.set_ylabel(f"Im {name}")
+    name, ticks = r"$\mu$" if half else r"$\mu^2$", [-1, 0, 1]
+    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xticks=ticks, yticks=ticks)
+    ax.set(xlabel=f"Re {name}", ylabel=f"Im {name}")
 
 
 def _number(mu: complex, digits: int, space: str) -> str:

@@ -62,8 +62,7 @@ def plot_orbit(
             axes.plot(t / (2 * math.pi), whole.displacement(n, t), label=f"$u_{{{n}}}$")
         _impacts(axes, whole, chosen)
         _walls(axes, whole, hit)
-        axes.set_xlabel(r"$t/2\pi$")
-        axes.set_ylabel("$u_n$")
+        axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
         axes.margins(x=0.0)
         axes.legend(frameon=False, ncols=len(chosen), loc="lower right",
                     bbox_to_anchor=(1.0, 0.97), handlelength=1.3)  # fmt: skip

@@ -81,8 +81,7 @@ def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> 
         for i, n in enumerate(record.sites):
             t, colour = record.times / PERIOD, CYCLE[i % len(CYCLE)]
             axes.plot(t, record.u[:, i], "-", color=colour, linewidth=1.0, label=f"$u_{{{n}}}$")
-        axes.set_xlabel(r"$t/2\pi$")
-        axes.set_ylabel("$u_n$")
+        axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
         axes.margins(x=0.0)
         axes.legend(
             frameon=False, ncols=len(record.sites), loc="lower right", bbox_to_anchor=(1.0, 0.97),
@@ -120,8 +119,7 @@ def plot_section(
     with drawing(ax) as drawn:
         axes = drawn.axes
         axes.plot(u, v, ".", color=BLUE, markersize=1.2 if len(u) > 200 else 3.0)
-        axes.set_xlabel(f"$u_{{{site}}}$")
-        axes.set_ylabel(rf"$\dot u_{{{site}}}$")
+        axes.set(xlabel=f"$u_{{{site}}}$", ylabel=rf"$\dot u_{{{site}}}$")
         _not_finer(axes, u, v)
     return drawn
 
@@ -149,8 +147,7 @@ def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Drawn:
         axes.plot(run.times / PERIOD, seen.participation, "-", color=BLUE, linewidth=0.8)
         axes.set_ylim(0.0, max(4.0, 1.05 * float(np.nanmax(seen.participation))))
         axes.margins(x=0.0)
-        axes.set_xlabel(r"$t/2\pi$")
-        axes.set_ylabel("participation ratio")
+        axes.set(xlabel=r"$t/2\pi$", ylabel="participation ratio")
     return drawn
 
 
@@ -192,8 +189,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
                 label=None if way in named else name,
             )  # fmt: skip
             named.add(way)
-        axes.set_xlabel(symbol(sweep.name))
-        axes.set_ylabel(COLUMNS[y])
+        axes.set(xlabel=symbol(sweep.name), ylabel=COLUMNS[y])
         axes.legend(frameon=False, loc="best", handletextpad=0.2, fontsize=_size(axes))
     return drawn
 
@@ -227,8 +223,10 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
             basin.x.values, basin.y.values, basin.fate, cmap=colours, norm=norm,
             shading="nearest", rasterized=True,
         )  # fmt: skip
-        axes.set_xlabel(_coordinate(basin.x.name, basin.x.site))
-        axes.set_ylabel(_coordinate(basin.y.name, basin.y.site))
+        axes.set(
+            xlabel=_coordinate(basin.x.name, basin.x.site),
+            ylabel=_coordinate(basin.y.name, basin.y.site),
+        )
         seen = [fate for fate in FATES if np.any(basin.fate == fate)]
         patches = [
             Patch(facecolor=FATES[fate], edgecolor=GREY, linewidth=0.4, label=fate.words)

@@ -141,8 +141,7 @@ def _chain(zones: Zones) -> str:
 
 def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     horizontal, vertical = zones.pair
-    ax.set_xlabel(symbol(horizontal))
-    ax.set_ylabel(symbol(vertical))
+    ax.set(xlabel=symbol(horizontal), ylabel=symbol(vertical))
     title = f"{letter}{symbol(zones.fixed[0])} = {zones.fixed[1]:g}{_chain(zones)}"
     ax.set_title(title, loc="left", pad=3)
     for kind, branch in zones:
@@ -150,8 +149,7 @@ def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     box = zones.box(within)
     _shade(ax, zones.regions if within is None else zones.regions_of(box))
     window = _window(zones, box)
-    ax.set_xlim(window[:2])
-    ax.set_ylim(window[2:])
+    ax.set(xlim=window[:2], ylim=window[2:])
     for point in zones.special:
         ax.plot(
             point[horizontal], point[vertical], MEETING, color=BLACK, markerfacecolor="white",

@@ -24,27 +24,13 @@ MARKS = ".study"  # the folder of what is known of the parts
 
 @dataclass(frozen=True)
 class Part:
-    """What one process computes: plain data, so that it goes anywhere.
+    """What one process computes: plain data, so that it goes anywhere."""
 
-    Attributes
-    ----------
-    family : str
-        The name in the study.
-    label : str
-        Which of its family, ``"k=0.8"``; empty where it is alone.
-    kind : str
-        Branch, arms, boundary or zones.
-    asked : dict
-        All that its result depends on, but for the part it starts from.
-    needs : Part, optional
-        That part.
-    """
-
-    family: str
-    label: str
-    kind: str
-    asked: Mapping[str, Any]
-    needs: Part | None = None
+    family: str  # the name in the study
+    label: str  # which of its family, "k=0.8"; empty where it is alone
+    kind: str  # branch, arms, boundary or zones
+    asked: Mapping[str, Any]  # all that its result depends on, but for the part it starts from
+    needs: Part | None = None  # that part
 
     @property
     def name(self) -> str:

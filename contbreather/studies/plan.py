@@ -129,7 +129,20 @@ class Chain(Table):
         return {"lattice": self.place, **{n: v for n, v in given.items() if v is not None}}
 
 
-class Branch(Table):
+class Grid(Table):
+    """Values of parameters: something for each combination of them."""
+
+    @property
+    def given(self) -> list[str]:
+        """Those of the three that have values."""
+        return [name for name in PAIRS if getattr(self, name) is not None]
+
+    @property
+    def grid(self) -> dict[str, list[float]]:
+        return {**{name: getattr(self, name) for name in self.given}, **self.plain["over"]}
+
+
+class Branch(Grid):
     """Breathers along one parameter; of several values a branch each."""
 
     free: str
@@ -144,17 +157,12 @@ class Branch(Table):
     @model_validator(mode="after")
     def complete(self) -> Branch:
         """Each parameter but the free one has a value."""
-        missing = [name for name in PAIRS if name != self.free and getattr(self, name) is None]
+        missing = [name for name in PAIRS if name not in (self.free, *self.given)]
         if missing:
             raise ValueError(
                 f"{' and '.join(missing)} missing: only the free parameter needs no value"
             )
         return self
-
-    @property
-    def grid(self) -> dict[str, list[float]]:
-        given = {name: getattr(self, name) for name in PAIRS}
-        return {**{name: several for name, several in given.items() if several}, **self.over}
 
 
 class Arms(Table):
@@ -175,7 +183,7 @@ class Boundary(Table):
     largest: Annotated[float, Field(gt=0.0)] | None = None
 
 
-class Zones(Table):
+class Zones(Grid):
     """Zone diagrams, one for each value."""
 
     a: Amplitude | None = None
@@ -188,7 +196,7 @@ class Zones(Table):
     @model_validator(mode="after")
     def one_fixed(self) -> Zones:
         """Exactly one of the three has values."""
-        given = [name for name in PAIRS if getattr(self, name) is not None]
+        given = self.given
         if len(given) != 1:
             raise ValueError(
                 f"values of exactly one of k, gamma and a are expected, got {given or 'none'}"
@@ -202,11 +210,7 @@ class Zones(Table):
 
     @property
     def fixed(self) -> str:
-        return next(name for name in PAIRS if getattr(self, name) is not None)
-
-    @property
-    def grid(self) -> dict[str, list[float]]:
-        return {self.fixed: getattr(self, self.fixed), **self.over}
+        return self.given[0]
 
 
 class Atlas(Zones):

@@ -80,9 +80,9 @@ def test_the_whole_script_runs_and_leaves_its_figures(
 
 
 def test_a_curve_that_lacks_a_column_is_not_drawn(told: Explorer) -> None:
-    told.draw(axes=("a", "phi"))
+    told.change(axes=("a", "phi"))
     shown = [one.code for one in told.state.shown]
-    told.draw(axes=("", ""))
+    told.change(axes=("", ""))
     assert shown == ["branch1", "line3", "branch4"]  # arms have the times of two impacts
 
 
