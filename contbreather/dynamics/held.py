@@ -28,6 +28,3 @@ def held() -> Iterator[None]:
         signal.signal(signal.SIGINT, signal.default_int_handler if before is None else before)
         if came:
             signal.raise_signal(signal.SIGINT)
-
-
-__all__ = ["held"]

@@ -8,7 +8,7 @@ motion (`cruise`). The only error left is rounding.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -304,14 +304,7 @@ def _record(pieces: list[Stretch], sample: Sample | None, sites: int, t0: float)
     return Record(times, tuple(n % sites for n in sample.sites), u, v)
 
 
-class Stopped(Protocol):
-    """A run or a sweep, which may have been interrupted."""
-
-    @property
-    def stop(self) -> RunStop: ...
-
-
-S = TypeVar("S", bound=Stopped)
+S = TypeVar("S", bound=Any)  # a run or a sweep
 
 
 def completed(run: S) -> S:

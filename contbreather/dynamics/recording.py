@@ -290,9 +290,8 @@ def _lattice(arrays: Mapping[str, NDArray[Any]], name: str) -> Finite:
 
 
 def _about(run: Recording) -> dict[str, Any]:
-    sample, c = None, run.conditions
-    if run.sample is not None:
-        sample = {"sites": list(run.sample.sites), "per_period": run.sample.per_period}
+    c = run.conditions
+    sample = run.sample and {**vars(run.sample), "sites": list(run.sample.sites)}
     harmonics = [[int(m), float(c), float(s)] for m, c, s in c.forcing.harmonics]
     numbers = {name: float(getattr(c, name)) for name in OWN}
     walls = [list(c.walls.of_all), *([site, *pair] for site, pair in c.walls.own)]
@@ -467,6 +466,3 @@ def _damaged(path: Path, why: str) -> BadInput:
         f"{path} is damaged: {why}; bring it back from a copy, or remove it and all files after it "
         "to go on from there."
     )
-
-
-__all__ = ["Recording", "open_recording", "record"]

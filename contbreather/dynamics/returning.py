@@ -10,11 +10,11 @@ forms and arms.
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from operator import attrgetter
-from typing import Any, NamedTuple, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,63 +69,52 @@ class Return:
         return -1.0 if self.half else 1.0
 
     def image(self, x: Array, params: Params) -> Array:
-        return self.sign * self._flight(x, params).image
+        return self.sign * _flight(*self._asked(x, params))[0]
 
     def derivative(self, x: Array, params: Params) -> Array:
-        flight = self._flight(x, params, slopes=True)
-        assert flight.matrix is not None
-        return self.sign * flight.matrix
+        return self.sign * _slopes(*self._asked(x, params))[0]
 
     def sensitivity(self, x: Array, params: Params, name: str) -> Array:
         """The derivative in a parameter, on smooth walls."""
-        flight = self._flight(x, params, slopes=True)
-        assert flight.columns is not None
-        return self.sign * np.asarray(flight.columns[:, OWN.index(name)])
+        columns = _slopes(*self._asked(x, params))[1]
+        assert columns is not None
+        return self.sign * np.asarray(columns[:, OWN.index(name)])
 
-    def _flight(self, x: Array, params: Params, *, slopes: bool = False) -> Flight:
-        """Kept, for residual, derivative, columns and events ask for the same few."""
+    def _asked(self, x: Array, params: Params) -> Asked:
         span = 0.5 if self.half else 1.0  # periods of the forcing
-        key = (self.on.at(params), reduced(self.t0), span, x.tobytes())
-        found = _KNOWN.pop(key, None)
-        if found is None or (slopes and found.matrix is None):
-            found = _fly(*key[:3], x, found, slopes)
-        _KNOWN[key] = found
-        if len(_KNOWN) > KEPT:
-            _KNOWN.popitem(last=False)
-        return found
+        return self.on.at(params), x.tobytes(), reduced(self.t0), span
 
 
-class Flight(NamedTuple):
-    """Where a state gets to, and as far as asked for its derivatives in state and parameters."""
-
-    image: Array
-    run: Run | None
-    matrix: Array | None = None
-    columns: Array | None = None
+Asked = tuple[Conditions | SmoothConditions, bytes, float, float]
 
 
-_KNOWN: OrderedDict[Any, Flight] = OrderedDict()
+# kept, for residual, derivative, columns and events ask for the same few
+@lru_cache(maxsize=KEPT)
+def _flight(
+    on: Conditions | SmoothConditions, x: bytes, t0: float, span: float
+) -> tuple[Array, Run | None]:
+    """Where a state gets to, and on rigid walls its run."""
+    state = State(*np.frombuffer(x).reshape(2, -1))
+    if isinstance(on, SmoothConditions):
+        return flown(on, state, t0, span)[0], None
+    run = completed(advance(state, on, periods=span, t0=t0))
+    if run.stop is not RunStop.DONE:
+        raise ArithmeticError(run.reason)
+    return np.concatenate(run.final), run
 
 
-def _fly(
-    on: Conditions | SmoothConditions,
-    t0: float,
-    span: float,
-    x: Array,
-    known: Flight | None,
-    slopes: bool,
-) -> Flight:
-    state = State(*np.split(x, 2))
+@lru_cache(maxsize=KEPT)
+def _slopes(
+    on: Conditions | SmoothConditions, x: bytes, t0: float, span: float
+) -> tuple[Any, Array | None]:
+    """Its derivatives in the state, and on smooth walls in the parameters."""
     if isinstance(on, SmoothConditions):
         # integrated apart: the steps of both differ, and equations must not change with who asks
-        image = known.image if known else flown(on, state, t0, span)[0]
-        return Flight(image, None, *(flown(on, state, t0, span, slopes=True)[1:] if slopes else ()))
-    run = known.run if known else None
-    if run is None:
-        run = completed(advance(state, on, periods=span, t0=t0))
-        if run.stop is not RunStop.DONE:
-            raise ArithmeticError(run.reason)
-    return Flight(np.concatenate(run.final), run, variation(run) if slopes else None)
+        state = State(*np.frombuffer(x).reshape(2, -1))
+        return flown(on, state, t0, span, slopes=True)[1:]
+    run = _flight(on, x, t0, span)[1]
+    assert run is not None
+    return variation(run), None
 
 
 # --- the motion ---------------------------------------------------------------------------------

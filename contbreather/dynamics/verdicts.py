@@ -28,6 +28,7 @@ from contbreather.errors import BadInput, NotConverged
 
 Array = NDArray[Any]
 Found = tuple["Kind", str]
+Ran = Run | SmoothRun
 TURN = 2.0 * math.pi
 
 LEAST = 100  # periods that must be seen before anything can be said
@@ -234,7 +235,7 @@ def judge(run: Run | SmoothRun) -> Verdict:
     return Verdict(*found, evidence, run)
 
 
-def _where(run: Run | SmoothRun) -> dict[str, float]:
+def _where(run: Ran) -> dict[str, float]:
     u, v = run.strobe
     half = run.periods // 2
     on, late = run.conditions, run.times[half:]
@@ -251,7 +252,7 @@ def _where(run: Run | SmoothRun) -> dict[str, float]:
     return evidence
 
 
-def _lost(run: Run | SmoothRun, evidence: dict[str, float]) -> Found | None:
+def _lost(run: Ran, evidence: dict[str, float]) -> Found | None:
     """No breather any more: nobody hits, all move alike, or impacts (on smooth walls, which do not
     count them, the energy) are all over the lattice."""
     sites, impacting = run.sites, evidence.get("impacting")
@@ -269,9 +270,7 @@ def _lost(run: Run | SmoothRun, evidence: dict[str, float]) -> Found | None:
     return None
 
 
-def _closed(
-    run: Run | SmoothRun, evidence: dict[str, float]
-) -> tuple[Found | None, PeriodicMotion | None]:
+def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Found | None, PeriodicMotion | None]:
     """Periodic or locked: Newton's method finds a motion that closes next to the run's end.
 
     Where that motion repels and the run is still beside it, it is given back too: a run returns to
@@ -301,7 +300,7 @@ def _closed(
     return (Kind.UNDECIDED, reason), None
 
 
-def _returns(run: Run | SmoothRun) -> tuple[int, Array]:
+def _returns(run: Ran) -> tuple[int, Array]:
     """After how many periods a run comes back best, and how close after each number of them."""
     x = np.concatenate(run.strobe, axis=1)
     longest = min(LONGEST, len(x) // 3)
@@ -311,12 +310,12 @@ def _returns(run: Run | SmoothRun) -> tuple[int, Array]:
     return 1 + int(np.argmax(gaps < max(CLOSED, 2.0 * gaps.min()))), gaps
 
 
-def _slack(run: Run | SmoothRun) -> float:
+def _slack(run: Ran) -> float:
     """How far beyond 1 rounding, or the integration, may take a multiplier."""
     return 1e-6 if isinstance(run, SmoothRun) else 1e-7
 
 
-def _next_to(run: Run | SmoothRun, periods: int) -> PeriodicMotion | None:
+def _next_to(run: Ran, periods: int) -> PeriodicMotion | None:
     """The motion of that many periods next to the end of the run, attracting or not."""
     try:
         found = closing(_last(run), run.conditions, periods=periods, t0=float(run.times[0]))
@@ -325,17 +324,17 @@ def _next_to(run: Run | SmoothRun, periods: int) -> PeriodicMotion | None:
     return found if _distance(run, found) < 10.0 * NEARBY else None
 
 
-def _last(run: Run | SmoothRun) -> State:
+def _last(run: Ran) -> State:
     """The last state once in a period, at the phase of the first one."""
     return State(run.strobe.u[-1], run.strobe.v[-1])
 
 
-def _distance(run: Run | SmoothRun, found: PeriodicMotion) -> float:
+def _distance(run: Ran, found: PeriodicMotion) -> float:
     """How far the end of a run is from a motion."""
     return float(np.abs(np.subtract(_last(run), found.state)).max())
 
 
-def _leaving(run: Run | SmoothRun, found: PeriodicMotion) -> bool:
+def _leaving(run: Ran, found: PeriodicMotion) -> bool:
     """Whether a run has been beside a motion that repels all the time, and no longer than it can.
 
     A chaotic band passes by such motions again and again, or is narrow and stays beside one for
@@ -348,7 +347,7 @@ def _leaving(run: Run | SmoothRun, found: PeriodicMotion) -> bool:
     return beside and len(away) * math.log(found.largest) < -math.log(np.finfo(float).eps)
 
 
-def _repels(run: Run | SmoothRun, evidence: dict[str, float], found: PeriodicMotion) -> str:
+def _repels(run: Ran, evidence: dict[str, float], found: PeriodicMotion) -> str:
     """The sentence on a run next to a motion that repels."""
     evidence["multiplier"] = found.largest
     after = "a period" if found.periods == 1 else f"{found.periods} periods"
@@ -358,7 +357,7 @@ def _repels(run: Run | SmoothRun, evidence: dict[str, float], found: PeriodicMot
     )
 
 
-def _periodic(run: Run | SmoothRun, evidence: dict[str, float], found: PeriodicMotion) -> Found:
+def _periodic(run: Ran, evidence: dict[str, float], found: PeriodicMotion) -> Found:
     u, v = completed(found.run()).strobe
     gaps = np.maximum(np.abs(u[1:] - u[0]).max(axis=1), np.abs(v[1:] - v[0]).max(axis=1))
     n = 1 + int(np.argmax(gaps < 1e-7))
@@ -371,9 +370,7 @@ def _periodic(run: Run | SmoothRun, evidence: dict[str, float], found: PeriodicM
     return Kind.LOCKED, f"{p}:{n}, {reason}"
 
 
-def _open(
-    run: Run | SmoothRun, evidence: dict[str, float], repelling: PeriodicMotion | None
-) -> Found:
+def _open(run: Ran, evidence: dict[str, float], repelling: PeriodicMotion | None) -> Found:
     """Not closed: chaos if an exponent is positive, a torus if it is zero and the turns are steady.
 
     Bands of chaos that are visited in turn have a rotation number as sharp as that of a locked
@@ -410,7 +407,7 @@ def _open(
     return Kind.UNDECIDED, f"{turns}, {words}"
 
 
-def _exponents(run: Run | SmoothRun) -> tuple[Array, Array]:
+def _exponents(run: Ran) -> tuple[Array, Array]:
     """The largest exponents from the end of a run on, and how well halves agree on them."""
     # directions that shrink slowly take as long to find as the motion to settle
     count, length, settle = min(3, 2 * run.sites), run.periods, max(300, run.periods)

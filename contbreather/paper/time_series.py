@@ -26,6 +26,7 @@ from contbreather.dynamics import (
     Run,
     Sample,
     SmoothRun,
+    State,
     periodic,
     simulate,
     simulate_smooth,
@@ -68,7 +69,7 @@ class Curve:
     site: int
     t: Array
     u: Array
-    style: str = "line"  # "line", "dashed", "circles", "trace" or "points"
+    style: str = "line"  # one of `LOOKS`
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,22 +150,20 @@ def _explain(ax: Axes) -> None:
         )  # fmt: skip
 
 
+LOOKS: dict[str, dict[str, Any]] = {
+    "line": {"color": VERMILLION},
+    "dashed": {"linestyle": "--", "color": BLUE, "linewidth": 0.9},
+    "circles": {"linestyle": "", "marker": "o", "color": "black", "markerfacecolor": "none",
+                "markersize": 2.6, "markeredgewidth": 0.5},
+    "points": {"linestyle": "", "marker": ".", "color": BLUE, "markersize": 0.9, "label": None},
+    "trace": {"linewidth": 0.25, "rasterized": True, "label": None},  # in the colour of its site
+}  # fmt: skip
+
+
 def _draw_panel(ax: Axes, panel: Panel) -> None:
     for curve in panel.curves:
-        if curve.style == "line":
-            ax.plot(curve.t, curve.u, "-", color=VERMILLION, label=curve.name)
-        elif curve.style == "dashed":
-            ax.plot(curve.t, curve.u, "--", color=BLUE, linewidth=0.9, label=curve.name)
-        elif curve.style == "circles":
-            ax.plot(
-                curve.t, curve.u, "o", color="black", markerfacecolor="none", markersize=2.6,
-                markeredgewidth=0.5, label=curve.name,
-            )  # fmt: skip
-        elif curve.style == "points":
-            ax.plot(curve.t, curve.u, ".", color=BLUE, markersize=0.9)
-        else:
-            colour = CYCLE[abs(curve.site)]
-            ax.plot(curve.t, curve.u, "-", color=colour, linewidth=0.25, rasterized=True)
+        colour = CYCLE[abs(curve.site) % len(CYCLE)]
+        ax.plot(curve.t, curve.u, **{"label": curve.name, "color": colour, **LOOKS[curve.style]})
     ax.set_xlabel(panel.labels[0])
     ax.set_ylabel(panel.labels[1])
     ax.locator_params(axis="x", nbins=7)
@@ -456,9 +455,7 @@ def _pitchfork(breather: Orbit) -> float:
 def _ramped(m: int, gamma: float) -> SmoothRun:
     """The ring of Fig. 7: two periods after a slow ramp in a and 500 periods of rest."""
     conditions = _conditions(RAMP[1], gamma)
-    start = symmetric(RAMP[0], gamma, RESTITUTION).state(SITES)
-    ramp = completed(sweep(start, "a", np.linspace(*RAMP, 121), periods=2, m=m, **conditions))
-    held = completed(simulate_smooth(ramp.final, m=m, periods=500, **conditions))
+    held = completed(simulate_smooth(_up(m, gamma, 121, 2), m=m, periods=500, **conditions))
     sample = Sample(SHOWN, 8 * CIRCLES)
     return completed(simulate_smooth(held.final, m=m, periods=2, sample=sample, **conditions))
 
@@ -466,10 +463,14 @@ def _ramped(m: int, gamma: float) -> SmoothRun:
 @lru_cache(maxsize=1)
 def _gently(m: int, gamma: float) -> PeriodicMotion:
     """The asymmetric breather of the smooth ring next to the end of a slower ramp."""
-    conditions = _conditions(RAMP[1], gamma)
-    start = symmetric(RAMP[0], gamma, RESTITUTION).state(SITES)
-    ramp = completed(sweep(start, "a", np.linspace(*RAMP, 61), periods=6, m=m, **conditions))
-    return periodic(ramp.final, m=m, **conditions)
+    return periodic(_up(m, gamma, 61, 6), m=m, **_conditions(RAMP[1], gamma))
+
+
+def _up(m: int, gamma: float, steps: int, periods: int) -> State:
+    """The end of a ramp in a, from the symmetric breather before the pitchfork."""
+    start, on = symmetric(RAMP[0], gamma, RESTITUTION), _conditions(RAMP[1], gamma)
+    values = np.linspace(*RAMP, steps)
+    return completed(sweep(start.state(SITES), "a", values, periods=periods, m=m, **on)).final
 
 
 def _impacts_and_mean(motion: PeriodicMotion) -> tuple[tuple[float, float], float]:
