@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from contbreather.breathers import symmetric
@@ -22,9 +21,7 @@ from contbreather.dynamics import (
     flow,
     periodic,
     simulate,
-    simulate_smooth,
 )
-from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, Ring
 from contbreather.stability import dense_half_map
 from tests.dynamics.independent import with_events
@@ -376,45 +373,6 @@ def test_chatter_is_the_geometric_series_of_its_impacts():
     assert np.allclose(flights, 2 * np.abs(chatter["after"][:-1]) / push, rtol=1e-2)
 
 
-def test_resting_site_holds_its_neighbours_like_a_wall():
-    """Two sites: while 0 rests, 1 is an oscillator on a fixed spring, solved by the matrix."""
-    gamma, a = 0.2, 0.3
-    u, v = np.array([1.0, 0.2]), np.array([0.0, 0.1])
-    t0 = 0.75 * PI  # the force points to +1 and the spring pulls by 0.4 (1 - u_1) only
-    run = simulate((u, v), a=a, gamma=gamma, k=0.5, periods=0.02, t0=t0)
-    assert not run.impacts.size
-
-    def slope(t, x):
-        return [x[1], -gamma * 2 * (x[0] - 1.0) - a * math.cos(t)]
-
-    push = -a * math.cos(t0) - 2 * gamma * (1.0 - 0.2)
-    held = push > 0
-    wanted = solve_ivp(slope, (t0, t0 + 0.04 * PI), [0.2, 0.1], rtol=1e-12, atol=1e-14)
-    assert held == (run.final.u[0] == 1.0)
-    if held:
-        assert run.final.u[1] == pytest.approx(wanted.y[0, -1], abs=1e-11)
-
-
-@pytest.mark.parametrize("k", [0.0, 0.3])
-def test_resting_neighbour_is_a_fixed_end(k):
-    """A strong force holds site 0 of three on its wall; the others swing on fixed springs."""
-    gamma, a, t0 = 0.1, 2.0, 0.75 * PI
-    u, v = np.array([1.0, -0.2, 0.1]), np.array([0.0, -2.0, -1.9])
-    run = simulate((u, v), a=a, gamma=gamma, k=k, periods=0.05, t0=t0)
-    assert run.final.u[0] == 1.0
-    assert run.final.v[0] == 0.0
-    assert not run.impacts.size
-
-    def slope(t, x):
-        force = -a * math.cos(t)
-        left = force - gamma * (2 * x[0] - 1.0 - x[1])
-        right = force - gamma * (2 * x[1] - 1.0 - x[0])
-        return [x[2], x[3], left, right]
-
-    swing = solve_ivp(slope, (t0, t0 + 0.1 * PI), [-0.2, 0.1, -2.0, -1.9], rtol=1e-12, atol=1e-14)
-    assert np.allclose(run.final.u[1:], swing.y[:2, -1], rtol=0, atol=1e-11)
-
-
 def test_plastic_impact_rests_at_once_when_pushed_and_flies_off_when_not():
     pushed = simulate(([0.9], [0.5]), a=1.0, gamma=0.0, k=0.0, periods=0.2, t0=0.75 * PI)
     assert len(pushed.impacts) == 1
@@ -490,85 +448,6 @@ def test_run_taken_up_from_its_final_state_is_the_same_run_bit_for_bit(k, a):
     assert np.array_equal(whole.final.v, second.final.v)
     both = np.concatenate([first.impacts["before"], second.impacts["before"]])
     assert np.array_equal(whole.impacts["before"], both)
-
-
-def test_interrupted_run_keeps_the_periods_it_completed(monkeypatch):
-    from contbreather.dynamics import stretches
-
-    advance = stretches.Machine.advance
-    calls = []
-
-    def interrupted(self, *args, **kwargs):
-        calls.append(1)
-        if len(calls) == 3:
-            raise KeyboardInterrupt
-        return advance(self, *args, **kwargs)
-
-    monkeypatch.setattr(stretches.Machine, "advance", interrupted)
-    state = symmetric(0.5, 0.08, 0.8).state(20)
-    run = simulate(state, a=0.5, gamma=0.08, k=0.8, periods=1000)
-    assert run.stop is RunStop.INTERRUPTED
-    assert 0 < run.periods < 1000
-    assert np.array_equal(run.final.u, run.strobe.u[-1])
-    assert len(run.impacts) == 2 * run.periods
-
-
-# --- what cannot be worked with -------------------------------------------------------------------
-
-GOOD = {"a": 0.5, "gamma": 0.08, "k": 0.8, "periods": 1}
-REST = (np.zeros(4), np.zeros(4))
-
-
-@pytest.mark.parametrize(
-    ("state", "changed", "sentence"),
-    [
-        (([0.0, 1.2], [0.0, 0.0]), {}, r"u\[1\] = 1.2 lies outside the walls"),
-        (([0.0, 0.2], [0.0]), {}, r"a pair \(u, v\) of rows of equal length"),
-        (([], []), {}, "a pair"),
-        (([0.0], [math.nan]), {}, r"v\[0\] = nan of the state is not finite"),
-        (([0.0], [1e9]), {}, "blow up the energy"),
-        (3.0, {}, "a state is a pair"),
-        (REST, {"damping": -0.1}, "damping = -0.1: a damping coefficient, at least 0"),
-        (REST, {"damping": 2e4}, r"damping = 20000\.0: .* at most 1e4"),
-        (REST, {"periods": 1e13}, r"periods = 1(0+)\.0: a length in periods from 0 to 1e12"),
-        (REST, {"k": 1.1}, "k = 1.1: a restitution coefficient between 0 and 1"),
-        (REST, {"gamma": 0.25}, "gamma = 0.25"),
-        (REST, {"a": math.inf}, "a = inf: an amplitude"),
-        (REST, {"periods": -1}, "periods = -1"),
-        (REST, {"t0": math.nan}, "t0 = nan"),
-    ],
-)
-def test_bad_input_is_refused_with_a_sentence(state, changed, sentence):
-    with pytest.raises(BadInput, match=sentence):
-        simulate(state, **{**GOOD, **changed})
-
-
-def test_sites_of_a_sample_are_whole_numbers():
-    with pytest.raises(BadInput, match=r"sites = \(1\.7,\): whole numbers were expected, 1\.7"):
-        Sample((1.7,))
-    assert Sample(np.array([0, -1])).sites == (0, -1)
-
-
-@pytest.mark.parametrize("sites", [(), 5, None, "ab", (0.5,)])
-def test_sample_of_no_sites_is_refused(sites):
-    with pytest.raises(BadInput, match="sites = "):
-        Sample(sites=sites)
-
-
-@pytest.mark.parametrize("name", ["a", "gamma", "k", "periods", "damping", "t0", "m"])
-def test_text_is_no_number(name):
-    shared = {"a": 0.5, "gamma": 0.0, "periods": 2, "damping": 0.0, "t0": 0.0}
-    shared |= {"m": 6.0} if name == "m" else {}
-    run = simulate_smooth if name == "m" else simulate
-    for wrong in ("1", b"1", [1.0], 1j):
-        with pytest.raises(BadInput, match=f"^{name} = "):
-            run(([0.1], [0.2]), **{"k": 0.8, **shared, name: wrong})
-
-
-def test_what_is_no_sample_is_refused():
-    for run, more in ((simulate, {}), (simulate_smooth, {"m": 6})):
-        with pytest.raises(BadInput, match="a Sample was expected"):
-            run(([0.1], [0.2]), a=0.5, gamma=0.0, k=0.8, periods=1, sample=(0, 1), **more)
 
 
 def test_results_are_shown_in_a_line():

@@ -99,6 +99,16 @@ def test_interrupted_figure_says_so_and_leaves_no_file(
 
 
 @pytest.mark.parametrize("run", [simulate, partial(simulate_smooth, m=6)])
+def test_ctrl_c_keeps_the_periods_that_are_completed(ctrl_c, run):
+    ctrl_c(2)
+    cut = run(STATE, periods=1000, **SET)
+    assert cut.stop is RunStop.INTERRUPTED
+    assert 0 < cut.periods < 1000
+    assert np.array_equal(cut.final.u, cut.strobe.u[-1])
+    assert np.array_equal(cut.strobe, run(STATE, periods=cut.periods, **SET).strobe)
+
+
+@pytest.mark.parametrize("run", [simulate, partial(simulate_smooth, m=6)])
 def test_ctrl_c_in_the_fraction_at_the_end_keeps_all_whole_periods(ctrl_c, run):
     whole = run(STATE, periods=4, **SET)
     ctrl_c(4 if isinstance(run, partial) else 1)  # smooth runs go period by period

@@ -259,43 +259,8 @@ def test_rotation_of_a_torus_on_an_open_chain():
     assert rotation(*run.strobe).number == pytest.approx(min(turns, 1 - turns), abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("changed", "sentence"),
-    [
-        ({"state": ([0.0] * 4, [0.0] * 4)}, "the state has 4 sites, the lattice .* has 5"),
-        (
-            {"state": ([0, 0, 0.9, 0, 0], [0.0] * 5)},
-            r"u\[2\] = 0.9 lies outside the walls at -0.5 and",
-        ),
-        ({"state": ([0, 0, 0, 0.9, 0], [0.0] * 5)}, r"u\[3\] = 0.9 lies outside the walls at 0.7;"),
-        ({"walls": {7: (-1, 1)}}, "walls of site 7: there is no such site on the open chain"),
-        ({"walls": (1, -1)}, "two numbers low < high are expected"),
-        ({"spring": -0.1}, "spring = -0.1: an on-site stiffness, at least 0"),
-        ({"spring": 1e9}, "spring = 1000000000.0: an on-site stiffness, .* at most 1e8"),
-        ({"gamma": -0.1}, "gamma = -0.1: a coupling, at least 0"),
-        ({"damping": 1e9}, "damping = 1000000000.0: a damping coefficient"),
-        ({"lattice": cb.InfiniteChain()}, "a finite one is expected"),
-        ({"lattice": "open"}, "lattice = 'open': a finite one is expected"),
-        ({"sample": Sample((7,))}, "sample: there is no site 7 among 5"),
-    ],
-)
-def test_bad_input_is_answered_by_a_sentence(changed, sentence):
-    given_ = {
-        "state": ([0.0] * 5, [0.0] * 5), "a": 0.5, "gamma": 0.1, "k": 0.8, "periods": 1,
-        "lattice": cb.OpenChain(5), "walls": {2: (-0.5, 0.5), 3: (None, 0.7)}, **changed,
-    }  # fmt: skip
-    state = given_.pop("state")
-    with pytest.raises(BadInput, match=sentence):
-        simulate(state, **given_)
-
-
 def test_a_ring_may_be_coupled_below_a_quarter_only_other_lattices_at_will():
     state = [0.0] * 3, [0.1] * 3
     with pytest.raises(BadInput, match="gamma"):
         simulate(state, a=0.1, gamma=0.3, k=0.8, periods=1)
     assert simulate(state, a=0.1, gamma=3.0, k=0.8, periods=1, lattice=cb.OpenChain(3)).periods == 1
-
-
-def test_symmetric_motions_need_symmetric_walls():
-    with pytest.raises(BadInput, match="the walls are not symmetric"):
-        periodic(([0.0], [0.0]), a=0.5, gamma=0.0, k=0.8, walls=(None, 1.0), symmetric=True)

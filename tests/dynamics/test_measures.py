@@ -32,8 +32,7 @@ from contbreather.dynamics.impacting import Record
 from contbreather.dynamics.states import PERIOD
 from contbreather.dynamics.stretches import IMPACT
 from contbreather.dynamics.verdicts import judge
-from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Fourier
+from contbreather.errors import NotConverged
 from contbreather.progress import Bar
 
 STILL = {"a": 0.0, "gamma": 0.0}
@@ -97,22 +96,6 @@ def test_a_ring_without_energy_takes_part_as_a_whole() -> None:
     assert seen.participation.tolist() == [5.0, 5.0, 5.0]
 
 
-@pytest.mark.parametrize(("u", "v"), [([0.1, 0.2], [0.1]), (0.1, 0.2), ([[0.1]], [0.1])])
-def test_states_of_different_shapes_have_no_energy(u, v) -> None:
-    with pytest.raises(BadInput, match=r"u and v must have one shape \(\.\.\., sites\)"):
-        localisation(u, v, **STILL)
-
-
-@pytest.mark.parametrize("name", ["u", "v"])
-def test_a_state_that_is_not_finite_is_named(name: str) -> None:
-    given = {"u": [0.1, 0.2], "v": [0.3, 0.4]}
-    given[name] = [math.nan, 0.1]
-    with pytest.raises(BadInput, match=rf"^{name}\b"):
-        localisation(**given, **STILL)
-    with pytest.raises(BadInput, match=rf"^{name}\b"):
-        rotation(**given)
-
-
 # --- rotation numbers -----------------------------------------------------------------------------
 
 
@@ -145,17 +128,6 @@ def test_a_section_that_stands_still_does_not_turn() -> None:
 def test_twenty_states_are_enough_for_a_rotation_number() -> None:
     t = 2.0 * math.pi * 0.3 * np.arange(20)
     assert rotation(np.cos(t), np.sin(t)).number == pytest.approx(0.3, abs=1e-2)
-    with pytest.raises(BadInput, match="19 states are too few for a rotation number"):
-        rotation(np.cos(t[1:]), np.sin(t[1:]))
-
-
-@pytest.mark.parametrize(
-    "shapes", [((30,), (31,)), ((30, 2), (30,)), ((30, 2, 1), (30, 2, 1)), ((), ())]
-)
-def test_tables_of_other_shapes_have_no_rotation_number(shapes) -> None:
-    u, v = (np.zeros(shape) for shape in shapes)
-    with pytest.raises(BadInput, match=r"rows of states, or tables with a column for each site"):
-        rotation(u, v)
 
 
 # --- verdicts -------------------------------------------------------------------------------------
@@ -255,15 +227,6 @@ def test_exponents_of_a_ring_without_impacts_are_its_damping() -> None:
     assert (found.error >= 0.0).all()
 
 
-def test_more_exponents_than_a_ring_has_are_refused() -> None:
-    shared = {"a": 0.1, "gamma": 0.05, "k": 0.8}
-    with pytest.raises(BadInput, match="count = 7: 3 sites have 6 exponents"):
-        lyapunov((np.zeros(3), np.zeros(3)), periods=10, count=7, **shared)
-    for name, value in (("count", 0), ("periods", 9), ("settle", -1), ("seed", -1)):
-        with pytest.raises(BadInput, match=rf"^{name} = {value}: a whole number, at least"):
-            lyapunov((np.zeros(3), np.zeros(3)), **{"periods": 10, name: value}, **shared)
-
-
 # --- sweeps ---------------------------------------------------------------------------------------
 
 
@@ -315,9 +278,6 @@ def test_tilt_is_the_flight_to_the_lower_wall_beyond_half_a_period() -> None:
 def test_values_of_a_sweep_there_and_back_turn_once() -> None:
     assert there_and_back([0.5]).tolist() == [0.5]
     assert there_and_back([1, 2]).tolist() == [1.0, 2.0, 1.0]
-    for wrong in ([], [[1.0]]):
-        with pytest.raises(BadInput, match=r"^values = .*: the values of a sweep, a row"):
-            there_and_back(wrong)
 
 
 def test_a_sweep_ends_with_a_run_that_ends(monkeypatch) -> None:
@@ -339,11 +299,6 @@ def test_a_sweep_ends_with_a_run_that_ends(monkeypatch) -> None:
 
 def test_an_axis_says_which_coordinate_it_is() -> None:
     assert (Axis("u", 3, [0.1]).label, Axis("v", -1, [0.1]).label) == ("u_3", "v_-1")
-    for wrong in ([], [[0.1]]):
-        with pytest.raises(BadInput, match=r"^values = .*: the values of an axis, a row"):
-            Axis("u", 0, wrong)
-    with pytest.raises(BadInput, match=r"^values = \['x'\]: finite real numbers were expected"):
-        Axis("u", 0, ["x"])
 
 
 def test_starts_of_a_basin_are_where_its_axes_say() -> None:
@@ -394,23 +349,6 @@ def test_another_breather_at_the_site_is_another_motion() -> None:
     assert set(found.fate[:, 0].tolist()) <= {Fate.RETURNED, Fate.OTHER}
 
 
-@pytest.mark.parametrize(
-    ("changed", "sentence"),
-    [
-        ({"x": ("u", 0)}, "an Axis"),
-        ({"site": 0.5}, r"^site = 0\.5"),
-        ({"tolerance": -1.0}, r"^tolerance = -1\.0: a distance"),
-        ({"t0": math.inf}, r"^t0 = inf: a time"),
-        ({"periods": 1}, r"^periods = 1\b"),
-        ({"executor": 0}, r"^executor = 0: a whole number, at least 1"),
-    ],
-)
-def test_wrong_questions_about_basins_are_refused(changed, sentence) -> None:
-    good = {"x": Axis("u", 0, [0.1]), "y": Axis("v", 0, [0.1]), "a": 0.1, "gamma": 0.0, "k": 0.8}
-    with pytest.raises(BadInput, match=sentence):
-        attraction(([0.0], [0.0]), **{**good, **changed})
-
-
 # --- runs -----------------------------------------------------------------------------------------
 
 
@@ -453,14 +391,9 @@ def test_a_fraction_of_a_period_is_at_the_end_of_a_run_and_not_in_its_section(
         assert rest.final.u == pytest.approx(run.final.u, abs=1e-8)
 
 
-@pytest.mark.parametrize("value", [0, -3, 2.5, True, "8"])
-def test_samples_in_a_period_are_a_whole_number_of_times(value) -> None:
-    with pytest.raises(BadInput, match=r"^per_period = "):
-        Sample((0,), value)
-
-
 def test_a_sample_is_of_site_0_at_64_times_unless_said() -> None:
     assert (Sample().sites, Sample().per_period) == ((0,), 64)
+    assert Sample(np.array([0, -1])).sites == (0, -1)
 
 
 def test_states_without_a_periodic_motion_nearby_say_how_far_newton_came() -> None:
@@ -510,19 +443,6 @@ def test_a_bar_counts_what_it_was_given_in_its_own_unit(monkeypatch, capsys) -> 
     assert shown(Bar(False, 7), range(1, 4), capsys) == ""
 
 
-def test_a_bar_is_shown_after_a_second_only(monkeypatch, capsys) -> None:
-    clock = [100.0]
-    monkeypatch.setattr("contbreather.progress.time.monotonic", lambda: clock[0])
-    bar = Bar(True, 9)
-    clock[0] = 100.9
-    bar.advance(1)
-    assert bar.line is None
-    clock[0] = 101.1
-    bar.advance(2)
-    assert bar.line is not None
-    assert "2/9 periods" in shown(bar, range(0), capsys)
-
-
 def test_at_a_terminal_a_bar_is_wanted_unless_refused(monkeypatch) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     assert Bar(None, 3).wanted is True
@@ -530,13 +450,3 @@ def test_at_a_terminal_a_bar_is_wanted_unless_refused(monkeypatch) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: False, raising=False)
     assert Bar(None, 3).wanted is False
     assert Bar(True, 3).wanted is True
-
-
-def test_a_forcing_of_several_harmonics_is_swept_by_its_own_parameters() -> None:
-    forcing = Fourier(cos={1: -1.0, 3: 0.0})
-    still = [0.0, 0.0], [0.0, 0.0]
-    shared = {"gamma": 0.05, "k": 0.8, "damping": 0.3, "forcing": forcing}
-    seen = sweep(still, "c3", [0.9], periods=9, a=0.2, **shared)
-    run = simulate(still, periods=9, a=0.2, **{**shared, "forcing": forcing.at(c3=0.9)})
-    assert np.array_equal(seen.final.u, run.final.u)
-    assert seen.amplitude[0] < 1e-5

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import json
-import math
 import os
-import pathlib
 from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -44,19 +41,18 @@ STATE = cb.symmetric(**HERE).state(4)
 # --- runs -----------------------------------------------------------------------------------------
 
 
-def test_velocities_beyond_all_reason_end_a_run(monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ("status", "sentence"),
+    [
+        ("WILD", r"the motion blows up in period 0 \(a = 0\.2, k = 0\.8"),
+        ("ASTRAY", r"in period 0 the search .* please report it"),
+    ],
+)
+def test_a_run_that_the_loops_give_up_is_an_error(monkeypatch, status, sentence) -> None:
     from contbreather.dynamics import cruise
 
-    monkeypatch.setattr(cruise, "cruise", lambda *given: (0, cruise.WILD, 0))
-    with pytest.raises(NotConverged, match=r"the motion blows up in period 0 \(a = 0\.2, k = 0\.8"):
-        simulate(STATE, **HERE, periods=2)
-
-
-def test_a_search_that_finds_no_end_is_to_be_reported(monkeypatch) -> None:
-    from contbreather.dynamics import cruise
-
-    monkeypatch.setattr(cruise, "cruise", lambda *given: (0, cruise.ASTRAY, 0))
-    with pytest.raises(NotConverged, match=r"in period 0 the search .* please report it"):
+    monkeypatch.setattr(cruise, "cruise", lambda *given: (0, getattr(cruise, status), 0))
+    with pytest.raises(NotConverged, match=sentence):
         simulate(STATE, **HERE, periods=2)
 
 
@@ -151,36 +147,6 @@ def test_of_a_long_smooth_ring_no_multipliers_are_computed(period: int, kind: Ki
     assert judge(smooth_run(u, noisy)).kind is not Kind.PERIODIC
 
 
-@pytest.mark.parametrize(
-    ("exponent", "error", "kind"),
-    [
-        (0.1, 0.001, Kind.CHAOTIC),
-        (0.1, 0.03, Kind.UNDECIDED),  # positive, but not known so well
-        (1e-7, 1e-8, Kind.QUASI_PERIODIC),
-        (-0.1, 0.001, Kind.UNDECIDED),
-        (1e-4, 1e-3, Kind.QUASI_PERIODIC),
-        (1e-4, 2e-3, Kind.UNDECIDED),
-    ],
-)
-def test_what_turns_steadily_is_a_torus_or_chaos_by_its_exponent(
-    monkeypatch, exponent: float, error: float, kind: Kind
-) -> None:
-    from contbreather.dynamics import verdicts
-
-    monkeypatch.setattr(
-        verdicts, "_exponents", lambda run: (np.array([exponent]), np.array([error]))
-    )
-    t = 2.0 * math.pi * 0.3819660113 * np.arange(600)
-    u, v = np.zeros((2, 600, 3))
-    u[:, 0], v[:, 0] = 0.3 * np.cos(t), 0.4 * np.sin(t) - 1.0
-    found = judge(smooth_run(u, v))
-    assert found.kind is kind, found.reason
-    assert found.evidence["exponent"] == exponent
-    assert found.evidence["exponent_error"] == error
-    assert found.evidence["rotation"] == pytest.approx(0.3819660113, abs=1e-7)
-    assert "largest exponent" in found.reason
-
-
 def test_a_smooth_motion_that_blows_up_is_no_equation_to_the_engine(monkeypatch) -> None:
     state = simulate_smooth(STATE, **HERE, m=6, damping=0.1, periods=100).final
     problem = periodic(state, **HERE, m=6, damping=0.1).problem
@@ -193,26 +159,27 @@ def test_a_smooth_motion_that_blows_up_is_no_equation_to_the_engine(monkeypatch)
         problem.residual(np.concatenate(state) + 1e-3, problem.params)
 
 
-def test_a_solver_that_cannot_go_on_says_where(monkeypatch) -> None:
-    import scipy.integrate
-
-    class Stuck(scipy.integrate.ode):
-        def successful(self) -> bool:
-            return False
-
-    monkeypatch.setattr(scipy.integrate, "ode", Stuck)
-    with pytest.raises(NotConverged, match=r"^dop853 cannot go on at t = 6\.28319: its step"):
-        simulate_smooth(([0.1], [0.0]), a=0.1, gamma=0.0, k=0.8, m=6, periods=1, solver=Explicit())
-
-
 # --- recordings and the system --------------------------------------------------------------------
 
 
-def refusing(name: str, code: int) -> Any:
+@pytest.mark.parametrize(
+    ("call", "code", "sentence"),
+    [
+        ("fcntl.flock", errno.ENOLCK, r"^cannot lock .*run: No locks available; choose another"),
+        ("fcntl.flock", errno.EAGAIN, "is being written to by another run; wait for its end"),
+        ("fcntl.flock", errno.EACCES, "is being written to by another run; wait for its end"),
+        ("pathlib.Path.iterdir", errno.EIO, r"^cannot read .*run: Input/output error; choose"),
+        ("builtins.open", errno.EIO, r"start\.npz is damaged: Input/output error; bring it back"),
+    ],
+)
+def test_what_the_system_refuses_is_a_sentence(tmp_path, monkeypatch, call, code, sentence) -> None:
     def refuse(*given: Any, **more: Any) -> Any:
         raise OSError(code, os.strerror(code))
 
-    return refuse
+    record(tmp_path / "run", STATE, **HERE, periods=1)
+    monkeypatch.setattr(call, refuse)
+    with pytest.raises(BadInput, match=sentence):
+        record(tmp_path / "run", STATE, **HERE, periods=1)
 
 
 def test_a_folder_that_cannot_be_made_is_a_sentence(tmp_path) -> None:
@@ -221,33 +188,6 @@ def test_a_folder_that_cannot_be_made_is_a_sentence(tmp_path) -> None:
         record(tmp_path / "file" / "run", STATE, **HERE, periods=1)
     deep = record(tmp_path / "one" / "two", STATE, **HERE, periods=1)  # these are made
     assert deep.periods == 1
-
-
-def test_a_system_without_locks_is_a_sentence(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(fcntl, "flock", refusing("flock", errno.ENOLCK))
-    with pytest.raises(BadInput, match=r"^cannot lock .*run: No locks available; choose another"):
-        record(tmp_path / "run", STATE, **HERE, periods=1)
-
-
-@pytest.mark.parametrize("code", [errno.EAGAIN, errno.EACCES])
-def test_a_lock_that_is_taken_is_another_run(tmp_path, monkeypatch, code: int) -> None:
-    monkeypatch.setattr(fcntl, "flock", refusing("flock", code))
-    with pytest.raises(BadInput, match="is being written to by another run; wait for its end"):
-        record(tmp_path / "run", STATE, **HERE, periods=1)
-
-
-def test_a_folder_that_cannot_be_read_is_a_sentence(tmp_path, monkeypatch) -> None:
-    kept = record(tmp_path / "run", STATE, **HERE, periods=1)
-    monkeypatch.setattr(pathlib.Path, "iterdir", refusing("iterdir", errno.EIO))
-    with pytest.raises(BadInput, match=r"^cannot read .*run: Input/output error; choose another"):
-        kept.files  # noqa: B018
-
-
-def test_a_file_that_cannot_be_read_is_damaged(tmp_path, monkeypatch) -> None:
-    record(tmp_path / "run", STATE, **HERE, periods=1)
-    monkeypatch.setattr("builtins.open", refusing("open", errno.EIO))
-    with pytest.raises(BadInput, match=r"start\.npz is damaged: Input/output error; bring it back"):
-        open_recording(tmp_path / "run")
 
 
 def test_a_file_that_this_version_does_not_write_is_refused(tmp_path) -> None:

@@ -13,7 +13,6 @@ from contbreather.continuation import Steps, trace
 from contbreather.dynamics import (
     Explicit,
     Implicit,
-    RunStop,
     Sample,
     Switching,
     periodic,
@@ -23,7 +22,7 @@ from contbreather.dynamics import (
 )
 from contbreather.dynamics.smooth import SmoothConditions, damping_of, restitution_of
 from contbreather.dynamics.smooth_flow import jacobian, motion, varied
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import NotConverged
 from contbreather.lattice import Fourier, Ring
 
 FIGURE5 = {"a": 0.1, "gamma": 0.08, "k": 0.8, "damping": 0.005}
@@ -280,51 +279,6 @@ def test_branch_in_gamma_and_lam_stays_near_the_exact_one():
             assert point["u"][0] == pytest.approx(exact, abs=0.02)
 
 
-# --- what cannot be worked with -------------------------------------------------------------------
-
-GOOD = {"a": 0.1, "gamma": 0.08, "k": 0.8, "m": 6, "periods": 1}
-REST = (np.zeros(3), np.zeros(3))
-
-
-@pytest.mark.parametrize(
-    ("state", "changed", "sentence"),
-    [
-        (REST, {"m": 0}, "m = 0: a hardness of the wall from 0.5 to 1e4"),
-        (REST, {"m": math.nan}, "m = nan"),
-        (REST, {"lam": 0.1}, "give one of them"),
-        (REST, {"k": None}, "give one of them"),
-        (REST, {"k": None, "lam": 2.5}, "lam = 2.5: a damping of the wall between 0 and 2"),
-        (REST, {"k": -0.1}, r"k = -0\.1: a restitution coefficient between 0 and 1, a finite"),
-        (REST, {"damping": 1e5}, r"damping = 100000\.0: .* at most 1e4"),
-        (REST, {"periods": 1e13}, r"periods = 1(0+)\.0: a length in periods from 0 to 1e12"),
-        (REST, {"gamma": 0.3}, "gamma = 0.3"),
-        (REST, {"damping": -1}, "damping = -1"),
-        (([1.9], [0.0]), {}, "lies far behind the walls"),
-        (([0.0], [1e7]), {}, "blow up the energy"),
-        (([0.0, 1.0], [0.0]), {}, "rows of equal length"),
-    ],
-)
-def test_bad_input_is_refused_with_a_sentence(state, changed, sentence):
-    with pytest.raises(BadInput, match=sentence):
-        simulate_smooth(state, **{**GOOD, **changed})
-
-
 def test_energy_that_blows_up_is_an_error():
     with pytest.raises(NotConverged, match="the energy blows up in period 1"):
         simulate_smooth(([0.0], [0.0]), a=1e8, gamma=0.0, k=0.8, m=2, periods=50)
-
-
-def test_interrupted_smooth_run_keeps_its_periods(monkeypatch):
-    from contbreather.dynamics.smooth import SmoothFlight
-
-    advance = SmoothFlight.advance
-
-    def interrupted(self, periods, first):
-        if first == 3:
-            raise KeyboardInterrupt
-        return advance(self, periods, first)
-
-    monkeypatch.setattr(SmoothFlight, "advance", interrupted)
-    run = simulate_smooth(REST, **{**GOOD, "periods": 10})
-    assert run.stop is RunStop.INTERRUPTED
-    assert run.periods == 3

@@ -15,7 +15,6 @@ from contbreather.continuation import trace
 from contbreather.dynamics import (
     Axis,
     Fate,
-    RunStop,
     Sample,
     attraction,
     localisation,
@@ -24,7 +23,7 @@ from contbreather.dynamics import (
     sweep,
     there_and_back,
 )
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import NotConverged
 from contbreather.lattice import Fourier, Ring
 
 DAMPED = {"gamma": 0.05, "k": 0.8, "damping": 0.02}
@@ -122,8 +121,9 @@ def test_other_parameters_can_be_swept_forcing_included(orbit):
         run = simulate(orbit.state, periods=20, **{**DAMPED, "a": 0.2, name: value})
         assert np.array_equal(seen.final.u, run.final.u)
     forcing = Fourier(cos={1: -1.0, 3: 0.0})
-    seen = sweep(orbit.state, "c3", [0.0, 0.1], periods=20, a=0.2, **DAMPED, forcing=forcing)
-    assert seen.change.size == 2
+    seen = sweep(orbit.state, "c3", [0.1], periods=20, a=0.2, **DAMPED, forcing=forcing)
+    run = simulate(orbit.state, periods=20, a=0.2, **DAMPED, forcing=forcing.at(c3=0.1))
+    assert np.array_equal(seen.final.u, run.final.u)
 
 
 def test_smooth_ring_is_swept_in_its_own_parameters():
@@ -134,35 +134,10 @@ def test_smooth_ring_is_swept_in_its_own_parameters():
         assert math.isnan(seen.lost())
 
 
-def test_interrupted_sweep_keeps_its_rows(orbit, monkeypatch):
-    from contbreather.dynamics import slow_sweep
-
-    let_go = slow_sweep.let_go
-
-    def interrupted(state, on, **how):
-        if on.a == 0.18:
-            raise KeyboardInterrupt
-        return let_go(state, on, **how)
-
-    monkeypatch.setattr(slow_sweep, "let_go", interrupted)
-    seen = sweep(orbit.state, "a", [0.2, 0.19, 0.18, 0.17], periods=5, a=0.2, **DAMPED)
-    assert seen.stop is RunStop.INTERRUPTED
-    assert seen.value.tolist() == [0.2, 0.19]
-
-
 def test_the_swept_parameter_may_be_left_out(orbit):
     given = sweep(orbit.state, "a", [0.2, 0.19], periods=5, a=0.7, **DAMPED)
     left_out = sweep(orbit.state, "a", [0.2, 0.19], periods=5, **DAMPED)
     assert np.array_equal(given.p, left_out.p)
-
-
-def test_bad_sweeps_are_refused(orbit):
-    with pytest.raises(BadInput, match="no parameter 'm' to sweep; there are a, gamma, k, damping"):
-        sweep(orbit.state, "m", [6.0], periods=5, a=0.2, **DAMPED)
-    with pytest.raises(BadInput, match="finite real numbers"):
-        sweep(orbit.state, "a", [0.2, math.nan], periods=5, a=0.2, **DAMPED)
-    with pytest.raises(BadInput, match=r"gamma = 0\.3"):
-        sweep(orbit.state, "gamma", [0.3], periods=5, a=0.2, **DAMPED)
 
 
 # --- localisation ---------------------------------------------------------------------------------
@@ -278,10 +253,3 @@ def test_workers_that_never_answer_are_an_error_that_says_what_to_do(basin):
     start, x, y, conditions = basin
     with Dying(0) as pool, pytest.raises(NotConverged, match="__main__"):
         attraction(start.state, x, y, **conditions, executor=pool)
-
-
-def test_axis_of_nothing_is_refused():
-    with pytest.raises(BadInput, match="the coordinate of an axis must be 'u' or 'v', got 'w'"):
-        Axis("w", 0, [0.0])
-    with pytest.raises(BadInput, match=r"site = 0\.5"):
-        Axis("u", 0.5, [0.0])

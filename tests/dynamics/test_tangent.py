@@ -156,20 +156,10 @@ def test_pitchfork_of_the_undamped_ring_is_that_of_the_closure():
     assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-10)
 
 
-def test_period_doubling_without_coupling_is_that_of_the_closed_form():
-    """gamma = 0, k = 0.8: the asymmetric breather doubles at a = 0.925512006294."""
-    conditions = {"a": 0.9, "gamma": 0.0, "k": 0.8}
-    settled = simulate(symmetric(0.9, 0.0, 0.8).state(1), **conditions, periods=500).final
-    branch = trace(periodic(settled, **conditions), "a", within={"a": (0.85, 0.95)})
-    assert branch.first("PD")["a"] == pytest.approx(0.925512006294, abs=1e-10)
-
-
 def test_where_newton_ends_nowhere_it_says_so(monkeypatch):
     monkeypatch.setattr("contbreather.dynamics.returning.STEPS", 2)
     with pytest.raises(NotConverged, match="no periodic motion near this state: the residual is"):
         periodic(([0.3, -0.7], [2.0, 1.0]), a=3.0, gamma=0.2, k=0.99)
-    with pytest.raises(BadInput, match="a symmetric motion has the period 2 pi"):
-        periodic(([0.0], [0.0]), a=0.5, gamma=0.1, k=0.8, symmetric=True, periods=2)
 
 
 def test_direction_that_walls_without_restitution_annihilate_has_an_exact_exponent():

@@ -74,23 +74,18 @@ def test_chain_lengths_at_the_spot_of_the_notes() -> None:
     assert found["rule, N to infinity"] == pytest.approx(0.0976133, abs=1e-7)
 
 
-def test_figure_3_has_the_leading_multiplier_of_the_notes() -> None:
-    (top,) = [row for row in rows_of(figure3(), panel="b")[:2] if row["half_im"] > 0]
-    assert top["half_re"] == pytest.approx(-0.2447945960, abs=1e-10)
-    assert top["half_im"] == pytest.approx(1.0231123432, abs=1e-10)
-
-
-def test_figure_4_has_the_leading_multiplier_of_the_notes() -> None:
-    top = rows_of(figure4(), panel="b")[0]
-    assert top["half_re"] == pytest.approx(1.0627500064, abs=1e-10)
-    assert top["half_im"] == 0.0
-
-
-@pytest.mark.parametrize(("figure", "unstable"), [(figure3(), 2), (figure4(), 1)])
-def test_panels_lie_on_both_sides_of_the_bifurcation(figure, unstable: int) -> None:
+@pytest.mark.parametrize(
+    ("figure", "unstable", "top"),
+    [(figure3(), 2, -0.2447945960 + 1.0231123432j), (figure4(), 1, 1.0627500064)],
+)
+def test_panels_lie_on_both_sides_of_the_bifurcation(figure, unstable: int, top: complex) -> None:
+    """With the leading multipliers of the notes."""
     before, after = figure.breathers
     assert (before.stability().unstable, after.stability().unstable) == (0, unstable)
     assert (before.stability(sites=400).stable, after.stability(sites=400).stable) == (True, False)
+    rows = rows_of(figure, panel="b")[:unstable]
+    (mu,) = [complex(r["half_re"], r["half_im"]) for r in rows if r["half_im"] >= 0]
+    assert mu == pytest.approx(top, abs=1e-10)
 
 
 @pytest.mark.parametrize("figure", [figure3(), figure4()])

@@ -18,36 +18,24 @@ def table(*rows: tuple[int, int, int]) -> np.ndarray:
 
 
 KEPT = [(i, 0, wall) for i in range(4) for wall in (1, -1)]
+BOTH = {i: [(i, 0, 1), (i, 0, -1)] for i in range(8)}
 
 
-@pytest.mark.parametrize("first_wall", [1, -1])
-def test_a_site_that_alternates_between_its_walls_is_a_breather(first_wall: int) -> None:
-    """Whichever wall comes first: before the first impact there was none."""
-    impacts = table(*((i, 0, first_wall * wall) for i, _, wall in KEPT))
-    assert unlike_a_breather(impacts, 4).tolist() == [False] * 4
-
-
-def test_an_impact_may_slip_over_the_end_of_a_period() -> None:
-    impacts = table((0, 0, 1), (0, 0, -1), (0, 0, 1), (1, 0, -1), (2, 0, 1), (2, 0, -1))
-    assert unlike_a_breather(impacts, 3).tolist() == [False] * 3
-
-
-def test_a_wall_that_is_missed_ends_it_in_that_period() -> None:
-    impacts = table((0, 0, 1), (0, 0, -1), (1, 0, 1), (2, 0, 1), (2, 0, -1))
-    assert unlike_a_breather(impacts, 3).tolist() == [False, False, True]
-
-
-def test_a_period_without_an_impact_ends_it() -> None:
-    impacts = table((0, 0, 1), (0, 0, -1), (2, 0, 1), (2, 0, -1))
-    assert unlike_a_breather(impacts, 4).tolist() == [False, True, False, True]
-
-
-def test_an_impact_of_another_site_ends_it() -> None:
-    impacts = table(*KEPT[:4], (1, 3, 1), *KEPT[4:])
-    assert unlike_a_breather(impacts, 4).tolist() == [False, True, False, False]
-
-
-def test_a_stretch_of_a_recording_knows_the_wall_before_it() -> None:
-    impacts = table((7, 0, 1), (7, 0, -1))
-    assert unlike_a_breather(impacts, 1, first=7, wall=-1).tolist() == [False]
-    assert unlike_a_breather(impacts, 1, first=7, wall=1).tolist() == [True]
+@pytest.mark.parametrize(
+    ("rows", "more", "ends"),
+    [
+        (KEPT, {}, []),
+        ([(i, n, -wall) for i, n, wall in KEPT], {}, []),  # whichever wall comes first
+        # one slips over the end of a period
+        ([*BOTH[0], (0, 0, 1), (1, 0, -1), *BOTH[2], *BOTH[3]], {}, []),
+        ([*BOTH[0], (1, 0, 1), *BOTH[2], *BOTH[3]], {}, [2]),  # a wall that is missed
+        ([*BOTH[0], *BOTH[2]], {}, [1, 3]),  # periods without an impact
+        ([*KEPT[:4], (1, 3, 1), *KEPT[4:]], {}, [1]),  # an impact of another site
+        # a stretch of a recording knows the wall before it
+        ([row for i in range(4, 8) for row in BOTH[i]], {"first": 4, "wall": -1}, []),
+        ([row for i in range(4, 8) for row in BOTH[i]], {"first": 4, "wall": 1}, [0]),
+    ],
+)
+def test_a_breather_alternates_between_its_walls_alone(rows, more, ends) -> None:
+    found = unlike_a_breather(table(*rows), 4, **more)
+    assert np.flatnonzero(found).tolist() == ends
