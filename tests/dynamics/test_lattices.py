@@ -94,16 +94,21 @@ def test_shot_orbit_comes_back_with_its_impacts_and_its_multipliers(name):
     assert np.abs(np.subtract(middle.final, there)).max() < 1e-11
 
 
-@pytest.mark.parametrize("name", LATTICES)
-def test_any_motion_is_that_of_a_general_solver_with_events(name):
-    lattice, on = LATTICES[name]
+RINGS = [(1, 0.0), (2, 0.1), (4, 0.0), (5, 0.3)]
+
+
+@pytest.mark.parametrize(
+    ("lattice", "on"), [*LATTICES.values(), *((cb.Ring(n), {"damping": mu}) for n, mu in RINGS)]
+)
+def test_any_motion_is_that_of_a_general_solver_with_events(lattice, on):
     rng = np.random.default_rng(3)
     u, v = rng.uniform(-0.7, 0.7, lattice.sites), rng.normal(0.0, 1.0, lattice.sites)
     run = simulate((u, v), a=0.7, gamma=0.2, k=0.7, lattice=lattice, periods=0.8, t0=1.0, **on)
     wanted = with_events((u, v), run.conditions, 1.6 * PI, t0=1.0)
-    assert len(wanted[2]) >= 3
+    assert len(wanted[2]) >= min(3, 2 * lattice.sites)
     assert run.impacts["site"].tolist() == [hit[1] for hit in wanted[2]]
     assert np.allclose(run.impacts["time"], [hit[0] for hit in wanted[2]], rtol=0, atol=1e-10)
+    assert np.allclose(run.impacts["before"], [hit[2] for hit in wanted[2]], rtol=0, atol=1e-10)
     assert np.allclose(run.final, wanted[:2], rtol=0, atol=1e-10)
 
 

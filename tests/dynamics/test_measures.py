@@ -16,7 +16,6 @@ from contbreather.dynamics import (
     Kind,
     RunStop,
     Sample,
-    State,
     attraction,
     localisation,
     lyapunov,
@@ -30,8 +29,6 @@ from contbreather.dynamics import (
 )
 from contbreather.dynamics.impacting import Record
 from contbreather.dynamics.states import PERIOD
-from contbreather.dynamics.stretches import IMPACT
-from contbreather.dynamics.verdicts import judge
 from contbreather.errors import NotConverged
 from contbreather.progress import Bar
 
@@ -131,68 +128,6 @@ def test_twenty_states_are_enough_for_a_rotation_number() -> None:
 
 
 # --- verdicts -------------------------------------------------------------------------------------
-
-
-def test_every_kind_of_motion_is_a_word_and_what_it_means() -> None:
-    words = [kind.value.split(": ") for kind in Kind]
-    assert [word for word, _ in words] == [
-        "periodic", "locked", "quasi-periodic", "chaotic", "delocalised", "synchronised",
-        "undecided",
-    ]  # fmt: skip
-    assert all(len(meaning.split()) > 3 for _, meaning in words)
-
-
-def hitting(sites: int, who: range, periods: int = 120, late: bool = True) -> cb.dynamics.Run:
-    """A run of noise in which these sites hit, all the time or in the first half of it only."""
-    u, v = np.random.default_rng(0).normal(size=(2, periods + 1, sites))
-    table = np.zeros(len(who) * periods, IMPACT)
-    table["site"] = np.tile(who, periods)
-    table["period"] = np.repeat(np.arange(periods), len(who))
-    if not late:
-        table = table[table["period"] < periods // 2]
-    rest = np.zeros(sites), np.zeros(sites)
-    run = simulate(rest, a=0.0, gamma=0.1, k=0.8, damping=0.1, periods=periods)
-    return replace(run, strobe=State(0.1 * u, 0.1 * v), impacts=table)
-
-
-@pytest.mark.parametrize(("sites", "most"), [(3, 2), (8, 2), (12, 3), (20, 5)])
-def test_impacts_of_more_than_a_quarter_of_the_sites_are_all_over_the_ring(sites, most) -> None:
-    found = judge(hitting(sites, range(most + 1)))
-    assert found.kind is Kind.DELOCALISED
-    assert found.reason.startswith(f"{most + 1} of {sites} sites hit their walls, participation")
-    assert found.evidence["impacting"] == most + 1
-    assert judge(hitting(sites, range(most))).kind is not Kind.DELOCALISED
-
-
-def test_two_sites_that_both_hit_are_not_a_ring_on_which_a_breather_could_be_lost() -> None:
-    assert judge(hitting(2, range(2))).kind is not Kind.DELOCALISED
-
-
-def test_what_hit_in_the_first_half_only_has_come_to_rest() -> None:
-    found = judge(hitting(8, range(8), late=False))
-    assert found.kind is Kind.SYNCHRONISED
-    assert found.reason.startswith("no impacts; every site within")
-
-
-def test_sites_in_unison_are_synchronised_though_all_hit() -> None:
-    run = hitting(6, range(6))
-    alike = State(*(np.repeat(x[:, :1], 6, axis=1) for x in run.strobe))
-    found = judge(replace(run, strobe=alike))
-    assert found.kind is Kind.SYNCHRONISED
-    assert found.reason.startswith("all 6 sites are within 0 of each other")
-    apart = State(alike.u + 1e-5 * np.arange(6), alike.v)
-    assert judge(replace(run, strobe=apart)).kind is Kind.DELOCALISED
-
-
-def test_distance_from_the_forced_motion_is_that_of_displacements_and_velocities() -> None:
-    """At rest with the forcing off, but for one site in the second half of the run."""
-    run = hitting(6, range(0))
-    for name in ("u", "v"):
-        off = State(np.zeros((121, 6)), np.zeros((121, 6)))
-        getattr(off, name)[100, 2], getattr(off, name)[10, 4] = -0.25, 0.5
-        found = judge(replace(run, strobe=off))
-        assert found.evidence["aside"] == 0.25
-        assert found.evidence["spread"] == 0.5
 
 
 def test_a_run_that_ends_early_is_undecided_with_its_reason(monkeypatch) -> None:

@@ -6,7 +6,6 @@ import errno
 import json
 import os
 from concurrent.futures import Executor
-from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,7 +18,6 @@ from contbreather.dynamics import (
     Axis,
     Explicit,
     RunStop,
-    SmoothRun,
     State,
     attraction,
     open_recording,
@@ -29,9 +27,7 @@ from contbreather.dynamics import (
     simulate,
     simulate_smooth,
 )
-from contbreather.dynamics.states import PERIOD
 from contbreather.dynamics.stretches import Machine, walk
-from contbreather.dynamics.verdicts import Kind, judge
 from contbreather.errors import BadInput, NotConverged
 
 HERE: dict[str, Any] = {"a": 0.2, "gamma": 0.04, "k": 0.8}
@@ -103,48 +99,6 @@ def test_where_the_ring_does_not_go_on_a_branch_of_its_motions_ends(monkeypatch)
 
 
 # --- smooth runs ----------------------------------------------------------------------------------
-
-
-def smooth_run(u: np.ndarray, v: np.ndarray, **more: Any) -> SmoothRun:
-    made = simulate_smooth(([0.0] * u.shape[1], [0.0] * u.shape[1]), a=1e-3, gamma=0.05, k=0.8, m=6,
-                           damping=0.01, periods=0)  # fmt: skip
-    times = PERIOD * np.arange(len(u))
-    return replace(made, times=times, strobe=State(u, v), final=State(u[-1], v[-1]), **more)
-
-
-def test_smooth_sites_in_unison_are_synchronised() -> None:
-    u = np.repeat(np.random.default_rng(0).normal(size=(60, 1)), 5, axis=1)
-    found = judge(smooth_run(u, 0.5 * u))
-    assert found.kind is Kind.SYNCHRONISED
-    assert found.reason == "all 5 sites are within 0 of each other"
-    apart = u + 1e-5 * np.arange(5)
-    assert judge(smooth_run(apart, 0.5 * u)).kind is not Kind.SYNCHRONISED
-    assert judge(smooth_run(u, 0.5 * u + 1e-5 * np.arange(5))).kind is not Kind.SYNCHRONISED
-    assert judge(smooth_run(u[:, :1], u[:, :1])).kind is not Kind.SYNCHRONISED
-
-
-def test_smooth_energy_all_over_the_ring_is_delocalised() -> None:
-    rng = np.random.default_rng(0)
-    u, v = 1e-3 * rng.normal(size=(2, 60, 5))
-    v[:, :4] += 1.0
-    found = judge(smooth_run(u, v))
-    assert found.kind is Kind.DELOCALISED
-    assert found.reason == "participation ratio 4.0 of 5"
-    v[:, 1:4] -= 1.0
-    assert judge(smooth_run(u, v)).kind is not Kind.DELOCALISED
-
-
-@pytest.mark.parametrize(("period", "kind"), [(1, Kind.PERIODIC), (2, Kind.UNDECIDED)])
-def test_of_a_long_smooth_ring_no_multipliers_are_computed(period: int, kind: Kind) -> None:
-    sites = 61
-    u, v = np.zeros((2, 60, sites))
-    v[:, 0] = 1.0 + 0.1 * (np.arange(60) % period)
-    found = judge(smooth_run(u, v))
-    assert found.kind is kind
-    after = "a period" if period == 1 else "2 periods"
-    assert found.reason == f"returns to 0 after {after}, its multipliers were not computed"
-    noisy = v + 1e-7 * np.random.default_rng(0).normal(size=v.shape)
-    assert judge(smooth_run(u, noisy)).kind is not Kind.PERIODIC
 
 
 def test_a_smooth_motion_that_blows_up_is_no_equation_to_the_engine(monkeypatch) -> None:

@@ -8,29 +8,12 @@ import pytest
 import contbreather as cb
 from contbreather.dynamics import (
     Explicit,
-    RunStop,
-    SmoothConditions,
-    SmoothRun,
-    State,
     simulate_smooth,
 )
-from contbreather.dynamics.states import PERIOD
 from contbreather.dynamics.verdicts import Kind, judge
 from contbreather.paper.fates import smooth_breather
 
 GOLDEN = 0.3819660113
-
-
-def run_of(u, v, sites=6):
-    """A run whose site 0 has these states once in a period, all others at rest."""
-    strobe = np.zeros((2, len(u), sites))
-    strobe[0, :, 0], strobe[1, :, 0] = u, v
-    times = PERIOD * np.arange(len(u))
-    conditions = SmoothConditions(1e-3, 0.05, 0.1417, 6, 0.01, lattice=cb.Ring(sites))
-    return SmoothRun(
-        times=times, strobe=State(*strobe), final=State(*strobe[:, -1]), end=times[-1], record=None,
-        conditions=conditions, stop=RunStop.DONE,
-    )  # fmt: skip
 
 
 @pytest.mark.slow
@@ -67,32 +50,12 @@ def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map(a, p
     assert found.evidence["multiplier"] == pytest.approx(largest, abs=1e-4)
 
 
-def test_states_that_repeat_without_an_orbit_that_closes_are_not_locked():
-    t = 2.0 * np.pi * np.arange(200) / 3
-    found = judge(run_of(0.3 * np.cos(t), 0.4 * np.sin(t) - 1.0))
-    assert found.kind is Kind.UNDECIDED
-    assert "finds no closed orbit" in found.reason
-
-
 @pytest.mark.slow
 def test_bands_of_chaos_between_smooth_walls_are_no_torus():
     shared = {"a": 1.0565, "gamma": 0.0, "k": 0.7, "m": 30}
     settled = simulate_smooth(([-0.31], [-0.16]), periods=400, **shared).final
     found = judge(simulate_smooth(settled, periods=300, **shared))
     assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), found.reason
-
-
-def test_spiral_is_undecided():
-    j = np.arange(600)
-    t, size = 2.0 * np.pi * GOLDEN * j, np.exp(-2e-3 * j)
-    found = judge(run_of(0.3 * size * np.cos(t), 0.4 * size * np.sin(t) - 1.0))
-    assert found.kind is Kind.UNDECIDED
-    assert "size changes" in found.reason
-
-
-def test_noise_is_undecided_for_nothing_here_tells_it_from_chaos():
-    u, v = np.random.default_rng(0).normal(size=(2, 300))
-    assert judge(run_of(0.2 * u, 0.2 * v - 1.0)).kind is Kind.UNDECIDED
 
 
 def test_smooth_ring_that_is_delocalised_is_no_breather():

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from contbreather.breathers import symmetric
-from contbreather.dynamics import Kind, State, periodic, rotation, simulate, sweep, verdict
+from contbreather.dynamics import Kind, periodic, rotation, simulate, sweep, verdict
 from contbreather.dynamics.tangent import weighted_mean
-from contbreather.dynamics.verdicts import judge
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
@@ -242,14 +240,3 @@ def test_locked_motions_of_the_cascade_close_with_multipliers_inside_the_circle(
     assert found.kind is Kind.LOCKED
     assert (found.evidence["q"], own.largest < 1.0) == (q, True)
     assert found.evidence["multiplier"] == pytest.approx(own.largest, abs=1e-6)
-
-
-@pytest.mark.parametrize("q", [1, 3])
-def test_states_that_repeat_without_an_orbit_that_closes_are_neither_periodic_nor_locked(q):
-    conditions = {"a": 0.93, "gamma": 0.0, "k": 0.8}
-    run = simulate(symmetric(0.93, 0.0, 0.8).state(1), periods=300, **conditions)
-    turns = 2.0 * math.pi / q * np.arange(301)
-    row = np.stack([0.3 * np.cos(turns), 0.4 * np.sin(turns) - 1.0])[:, :, None]
-    found = judge(replace(run, strobe=State(*row), final=State(*row[:, -1])))
-    assert found.kind is Kind.UNDECIDED, str(found)
-    assert "finds no closed orbit" in found.reason
