@@ -32,27 +32,6 @@ MOST = 10_000  # sites of a lattice whose modes are those of a dense matrix
 UNSEEN = 1e-10  # a mode this small at every impacting site is not seen by them
 
 
-class Basis(Protocol):
-    """Modes that impacts at some sites can excite, orthonormal with respect to the masses."""
-
-    @property
-    def lam(self) -> FloatArray:
-        """``w^2 = gamma lam + spring``, shape (K,)."""
-
-    @property
-    def unseen(self) -> FloatArray:
-        """The same of the modes that vanish at all those sites, shape (N - K,)."""
-
-    def at(self, n: ArrayLike) -> FloatArray:
-        """Value of each mode at the sites n, shape ``(..., K)``."""
-
-    def to_sites(self, modes: FloatArray) -> FloatArray:
-        """Amplitudes of modes ``(..., K)`` as values at all sites ``(..., N)``."""
-
-    def from_sites(self, values: FloatArray) -> FloatArray:
-        """Amplitudes of the modes, shape ``(..., K)``; what no impact sees is dropped."""
-
-
 class Finite(Protocol):
     """What flights and impacts ask of a lattice with finitely many sites."""
 
@@ -80,23 +59,26 @@ class Finite(Protocol):
 
 
 class Modes(NamedTuple):
-    """Normal modes of a matrix: a `Basis`."""
+    """Normal modes of a matrix that impacts at some sites excite, orthonormal over the masses."""
 
-    lam: FloatArray
-    unseen: FloatArray
+    lam: FloatArray  # ``w^2 = gamma lam + spring``
+    unseen: FloatArray  # the same of the modes that vanish at all those sites
     shapes: FloatArray  # (N, K)
     masses: FloatArray
 
     def at(self, n: ArrayLike) -> FloatArray:
+        """Value of each mode at the sites n, shape ``(..., K)``."""
         sites = np.asarray(n)
         if ((sites < 0) | (sites >= len(self.masses))).any():
             raise BadInput(f"n = {n!r}: sites of this lattice are 0 to {len(self.masses) - 1}.")
         return np.asarray(self.shapes[sites])
 
     def to_sites(self, modes: FloatArray) -> FloatArray:
+        """Amplitudes of modes ``(..., K)`` as values at all sites ``(..., N)``."""
         return np.asarray(modes @ self.shapes.T)
 
     def from_sites(self, values: FloatArray) -> FloatArray:
+        """Amplitudes of the modes, shape ``(..., K)``; what no impact sees is dropped."""
         return np.asarray((values * self.masses) @ self.shapes)
 
 
@@ -343,7 +325,7 @@ def finite(given: Any) -> Finite:
 
 
 class Waves(NamedTuple):
-    """The modes of a ring that some impact sees, orthonormal over the sites: a `Basis`.
+    """`Modes` of a ring.
 
     Mode j is ``sqrt(weight) cos(2 pi order (n - origin)/N)``, or the sine. Impacts of one site
     alone see its even modes only, half of all.
@@ -358,13 +340,11 @@ class Waves(NamedTuple):
     unseen: FloatArray
 
     def at(self, n: ArrayLike) -> FloatArray:
-        """Value of each mode at the sites n, shape ``(..., K)``."""
         apart = (np.asarray(n)[..., None] - self.origin) * self.order % self.sites
         angle = 2.0 * np.pi / self.sites * apart
         return np.asarray(np.sqrt(self.weight) * np.where(self.sine, np.sin(angle), np.cos(angle)))
 
     def to_sites(self, modes: FloatArray) -> FloatArray:
-        """Amplitudes of modes ``(..., K)`` as values at all sites ``(..., N)``."""
         scaled = modes / np.sqrt(self.weight)
         half = self.sites // 2 + 1
         spectrum = np.zeros((*modes.shape[:-1], half), dtype=complex)
@@ -373,9 +353,11 @@ class Waves(NamedTuple):
         return np.roll(np.fft.irfft(spectrum, self.sites), self.origin, axis=-1)
 
     def from_sites(self, values: FloatArray) -> FloatArray:
-        """Amplitudes of the modes, shape ``(..., K)``; what no impact sees is dropped."""
         spectrum = np.fft.rfft(np.roll(values, -self.origin, axis=-1))[..., self.order]
         return np.asarray(np.sqrt(self.weight) * np.where(self.sine, -spectrum.imag, spectrum.real))
+
+
+Basis = Modes | Waves
 
 
 @lru_cache(maxsize=128)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import number, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Waves, waves
-from contbreather.lattice.means import Lattice, TranslationInvariant, check_gamma, means, q_moments
+from contbreather.lattice.means import Lattice, check_gamma, means, q_moments
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -23,7 +23,7 @@ LONGEST = 10**7  # sites of a ring: of longer ones a few rows of numbers fill th
 
 
 @dataclass(frozen=True)
-class InfiniteChain(TranslationInvariant):
+class InfiniteChain(Lattice):
     """The infinite chain with nearest-neighbour coupling, eq. (1).
 
     Examples
@@ -151,7 +151,7 @@ class InfiniteChain(TranslationInvariant):
         # 1 - 4 gamma/s^2 is negative only on the band, so the principal root is the right one
         return np.asarray(-1.0 / (s2 * np.sqrt(1.0 - 4.0 * gamma / s2)))
 
-    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, ...]:
         """Nodes, weights and frequencies of the trapezoid rule for means over the band.
 
         Good to rounding for ``cos(n theta)`` with n <= reach times anything whose nearest
@@ -177,7 +177,7 @@ def _held(spring: float) -> InfiniteChain:
 
 
 @dataclass(frozen=True)
-class Ring(TranslationInvariant):
+class Ring(Lattice):
     """A ring of ``sites`` sites: the same chain closed on itself.
 
     One site is a single oscillator (the coupling drops out); on two sites both neighbours are
@@ -349,7 +349,7 @@ class Ring(TranslationInvariant):
             )
         return value
 
-    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, ...]:
         """The ring's own modes, those at theta and -theta counted together; ``reach`` is free.
 
         Returns

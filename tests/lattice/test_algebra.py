@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contbreather.errors import BadInput
-from contbreather.lattice import Fourier, Harmonic, Samples, Symbolic
+from contbreather.lattice import Fourier, Harmonic, Symbolic
 
 T = np.linspace(0.0, 2.0 * math.pi, 41)
 
@@ -79,26 +79,6 @@ def test_slopes_in_a_parameter_are_series_too(text: str, slope) -> None:
     assert own.params == {"c": 0.7}
 
 
-def test_what_is_not_a_parameter_of_a_formula_is_refused() -> None:
-    own = Symbolic("-cos(t) - c*cos(3*t)", c=0.2)
-    for ask in (lambda: own.at(d=1.0), lambda: own.f_param("d", 0.1)):
-        with pytest.raises(BadInput, match=r"unknown forcing parameter 'd'.* has c"):
-            ask()
-    with pytest.raises(BadInput, match="forcing parameter c = nan is not a finite number"):
-        Symbolic("-cos(t) - c*cos(3*t)", c=math.nan)
-    with pytest.raises(BadInput, match="forcing parameter c = 'x' is not a finite number"):
-        Symbolic("-cos(t) - c*cos(3*t)", c="x")  # type: ignore[arg-type]
-    with pytest.raises(BadInput, match="needs a value for c; the time is t"):
-        Symbolic("-c*cos(t)")
-    with pytest.raises(BadInput, match=r"unknown forcing parameter d: .* has c"):
-        Symbolic("-c*cos(t)", c=1.0, d=2.0)
-    with pytest.raises(BadInput, match="has none"):
-        Symbolic("-cos(t)", d=2.0)
-    for name in ("a", "gamma", "k"):
-        with pytest.raises(BadInput, match="are taken"):
-            Symbolic(f"-{name}*cos(t)", **{name: 1.0})
-
-
 def test_a_formula_of_very_many_parameters_is_too_large() -> None:
     names = [f"c{i}" for i in range(500)]
     text = "+".join(f"{name}*cos(t)" for name in names)
@@ -120,34 +100,3 @@ def test_a_forcing_says_what_it_is() -> None:
     assert Harmonic().highest == 1
     assert Harmonic().params == {}
     assert Harmonic().peak() == 1.0
-
-
-@pytest.mark.parametrize("cos", [{1: -1.0}, {1: -1.0, 3: 0.3}, {1: 0.2, 7: 1.0}])
-def test_the_peak_is_the_largest_displacement(cos) -> None:
-    forcing = Fourier(cos=cos, sin={3: 0.1})
-    t = np.linspace(0.0, 2.0 * math.pi, 200_001)
-    assert forcing.peak() == pytest.approx(np.abs(forcing.f(t)).max(), abs=1e-9)
-    assert forcing.peak() >= np.abs(forcing.f(t)).max() - 1e-12
-
-
-def test_samples_are_the_forcing_between_them() -> None:
-    wanted = Fourier(cos={1: -1.0, 3: 0.4}, sin={5: 0.2})
-    t = 2.0 * math.pi * np.arange(32) / 32
-    force = -np.cos(t) + 0.4 * np.cos(3 * t) + 0.2 * np.sin(5 * t)
-    own = Samples(force)
-    for name in ("f", "df", "d2f"):
-        assert getattr(own, name)(T) == pytest.approx(getattr(wanted, name)(T), abs=1e-12)
-    for ask in (lambda: own.at(c1=1.0), lambda: own.f_param("c1", 0.1)):
-        with pytest.raises(BadInput, match=r"unknown forcing parameter 'c1'"):
-            ask()
-    for wrong, words in (
-        ([], "0 samples: give an even number, at least 8"),
-        (np.ones(9), "9 samples: give an even number, at least 8"),
-        ([[1.0, -1.0]], "one row of finite numbers"),
-        ([1.0, math.nan], "one row of finite numbers"),
-        (np.zeros(8), "the forcing is zero: its samples are all 0"),
-        (np.ones(8), "antisymmetr"),
-        ("abc", "finite numbers"),
-    ):
-        with pytest.raises(BadInput, match=words):
-            Samples(wrong)

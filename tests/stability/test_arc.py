@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from contbreather.errors import BadInput
 from contbreather.stability import D, neimark_sacker, on_arc, unstable_count
+from tests.stability.by_hand import b_of, slope
 
 
 def test_the_two_equations_are_D_without_its_poles():
@@ -27,17 +28,9 @@ def test_the_two_equations_are_D_without_its_poles():
 )
 def test_the_jacobian_on_the_arc_is_that_of_finite_differences(at):
     exact = on_arc(*at)
-    steps = {
-        "d_gamma": (1, 0, 0, 0),
-        "d_nu": (0, 1, 0, 0),
-        "d_k": (0, 0, 1, 0),
-        "d_b": (0, 0, 0, 1),
-    }
-    h = 1e-4
-    for name, direction in steps.items():
-        f = [on_arc(*(np.array(at) + m * h * np.array(direction))).value for m in (-2, -1, 1, 2)]
-        slope = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)  # fourth order
-        np.testing.assert_allclose(getattr(exact, name), slope, rtol=1e-8, atol=1e-9, err_msg=name)
+    for name, direction in zip(("d_gamma", "d_nu", "d_k", "d_b"), np.eye(4), strict=True):
+        wanted = slope(lambda e, along=direction: on_arc(*(np.array(at) + e * along)).value, 1e-4)
+        np.testing.assert_allclose(getattr(exact, name), wanted, rtol=1e-8, atol=1e-9, err_msg=name)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +41,7 @@ def test_the_jacobian_on_the_arc_is_that_of_finite_differences(at):
         (0.2, 0.4, 0.17639129022626295, 0.67638791079194071),
     ],
 )
-def test_the_points_of_theory_are_found_by_their_explicit_b(a, k, gamma, nu, b_of):
+def test_the_points_of_theory_are_found_by_their_explicit_b(a, k, gamma, nu):
     def gap(coupling: float) -> float:
         wanted = b_of(a, coupling, k)
         return min((point.b - wanted for point in neimark_sacker(coupling, k)), key=abs)

@@ -15,12 +15,13 @@ from contbreather.stability import (
     unstable_count,
     unstable_multipliers,
 )
+from tests.stability.by_hand import b_of
 
 FIG_3B = -0.2447945960 + 1.0231123432j
 FIG_4B = 1.0627500064
 
 
-def test_leading_multipliers_of_figures_3b_and_4b(b_of):
+def test_leading_multipliers_of_figures_3b_and_4b():
     pair = unstable_multipliers(0.11, 0.8, b_of(0.2, 0.11, 0.8))
     np.testing.assert_allclose(pair, [FIG_3B, np.conj(FIG_3B)], rtol=0, atol=1e-10)
     alone = unstable_multipliers(0.045, 0.8, b_of(0.8, 0.045, 0.8))

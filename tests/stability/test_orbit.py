@@ -6,34 +6,24 @@ import math
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 from contbreather.errors import BadInput
 from contbreather.lattice import Ring
 from contbreather.stability import D, neimark_sacker, unstable_count, unstable_multipliers
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.propagators import propagators
-from contbreather.stability.saltation import Kick, saltation
+from contbreather.stability.saltation import Kick
 from contbreather.stability.section_map import ring_map
 from contbreather.stability.verdict import verdict
+from tests.stability.by_hand import flight, impact
 
 
 def dense(sites, gamma, k, kicks, periods):
     """Product of matrix exponentials and saltation matrices on all sites."""
-    laplacian = np.zeros((sites, sites))
-    for n in range(sites):
-        laplacian[n, n] -= 2
-        laplacian[n, (n + 1) % sites] += 1
-        laplacian[n, (n - 1) % sites] += 1
-    A = np.zeros((2 * sites, 2 * sites))
-    A[:sites, sites:], A[sites:, :sites] = np.eye(sites), gamma * laplacian
     M = np.eye(2 * sites)
-    times = [kick[1] for kick in kicks] + [kicks[0][1] + 2 * np.pi * periods]
-    for i, (site, _, b) in enumerate(kicks):
-        S = np.eye(2 * sites)
-        pair = [site, sites + site]
-        S[np.ix_(pair, pair)] = saltation(k, b)
-        M = expm(A * (times[i + 1] - times[i])) @ S @ M
+    ends = [*(kick[1] for kick in kicks[1:]), kicks[0][1] + 2 * np.pi * periods]
+    for (site, time, b), end in zip(kicks, ends, strict=True):
+        M = flight(sites, gamma, end - time) @ impact(sites, site, k, b) @ M
     return M
 
 
@@ -87,11 +77,10 @@ def test_reduced_determinant_is_that_of_the_whole_matrix():
     sites, gamma, k, kicks = 150, 0.06, 0.5, CASES[4][3]
     map = OrbitMap(gamma, k, kicks, 2)
     M = dense(sites, gamma, k, kicks, 2)
-    flight = dense(sites, gamma, 1.0, ((0, 0.0, 0.0),), 2)
-    flight[:, [0, sites]] *= -1  # k = 1 turned two signs
+    free = flight(sites, gamma, 4 * np.pi)
     for mu in (2.3, -2.1 + 0.4j, 6.0j):
         whole = np.linalg.det(M - mu * np.eye(2 * sites)) / np.linalg.det(
-            flight - mu * np.eye(2 * sites)
+            free - mu * np.eye(2 * sites)
         )
         assert map.D(np.log(complex(mu)) / (2j * np.pi)) == pytest.approx(whole, rel=1e-10)
 
@@ -104,7 +93,7 @@ def test_mean_propagators_are_means_over_the_modes(gamma, distance):
     theta, weight, w = Ring(4000).nodes(gamma)
     share = weight * np.cos(distance * theta)
 
-    def flight(s):
+    def of_modes(s):
         drift = s * np.sinc(w * s / np.pi)
         return np.array([np.cos(w * s), drift, -w * np.sin(w * s)])
 
@@ -115,7 +104,7 @@ def test_mean_propagators_are_means_over_the_modes(gamma, distance):
             late = s + 2 * np.pi * (s <= 0)
             for j, mu in enumerate(np.exp(2j * np.pi * kappa)):
                 mode = 1 - 2 * np.cos(2 * np.pi * w) / mu + mu**-2
-                exact = (flight(late) - flight(late - 2 * np.pi) / mu) / mode @ share
+                exact = (of_modes(late) - of_modes(late - 2 * np.pi) / mu) / mode @ share
                 exact = exact * np.exp(-1j * kappa[j] * late)
                 for entries in found:
                     values = np.array([one[i, j] for one in entries])
@@ -161,10 +150,11 @@ def test_just_beside_the_circle_the_count_of_the_whole_period_is_that_of_half_of
         assert max(seen) - min(seen) == 2
 
 
-@pytest.mark.parametrize("b", [-0.9, 0.4, 3.0])
+@pytest.mark.parametrize("b", [-2.5, -0.9, 0.4, 0.7, 3.0])
 def test_a_count_by_all_multipliers_names_the_one_nearest_to_the_circle(b):
     kicks = [(0, 0.0, b), (0, 2.0, 0.7)]
-    found = OrbitMap(0.0, 0.8, kicks).count()
+    map = OrbitMap(0.0, 0.8, kicks)
+    found = map.count()
     mu = on_ring(1, 0.0, 0.8, kicks).over_period
     gaps = np.abs(np.abs(mu) - 1.0)
     assert found.count == np.count_nonzero(np.abs(mu) > 1.0)
@@ -174,6 +164,8 @@ def test_a_count_by_all_multipliers_names_the_one_nearest_to_the_circle(b):
     assert min(abs(mu - at)) == pytest.approx(found.distance, abs=1e-9)
     assert found.pairs == np.count_nonzero((np.abs(mu) > 1.0) & (mu.imag > 0))
     assert found.certain
+    outside = np.sort(np.abs(mu[np.abs(mu) > 1.0]))
+    assert np.sort(np.abs(map.unstable_multipliers())) == pytest.approx(outside)
 
 
 def test_a_pair_on_the_circle_of_sites_for_themselves_is_told_with_its_angle() -> None:

@@ -16,7 +16,6 @@ from contbreather.stability.characteristic import D, D_gradient
 from contbreather.stability.half_map import dense_half_map, even_multipliers
 from contbreather.stability.isolated import closest_approach
 from contbreather.stability.orbit import OrbitMap, _zeros
-from contbreather.stability.pairs import beyond, outermost
 
 KICKS = [(0, 0.0, 0.5), (0, 3.0, 0.5)]
 UNSTABLE = (0.11, 0.8, -0.28657)  # two multipliers of the infinite chain outside
@@ -170,26 +169,6 @@ def test_a_radius_is_at_least_one(radius) -> None:
         unstable_count(0.1, 0.8, 0.3, Ring(5), radius=1.0)
 
 
-# --- real ones, and pairs, next to a circle -------------------------------------------------------
-
-
-def test_real_multipliers_beyond_a_place_are_counted_on_its_side() -> None:
-    mu = np.array([2.0, 1.0, 0.5, -0.5, -1.0, -3.0, 5.0 + 1.0j, 5.0 - 1.0j])
-    assert [beyond(mu, place) for place in (0.4, 1.0, 1.5, 2.0)] == [3, 1, 1, 0]
-    assert [beyond(mu, place) for place in (-0.4, -1.0, -2.0, -3.0)] == [3, 1, 1, 0]
-
-
-def test_the_outermost_pair_says_by_how_much_it_is_outside() -> None:
-    def pair(size: float) -> list[complex]:
-        return [size * np.exp(1j), size * np.exp(-1j)]
-
-    for sizes in ((0.8,), (1.2,), (1.2, 1.5), (1.2, 0.95), (1.0,)):
-        mu = np.array([one for size in sizes for one in pair(size)])
-        assert outermost(mu) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
-        assert outermost(1.1 * mu, 1.1) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
-    assert math.isnan(outermost(np.array([2.0 + 0.0j, 0.7 + 0.0j])))
-
-
 @pytest.mark.parametrize(
     ("gamma", "k", "b"), [(0.1, 0.8, 0.1), (0.08, 0.7, -0.05), (0.15, 0.8, 0.3), (0.1, 0.5, 0.3)]
 )
@@ -202,12 +181,3 @@ def test_the_angle_of_a_count_is_where_the_circle_is_nearest_to_a_zero(gamma, k,
     else:
         assert found.nu in (0.0, 1.0)
         assert found.distance < size.min()
-
-
-def test_at_a_neimark_sacker_point_the_angle_is_that_of_its_pair() -> None:
-    from contbreather.stability.arc import neimark_sacker
-
-    for angle, b in neimark_sacker(0.15, 0.7):
-        found = unstable_count(0.15, 0.7, b)
-        assert not found.certain
-        assert found.nu == pytest.approx(angle, abs=1e-6)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contbreather.errors import NotConverged
-from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice import Ring
 from contbreather.stability import (
     dense_half_map,
     neimark_sacker,
@@ -18,19 +18,7 @@ from contbreather.stability import (
 )
 from contbreather.stability.half_map import eigenvector, half_multipliers
 from contbreather.stability.orbit import OrbitMap
-from contbreather.stability.saltation import Kick
-from contbreather.stability.section_map import ring_map
-
-CHAIN = InfiniteChain()
-
-
-def pitchfork_b(gamma: float, k: float) -> float:
-    return (1 + k) ** 2 * CHAIN.psi(gamma) / 2
-
-
-def fold_b(gamma: float, k: float) -> float:
-    return -((1 - k) ** 2) / (2 * CHAIN.chi(gamma)) - (1 + k) ** 2 * CHAIN.eta(gamma) / 2
-
+from tests.stability.by_hand import pitchfork_b
 
 # --- counts ---------------------------------------------------------------------------------------
 
@@ -47,32 +35,6 @@ def test_elastic_counts_are_those_of_a_long_ring_well_outside(gamma: float) -> N
             continue
         ring = half_multipliers(Ring(60), gamma, 1.0, float(b))
         assert np.sum(np.abs(ring) > 1.04) == np.sum(np.abs(ring) < 1 / 1.04) == count.count
-
-
-@pytest.mark.parametrize("k", [0.0, 0.3, 0.8, 1.0])
-@pytest.mark.parametrize("b", [-2.0, -0.4, 0.3, 1.9])
-def test_without_coupling_multipliers_are_those_of_one_oscillator(k: float, b: float) -> None:
-    single = np.linalg.eigvals(dense_half_map(1, 0.0, k, b))
-    outside = np.sort(np.abs(single[np.abs(single) > 1 + 1e-9]))
-    count = unstable_count(0.0, k, b)
-    assert count.count == outside.size
-    assert np.sort(np.abs(unstable_multipliers(0.0, k, b))) == pytest.approx(outside, rel=1e-12)
-    assert count.pairs == int(outside.size == 2 and abs(single[0].imag) > 0)
-
-
-@pytest.mark.parametrize("k", [0.4, 0.8])
-def test_beside_a_multiplier_on_the_circle_counts_are_certain_and_on_it_they_are_not(k) -> None:
-    gamma = 0.12
-    places = {pitchfork_b(gamma, k): 0.0, fold_b(gamma, k): 1.0}
-    places |= {point.b: point.nu for point in neimark_sacker(gamma, k)}
-    for b, nu in places.items():
-        on = unstable_count(gamma, k, b)
-        assert not on.certain
-        assert on.nu == pytest.approx(nu, abs=1e-9)
-        beside = [unstable_count(gamma, k, b + step) for step in (-1e-7, 1e-7)]
-        assert all(count.certain for count in beside)
-        assert beside[0].count != beside[1].count
-        assert all(1e-10 < count.distance < 1e-5 for count in beside)
 
 
 # --- counts of orbits -----------------------------------------------------------------------------
@@ -156,16 +118,6 @@ def test_an_orbit_with_a_multiplier_on_the_circle_is_not_certain_and_says_where(
         assert min(angle, 2 - angle) == pytest.approx(count.nu, abs=1e-5)
 
 
-@pytest.mark.parametrize("b", [-2.5, 0.7, 3.0])
-def test_without_coupling_an_orbit_counts_the_multipliers_of_its_sites(b: float) -> None:
-    kicks = (Kick(0, 0.0, b), Kick(0, 2.2, 0.4))
-    single = ring_map(Ring(1), 0.0, 0.8, kicks).multipliers()
-    map = OrbitMap(0.0, 0.8, kicks)
-    assert map.count().count == np.sum(np.abs(single) > 1)
-    found = map.unstable_multipliers()
-    assert np.sort(np.abs(found)) == pytest.approx(np.sort(np.abs(single[np.abs(single) > 1])))
-
-
 # --- eigenvectors ---------------------------------------------------------------------------------
 
 
@@ -191,9 +143,3 @@ def test_without_coupling_an_idle_site_keeps_its_place() -> None:
     v = eigenvector(Ring(4), 0.0, 0.8, 1.1, 1.0)
     np.testing.assert_allclose(dense_half_map(4, 0.0, 0.8, 1.1) @ v, v, atol=1e-13)
     assert abs(v[0]) == 0.0
-
-
-def test_what_is_no_multiplier_is_refused_with_its_defect() -> None:
-    with pytest.raises(NotConverged, match=r"= \d\.\de[-+]\d\d; take one") as caught:
-        eigenvector(Ring(10), 0.1, 0.8, 0.3, 0.5 + 0.5j)
-    assert 1e-9 < caught.value.residual < 10.0

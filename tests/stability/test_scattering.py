@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from contbreather.errors import BadInput
-from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice import Ring
 from contbreather.stability import (
     D,
     even_multipliers,
@@ -20,6 +20,7 @@ from contbreather.stability import (
     scattering,
 )
 from contbreather.stability.scattering import OverReflection
+from tests.stability.by_hand import b_of, pitchfork_b
 
 
 def inside_limit(gamma: float, nu: float, k: float, b: float) -> complex:
@@ -46,7 +47,7 @@ def test_without_dissipation_nothing_is_lost_or_won():
         assert not over_reflection(0.1, 1.0, b).over_reflecting
 
 
-def test_a_wave_once_round_the_ring_closes_on_itself(b_of):
+def test_a_wave_once_round_the_ring_closes_on_itself():
     # exp(i N theta) = S next to the arc: the ring's multipliers by another equation
     gamma, k, sites = 0.08, 0.8, 4000
     b = b_of(0.5, gamma, k)
@@ -59,7 +60,7 @@ def test_a_wave_once_round_the_ring_closes_on_itself(b_of):
     np.testing.assert_allclose(size, np.abs(scattering(gamma, nu.real, k, b)), rtol=0.02)
 
 
-def test_the_example_of_theory(b_of):
+def test_the_example_of_theory():
     worst = over_reflection(0.08, 0.8, b_of(0.5, 0.08, 0.8))
     assert worst.over_reflecting
     assert worst.gain == pytest.approx(1.25696, abs=1e-5)
@@ -108,8 +109,7 @@ def test_at_a_neimark_sacker_point_S_has_a_pole():
 
 @pytest.mark.parametrize(("gamma", "k"), [(0.05, 0.8), (0.15, 0.5), (0.2, 0.1)])
 def test_where_nothing_is_amplified_no_ring_is_unstable_through_its_band(gamma, k):
-    chain = InfiniteChain()
-    pitchfork = (1 + k) ** 2 * chain.psi(gamma) / 2
+    pitchfork = pitchfork_b(gamma, k)
     b = np.linspace(pitchfork - 2, pitchfork - 1e-6, 4001)
     flags = np.array([over_reflects(gamma, k, x) for x in b])
     threshold = b[np.flatnonzero(flags)[-1]]
@@ -127,7 +127,7 @@ def test_the_slowest_waves_are_the_first_to_be_amplified(gamma, k):
         size = np.log(np.abs(scattering(gamma, slow, k, b))) / slow**2
         return float(2 * size[0] - size[1])  # ln|S|/nu^2 at nu = 0
 
-    b = brentq(gain_of_slow_waves, -2, (1 + k) ** 2 * InfiniteChain().psi(gamma) / 2 - 1e-3)
+    b = brentq(gain_of_slow_waves, -2, pitchfork_b(gamma, k) - 1e-3)
     assert over_reflects(gamma, k, b - 1e-5)
     assert not over_reflects(gamma, k, b + 1e-5)
 

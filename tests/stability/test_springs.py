@@ -22,6 +22,7 @@ from contbreather.stability import (
     unstable_multipliers,
     window,
 )
+from tests.stability.by_hand import slope
 
 NAMES = ("chi", "eta", "sigma", "psi", "tau")
 SPRUNG = [(0.2, 0.05), (0.05, 0.2), (0.6, 0.09), (0.9, 0.02), (1e-3, 0.1)]
@@ -54,17 +55,13 @@ def test_means_are_sums_over_the_modes(name: str, spring: float, gamma: float) -
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("spring", "gamma"), SPRUNG[:4])
 def test_slopes_are_those_of_the_means(name: str, spring: float, gamma: float) -> None:
-    chain, h = InfiniteChain(spring), 1e-5
-
-    def slope(of) -> float:
-        values = [of(m * h) for m in (-2, -1, 1, 2)]
-        return (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * h)
-
-    in_spring = slope(lambda e: getattr(InfiniteChain(spring + e), name)(gamma))
-    in_gamma = slope(lambda e: getattr(chain, name)(gamma + e))
+    chain = InfiniteChain(spring)
+    in_spring = slope(lambda e: getattr(InfiniteChain(spring + e), name)(gamma), 1e-5)
+    in_gamma = slope(lambda e: getattr(chain, name)(gamma + e), 1e-5)
     if name == "tau":  # less its pole in the lower edge of the band
-        loose = slope(lambda e: 2 / math.pi / math.sqrt((spring + e) * (spring + e + 4 * gamma)))
-        in_spring -= loose
+        in_spring -= slope(
+            lambda e: 2 / math.pi / math.sqrt((spring + e) * (spring + e + 4 * gamma)), 1e-5
+        )
     assert chain.by_spring(gamma, name) == pytest.approx(in_spring, rel=1e-7)
     assert getattr(chain, "d" + name)(gamma) == pytest.approx(in_gamma, rel=1e-7)
 
@@ -84,18 +81,16 @@ def test_flights_are_sums_over_the_modes(spring: float, gamma: float, n: int) ->
     scale = float(chain.first_harmonic(gamma, 0))
     for found, wanted in zip(chain.response(gamma, n, s), exact, strict=True):
         assert found == pytest.approx(wanted, abs=3e-14 * scale)
-    h = 1e-4
     first = (chain.first_by_spring(gamma, n), chain.dfirst_harmonic(gamma, n))
     powers = (chain.spring_powers(gamma, n), chain.dpowers(gamma, n))
-    near = (
-        [InfiniteChain(spring + m * h).response(gamma, n, s)[0] for m in (-2, -1, 1, 2)],
-        [chain.response(gamma + m * h, n, s)[0] for m in (-2, -1, 1, 2)],
+    moved = (
+        lambda e: InfiniteChain(spring + e).response(gamma, n, s)[0],
+        lambda e: chain.response(gamma + e, n, s)[0],
     )
-    for one, more, values in zip(first, powers, near, strict=True):
-        slope = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * h)
+    for one, more, of in zip(first, powers, moved, strict=True):
         if spring > 0.01:
             answer = flight(float(one), more).value(s - 0.5 * math.pi)
-            assert answer == pytest.approx(slope, rel=2e-5, abs=1e-7)
+            assert answer == pytest.approx(slope(of, 1e-4), rel=2e-5, abs=1e-7)
 
 
 def even_half_map(sites: int, spring: float, gamma: float, k: float, b: float) -> np.ndarray:
@@ -154,20 +149,17 @@ def test_plus_and_minus_one_are_where_the_scalars_vanish(spring: float, gamma: f
 
 
 def test_neimark_sacker_points_are_on_the_arc_with_their_slopes() -> None:
-    gamma, k, spring, h = 0.12, 0.7, 0.2, 2e-6
+    gamma, k, spring = 0.12, 0.7, 0.2
     points, chain = neimark_sacker(gamma, k, spring), InfiniteChain(spring)
     assert len(points) == 2
     for nu, b in points:
         assert math.sqrt(spring) < nu < math.sqrt(spring + 4 * gamma)
         at = on_arc(gamma, nu, k, b, spring)
         assert abs(at.value).max() < 1e-13
-        for i, slope in enumerate((at.d_gamma, at.d_nu, at.d_k, at.d_b, at.d_spring)):
-            step = h * np.eye(5)[i]
-            up, down = (
-                on_arc(*(np.array([gamma, nu, k, b, spring]) + side * step)).value
-                for side in (1, -1)
-            )
-            assert slope == pytest.approx((up - down) / (2 * h), rel=1e-6, abs=1e-7)
+        place, found = np.array([gamma, nu, k, b, spring]), (at.d_gamma, at.d_nu, *at[3:])
+        for one, along in zip(found, np.eye(5), strict=True):
+            wanted = slope(lambda e, x=place, y=along: on_arc(*(x + e * y)).value, 2e-6)
+            assert one == pytest.approx(wanted, rel=1e-6, abs=1e-7)
         pairs = [unstable_count(gamma, k, b + e, chain).pairs for e in (-1e-7, 1e-7)]
         assert sorted(pairs) == [0, 1]
     assert stability(gamma, k, 0.5 * sum(b for _, b in points), chain).unstable >= 2

@@ -17,10 +17,11 @@ from contbreather.stability import (
     saltation_entry,
     stability,
 )
+from tests.stability.by_hand import b_of, slope
 
 
 @pytest.mark.parametrize(("sites", "gamma"), [(200, 0.0824), (400, 0.0916), (800, 0.0969)])
-def test_the_papers_rule_is_about_multipliers_over_the_whole_period(sites, gamma, b_of):
+def test_the_papers_rule_is_about_multipliers_over_the_whole_period(sites, gamma):
     def excess(coupling: float) -> float:
         verdict = stability(coupling, 0.8, b_of(0.2, coupling, 0.8), sites=sites)
         assert verdict.stable == (verdict.largest <= 1.005)
@@ -29,7 +30,7 @@ def test_the_papers_rule_is_about_multipliers_over_the_whole_period(sites, gamma
     assert brentq(excess, 0.07, 0.11) == pytest.approx(gamma, abs=5e-5)
 
 
-def test_the_infinite_chain_has_a_sharp_line_that_does_not_depend_on_sites(b_of):
+def test_the_infinite_chain_has_a_sharp_line_that_does_not_depend_on_sites():
     below, above = (stability(g, 0.8, b_of(0.2, g, 0.8)) for g in (0.0969709, 0.0969710))
     assert below.stable
     assert below.over_reflecting
@@ -38,7 +39,7 @@ def test_the_infinite_chain_has_a_sharp_line_that_does_not_depend_on_sites(b_of)
     assert np.abs(above.multipliers).min() > 1
 
 
-def test_figures_3_and_4_of_the_paper(b_of):
+def test_figures_3_and_4_of_the_paper():
     for a, gamma, unstable in [(0.2, 0.11, 2), (0.8, 0.05, 0), (0.8, 0.045, 1)]:
         b = b_of(a, gamma, 0.8)
         assert stability(gamma, 0.8, b).unstable == unstable
@@ -93,13 +94,10 @@ def bounced(u: float, v: float, acceleration: float, wall: float, k: float, time
 def test_the_saltation_block_is_the_derivative_of_a_flight_through_an_impact():
     acceleration, k, time = -0.4, 0.7, 0.5
     start = np.array([0.7, 1.5])
-    h, columns = 1e-4, []
-    for direction in np.eye(2):
-        f = [
-            bounced(*(start + m * h * direction), acceleration, 1.0, k, time)
-            for m in (-2, -1, 1, 2)
-        ]
-        columns.append((f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h))
+    columns = [
+        slope(lambda e, x=x: bounced(*(start + e * x), acceleration, 1.0, k, time), 1e-4)
+        for x in np.eye(2)
+    ]
     w_minus = math.sqrt(1.5**2 + 2 * acceleration * 0.3)
     hit = (w_minus - 1.5) / acceleration
     before, after = (np.array([[1.0, t], [0.0, 1.0]]) for t in (hit, time - hit))

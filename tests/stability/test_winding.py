@@ -18,26 +18,24 @@ from contbreather.stability import (
     unstable_multipliers,
 )
 from contbreather.stability.winding import many_outside, outside, resolved_arc
+from tests.stability.by_hand import fold_b, pitchfork_b
 
 CHAIN = InfiniteChain()
 
 
-def fold_b(gamma: float, k: float) -> float:
-    """Where D(-1) = 0."""
-    return -((1 - k) ** 2) / (2 * CHAIN.chi(gamma)) - (1 + k) ** 2 * CHAIN.eta(gamma) / 2
-
-
-def pitchfork_b(gamma: float, k: float) -> float:
-    return (1 + k) ** 2 * CHAIN.psi(gamma) / 2
-
-
-def test_without_coupling_the_count_is_that_of_the_single_oscillator():
+def test_without_coupling_multipliers_are_those_of_the_single_oscillator():
     rng = np.random.default_rng(0)
-    for _ in range(400):
-        k, b = rng.uniform(), rng.normal() * 2
-        single = np.abs(np.linalg.eigvals(dense_half_map(1, 0.0, k, b)))
-        if abs(single.max() - 1) > 1e-9:
-            assert unstable_count(0.0, k, b).count == np.sum(single > 1)
+    for i in range(400):
+        k, b = rng.choice([rng.uniform(), 0.0, 1.0], p=[0.8, 0.1, 0.1]), rng.normal() * 2
+        single = np.linalg.eigvals(dense_half_map(1, 0.0, k, b))
+        outside = np.sort(np.abs(single[np.abs(single) > 1 + 1e-9]))
+        if abs(np.abs(single).max() - 1) > 1e-9:
+            count = unstable_count(0.0, k, b)
+            assert count.count == outside.size
+            assert count.pairs == int(outside.size == 2 and abs(single[0].imag) > 0)
+        if i % 10 == 0:
+            found = np.sort(np.abs(unstable_multipliers(0.0, k, b)))
+            assert found == pytest.approx(outside, rel=1e-12)
 
 
 def test_tiny_coupling_does_not_change_the_count():
@@ -100,14 +98,17 @@ def test_the_count_changes_by_two_at_a_neimark_sacker_point_and_by_one_on_the_re
         assert len({unstable_count(gamma, k, b).count for b in inside}) == 1
 
 
-def test_on_a_bifurcation_the_count_says_that_it_is_not_certain_and_where():
-    point = neimark_sacker(0.12, 0.8)[1]
-    at = unstable_count(0.12, 0.8, point.b)
-    assert not at.certain
-    assert at.nu == pytest.approx(point.nu, abs=1e-10)
-    assert unstable_count(0.12, 0.8, pitchfork_b(0.12, 0.8)).nu == 0.0
-    assert not unstable_count(0.12, 0.8, fold_b(0.12, 0.8)).certain
-    assert unstable_count(0.12, 0.8, fold_b(0.12, 0.8)).nu == 1.0
+@pytest.mark.parametrize("k", [0.4, 0.8])
+def test_on_a_bifurcation_the_count_says_that_it_is_not_certain_and_where(k):
+    places = {pitchfork_b(0.12, k): 0.0, fold_b(0.12, k): 1.0}
+    places |= {point.b: point.nu for point in neimark_sacker(0.12, k)}
+    for b, nu in places.items():
+        at = unstable_count(0.12, k, b)
+        assert not at.certain
+        assert at.nu == pytest.approx(nu, abs=1e-10)
+        beside = [unstable_count(0.12, k, b + step) for step in (-1e-7, 1e-7)]
+        assert all(count.certain and 1e-10 < count.distance < 1e-5 for count in beside)
+        assert beside[0].count != beside[1].count
 
 
 def test_without_dissipation_neutral_multipliers_are_not_outside():

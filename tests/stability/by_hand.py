@@ -4,39 +4,56 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import mpmath as mp
 import numpy as np
-import pytest
 from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 from contbreather.lattice import InfiniteChain
 
 
-def _b_of(a: float, gamma: float, k: float) -> float:
+def b_of(a: float, gamma: float, k: float) -> float:
+    """b of the harmonic breather by the closed form (13) and theory section 1."""
     chain = InfiniteChain()
     chi, eta, q = chain.chi(gamma), chain.eta(gamma), (1 - k) / (1 + k)
     p = (chi + math.sqrt((chi * a) ** 2 - q * q * (1 - a * a))) / (chi**2 + q * q)
     return (1 + k) ** 2 * (p * (chi - eta) - 1) / (2 * p)
 
 
-def _paper_matrix(sites: int, gamma: float, k: float, b: float) -> np.ndarray:
-    laplacian = np.zeros((sites, sites))
-    for n in range(sites):
-        laplacian[n, n] -= 2
-        laplacian[n, (n + 1) % sites] += 1
-        laplacian[n, (n - 1) % sites] += 1
+def pitchfork_b(gamma: float, k: float) -> float:
+    return (1 + k) ** 2 * InfiniteChain().psi(gamma) / 2
+
+
+def fold_b(gamma: float, k: float) -> float:
+    """Where D(-1) = 0."""
+    chain = InfiniteChain()
+    return -((1 - k) ** 2) / (2 * chain.chi(gamma)) - (1 + k) ** 2 * chain.eta(gamma) / 2
+
+
+def flight(sites: int, gamma: float, time: float) -> np.ndarray:
+    """Between impacts, on all sites of a ring."""
+    beside = np.roll(np.eye(sites), 1, axis=0) + np.roll(np.eye(sites), -1, axis=0)
     A = np.zeros((2 * sites, 2 * sites))
-    A[:sites, sites:] = np.eye(sites)
-    A[sites:, :sites] = gamma * laplacian
+    A[:sites, sites:], A[sites:, :sites] = np.eye(sites), gamma * (beside - 2 * np.eye(sites))
+    return expm(time * A)
+
+
+def impact(sites: int, site: int, k: float, b: float) -> np.ndarray:
     S = np.eye(2 * sites)
-    S[0, 0] = S[sites, sites] = -k
-    S[sites, 0] = b
-    return expm(np.pi * A) @ S
+    S[site, site] = S[sites + site, sites + site] = -k
+    S[sites + site, site] = b
+    return S
 
 
-def _exact_G(gamma: float, nu: complex, sites: int | None) -> np.ndarray:
+def paper_matrix(sites: int, gamma: float, k: float, b: float) -> np.ndarray:
+    """QS as the paper computes it, by expm."""
+    return flight(sites, gamma, np.pi) @ impact(sites, 0, k, b)
+
+
+def exact_G(gamma: float, nu: complex, sites: int | None) -> np.ndarray:
+    """G in its matrix form, averaged over modes with 30 digits."""
     with mp.workdps(30):
         g = mp.mpf(gamma)
         mu = mp.exp(1j * mp.pi * mp.mpmathify(nu))
@@ -63,32 +80,15 @@ def _exact_G(gamma: float, nu: complex, sites: int | None) -> np.ndarray:
         return np.array([[g11, g12], [g21, g11]])
 
 
-def _apart(x: np.ndarray, y: np.ndarray) -> float:
+def apart(x: np.ndarray, y: np.ndarray) -> float:
+    """Largest distance between two sets of multipliers matched one to one, relative above 1."""
     assert x.shape == y.shape
     cost = np.abs(np.asarray(x)[:, None] - np.asarray(y)) / np.maximum(1.0, np.abs(y))
     rows, columns = linear_sum_assignment(cost)
     return float(cost[rows, columns].max())
 
 
-@pytest.fixture(scope="session")
-def b_of() -> Callable[..., float]:
-    """b of the harmonic breather by the closed form (13) and theory section 1."""
-    return _b_of
-
-
-@pytest.fixture(scope="session")
-def paper_matrix() -> Callable[..., np.ndarray]:
-    """QS as the paper computes it, by expm."""
-    return _paper_matrix
-
-
-@pytest.fixture(scope="session")
-def exact_G() -> Callable[..., np.ndarray]:
-    """G in its matrix form, averaged over modes with 30 digits."""
-    return _exact_G
-
-
-@pytest.fixture(scope="session")
-def apart() -> Callable[..., float]:
-    """Largest distance between two sets of multipliers matched one to one, relative above 1."""
-    return _apart
+def slope(of: Callable[[float], Any], h: float) -> Any:
+    """The derivative at 0 by differences of sixth order."""
+    up = [of(m * h) - of(-m * h) for m in (1, 2, 3)]
+    return (45 * up[0] - 9 * up[1] + up[2]) / (60 * h)
