@@ -21,7 +21,7 @@ summed one by one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -294,10 +294,7 @@ def _resonant(lattice: Lattice, gamma: float, distance: int, periods: int) -> tu
     smooth = _from_moments(moments, float(whole[0]), float(whole[1]), periods)
     steep = _from_moments(slopes, float(bent[0]), float(bent[1]), periods)
     value, slope = _high_modes(W[~low], amplitude[~low], gamma)
-    return (
-        Wave(periods, smooth.powers, smooth.first, smooth.second, value),
-        Wave(periods, steep.powers, steep.first, steep.second, slope),
-    )
+    return replace(smooth, modes=value), replace(steep, modes=slope)
 
 
 def _high_modes(W: FloatArray, a: FloatArray, gamma: float) -> tuple[Modes, Modes]:

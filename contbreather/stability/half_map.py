@@ -256,21 +256,7 @@ def even_multipliers(ring: Ring, gamma: float, k: float, b: float) -> Array:
 def half_multipliers(ring: Ring, gamma: float, k: float, b: float) -> Array:
     """All 2 N multipliers of the half map QS on a ring: those of the even sector, then the odd.
 
-    Parameters
-    ----------
-    ring : Ring
-    gamma, k, b : float
-        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
-
-    Returns
-    -------
-    ndarray of complex, shape (2 N,)
-        Absolute accuracy 1e-13; in time proportional to N.
-
-    Raises
-    ------
-    BadInput
-        For gamma outside [0, 1/4) or k outside [0, 1].
+    To 1e-13, in time proportional to N. Parameters and errors as of `unstable_count`.
 
     Examples
     --------
@@ -348,11 +334,10 @@ def eigenvector(ring: Ring, gamma: float, k: float, b: float, mu: complex) -> Ar
 
     Parameters
     ----------
-    ring : Ring
-    gamma, k, b : float
-        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
+    ring, gamma, k, b
+        As of `half_multipliers`.
     mu : complex
-        A multiplier, from `half_multipliers`.
+        One of them.
 
     Returns
     -------

@@ -15,7 +15,7 @@ from contbreather.stability.characteristic import D, checked
 from contbreather.stability.half_map import even_multipliers, half_multipliers
 from contbreather.stability.isolated import unstable_multipliers
 from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
-from contbreather.stability.winding import Count, unstable_count
+from contbreather.stability.winding import Count, ends_of, unstable_count
 
 Array = NDArray[Any]
 
@@ -47,12 +47,8 @@ class HalfMap:
     def crosses(self, mu: float) -> float:
         """D at mu = 1, without the pole that it has there where no spring holds the sites, or at
         mu = -1: a multiple of the scalar of the pitchfork, of that of the fold."""
-        c2, d, lattice = (1.0 + self.k) ** 2, 0.5 * (1.0 - self.k), self.lattice
-        if mu < 0.0:
-            fold = self.b + 0.5 * c2 * lattice.eta(self.gamma)
-            return d * d + 0.5 * lattice.chi(self.gamma) * fold
-        held = 2.0 * d * d / lattice.tau(self.gamma) if lattice.spring else 0.0
-        return 0.5 * c2 * lattice.psi(self.gamma) + held - self.b
+        beta0, _, fold, _ = ends_of(self.gamma, self.k, self.b, self.lattice)
+        return fold if mu < 0.0 else -beta0
 
     def beyond(self, place: float) -> int:
         """How many real multipliers are farther out than 1 or -1, on its side: one or none."""

@@ -71,27 +71,13 @@ def _log_gain(arc: Arc, k: float, b: float) -> Array:
 
 def scattering(gamma: float, nu: ArrayLike, k: float, b: float, spring: float = 0.0) -> Array:
     """S at the angles nu (times pi) of the band, 0 < nu < 2 sqrt(gamma).
+    Parameters and errors as of
+       `on_arc`; an array for many angles.
 
-    Parameters
-    ----------
-    gamma, k, b : float
-        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
-    nu : array_like
-        Real angles inside the band.
-
-    Returns
-    -------
-    ndarray of complex, the shape of ``nu``
-
-    Raises
-    ------
-    BadInput
-        For angles outside the band.
-
-    Examples
-    --------
-    >>> bool(abs(abs(scattering(0.1, 0.3, 1.0, 0.2)) - 1) < 1e-14)  # nothing is lost at k = 1
-    True
+       Examples
+       --------
+       >>> bool(abs(abs(scattering(0.1, 0.3, 1.0, 0.2)) - 1) < 1e-14)  # nothing is lost at k = 1
+       True
     """
     gamma = check_gamma(gamma, spring)
     k, b = check_kb(k, b)
@@ -160,20 +146,8 @@ def _brackets(values: Array) -> Array:
 def over_reflection(gamma: float, k: float, b: float, spring: float = 0.0) -> OverReflection:
     """The largest amplification of a wave by the breather, and the growth of long rings it causes.
 
-    Parameters
-    ----------
-    gamma, k, b : float
-        Coupling, restitution, off-diagonal entry of the saltation matrix (19).
-
-    Returns
-    -------
-    OverReflection
-        If not ``over_reflecting``, no ring of any size is unstable through its band.
-
-    Raises
-    ------
-    BadInput
-        For gamma outside [0, 1/4) or k outside [0, 1].
+    If not ``over_reflecting``, no ring of any size is unstable through its band. Parameters and
+    errors as of `unstable_count`.
 
     Examples
     --------

@@ -119,28 +119,36 @@ def _crossings(F: Array, noise: float) -> int:
     return int(np.sum(up[left]))
 
 
-def _ends(
-    gamma: float, k: float, b: float, chain: InfiniteChain
-) -> tuple[float, float, float, float]:
-    """beta0, which has the sign of -D(1), and D(-1), each with the size of its terms; what is
-    rounding of these is 0, so that a multiplier on the circle is not outside."""
+def ends(k: Any, b: Any, psi: Any, eta: Any, chi: Any, held: float = 0.0) -> tuple[Any, ...]:
+    """beta0, which has the sign of -D(1), and D(-1), each with the size of its terms."""
     half_c2, d = 0.5 * (1.0 + k) ** 2, 0.5 * (1.0 - k)
-    pitchfork, fold = half_c2 * chain.psi(gamma), half_c2 * chain.eta(gamma)
-    if chain.spring:
-        pitchfork += 2.0 * d * d / chain.tau(gamma)
-    chi = chain.chi(gamma)
+    pitchfork, fold = half_c2 * psi + held, half_c2 * eta
     return (
-        *_cleared(b - pitchfork, abs(b) + abs(pitchfork)),
-        *_cleared(d * d + 0.5 * chi * (b + fold), d * d + 0.5 * chi * (abs(b) + fold)),
+        b - pitchfork,
+        abs(b) + abs(pitchfork),
+        d * d + 0.5 * chi * (b + fold),
+        d * d + 0.5 * chi * (abs(b) + fold),
     )
 
 
-def _cleared(value: float, size: float) -> tuple[float, float]:
-    return value if abs(value) > ROUNDING * size else 0.0, size
+def ends_of(gamma: float, k: float, b: float, lattice: Any) -> tuple[float, ...]:
+    """`ends` by the means of a lattice; a spring closes the pole that D has at mu = 1."""
+    held = 0.5 * (1.0 - k) ** 2 / lattice.tau(gamma) if lattice.spring else 0.0
+    return ends(k, b, lattice.psi(gamma), lattice.eta(gamma), lattice.chi(gamma), held)
+
+
+def _cleared(gamma: float, k: float, b: float, chain: InfiniteChain) -> tuple[float, ...]:
+    """`ends_of`, where rounding is 0: a multiplier on the circle is not outside."""
+    found = ends_of(gamma, k, b, chain)
+    one, other = (
+        value if abs(value) > ROUNDING * size else 0.0
+        for value, size in zip(found[::2], found[1::2], strict=True)
+    )
+    return one, found[1], other, found[3]
 
 
 def _chain_count(gamma: float, k: float, b: float, chain: InfiniteChain) -> Count:
-    beta0, beta0_size, fold, fold_size = _ends(gamma, k, b, chain)
+    beta0, beta0_size, fold, fold_size = _cleared(gamma, k, b, chain)
     arc, F, _ = resolved_arc(gamma, k, b, chain.spring)
     size = np.abs(F[1:-1]) / (abs(b) + 1.0)  # the terms of F are of order b and 1
     i = int(size.argmin())
@@ -164,7 +172,7 @@ def outside(gamma: float, k: float, b: float, chain: InfiniteChain) -> int:
     """The count of `unstable_count` on the infinite chain, by the second road alone."""
     gamma = check_gamma(gamma, chain.spring)
     k, b = check_kb(k, b)
-    beta0, _, fold, _ = _ends(gamma, k, b, chain)
+    beta0, _, fold, _ = _cleared(gamma, k, b, chain)
     return _total(beta0, fold, int(window(gamma, k, chain.spring).miss(b) < -ROUNDING))
 
 
@@ -180,14 +188,13 @@ def many_outside(gamma: Array, k: Array, b: Array) -> NDArray[np.int64]:
 
 
 def _outside(gamma: Array, k: Array, b: Array) -> Array:
-    chain, half_c2, d = InfiniteChain(), 0.5 * (1.0 + k) ** 2, 0.5 * (1.0 - k)
     places, place = np.unique(np.stack([gamma, k]), axis=1, return_inverse=True)
     centre, square = np.stack(windows(*places))[:, place.ravel()]
-    pitchfork, fold = (half_c2 * chain.means(gamma, name) for name in ("psi", "eta"))
-    chi = chain.means(gamma, "chi")
+    means = (InfiniteChain().means(gamma, name) for name in ("psi", "eta", "chi"))
+    beta0, beta0_size, fold, fold_size = ends(k, b, *means)
     # each as a sum of terms, whose size is known
-    signs = b - pitchfork, -d * d - 0.5 * chi * (b + fold), square - (b - centre) ** 2
-    sizes = abs(b) + pitchfork, d * d + 0.5 * chi * (abs(b) + fold), 1.0 + b * b
+    signs = beta0, -fold, square - (b - centre) ** 2
+    sizes = beta0_size, fold_size, 1.0 + b * b
     certain = np.all([abs(x) > NEAR * size for x, size in zip(signs, sizes, strict=True)], axis=0)
     above, below, pairs = (x > 0.0 for x in signs)
     return np.where(certain, above + 1 * below + 2 * pairs, -1)

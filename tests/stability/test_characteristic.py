@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pytest
 
-from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import D, D_gradient, D_slope, G, dense_half_map, saltation
 from contbreather.stability.aliases import regular
@@ -127,15 +126,3 @@ def test_every_even_eigenvalue_of_the_dense_matrix_is_a_zero_of_D(sites, a, gamm
     assert mu.size == sites + 2
     value, slope = D_slope(gamma, np.log(mu) / (1j * np.pi), 0.8, b, Ring(sites))
     assert np.abs(value / slope).max() < 2e-13  # the distance to the zero, in nu
-
-
-def test_what_has_no_answer_is_refused():
-    for gamma in (-0.1, 0.25, math.nan, "x"):
-        with pytest.raises(BadInput, match="gamma"):
-            G(gamma, 0.3 - 0.1j)
-    with pytest.raises(BadInput, match="pole"):
-        D(0.1, 0.0, 0.8, 0.3)
-    with pytest.raises(BadInput, match="pole"):
-        G(0.1, np.array([0.2 - 1j, 0.0]), Ring(5))
-    with pytest.raises(BadInput, match="lattice"):
-        G(0.1, 0.3 - 0.1j, "ring")

@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contbreather.lattice import Ring
 from contbreather.stability import (
     D,
     closest_approach,
-    dense_half_map,
-    half_multipliers,
     neimark_sacker,
     unstable_count,
     unstable_multipliers,
@@ -45,28 +42,6 @@ def test_newton_finds_all_that_the_winding_number_counts_and_each_is_a_zero():
             step = np.abs(D(gamma, nu, k, b)) * 2e-8
             step /= np.abs(D(gamma, nu + 1e-8, k, b) - D(gamma, nu - 1e-8, k, b))
             assert step.max() < 1e-12
-
-
-def test_far_from_the_circle_a_dense_ring_has_the_same_multipliers():
-    rng = np.random.default_rng(8)
-    seen = 0
-    while seen < 15:
-        gamma, k, b = rng.uniform(0, 0.24), rng.uniform(), rng.normal() * 3
-        mu = unstable_multipliers(gamma, k, b)
-        mu = mu[np.abs(mu) > 1.6]  # 1.6^-60 < 1e-12
-        dense = np.linalg.eigvals(dense_half_map(60, gamma, k, b))
-        for one in mu:
-            assert np.abs(dense - one).min() < 1e-10 * abs(one)
-        seen += mu.size > 0
-
-
-def test_on_a_ring_they_are_those_of_the_half_map():
-    ring, args = Ring(50), (0.12, 0.8, -0.4)
-    every = half_multipliers(ring, *args)
-    for radius in (1.01, 1.1):
-        mu = unstable_multipliers(*args, ring, radius=radius)
-        assert mu.size == np.sum(np.abs(every) > radius)
-        assert mu.size == unstable_count(*args, ring, radius=radius).count
 
 
 @pytest.mark.parametrize(("gamma", "k"), [(0.12, 0.8), (0.2, 0.4), (0.24, 0.1), (0.05, 0.95)])

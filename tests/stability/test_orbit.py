@@ -287,23 +287,3 @@ def test_verdicts_name_their_chain():
     assert "ring of 20" in repr(ring)
     assert "threshold 1.005" in repr(ring)
     assert ring.largest == pytest.approx(abs(ring.multipliers[0]))
-
-
-def test_nonsense_is_refused_by_a_sentence():
-    good = [(0, 0.0, 0.5), (0, 3.0, 0.5)]
-    with pytest.raises(BadInput, match="without impacts"):
-        OrbitMap(0.1, 0.8, [])
-    with pytest.raises(BadInput, match="in order of time"):
-        OrbitMap(0.1, 0.8, good[::-1])
-    with pytest.raises(BadInput, match="in order of time"):
-        OrbitMap(0.1, 0.8, [(0, 0.0, 0.5), (0, 7.0, 0.5)])
-    with pytest.raises(BadInput, match="finite"):
-        OrbitMap(0.1, 0.8, [(0, 0.0, math.nan)])
-    with pytest.raises(BadInput, match=r"k = 1\.2"):
-        OrbitMap(0.1, 1.2, good)
-    with pytest.raises(BadInput, match="radiates"):
-        OrbitMap(0.1, 0.8, good, periods=2)
-    with pytest.raises(BadInput, match="threshold"):
-        verdict(on_ring(5, 0.1, 0.8, good), threshold=1.0)
-    with pytest.raises(BadInput, match="several sites"):
-        OrbitMap(0.1, 0.8, [Kick(0, 0.0, 0.5), Kick(1, 1.0, 0.5)]).crosses(1.0)

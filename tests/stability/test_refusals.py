@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,15 +17,79 @@ from contbreather.stability.characteristic import D, D_gradient
 from contbreather.stability.half_map import dense_half_map, even_multipliers
 from contbreather.stability.isolated import closest_approach
 from contbreather.stability.orbit import OrbitMap, _zeros
+from contbreather.stability.saltation import Kick
+from contbreather.stability.section_map import ring_map
+from contbreather.stability.verdict import verdict
 
-KICKS = [(0, 0.0, 0.5), (0, 3.0, 0.5)]
 UNSTABLE = (0.11, 0.8, -0.28657)  # two multipliers of the infinite chain outside
 
 
-def test_derivatives_far_inside_or_outside_are_refused() -> None:
-    for nu in (0.4 - 1.001j, 0.4 + 1.001j):
-        with pytest.raises(BadInput, match=r"derivatives are known for \|Im nu\| <= 1 only"):
-            D_gradient(0.1, nu, 0.8, 0.3, Ring(9))
+ORBIT = [(0, 0.0, 0.5), (0, 3.0, 0.5)]
+REFUSED = [
+    # couplings
+    *((lambda g=g: stability.G(g, 0.3 - 0.1j), "gamma") for g in (-0.1, 0.25, math.nan, "x")),
+    *((lambda g=g: stability.neimark_sacker(g, 0.8), "gamma") for g in (-1e-9, 0.25, 0.3)),
+    (lambda: unstable_count(0.3, 0.8, 0.1), "gamma"),
+    (lambda: stability.stability(0.25, 0.8, 0.1), "gamma"),
+    (lambda: InfiniteChain(0.7).chi(0.08), "must stay below 1"),
+    (lambda: InfiniteChain(1.2).chi(0.01), "spring"),
+    (lambda: InfiniteChain(-0.1).chi(0.1), "spring"),
+    (lambda: closest_approach(0.0, 0.8, 0.3), "gamma = 0: without coupling there is no band to"),
+    # losses and entries
+    (lambda: unstable_count(0.1, 1.2, 0.1), "restitution"),
+    (lambda: even_multipliers(Ring(12), 0.1, -0.1, 0.0), "restitution"),
+    (lambda: unstable_count(0.1, "much", 0.1), "real numbers"),
+    (lambda: unstable_count(0.1, 0.8, math.nan), "finite"),
+    (lambda: stability.stability(0.1, 0.8, math.inf, sites=10), "finite"),
+    (lambda: stability.saltation_entry(1.0, 0, 0.8), "w_minus = 0: a finite velocity other than 0"),
+    # places
+    *(
+        (lambda nu=nu, of=of: of(0.1, nu, 0.8, 0.1), "band")
+        for nu in (0.0, -0.1, 0.64, 0.7, math.nan)
+        for of in (stability.on_arc, stability.scattering)
+    ),
+    (lambda: D(0.1, 0.0, 0.8, 0.3), "pole"),
+    (lambda: stability.G(0.1, np.array([0.2 - 1j, 0.0]), Ring(5)), "pole"),
+    *(
+        (lambda nu=nu: D_gradient(0.1, nu, 0.8, 0.3, Ring(9)), r"known for \|Im nu\| <= 1 only")
+        for nu in (0.4 - 1.001j, 0.4 + 1.001j)
+    ),
+    # lattices, circles and thresholds
+    (lambda: stability.G(0.1, 0.3 - 0.1j, "ring"), "lattice"),
+    *((lambda n=n: stability.stability(0.1, 0.8, 0.1, sites=n), "sites") for n in (0, -3, 2.5)),
+    *(
+        (lambda r=r, on=on: unstable_count(0.1, 0.8, 0.3, on, radius=r), "radius")
+        for r in (0.99, 0.9, 0.0, -1.0, math.nan, math.inf, "1")
+        for on in (InfiniteChain(), Ring(5))
+    ),
+    (lambda: unstable_count(0.1, 0.8, 0.1, Ring(40)), "band on that circle"),
+    *(
+        (lambda x=x: stability.stability(0.1, 0.8, 0.1, sites=40, threshold=x), "threshold")
+        for x in (1.0, 0.5, math.inf, math.nan)
+    ),
+    (lambda: verdict(ring_map(Ring(5), 0.1, 0.8, tuple(map(Kick._make, ORBIT))), 1.0), "threshold"),
+    (lambda: Ring(10**9), "sites = 1000000000: a ring has at most 10000000"),
+    (lambda: dense_half_map(5001, 0.1, 0.8, 0.3), "written down for rings of up to 5000"),
+    (lambda: even_multipliers(Ring(10**6), 0.1, 0.8, 0.3), "rings of up to 100000"),
+    (lambda: unstable_count(0.1, 0.8, 0.3, Ring(10**6), radius=1.1), "rings of up to 262144"),
+    # orbits
+    (lambda: OrbitMap(0.1, 0.8, []), "without impacts"),
+    (lambda: OrbitMap(0.1, 0.8, ORBIT[::-1]), "in order of time"),
+    (lambda: OrbitMap(0.1, 0.8, [(0, 0.0, 0.5), (0, 7.0, 0.5)]), "in order of time"),
+    (lambda: OrbitMap(0.1, 0.8, [(0, 0.0, math.nan)]), "finite"),
+    (lambda: OrbitMap(0.1, 1.2, ORBIT), r"k = 1\.2"),
+    (lambda: OrbitMap(0.1, 0.8, ORBIT, periods=2), "radiates"),
+    (lambda: OrbitMap(0.1, 0.8, [*ORBIT[:1], (1, 1.0, 0.5)]).crosses(1.0), "several sites"),
+]
+
+
+@pytest.mark.parametrize(("ask", "says"), REFUSED, ids=lambda one: one if str(one) == one else "")
+def test_a_question_without_an_answer_is_refused(ask: Callable[[], object], says: str) -> None:
+    with pytest.raises(BadInput, match=says):
+        ask()
+
+
+def test_derivatives_reach_to_the_rim_of_their_domain() -> None:
     for nu in (0.4 - 1.0j, 0.4 - 0.999j):
         found = D_gradient(0.1, nu, 0.8, 0.3, Ring(9))
         assert found.value == pytest.approx(D(0.1, nu, 0.8, 0.3, Ring(9)), rel=1e-12)
@@ -61,35 +126,14 @@ def test_what_is_no_finite_number_is_named(ask, name: str, bad: object) -> None:
         ask(bad)
 
 
-def test_an_impact_has_a_velocity() -> None:
-    with pytest.raises(BadInput, match="w_minus = 0: a finite velocity other than 0"):
-        stability.saltation_entry(1.0, 0, 0.8)
-
-
-def test_rings_are_as_long_as_fits_into_memory() -> None:
-    for ask, says in (
-        (lambda: Ring(10**9), "sites = 1000000000: a ring has at most 10000000"),
-        (lambda: dense_half_map(5001, 0.1, 0.8, 0.3), "written down for rings of up to 5000"),
-        (lambda: even_multipliers(Ring(10**6), 0.1, 0.8, 0.3), "rings of up to 100000"),
-        (
-            lambda: unstable_count(0.1, 0.8, 0.3, Ring(10**6), radius=1.1),
-            "counted on rings of up to 262144",
-        ),
-    ):
-        with pytest.raises(BadInput, match=says):
-            ask()
-
-
-def test_without_coupling_there_is_no_band_to_approach() -> None:
-    with pytest.raises(BadInput, match="gamma = 0: without coupling there is no band to leave"):
-        closest_approach(0.0, 0.8, 0.3)
+def test_next_to_no_coupling_there_is_a_band_to_approach() -> None:
     near = closest_approach(1e-6, 0.8, 0.3)
     assert 0.0 < near.nu < 2e-3
     assert near.distance > 0.0
 
 
 def test_a_stable_orbit_has_no_multiplier_outside() -> None:
-    assert OrbitMap(0.04, 0.8, KICKS).unstable_multipliers().size == 0
+    assert OrbitMap(0.04, 0.8, ORBIT).unstable_multipliers().size == 0
 
 
 def test_zeros_are_looked_for_from_somewhere() -> None:
@@ -133,7 +177,7 @@ def test_a_count_that_turns_too_fast_is_refused(monkeypatch) -> None:
         unstable_count(0.1, 0.8, 0.3, Ring(20), radius=1.0 + 1e-7)
 
 
-@pytest.mark.parametrize("sites", [8, 9, 20])
+@pytest.mark.parametrize("sites", [8, 9, 20, 50])
 def test_multipliers_outside_a_circle_are_listed_from_the_largest_in_pairs(sites: int) -> None:
     gamma, k, b = UNSTABLE
     whole = np.linalg.eigvals(dense_half_map(sites, gamma, k, b))
@@ -158,15 +202,6 @@ def test_on_the_chain_they_are_listed_from_the_largest_in_pairs_too() -> None:
     larger = unstable_multipliers(*UNSTABLE, radius=float(abs(found[0])) + 1e-6)
     assert larger.size == 0
     assert unstable_multipliers(0.0, 0.8, 1.1)[0].imag == 0.0
-
-
-@pytest.mark.parametrize("radius", [0.99, 0.0, -1.0, math.nan, math.inf, "1"])
-def test_a_radius_is_at_least_one(radius) -> None:
-    for lattice in (InfiniteChain(), Ring(5)):
-        with pytest.raises(BadInput, match="radius"):
-            unstable_count(0.1, 0.8, 0.3, lattice, radius=radius)
-    with pytest.raises(BadInput, match="radius"):
-        unstable_count(0.1, 0.8, 0.3, Ring(5), radius=1.0)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.green import flight
 from contbreather.stability import (
@@ -187,12 +186,3 @@ def test_no_spring_is_the_limit_of_a_weak_one() -> None:
         assert counts[0] == counts[1]
     nu = np.array([0.3 - 0.2j, 0.8 - 0.01j])
     assert D(0.1, nu, 0.8, 0.4, weak) == pytest.approx(D(0.1, nu, 0.8, 0.4), abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("spring", "gamma", "says"),
-    [(0.7, 0.08, r"must stay below 1"), (1.2, 0.01, "spring"), (-0.1, 0.1, "spring")],
-)
-def test_a_band_at_the_harmonic_of_the_drive_is_refused(spring, gamma, says) -> None:
-    with pytest.raises(BadInput, match=says):
-        InfiniteChain(spring).chi(gamma)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from contbreather.errors import BadInput
 from contbreather.lattice import Ring
 from contbreather.stability import (
     half_multipliers,
@@ -67,19 +66,6 @@ def test_a_verdict_says_what_it_is_about():
 def test_short_rings_have_no_neutral_modes_to_stop_at():
     assert stability(0.1, 0.3, 0.1, sites=1).largest < 1
     assert stability(0.1, 0.3, 0.35, sites=3).largest == 1.0
-
-
-def test_bad_input_is_refused_with_a_reason():
-    for threshold in (1.0, 0.5, math.inf, math.nan):
-        with pytest.raises(BadInput, match="threshold"):
-            stability(0.1, 0.8, 0.1, sites=40, threshold=threshold)
-    for sites in (0, -3, 2.5):
-        with pytest.raises(BadInput, match="sites"):
-            stability(0.1, 0.8, 0.1, sites=sites)
-    with pytest.raises(BadInput, match="gamma"):
-        stability(0.25, 0.8, 0.1)
-    with pytest.raises(BadInput, match="finite"):
-        stability(0.1, 0.8, math.inf, sites=10)
 
 
 def bounced(u: float, v: float, acceleration: float, wall: float, k: float, time: float):
