@@ -190,8 +190,8 @@ def many_outside(gamma: Array, k: Array, b: Array) -> NDArray[np.int64]:
 def _outside(gamma: Array, k: Array, b: Array) -> Array:
     places, place = np.unique(np.stack([gamma, k]), axis=1, return_inverse=True)
     centre, square = np.stack(windows(*places))[:, place.ravel()]
-    means = (InfiniteChain().means(gamma, name) for name in ("psi", "eta", "chi"))
-    beta0, beta0_size, fold, fold_size = ends(k, b, *means)
+    psi, eta, chi = (InfiniteChain().means(gamma, name) for name in ("psi", "eta", "chi"))
+    beta0, beta0_size, fold, fold_size = ends(k, b, psi, eta, chi)
     # each as a sum of terms, whose size is known
     signs = beta0, -fold, square - (b - centre) ** 2
     sizes = beta0_size, fold_size, 1.0 + b * b
