@@ -7,7 +7,7 @@ that changes along its unknowns. On finite lattices the events are the same what
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -20,7 +20,7 @@ from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import RELATIVE, differences
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import Always
+from contbreather.continuation.point import Always, Meeting
 from contbreather.errors import BadInput
 from contbreather.stability.pairs import REAL
 
@@ -30,6 +30,7 @@ Slopes = Callable[[Conditions, Curve, Array, Array], Array]
 
 EPS = float(np.finfo(float).eps)
 STEP = 1e-4  # of unknowns of the order of one, and of parameters
+DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it is located
 VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding
 
 
@@ -159,7 +160,35 @@ def _outermost_locus(threshold: float, slopes: Slopes, point: Point) -> Locus:
     if not mu.size:
         raise Undefined("no complex multipliers on this ring")
     nu = float(np.angle(mu[abs(mu).argmax()])) / math.pi
-    return OnCircle(slopes, _radius(point.solution, threshold)).locus(nu)
+    circle = OnCircle(slopes, _radius(point.solution, threshold))
+    return circle.locus(nu, events=tuple(_ends(circle.radius, point)))
+
+
+def _ends(radius: float, point: Point) -> Iterator[Event]:
+    """R1, R2: the pair has become a double real multiplier; the curve would come back over itself.
+    Of half a symmetric orbit both 1 and -1 are 1 over the whole period."""
+    known, half = {one.kind: one for one in point.curve.problem.events}, point.solution.symmetric
+    one, other = (("R1", "PF"), ("R1", "LP")) if half else (("R1", "LP"), ("R2", "PD"))
+    for mu, (kind, meets) in ((1.0, one), (-1.0, other)):
+        yield Meeting(
+            kind,
+            partial(_from_real, mu),
+            examine=partial(_is_double, mu * radius),
+            ends="branch",
+            base=known[meets if radius == 1.0 else "NS"],
+        )
+
+
+def _from_real(mu: float, point: Point) -> float:
+    return float(point["nu"] if mu > 0.0 else 1.0 - point["nu"])
+
+
+def _is_double(mu: float, point: Point) -> str:
+    map = point.ground.solution.map
+    if np.sort(abs(map.coupled - mu))[1] > DOUBLE:
+        return f"{mu:.6g} is not a double multiplier"
+    pair = np.linalg.svd(map.matrix - mu * np.eye(len(map.matrix)), compute_uv=False)[-2]
+    return "" if pair > DOUBLE else f"two multipliers {mu:.6g} that pass each other and stay a pair"
 
 
 def examine_angle(point: Point) -> str:

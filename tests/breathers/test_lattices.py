@@ -330,6 +330,37 @@ def test_the_infinite_chain_is_traced_in_its_spring_and_refuses_damping() -> Non
         cb.trace(fork, "mu")
 
 
+@pytest.mark.parametrize(("threshold", "also"), [(1.0, "NS-LP"), (1.005, None)])
+def test_a_curve_of_pairs_ends_once_where_they_become_a_double_multiplier(threshold, also) -> None:
+    lossy = cb.symmetric(0.3, 0.2, 0.75, lattice=cb.Ring(12), damping=0.02)
+    ns, on = [cb.fold(), cb.neimark_sacker(threshold=threshold)], {"gamma": (0.18, 0.2499)}
+    branch = cb.trace(lossy, "a", within={"a": (0.09, 0.5)}, events=ns, inadmissible=True)
+    line = cb.boundary(branch.first("NS"), ("gamma", "a"), within=on, inadmissible=True)
+    assert [point.label for point in line.special] == ["EP1", "R1.1"]
+    assert line["nu"].max() <= 1.0
+    double, radius = line.first("R1"), math.sqrt(threshold)
+    assert double.detail.get("also") == also
+    pair = np.sort(abs(double.solution.multipliers(half=True) + radius))[:3]
+    assert pair[1] < 1e-6
+    assert pair[2] > 0.1
+    if also:  # there the curve of folds passes
+        folds = cb.boundary(double, ("gamma", "a"), within=on, inadmissible=True, events=())
+        assert folds["gamma"].min() == 0.18
+        assert abs(folds[0].solution.multipliers(half=True) + 1.0).min() < 1e-6
+
+
+def test_pairs_that_pass_each_other_on_the_axis_do_not_end_a_curve() -> None:
+    """Of a whole period a symmetric orbit has the squares of i and -i, which do not merge."""
+    whole = cb.symmetric(0.2, 0.08, 0.75, lattice=cb.Ring(12), damping=0.02).unfolded()
+    ns = [cb.neimark_sacker(threshold=1.0)]
+    point = cb.trace(whole, "gamma", within={"gamma": (0.07, 0.1)}, events=ns).first("NS")
+    on = {"gamma": (0.08, 0.2499), "a": (0.05, 0.3)}
+    line = cb.boundary(point, ("gamma", "a"), within=on, towards="down", events=())
+    assert line["nu"].min() < 1.0 < line["nu"].max()
+    assert line[-1].kind == "EP"
+    assert "pass each other" in line.doubtful[0].detail["reason"]
+
+
 def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
     """Beyond its pitchfork the symmetric orbit repels, and the integrator finds an arm."""
     lattice, on = cb.OpenChain(3), {"gamma": 0.04, "k": 0.8, "damping": 0.1}
