@@ -11,7 +11,6 @@ def _dynamics() -> None:
     import contbreather.dynamics.kept  # noqa: F401 - enters runs and motions
 
 
-for kind in ("simulated run", "smooth run", "returning motion"):
-    elsewhere(kind, _dynamics)
+elsewhere(_dynamics)
 
 __all__ = ["Run", "load", "save"]

@@ -10,9 +10,8 @@ from .onward import extend
 from .point import Event, Locus, Point, user
 from .problem import Problem
 from .refine import refined
-from .run import Run
+from .run import Run, load, save
 from .steps import Steps
-from .store import load, save
 from .trace import trace, walk
 
 __all__ = [

@@ -12,12 +12,10 @@ from ..checks import kind_of
 from ..errors import BadInput
 from .branch import Branch
 from .groups import ABOUT, about, text, written
-from .recipes import all_fetched, fetched
+from .recipes import fetch_all, maker, maker_of
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
-
-Parts = Mapping[str, Any]
 
 
 class Said(NamedTuple):
@@ -26,34 +24,22 @@ class Said(NamedTuple):
 
     about: Mapping[str, Any]
     columns: Mapping[str, Any]
-    parts: Parts
+    parts: Mapping[str, Any]
 
 
-class Content(NamedTuple):
-    """One kind of value: ``said(value)`` takes it apart, ``made(about, data, parts)`` puts it
-    together again."""
-
-    kind: str
-    said: Callable[[Any], Said]
-    made: Callable[[Mapping[str, Any], Dataset, Parts], Any]
-
-
-_OF_TYPE: dict[type, Content] = {}
+_KINDS: dict[type, tuple[str, Callable[[Any], Said]]] = {}
 
 
 def content(type_: type, kind: str, said: Callable[[Any], Said]) -> Callable[..., Any]:
-    """Enter a function as what puts values of a type together again."""
-
-    def entered(made: Callable[..., Any]) -> Callable[..., Any]:
-        _OF_TYPE[type_] = Content(kind, said, made)
-        return made
-
-    return entered
+    """Enter how values of a type are taken apart, and as what puts one together again a function
+    ``made(about, data, parts)`` of what JSON held, a dataset with the columns, and the parts."""
+    _KINDS[type_] = kind, said
+    return maker(kind)
 
 
 def keepable() -> str:
     """What can be kept, in words."""
-    return ", ".join(["branches", *(f"{one.kind.removesuffix('s')}s" for one in _OF_TYPE.values())])
+    return ", ".join(["branches", *(f"{kind.removesuffix('s')}s" for kind, _ in _KINDS.values())])
 
 
 def groups_of(name: str, value: Any, *, recorded: bool | None = True) -> dict[str, Dataset]:
@@ -61,28 +47,27 @@ def groups_of(name: str, value: Any, *, recorded: bool | None = True) -> dict[st
     if isinstance(value, Branch):
         own = written(value, recorded=recorded)
         return {f"{name}/{part}" if part else name: data for part, data in own.items()}
-    if type(value) not in _OF_TYPE:
-        all_fetched()
-    known = _OF_TYPE.get(type(value))
-    if known is None:
+    if type(value) not in _KINDS:
+        fetch_all()
+    if type(value) not in _KINDS:
         raise BadInput(f"{kind_of(value)} cannot be kept in a file; {keepable()} can")
     from xarray import Dataset
 
-    said = known.said(value)
-    json = {"content": known.kind, "parts": list(said.parts), **said.about}
-    attributes = {"content": text(known.kind)}
+    kind, taken_apart = _KINDS[type(value)]
+    said = taken_apart(value)
+    json = {"content": kind, "parts": list(said.parts), **said.about}
+    attributes = {"content": text(kind)}
     groups = {name: Dataset({ABOUT: about(json), **said.columns}, attrs=attributes)}
     for part, inner in said.parts.items():
         groups |= groups_of(f"{name}/{part}", inner, recorded=recorded)
     return groups
 
 
-def made_of(group: DataTree, told: Mapping[str, Any], parts: Parts) -> Any:
+def made_of(group: DataTree, told: Mapping[str, Any], parts: Mapping[str, Any]) -> Any:
     """What was taken apart."""
-    fetched(told["content"])
-    for known in _OF_TYPE.values():
-        if known.kind == told["content"]:
-            return known.made(told, group.to_dataset(inherit=False), parts)
-    raise BadInput(
-        f"the file holds {told['content']!r}, which is unknown here; {keepable()} can be"
-    )
+    made = maker_of(told["content"])
+    if made is None:
+        raise BadInput(
+            f"the file holds {told['content']!r}, which is unknown here; {keepable()} can be"
+        )
+    return made(told, group.to_dataset(inherit=False), parts)

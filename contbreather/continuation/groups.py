@@ -25,7 +25,7 @@ from .points import Points
 from .problem import Problem
 
 if TYPE_CHECKING:
-    from xarray import Dataset
+    from xarray import Dataset, DataTree
 
 Array = NDArray[Any]
 Variable = tuple[tuple[str, ...], Any, dict[str, Any]]  # dimensions, values, attributes
@@ -77,6 +77,12 @@ def check_names(what: str, names: Iterable[str]) -> None:
 def about(content: Mapping[str, Any]) -> Variable:
     """JSON as a variable."""
     return (), np.array(json.dumps(content, separators=(",", ":")).encode()), {}
+
+
+def about_in(group: DataTree) -> dict[str, Any]:
+    """What `about` said of a group."""
+    content: dict[str, Any] = json.loads(group.dataset[ABOUT].values.tobytes())
+    return content
 
 
 def text(given: str) -> np.bytes_:

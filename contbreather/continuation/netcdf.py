@@ -1,8 +1,15 @@
-"""One netCDF-4 file: values by their names, each a group, and where they come from."""
+"""One netCDF-4 file: values by their names, each a group, and behind them a checksum of it all.
+
+HDF5 does not look at what comes after its own last byte, so others read such a file as it is. We
+read nothing from one with another checksum: of what is damaged HDF5 makes other numbers, or goes
+on for ever.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import io
+import os
 import platform
 import sys
 from collections.abc import Iterator, Mapping
@@ -12,15 +19,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import BadInput
-from ..files import writable
+from ..files import opened, writable, write_whole
 from .contents import groups_of
 from .groups import check_names, text
-from .sealed import read_sealed, write_sealed
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
 FORMAT, NUMBER = "run of contbreather", 3  # the number grows where older versions cannot read on
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_SEAL = b"\nsha256 of all bytes before: %s\n"
+_SEALED = len(_SEAL % bytes(64))
 
 
 def target_of(path: str | Path) -> Path:
@@ -49,8 +58,8 @@ def write(
     for name, value in values.items():
         groups |= groups_of(f"/{name}", value, recorded=recorded)
     tree = DataTree.from_dict({"/": Dataset(attrs={**_root(), "alone": int(alone)}), **groups})
-    # in memory first: where a disk is full, HDF5 ends the interpreter
-    return write_sealed(target, image(tree))
+    made = image(tree)  # in memory first: where a disk is full, HDF5 ends the interpreter
+    return write_whole(target, lambda file: file.writelines((made, _SEAL % _checksum(made))))
 
 
 def image(data: Dataset | DataTree) -> bytes:
@@ -93,7 +102,7 @@ def read(path: str | Path) -> Iterator[DataTree]:
     """
     import xarray
 
-    image = io.BytesIO(read_sealed(path))
+    image = io.BytesIO(_read_sealed(path))
     with xarray.open_datatree(image, engine="h5netcdf", decode_cf=False) as tree:
         if tree.attrs.get("format") != FORMAT:
             raise BadInput(f"{path} holds nothing that this version's `save` wrote")
@@ -104,3 +113,29 @@ def read(path: str | Path) -> Iterator[DataTree]:
                 f"is {number}, this version reads {NUMBER}; update contbreather"
             )
         yield tree
+
+
+def _read_sealed(path: str | Path) -> bytes:
+    """The bytes in front of a checksum that is theirs."""
+    with opened(path) as file:
+        if file.read(len(_SIGNATURE)) != _SIGNATURE:
+            raise BadInput(f"cannot read {path}: it is not a netCDF-4 file")
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - _SEALED))
+        seal = file.read()
+        if not (seal.startswith(_SEAL[:-3]) and seal.endswith(_SEAL[-1:])):
+            raise BadInput(
+                f"{path} holds nothing that `save` wrote, or it has lost its end: the checksum "
+                "that should be there is not"
+            )
+        file.seek(0)
+        image = file.read(size - _SEALED)
+    if seal != _SEAL % _checksum(image):
+        raise BadInput(
+            f"{path} is damaged: its checksum is not the one that `save` wrote; restore a copy"
+        )
+    return image
+
+
+def _checksum(image: bytes) -> bytes:
+    return hashlib.sha256(image).hexdigest().encode()

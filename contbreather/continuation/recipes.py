@@ -64,24 +64,25 @@ def maker(kind: str) -> Callable[[Make], Make]:
     return entered
 
 
-_FETCH: dict[str, Callable[[], object]] = {}
+_ELSEWHERE: list[Callable[[], object]] = []
 
 
-def elsewhere(kind: str, fetch: Callable[[], object]) -> None:
-    """Say what to call, an import, before something of a kind is made: it enters the maker."""
-    _FETCH[kind] = fetch
+def elsewhere(fetch: Callable[[], object]) -> None:
+    """Say what to call, an import, where a kind is unknown: it enters more makers."""
+    _ELSEWHERE.append(fetch)
 
 
-def fetched(kind: str) -> None:
-    """See to it that what makes a kind is entered."""
-    if kind in _FETCH:
-        _FETCH.pop(kind)()  # once
-
-
-def all_fetched() -> None:
+def fetch_all() -> None:
     """See to it that all makers are entered."""
-    for kind in tuple(_FETCH):
-        fetched(kind)
+    while _ELSEWHERE:
+        _ELSEWHERE.pop()()
+
+
+def maker_of(kind: str) -> Callable[..., Any] | None:
+    """What makes a kind, if that is known."""
+    if kind not in _MAKERS:
+        fetch_all()
+    return _MAKERS.get(kind)
 
 
 def remade(said: Mapping[str, Any] | None, *more: Any) -> Any:
@@ -94,8 +95,7 @@ def remade(said: Mapping[str, Any] | None, *more: Any) -> Any:
     """
     if said is None:
         return None
-    fetched(said["kind"])
-    made = _MAKERS.get(said["kind"])
+    made = maker_of(said["kind"])
     if made is None:
         return None
     try:

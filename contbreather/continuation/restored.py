@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +16,7 @@ from .branch import Branch, Settings, Stop, labelled
 from .curve import Curve
 from .cycles import Iterate, with_period
 from .equilibria import branch_point, fold, hopf
-from .groups import ABOUT, DOUBTFUL, ORIGIN, from_json
+from .groups import DOUBTFUL, ORIGIN, about_in, from_json
 from .newton import Undefined
 from .point import Counting, Event, Point
 from .points import Points
@@ -68,17 +67,6 @@ def restored(group: DataTree, given: Problem | None = None) -> Branch:
         settings=settings,
         origin=origin,
     )
-
-
-def about_in(group: DataTree) -> dict[str, Any]:
-    """What the writer of a group said of it."""
-    content: dict[str, Any] = json.loads(words(group.dataset[ABOUT].values))
-    return content
-
-
-def words(cells: Array) -> str:
-    """Text that is an array of characters in a file."""
-    return bytes(np.asarray(cells).tobytes()).decode()
 
 
 def _beside(group: DataTree, curve: Curve, events: Sequence[Event]) -> tuple[Point, ...]:

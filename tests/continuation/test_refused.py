@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 import contbreather as cb
-from contbreather.continuation import Event, sealed
+from contbreather.continuation import Event, netcdf
 from contbreather.errors import BadInput, NoSolution, NotConverged
 
 from .zoo import LINE, PITCHFORK
@@ -73,7 +73,7 @@ def test_netcdf_of_others_with_a_sound_end_is_refused(tmp_path: Path) -> None:
     buffer.write(tree.to_netcdf(None, engine="h5netcdf"))
     image = buffer.getvalue()
     path = tmp_path / "other.nc"
-    path.write_bytes(image + sealed._SEAL % sealed._checksum(image))
+    path.write_bytes(image + netcdf._SEAL % netcdf._checksum(image))
     with pytest.raises(BadInput, match=r"other\.nc holds nothing that this version's `save` wr"):
         cb.load(path)
 
