@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from .boundary import meeting
 from .newton import OUT_OF_DOMAIN
 from .point import Event, Examined, Locus, Meeting, Point
 from .rank import weakest
-from .sparse import is_sparse
+from .sparse import Matrix, is_sparse
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -189,40 +190,59 @@ def _examine_cusp(point: Point) -> Examined:
 
 
 def _hopf_test(point: Point) -> float:
+    rounding = 0.0 if _large(point) else _rounding(point)
+    return _off_axis(point, _eigenvalues(point), rounding)
+
+
+def _off_axis(point: Point, values: Values, rounding: float = 0.0) -> float:
+    """By how much the pair nearest the imaginary axis is off it: the smallest sum of two of these
+    eigenvalues, with the sign of the product of all such sums."""
     if _large(point):
-        near = spectrum.near_axis(point.curve, point.z)
-        return _least_pair(near.pairs, near.rounding**2)
-    return _least_sum(point.curve.spectrum(point.z), _rounding(point))
+        # complex pairs alone: of all others, and of those further to the left, some are not known
+        near = _near(point)
+        upper = values[values.imag > near.rounding]
+        sums, rounding = (-upper.real).astype(complex), near.rounding**2
+    else:
+        one, other = loci.pairs(values)
+        sums = one + other
+    return loci.least_with_sign(sums, rounding) if sums.size else math.nan
 
 
 def _large(point: Point) -> bool:
     """Whether only a few of the eigenvalues are known."""
-    return is_sparse(point.curve.jacobian(point.z))
+    return is_sparse(point.ground.curve.jacobian(point.ground.z))
 
 
-def _least_pair(pairs: NDArray[Any], rounding: float) -> float:
-    """By how much the pair nearest the imaginary axis is off it, with a sign by the number of pairs
-    beyond: those further to the left may or may not be known."""
-    return loci.least_with_sign((-pairs.real).astype(complex), rounding) if pairs.size else math.nan
+def _near(point: Point) -> spectrum.Near:
+    return spectrum.near_axis(point.ground.curve, point.ground.z)
+
+
+def _eigenvalues(point: Point) -> Values:
+    """Of the flow; of a large one those that are known."""
+    return _near(point).values if _large(point) else point.ground.curve.spectrum(point.ground.z)
+
+
+def _flow(point: Point) -> Matrix:
+    return spectrum.flow(point.ground.curve, point.ground.z)
 
 
 def _rounding(point: Point) -> float:
     return _ROUNDING * float(np.linalg.norm(_flow(point)))
 
 
-def _flow(point: Point) -> Array:
-    """The derivative between unknowns in their scales, which keeps the eigenvalues."""
-    scales = point.curve.scales[: point.curve.size]
-    return np.asarray(point.jacobian()[:, : scales.size] * scales / scales[:, None])
+def _small(point: Point) -> float:
+    """How small an eigenvalue must be to be zero."""
+    if _large(point):
+        return _FINE * _near(point).rounding
+    return _CLOSE * float(np.linalg.norm(_flow(point), 2))
 
 
 def _unstable_pairs(point: Point) -> int:
     """Half the number of eigenvalues to the right of the imaginary axis, by more than rounding."""
     if _large(point):
-        near = spectrum.near_axis(point.curve, point.z)
+        near = _near(point)
         return int(np.count_nonzero(near.pairs.real > near.rounding**2))
-    beyond = point.curve.spectrum(point.z).real > _rounding(point)
-    return int(np.count_nonzero(beyond)) // 2
+    return int(np.count_nonzero(_eigenvalues(point).real > _rounding(point))) // 2
 
 
 def _hopf_locus(point: Point) -> Locus:
@@ -235,29 +255,28 @@ def _hopf_locus(point: Point) -> Locus:
     small = _ZERO * float(np.linalg.norm(matrix, 2))
     value, *plane = loci.critical_plane(matrix, (0.0,), small, lambda values: abs(values.real))
     one, other = (vector * scales for vector in plane)
-    locus = loci.pair_locus("omega2", value.imag**2, (one, other), 0.0, _of_axis)
+    locus = loci.pair_locus("omega2", value.imag**2, (one, other), 0.0, b=(0, 0), c=(0, 1))
     return replace(locus, events=ends, meets=MEETINGS["HB"])
 
 
-def _square(point: Point) -> float:
-    return float(point["omega2"])
-
-
-def _of_axis(square: float) -> tuple[float, float]:
-    return 0.0, square
-
-
 def _examine_hopf(point: Point) -> Examined:
-    """omega, l1 and what the sign of l1 means; why not, where there is no l1. Of the two
-    eigenvalues that add up to nothing: are they a complex pair? On a boundary they may be both
-    zero, where it meets a fold curve."""
-    if _large(point):
-        return _examine_large_hopf(point)
-    matrix = _flow(point)
-    one, other = loci.pairs(np.linalg.eigvals(matrix).astype(complex))
+    """omega, l1 and what the sign of l1 means; why not, where there is no l1."""
+    found = _pair_of_large(point) if _large(point) else _pair_on_axis(point)
+    if isinstance(found, str):
+        return found
+    return found | normal_forms.criticality(
+        "l1", lambda: normal_forms.lyapunov(point, found["omega"]), stable_if_negative=True
+    )
+
+
+def _pair_on_axis(point: Point) -> str | dict[str, float]:
+    """Of the two eigenvalues that add up to nothing: are they a complex pair? On a boundary they
+    may be both zero, where it meets a fold curve."""
+    values = _eigenvalues(point)
+    one, other = loci.pairs(values)
     nearest = int(abs(one + other).argmin())
     pair = np.array([one[nearest], other[nearest]])
-    zero = abs(pair).max() <= _ZERO * np.linalg.norm(matrix, 2)
+    zero = abs(pair).max() <= _ZERO * np.linalg.norm(_flow(point), 2)
     if zero and point.tangent is not None:
         return "a double zero eigenvalue: no pair on the imaginary axis"
     if not zero and not pair.imag.any():
@@ -265,21 +284,15 @@ def _examine_hopf(point: Point) -> Examined:
             f"a neutral saddle: the eigenvalues {pair[0].real:.3g} and {pair[1].real:.3g} are real"
         )
     square = point.detail.get("omega2")
-    omega = math.sqrt(square) if square and square > 0 else _frequency(_eigenvalues(point)[0])
-    return {"omega": omega} | normal_forms.criticality(
-        "l1", lambda: normal_forms.lyapunov(point, omega), stable_if_negative=True
-    )
+    return {"omega": math.sqrt(square) if square and square > 0 else _frequency(values)}
 
 
-def _examine_large_hopf(point: Point) -> Examined:
-    near = spectrum.near_axis(point.curve, point.z)
+def _pair_of_large(point: Point) -> str | dict[str, float]:
+    near = _near(point)
     square = point.detail.get("omega2", point.values.get("omega2", math.nan))
     if not square > near.rounding**2:
         return "no pair of eigenvalues on the imaginary axis was solved for: a real pair, or none"
-    omega = math.sqrt(square)
-    return {"omega": omega, "reach": near.reach} | normal_forms.criticality(
-        "l1", lambda: normal_forms.lyapunov(point, omega), stable_if_negative=True
-    )
+    return {"omega": math.sqrt(square), "reach": near.reach}
 
 
 # --- where a pair or a second zero joins the one that a curve has everywhere --------------------
@@ -287,17 +300,7 @@ def _examine_large_hopf(point: Point) -> Examined:
 
 def _hopf_beside_zero(point: Point) -> float:
     """The test of a Hopf point for all eigenvalues but the one that is zero."""
-    if _large(point.ground):
-        return _hopf_test(point.ground)
-    return _least_sum(loci.without(_eigenvalues(point)[0], 0.0))
-
-
-def _least_sum(values: Values, rounding: float = 0.0) -> float:
-    """The smallest sum of two eigenvalues, with the sign of the product of all such sums."""
-    if values.size < 2:
-        return math.nan
-    one, other = loci.pairs(values)
-    return loci.least_with_sign(one + other, rounding)
+    return _off_axis(point, loci.without(_eigenvalues(point), 0.0))
 
 
 def _overlap(point: Point) -> float:
@@ -333,7 +336,7 @@ def _examine_zero_hopf(point: Point) -> Examined:
 
 
 def _examine_zero_and_pair(point: Point) -> Examined:
-    values, small = _eigenvalues(point)
+    values, small = _eigenvalues(point), _small(point)
     zero = abs(values) < small
     pair = (abs(values.real) < small) & ~zero
     if zero.sum() >= 2:
@@ -352,15 +355,6 @@ def _frequency(values: Values) -> float:
     return float(pairs[abs(pairs.real).argmin()].imag)
 
 
-def _eigenvalues(point: Point) -> tuple[Values, float]:
-    """Eigenvalues of the flow, and how small one must be to be zero."""
-    if _large(point.ground):
-        near = spectrum.near_axis(point.ground.curve, point.ground.z)
-        return near.values, _FINE * near.rounding
-    matrix = normal_forms.Forms(point).A
-    return np.linalg.eigvals(matrix).astype(complex), _CLOSE * float(np.linalg.norm(matrix, 2))
-
-
 # --- on curves of Hopf points -----------------------------------------------------------------
 
 
@@ -370,23 +364,20 @@ def _lyapunov_on_hopf(point: Point) -> float:
     if not square > 0:
         return math.nan  # beyond BT
     l1 = normal_forms.value_or_nan(lambda: normal_forms.lyapunov(point, math.sqrt(square)))
-    return l1 * loci.signed_smallest(normal_forms.Forms(point).A)
+    return l1 * loci.signed_smallest(_flow(point))
 
 
 def _examine_generalised(point: Point) -> str:
     l1 = normal_forms.lyapunov(point, math.sqrt(point["omega2"]))
-    if not normal_forms.vanishes(l1, point):
-        return f"the first Lyapunov coefficient {l1.value.real:.2g} is not zero"
-    values, small = _eigenvalues(point)
-    if (abs(values.real) < small).sum() != 2:
+    reason = normal_forms.not_zero("the first Lyapunov coefficient", l1, point)
+    if not reason and (abs(_eigenvalues(point).real) < _small(point)).sum() != 2:
         return "more than one pair of eigenvalues on the imaginary axis"
-    return ""
+    return reason
 
 
 def _beside_pair(point: Point) -> Values:
     """All eigenvalues but the pair on the axis; none beyond BT."""
-    square = point["omega2"]
-    values = _eigenvalues(point)[0]
+    square, values = point["omega2"], _eigenvalues(point)
     if not square > 0 or values.size < 2:
         return np.empty(0, dtype=complex)
     axis = 1j * math.sqrt(square)
@@ -395,25 +386,18 @@ def _beside_pair(point: Point) -> Values:
 
 def _second_pair(point: Point) -> float:
     """The test of a Hopf point for all eigenvalues but the pair on the axis."""
-    if _large(point.ground):
-        near = spectrum.near_axis(point.ground.curve, point.ground.z)
-        return _least_pair(_upper(_beside_pair(point), near.rounding), near.rounding**2)
-    return _least_sum(_beside_pair(point))
-
-
-def _upper(values: Values, rounding: float) -> Values:
-    return values[values.imag > rounding]
+    return _off_axis(point, _beside_pair(point))
 
 
 def _zero_beside_pair(point: Point) -> float:
-    if _large(point.ground):
-        return loci.signed_smallest(normal_forms.Forms(point).A)
+    if _large(point):
+        return loci.signed_smallest(_flow(point))
     values = _beside_pair(point)
     return loci.least_with_sign(values, 0.0) if values.size else math.nan
 
 
 def _examine_second_pair(point: Point) -> str:
-    values, small = _eigenvalues(point)
+    values, small = _eigenvalues(point), _small(point)
     on_axis = values[abs(values.real) < small]
     if on_axis.size != 4 or not (abs(on_axis.imag) > small).all():
         return f"not two pairs on the imaginary axis, but {on_axis}"
@@ -427,7 +411,9 @@ _HOPF = Event("HB", _hopf_test, count=_unstable_pairs, locus=_hopf_locus, examin
 _GENERALISED = Event("GH", _lyapunov_on_hopf, examine=_examine_generalised)
 _DOUBLE_HOPF = Event("HH", _second_pair, examine=_examine_second_pair)
 # Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.
-_BT_ON_HOPF = Meeting("BT", _square, examine=_examine_double_zero, ends="domain", base=_FOLD)
+_BT_ON_HOPF = Meeting(
+    "BT", itemgetter("omega2"), examine=_examine_double_zero, ends="domain", base=_FOLD
+)
 _BT = Meeting("BT", _overlap, examine=_examine_takens, base=_HOPF)
 
 

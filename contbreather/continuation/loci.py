@@ -227,12 +227,13 @@ def pair_locus(
     value: float,
     plane: tuple[Array, Array],
     shift: float,
-    quadratic: Callable[[float], tuple[float, float]],
+    b: tuple[float, float],
+    c: tuple[float, float],
 ) -> Locus:
     """``(M^2 + b M + c) v = 0`` in the plane of a pair, with ``M = F_x + shift``; b and c are
-    linear in one more unknown."""
+    linear in one more unknown, each a constant and a slope."""
     start, reference = _frame(*plane)
-    vector = _PairVector(reference, shift, quadratic)
+    vector = _PairVector(reference, shift, b, c)
     return Locus({"null": start, name: value}, vector.conditions, vector.derivative)
 
 
@@ -240,26 +241,29 @@ def pair_locus(
 class _PairVector:
     reference: Array
     shift: float
-    quadratic: Callable[[float], tuple[float, float]]
+    b: tuple[float, float]
+    c: tuple[float, float]
+
+    def _quadratic(self, unknown: float) -> tuple[float, float]:
+        return self.b[0] + self.b[1] * unknown, self.c[0] + self.c[1] * unknown
 
     def _shifted(self, curve: Curve, z: Array) -> Array:
         return np.asarray(curve.jacobian(z)[:, : curve.size] + self.shift * np.eye(curve.size))
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        v, (b, c), matrix = extra[:-1], self.quadratic(extra[-1]), self._shifted(curve, z)
+        v, (b, c), matrix = extra[:-1], self._quadratic(extra[-1]), self._shifted(curve, z)
         turned = matrix @ v
         own = matrix @ turned + b * turned + c * v
         return np.concatenate([own, [v.dot(v) - 1, self.reference.dot(v)]])
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        v, (b, c), n = extra[:-1], self.quadratic(extra[-1]), curve.size
-        (b0, c0), (b1, c1) = self.quadratic(0.0), self.quadratic(1.0)
+        v, (b, c), n = extra[:-1], self._quadratic(extra[-1]), curve.size
         matrix = self._shifted(curve, z)
         turned, change = matrix @ v, curve.along(z, v)
         rows = np.zeros((n + 2, z.size + n + 1))
         rows[:n, : z.size] = curve.along(z, turned) + matrix @ change + b * change
         rows[:n, z.size : -1] = matrix @ matrix + b * matrix + c * np.eye(n)
-        rows[:n, -1] = (b1 - b0) * turned + (c1 - c0) * v
+        rows[:n, -1] = self.b[1] * turned + self.c[1] * v
         rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * v, self.reference
         return rows
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,7 @@ def FixedPoint(
         params,
         jacobian=None if jacobian is None else iterate.jacobian,
         events=EVENTS if events is None else all_of(events) or (),
-        record={**(record or {}), "unstable": Counting(_unstable)},
+        record={**(record or {}), "unstable": Counting(attrgetter("solution.unstable"))},
         domain={} if domain is None else domain,
         scales={} if scales is None else scales,
         interpret=cycle,
@@ -114,11 +115,6 @@ def FixedPoint(
         lifts={"PD": _doubled},
         label=generic(iterate.period) if label == "" else label,
     )
-
-
-def _unstable(point: Point) -> int:
-    count: int = point.solution.unstable
-    return count
 
 
 # --- the events on a branch -------------------------------------------------------------------
@@ -160,18 +156,20 @@ def _doubled(point: Point) -> Lift:
     return Lift(twice, point.curve.free[0], both=False)
 
 
-def _rotation_test(point: Point) -> float:
-    """The smallest ``mu_i mu_j - 1`` with the sign of the product of all of them."""
-    matrix = units(point)
-    return _least_gap(matrix, np.linalg.eigvals(matrix).astype(complex))
-
-
-def _least_gap(matrix: Array, values: NDArray[np.complex128]) -> float:
-    if values.size < 2:
+def _off_circle(known: tuple[float, ...], point: Point) -> float:
+    """The smallest ``mu_i mu_j - 1`` of all multipliers but those `known`, which the curve has
+    everywhere, with the sign of the product of all of them."""
+    matrix = units(point.ground)
+    values = np.linalg.eigvals(matrix).astype(complex)
+    first, second = loci.pairs(loci.without(values, *known))
+    if not first.size:
         return math.nan
-    first, second = loci.pairs(values)
     rounding = _ROUNDING * float(np.linalg.norm(matrix))
     return loci.least_with_sign(first * second - 1, rounding * (abs(first) + abs(second)))
+
+
+def _multipliers(point: Point) -> NDArray[np.complex128]:
+    return np.linalg.eigvals(units(point.ground)).astype(complex)
 
 
 def _circle_pair(point: Point) -> tuple[float, Array, Array]:
@@ -186,14 +184,9 @@ def _circle_pair(point: Point) -> tuple[float, Array, Array]:
 
 def _rotation_locus(point: Point) -> Locus:
     """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
-    cosine, *plane = _circle_pair(point)
-    one, other = plane
-    locus = loci.pair_locus("cosine", cosine, (one, other), 1.0, _of_circle)
+    cosine, one, other = _circle_pair(point)
+    locus = loci.pair_locus("cosine", cosine, (one, other), 1.0, b=(0, -2), c=(1, 0))
     return replace(locus, events=_ON_ROTATION, meets=MEETINGS["NS"])
-
-
-def _of_circle(cosine: float) -> tuple[float, float]:
-    return -2 * cosine, 1.0
 
 
 def _examine_rotation(point: Point) -> Examined:
@@ -249,7 +242,7 @@ def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
     ``pair`` each at most once. With `fold` the multiplier 1 must be that of a fold."""
     if fold and branches_cross(point.ground):
         return "a branch point, not a fold"
-    values = np.linalg.eigvals(units(point.ground)).astype(complex)
+    values = _multipliers(point)
     on = values[abs(abs(values) - 1) < 1e-4]
     found = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
     found += ["pair"] * ((len(on) - len(found)) // 2)
@@ -268,10 +261,7 @@ def _flip_coefficient(point: Point) -> float:
 
 
 def _examine_generalised_flip(point: Point) -> str:
-    c = normal_forms.flip(point)
-    if not normal_forms.vanishes(c, point):
-        return f"the coefficient c = {c.value.real:.2g} is not zero"
-    return ""
+    return normal_forms.not_zero("the coefficient c =", normal_forms.flip(point), point)
 
 
 def _rotation_coefficient(point: Point) -> float:
@@ -286,26 +276,17 @@ def _rotation_coefficient(point: Point) -> float:
 
 def _examine_chenciner(point: Point) -> str:
     d = normal_forms.rotation(point, math.acos(point["cosine"]))
-    if not normal_forms.vanishes(d, point):
-        return f"Re d = {d.value.real:.2g} is not zero"
-    return ""
+    return normal_forms.not_zero("Re d =", d, point)
 
 
 def _resonance(k: int) -> Event:
     """Rk on a curve of NS: multipliers ``exp(+-2 pi i / k)``."""
-    cosine = math.cos(2 * math.pi / k)
-    return Event(f"R{k}", partial(_from_angle, cosine), examine=partial(_on_circle, "pair", False))
+    test = partial(_from_angle, 1, math.cos(2 * math.pi / k))
+    return Event(f"R{k}", test, examine=partial(_on_circle, "pair", False))
 
 
-def _from_angle(cosine: float, point: Point) -> float:
-    return float(point["cosine"] - cosine)
-
-
-def _pair_beside(multiplier: int, point: Point) -> float:
-    """The test of NS on a curve of folds (1) or doublings (-1), for all other multipliers."""
-    matrix = units(point.ground)
-    values = np.linalg.eigvals(matrix).astype(complex)
-    return _least_gap(matrix, loci.without(values, multiplier))
+def _from_angle(sign: int, cosine: float, point: Point) -> float:
+    return float(sign * (point["cosine"] - cosine))
 
 
 def _beside_pair(multiplier: int, point: Point) -> float:
@@ -314,31 +295,26 @@ def _beside_pair(multiplier: int, point: Point) -> float:
     if not -1 < cosine < 1:
         return math.nan
     pair = cosine + 1j * math.sqrt(1 - cosine**2)
-    values = np.linalg.eigvals(units(point.ground)).astype(complex)
-    others = loci.without(values, pair, pair.conjugate())
+    others = loci.without(_multipliers(point), pair, pair.conjugate())
     return loci.least_with_sign(others - multiplier, 0.0) if others.size else math.nan
-
-
-def _from_one(sign: int, point: Point) -> float:
-    """How far the pair of a curve of NS is from the double multiplier 1, or -1."""
-    return 1.0 - sign * float(point["cosine"])
-
-
-_DOUBLE_MINUS_ONE = partial(_examine_double, -1)
 
 
 _PLAIN_FOLD = fold()
 _FOLD = replace(_PLAIN_FOLD, locus=_fold_locus, examine=partial(_examine_one, _PLAIN_FOLD))
 _FLIP = Event("PD", loci.Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
-_ROTATION = Event("NS", _rotation_test, locus=_rotation_locus, examine=_examine_rotation)
-_DOUBLE_ONE = partial(_examine_double, 1)
+_ROTATION = Event("NS", partial(_off_circle, ()), locus=_rotation_locus, examine=_examine_rotation)
+_DOUBLE_ONE, _DOUBLE_MINUS_ONE = (partial(_examine_double, sign) for sign in (1, -1))
 _R1_ON_FOLD = Meeting("R1", partial(_overlap, 1), examine=_DOUBLE_ONE, base=_ROTATION)
 _R2_ON_FLIP = Meeting("R2", partial(_overlap, -1), examine=_DOUBLE_MINUS_ONE, base=_ROTATION)
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
 _ON_ROTATION = (
     # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles
-    Meeting("R1", partial(_from_one, 1), examine=_examine_double_one, ends="domain", base=_FOLD),
-    Meeting("R2", partial(_from_one, -1), examine=_DOUBLE_MINUS_ONE, ends="domain", base=_FLIP),
+    Meeting(
+        "R1", partial(_from_angle, -1, 1.0), examine=_examine_double_one, ends="domain", base=_FOLD
+    ),
+    Meeting(
+        "R2", partial(_from_angle, 1, -1.0), examine=_DOUBLE_MINUS_ONE, ends="domain", base=_FLIP
+    ),
     _resonance(3),
     _resonance(4),
     Event("CH", _rotation_coefficient, examine=_examine_chenciner),
@@ -358,11 +334,11 @@ def _named(
 MEETINGS: dict[str, Mapping[str, tuple[Event, ...]]] = {
     "LP": {
         "PD": (_named("LP", _FLIP, "LPPD", "+1 -1"),),
-        "NS": (_named("LP", _ROTATION, "LPNS", "+1 pair", partial(_pair_beside, 1)),),
+        "NS": (_named("LP", _ROTATION, "LPNS", "+1 pair", partial(_off_circle, (1,))),),
     },
     "PD": {
         "LP": (_named("PD", _FOLD, "LPPD", "+1 -1"),),
-        "NS": (_named("PD", _ROTATION, "PDNS", "-1 pair", partial(_pair_beside, -1)),),
+        "NS": (_named("PD", _ROTATION, "PDNS", "-1 pair", partial(_off_circle, (-1,))),),
     },
     "NS": {
         "LP": (_named("NS", _FOLD, "LPNS", "+1 pair", partial(_beside_pair, 1)),),
@@ -372,7 +348,7 @@ MEETINGS: dict[str, Mapping[str, tuple[Event, ...]]] = {
         "PD": (_named("BP", _FLIP, "BP-PD", "+1 -1"),),
         "NS": (
             replace(_R1_ON_FOLD, examine=_examine_double_one),
-            _named("BP", _ROTATION, "BP-NS", "+1 pair", partial(_pair_beside, 1)),
+            _named("BP", _ROTATION, "BP-NS", "+1 pair", partial(_off_circle, (1,))),
         ),
     },
 }

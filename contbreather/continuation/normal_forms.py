@@ -195,10 +195,12 @@ def criticality(
     return {name: plain, "criticality": kind}
 
 
-def vanishes(found: Coefficient, point: Point) -> bool:
-    """Whether the real part of a cubic coefficient is zero. Its terms may all vanish at once: then
-    it is small against a term of order one."""
-    return abs(found.value.real) <= 1e-6 * (found.size + Forms(point).cubic)
+def not_zero(what: str, found: Coefficient, point: Point) -> str:
+    """Why the real part of a cubic coefficient is not zero; empty if it is. Its terms may all
+    vanish at once: then it is small against a term of order one."""
+    if abs(found.value.real) <= 1e-6 * (found.size + Forms(point).cubic):
+        return ""
+    return f"{what} {found.value.real:.2g} is not zero"
 
 
 # --- flows ------------------------------------------------------------------------------------

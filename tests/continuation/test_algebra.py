@@ -151,8 +151,8 @@ PLANE = matrices(9, n=4)[0][:2]
 LOCI = {
     "null": loci.null_locus(PLANE[0]),
     "null of a map": loci.null_locus(PLANE[0], 2.0),
-    "pair": loci.pair_locus("s", 0.6, (PLANE[0], PLANE[1]), 1.0, lambda s: (-2 * s, 1.0)),
-    "pair of a flow": loci.pair_locus("s", 0.6, (PLANE[0], PLANE[1]), 0.0, lambda s: (0.0, s)),
+    "pair": loci.pair_locus("s", 0.6, (PLANE[0], PLANE[1]), 1.0, (0.0, -2.0), (1.0, 0.0)),
+    "pair of a flow": loci.pair_locus("s", 0.6, (PLANE[0], PLANE[1]), 0.0, (0.0, 0.0), (0.0, 1.0)),
     "rank": loci.rank_locus(),
 }
 
@@ -179,7 +179,7 @@ def test_conditions_of_a_pair_hold_in_its_plane_alone(shift: float) -> None:
     upper = int(values.imag.argmax())
     mu, v = values[upper], vectors[:, upper]
     locus = loci.pair_locus(
-        "size", abs(mu) ** 2, (v.real, v.imag), shift, lambda c: (-2 * mu.real, c)
+        "size", abs(mu) ** 2, (v.real, v.imag), shift, (-2 * mu.real, 0.0), (0.0, 1.0)
     )
     start = np.asarray(locus.extra["null"])
     sizes = [np.linalg.norm(part) for part in (v.real, v.imag)]
