@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-HEAVY = ("matplotlib", "sympy", "networkx", "rich", "cyclopts", "numba", "xarray", "pandas")
+HEAVY = ("matplotlib", "sympy", "networkx", "rich", "cyclopts", "numba", "xarray", "h5netcdf", "pandas")
 FIRST_USE = ("symmetric", "trace", "boundary", "zones", "plot", "InfiniteChain", "Problem")
 
 

@@ -12,112 +12,20 @@ import mpmath
 import numpy as np
 import pytest
 
-from contbreather.continuation import Branch, Point, Problem, Steps, Stop, boundary, trace
+from contbreather.continuation import Branch, Steps, boundary, trace
 from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.switching import NothingToSwitch, switch
 from contbreather.errors import BadInput
 
+from .lines import PLANE, XY, at, henon, kinds, of_map
 from .zoo import Array
 
 
-def kinds(branch: Branch) -> list[str]:
-    return [point.kind for point in branch.special if point.kind != "EP"]
-
-
-def at(point: Point, **values: float) -> None:
-    for name, value in values.items():
-        assert point[name] == pytest.approx(value, abs=1e-9), name
-
-
-# --- Henon: x' = y, y' = alpha - beta x - y^2 -------------------------------------------------
-
-
-def henon(alpha: float, beta: float, y: float) -> Problem:
-    return FixedPoint(
-        lambda u, p: np.array([u[1], p["alpha"] - p["beta"] * u[0] - u[1] ** 2]),
-        start={"x": y, "y": y},
-        params={"alpha": alpha, "beta": beta},
-    )
-
-
-WINDOW = {"alpha": (-3.0, 4.0), "beta": (-2.0, 3.0)}
-
-
-@cache
-def henon_branch() -> Branch:
-    return trace(henon(1.0, 0.5, 0.6), "alpha", within={"alpha": (-3, 4), "y": (-3, 3)})
-
-
-@cache
-def henon_curve(kind: str) -> Branch:
-    if kind == "NS":
-        branch = trace(henon(1.0, 0.5, 0.5), "beta", within={"beta": (0.0, 2.0)})
-        return boundary(branch.first("NS"), ("alpha", "beta"), within=WINDOW)
-    return boundary(henon_branch().first(kind), ("beta", "alpha"), within=WINDOW)
-
-
 def test_henon_branch_has_its_fold_and_its_period_doubling() -> None:
-    assert sorted(kinds(henon_branch())) == ["LP", "PD"]
-    at(henon_branch().first("LP"), alpha=-(1.5**2) / 4, y=-0.75)
-    at(henon_branch().first("PD"), alpha=3 * 1.5**2 / 4, y=0.75)
-
-
-def test_henon_curves_are_the_known_ones() -> None:
-    folds, doublings, circle = (henon_curve(kind) for kind in ("LP", "PD", "NS"))
-    assert abs(folds["alpha"] + (1 + folds["beta"]) ** 2 / 4).max() < 1e-10
-    assert abs(doublings["alpha"] - 3 * (1 + doublings["beta"]) ** 2 / 4).max() < 1e-10
-    assert abs(circle["beta"] - 1).max() < 1e-12
-    assert abs(circle["cosine"] + circle["y"]).max() < 1e-12
-
-
-@pytest.mark.parametrize(("kind", "alpha"), [("R1", -1.0), ("R2", 3.0), ("R3", 1.25), ("R4", 0.0)])
-def test_resonances_of_henon_on_its_neimark_sacker_curve(kind: str, alpha: float) -> None:
-    at(henon_curve("NS").first(kind), alpha=alpha, beta=1.0)
-
-
-@pytest.mark.parametrize("kind", ["LP", "PD", "NS"])
-def test_a_double_multiplier_is_no_meeting_with_a_pair_beside_it(kind: str) -> None:
-    assert henon_curve(kind).doubtful == ()
-
-
-def test_neimark_sacker_curve_of_henon_ends_at_both_double_multipliers() -> None:
-    curve = henon_curve("NS")
-    assert kinds(curve) == ["R1", "R4", "R3", "R2"]
-    assert [point.label for point in curve.special] == ["R1.1", "R4.1", "R3.1", "R2.1"]
-    assert (curve.began, curve.stop) == (Stop.EVENT, Stop.EVENT)
-    assert np.all(abs(curve["cosine"]) <= 1 + 1e-12)
-
-
-def test_double_multipliers_and_fold_flip_are_met_on_the_other_curves_too() -> None:
-    assert kinds(henon_curve("LP")) == ["LPPD", "R1"]
-    assert kinds(henon_curve("PD")) == ["LPPD", "R2"]
-    for curve in (henon_curve("LP"), henon_curve("PD")):
-        at(curve.first("LPPD"), alpha=0.0, beta=-1.0, y=0.0)
-    at(henon_curve("LP").first("R1"), alpha=-1.0, beta=1.0)
-    at(henon_curve("PD").first("R2"), alpha=3.0, beta=1.0)
-
-
-@pytest.mark.parametrize(
-    ("curve", "kind", "leads_to"),
-    [("LP", "R1", "NS"), ("PD", "R2", "NS"), ("NS", "R1", "LP"), ("NS", "R2", "PD")],
-)
-def test_at_a_double_multiplier_the_other_curve_is_followed(
-    curve: str, kind: str, leads_to: str
-) -> None:
-    point = henon_curve(curve).first(kind)
-    other = boundary(point, ("alpha", "beta"), within=WINDOW)
-    assert other.problem.label == f"{leads_to} boundary"
-    if leads_to == "NS":
-        assert abs(other["beta"] - 1).max() < 1e-9
-    else:
-        factor = -0.25 if leads_to == "LP" else 0.75
-        assert abs(other["alpha"] - factor * (1 + other["beta"]) ** 2).max() < 1e-9
-
-
-def test_conservative_neimark_sacker_curve_has_no_chenciner_points() -> None:
-    """All of beta = 1 is area-preserving: Re d is 0 there but for rounding."""
-    assert "CH" not in kinds(henon_curve("NS"))
-    assert not [p for p in henon_curve("NS").doubtful if p.event and p.event.kind == "CH"]
+    branch = trace(henon(1.0, 0.5, 0.6), "alpha", within={"alpha": (-3, 4), "y": (-3, 3)})
+    assert sorted(kinds(branch)) == ["LP", "PD"]
+    at(branch.first("LP"), alpha=-(1.5**2) / 4, y=-0.75)
+    at(branch.first("PD"), alpha=3 * 1.5**2 / 4, y=0.75)
 
 
 def plain(u: Array) -> Array:
@@ -247,9 +155,7 @@ def test_a_cycle_written_with_too_long_a_period_is_known_as_the_shorter_one() ->
 
 
 def test_delayed_logistic_has_neimark_sacker_at_two() -> None:
-    mine = FixedPoint(
-        lambda u, p: np.array([p["r"] * u[0] * (1 - u[1]), u[0]]), {"x": 0.4, "y": 0.4}, {"r": 1.7}
-    )
+    mine = of_map(lambda u, p: [p["r"] * u[0] * (1 - u[1]), u[0]], {"x": 0.4, "y": 0.4}, r=1.7)
     branch = trace(mine, "r", within={"r": (1.2, 2.5)})
     assert kinds(branch) == ["NS"]
     point = branch.first("NS")
@@ -290,90 +196,11 @@ def test_determinant_of_the_bouncing_ball_is_its_restitution() -> None:
     assert np.prod(point.solution.multipliers) == pytest.approx(0.8, abs=1e-12)
 
 
-def test_generalised_period_doubling_where_the_cubic_coefficient_vanishes() -> None:
-    """``u -> -(1 + m) u + a u^2 - u^3`` has c = a^2 - 1 at m = 0."""
-    mine = FixedPoint(
-        lambda u, p: -(1 + p["m"]) * u + p["a"] * u**2 - u**3, {"x": 0.0}, {"m": -0.5, "a": 0.3}
-    )
-    point = trace(mine, "m", within={"m": (-0.9, 1)}).first("PD")
-    assert point.detail["c"] == pytest.approx(0.09 - 1, rel=1e-9)
-    assert point.detail["criticality"] == "subcritical"
-    curve = boundary(point, ("a", "m"), within={"a": (-2, 2)})
-    assert kinds(curve) == ["GPD", "GPD"]
-    assert [p["a"] for p in curve.special[1:-1]] == pytest.approx([-1, 1], abs=1e-9)
-
-
-def test_chenciner_point_where_the_real_part_vanishes() -> None:
-    """``w -> exp(i) w (1 + m + s |w|^2 - |w|^4)``."""
-
-    def polar(u: Array, p: Mapping[str, float]) -> Array:
-        square = u[0] ** 2 + u[1] ** 2
-        factor = 1 + p["m"] + p["s"] * square - square**2
-        c, s = math.cos(1.0), math.sin(1.0)
-        return factor * np.array([c * u[0] - s * u[1], s * u[0] + c * u[1]])
-
-    mine = FixedPoint(polar, {"x": 0.0, "y": 0.0}, {"m": -0.3, "s": -0.5})
-    point = trace(mine, "m", within={"m": (-0.9, 0.5)}).first("NS")
-    assert point.detail["d"] == pytest.approx(2 * -0.5, abs=1e-9)
-    curve = boundary(point, ("s", "m"), within={"s": (-2, 2)})
-    assert kinds(curve) == ["CH"]
-    at(curve.first("CH"), s=0, m=0)
-
-
-def test_cusp_of_a_map() -> None:
-    mine = FixedPoint(
-        lambda u, p: u + p["h"] + p["mu"] * u - u**3, {"x": -0.8}, {"h": 0.288, "mu": 1.0}
-    )
-    branch = trace(mine, "h", within={"x": (-0.9, 0.9)})
-    curve = boundary(branch.first("LP"), ("mu", "h"), within={"mu": (-0.5, 1.5)})
-    assert kinds(curve) == ["CP"]
-    at(curve.first("CP"), x=0, h=0, mu=0)
-    assert curve.first("CP").detail["c"] == pytest.approx(-1, rel=1e-9)
-
-
-def turning(angle: float, extra: str) -> Problem:
-    """A rotation that grows with s, beside one multiplier ``1 + h`` (fold) or ``-1 - m`` (flip)."""
-    c, s = math.cos(angle), math.sin(angle)
-
-    def image(u: Array, p: Mapping[str, float]) -> Array:
-        x, y, z = u
-        square = x * x + y * y
-        factor = p["s"] - square
-        if extra == "fold":
-            last = z + p["h"] - z * z + square
-            factor = factor + z
-        else:
-            last = -(1 + p["h"]) * z + z**3
-        return np.array([factor * (c * x - s * y), factor * (s * x + c * y), last])
-
-    start = {"x": 0.0, "y": 0.0, "z": 0.5 if extra == "fold" else 0.0}
-    return FixedPoint(image, start, {"h": 0.25 if extra == "fold" else -0.3, "s": 0.2})
-
-
-@pytest.mark.parametrize(("extra", "one", "name"), [("fold", "LP", "LPNS"), ("flip", "PD", "PDNS")])
-def test_a_pair_beside_a_fold_or_a_flip_is_met_from_both_curves(
-    extra: str, one: str, name: str
-) -> None:
-    problem = turning(1.1, extra)
-    first = trace(problem, "h", within={"h": (-0.5, 0.5), "z": (-1, 1)}).first(one)
-    curve = boundary(first, ("s", "h"), within={"s": (0.1, 1.5)})
-    assert kinds(curve) == [name]
-    at(curve.first(name), s=1.0, h=0.0)
-    second = trace(problem, "s", within={"s": (0.1, 1.5)}).first("NS")
-    other = boundary(second, ("h", "s"), within={"h": (-0.3, 0.3)})
-    assert name in kinds(other)
-    at(other.first(name), s=1.0, h=0.0)
-
-
 # --- what is told apart, and what is refused --------------------------------------------------
 
 
 def test_multipliers_with_product_one_that_are_real_are_no_neimark_sacker_point() -> None:
-    mine = FixedPoint(
-        lambda u, p: np.array([2 * u[0] + u[1] ** 2, p["m"] * u[1] + u[0] ** 2]),
-        {"x": 0.0, "y": 0.0},
-        {"m": 0.3},
-    )
+    mine = of_map(lambda u, p: [2 * u[0] + u[1] ** 2, p["m"] * u[1] + u[0] ** 2], XY, m=0.3)
     branch = trace(mine, "m", within={"m": (0.2, 0.8)})
     assert kinds(branch) == []
     assert "neutral saddle" in branch.doubtful[0].detail["reason"]
@@ -460,5 +287,5 @@ def test_scales_of_a_map_are_heeded() -> None:
     assert sorted(kinds(branch)) == ["LP", "PD"]
     assert branch.first("PD")["alpha"] == pytest.approx(27 / 16, abs=1e-9)
     assert branch.first("PD").detail["c"] == pytest.approx(2 / 3, rel=1e-6)
-    curve = boundary(branch.first("PD"), ("beta", "alpha"), within=WINDOW)
+    curve = boundary(branch.first("PD"), ("beta", "alpha"), within=PLANE)
     assert kinds(curve) == ["LPPD", "R2"]

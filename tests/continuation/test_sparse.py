@@ -279,59 +279,48 @@ def test_branch_points_that_a_subspace_keeps_are_followed() -> None:
 # --- what is refused --------------------------------------------------------------------------
 
 
-def refused(**given) -> str:
-    problem = replace(bratu(second(30)), **given)
-    with pytest.raises(BadInput) as caught:
-        cb.trace(problem, "lam", within={"lam": (0, 1)})
-    return str(caught.value)
-
-
-def changed(change):
-    jacobian = bratu(second(30)).jacobian
+def changed(i: int, j: int, value: float):
+    """The Jacobian with another entry."""
 
     def altered(u, p):
-        matrix = jacobian(u, p).tolil()
-        change(matrix)
+        matrix = bratu(second(30)).jacobian(u, p).tolil()
+        matrix[i, j] = value
         return matrix
 
     return altered
 
 
-def test_a_wrong_entry_of_a_sparse_jacobian_is_named() -> None:
-    def change(matrix):
-        matrix[7, 8] = 1000.0
-
-    said = refused(jacobian=changed(change))
-    assert "its entry (7, 8) is 1000, differences give 961" in said
-
-
-def test_a_nan_in_a_sparse_jacobian_is_named() -> None:
-    def change(matrix):
-        matrix[3, 3] = np.nan
-
-    assert (
-        refused(jacobian=changed(change))
-        == "entry (3, 3) of the sparse Jacobian is nan at the start"
-    )
-
-
-def test_a_sparse_jacobian_of_the_wrong_shape_is_refused() -> None:
-    said = refused(jacobian=lambda u, p: csr_array((30, 29)))
-    assert said == "the Jacobian is sparse and has shape (30, 29); (30, 30) was expected"
-
-
-def test_a_sparse_sensitivity_is_refused_with_what_to_do() -> None:
-    said = refused(sensitivity=lambda u, p, name: coo_array(np.exp(u)[:, None]))
-    assert said.endswith("a dense array of shape (30,) was expected: return its toarray()")
-
-
-def test_an_entry_that_the_pattern_misses_is_named() -> None:
+def pattern_without(i: int, j: int) -> np.ndarray:
     pattern = second(30).toarray() != 0
-    pattern[11, 12] = False
-    said = refused(jacobian=None, sparsity=pattern)
-    assert said.startswith(
-        "the sparsity pattern does not fit the residual: it misses entry (11, 12)"
-    )
+    pattern[i, j] = False
+    return pattern
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"jacobian": changed(7, 8, 1000.0)}, r"its entry \(7, 8\) is 1000, differences give 961"),
+        (
+            {"jacobian": changed(3, 3, np.nan)},
+            r"^entry \(3, 3\) of the sparse Jacobian is nan at the start$",
+        ),
+        (
+            {"jacobian": lambda u, p: csr_array((30, 29))},
+            r"^the Jacobian is sparse and has shape \(30, 29\); \(30, 30\) was expected$",
+        ),
+        (
+            {"sensitivity": lambda u, p, name: coo_array(np.exp(u)[:, None])},
+            r"a dense array of shape \(30,\) was expected: return its toarray\(\)$",
+        ),
+        (
+            {"jacobian": None, "sparsity": pattern_without(11, 12)},
+            r"^the sparsity pattern does not fit the residual: it misses entry \(11, 12\)",
+        ),
+    ],
+)
+def test_what_does_not_fit_a_large_problem_is_named(given, words: str) -> None:
+    with pytest.raises(BadInput, match=words):
+        cb.trace(replace(bratu(second(30)), **given), "lam", within={"lam": (0, 1)})
 
 
 def test_a_pattern_of_the_wrong_shape_or_beside_a_jacobian_is_refused() -> None:

@@ -1,0 +1,379 @@
+"""Boundaries run where they should, and meet what they should: one label a place, the right one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+import sympy
+
+import contbreather as cb
+
+from .lines import (
+    BAUTIN,
+    CHENCINER,
+    COEXISTING,
+    DOUBLED_PREY,
+    DYING,
+    FLIPS,
+    FOLD_HOPF,
+    HENON,
+    LINES,
+    PREY,
+    TAKENS,
+    TAKENS_HB,
+    TAKENS_LP,
+    UNIT,
+    XY,
+    Field,
+    Line,
+    Params,
+    at,
+    eaten,
+    flow,
+    kinds,
+    symmetric_takens,
+    walked,
+)
+from .zoo import ALL, Array, events_of
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_a_boundary_runs_where_it_should_and_meets_what_it_should(name: str) -> None:
+    line, curve = LINES[name], walked(LINES[name])
+    found = sorted(events_of(curve), key=lambda point: point[line.pair[0]])
+    assert [point.kind for point in found] == [kind for kind, _ in line.known]
+    for point, (_, values) in zip(found, line.known, strict=True):
+        at(point, **values)
+    if line.course is not None:
+        assert np.max(np.abs(line.course(curve))) < line.accuracy
+    reasons = " ".join(point.detail["reason"] for point in curve.doubtful)
+    assert line.doubtful in reasons if line.doubtful else not curve.doubtful
+
+
+@pytest.mark.parametrize(
+    ("line", "kind", "other", "accuracy"),
+    [
+        (TAKENS_LP, "BT", TAKENS_HB, 1e-12),
+        (TAKENS_HB, "BT", TAKENS_LP, 1e-12),
+        (FOLD_HOPF["LP"], "ZH", FOLD_HOPF["HB"], 0),
+        (FOLD_HOPF["HB"], "ZH", FOLD_HOPF["LP"], 0),
+        (HENON["LP"], "R1", HENON["NS"], 1e-9),
+        (HENON["PD"], "R2", HENON["NS"], 1e-9),
+        (HENON["NS"], "R1", HENON["LP"], 1e-9),
+        (HENON["NS"], "R2", HENON["PD"], 1e-9),
+        (DOUBLED_PREY, "PD-BP", DYING, 1e-12),
+        (DYING, "BP-PD", DOUBLED_PREY, 0),
+    ],
+    ids=lambda given: given.name if isinstance(given, Line) else None,
+)
+def test_from_a_meeting_the_other_curve_is_followed(
+    line: Line, kind: str, other: Line, accuracy: float
+) -> None:
+    curve = line.from_(walked(line).first(kind), events=())
+    assert curve.problem.label == f"{other.kind} boundary"
+    if other.course is not None:
+        assert abs(other.course(curve)).max() < accuracy
+    if line is TAKENS_LP:
+        assert curve["b2"].min() == -2
+
+
+# --- flows ------------------------------------------------------------------------------------
+
+
+def test_hopf_curve_ends_at_takens_bogdanov_as_neutral_saddles_are_no_hopf_points() -> None:
+    curve = walked(TAKENS_HB)
+    assert cb.Stop.EVENT in (curve.stop, curve.began)
+    assert curve["b2"].max() < 1e-12
+
+
+@pytest.mark.parametrize("line", [TAKENS_LP, TAKENS_HB], ids=lambda line: line.name)
+def test_an_ordinary_bt_is_not_called_degenerate(line: Line) -> None:
+    assert "degenerate" not in walked(line).first("BT").detail
+
+
+def test_without_hopf_among_the_events_a_fold_curve_knows_no_flow() -> None:
+    line = replace(TAKENS_LP, problem=replace(TAKENS, events=(cb.fold(),)))
+    assert kinds(line.from_(line.first)) == []
+
+
+@pytest.mark.parametrize("shuffle", [lambda u: u[::-1], lambda u: -u, lambda u: 3.0 * u])
+@pytest.mark.parametrize("line", [TAKENS_LP, TAKENS_HB], ids=lambda line: line.name)
+def test_names_do_not_depend_on_the_coordinates(
+    line: Line, shuffle: Callable[[Array], Array]
+) -> None:
+    """The same flow in other coordinates; ``3 u`` slows nothing down."""
+    factor = 3.0 if abs(shuffle(np.ones(2))[0]) == 3.0 else 1.0
+
+    def residual(u: Array, p: Params) -> Array:
+        return shuffle(TAKENS.residual(shuffle(u) / factor**2, p))
+
+    start = {"u": shuffle(np.array([0.5 + math.sqrt(0.3), 0.0]))}
+    other = replace(line, problem=cb.Problem(residual, start, TAKENS.params, events=ALL))
+    curve = walked(other)
+    assert kinds(curve) == ["BT"]
+    at(curve.first("BT"), b1=0, b2=0)
+
+
+def test_the_first_lyapunov_coefficient_of_bautin() -> None:
+    assert BAUTIN.first.detail["l1"] == pytest.approx(-0.6, rel=1e-9)
+
+
+# --- Hopf curves that end where branches cross ------------------------------------------------
+
+
+def transcritical_takens(u: Array, p: Params) -> list[Any]:
+    x, y = u
+    return [y, p["b1"] * x + p["b2"] * y - x**2 - x * y]
+
+
+@pytest.mark.parametrize("field", [symmetric_takens, transcritical_takens])
+@pytest.mark.parametrize("events", [ALL, ALL[2:], ()], ids=["all", "HB", "none"])
+@pytest.mark.parametrize("pair", [("b1", "b2"), ("b2", "b1")])
+def test_a_hopf_curve_reaches_a_bt_where_branches_cross_and_ends_there(
+    field: Field, events: tuple[cb.Event, ...], pair: tuple[str, str]
+) -> None:
+    mine = flow(field, XY, b1=-0.5, b2=-0.5)
+    point = cb.trace(mine, "b2", within=UNIT, events=[cb.hopf()]).first("HB")
+    curve = cb.boundary(point, pair, within=UNIT, events=events)
+    assert kinds(curve) == ["BT"]
+    assert curve.doubtful == ()
+    end = curve.first("BT")
+    at(end, b1=0, b2=0)
+    assert "branches cross here" in end.detail["degenerate"]
+    assert curve["b1"].max() < 1e-9  # beyond are neutral saddles
+    assert cb.Stop.EVENT in (curve.stop, curve.began)
+
+
+def test_the_other_hopf_curve_of_a_symmetric_bt_ends_there_as_well() -> None:
+    curve = walked(LINES["other HB of a symmetric BT"])
+    assert curve["x"].min() > -1e-8  # not on to the mirror image
+    assert curve.first("BT").detail["degenerate"]
+
+
+def test_a_curve_of_neimark_sacker_points_ends_at_a_degenerate_r1() -> None:
+    end = walked(LINES["NS that ends at a degenerate R1"]).first("R1")
+    assert "branches cross here" in end.detail["degenerate"]
+
+
+def brusselator(N: int) -> cb.Problem:
+    """A Brusselator between fixed ends on N + 1 grid points, as in COCO's tutorial: its first mode
+    has a double zero eigenvalue at be = 4, de = 1/(4 N^2 sin^2(pi/2N))."""
+    second = N**2 * (np.eye(N + 1, k=1) - 2 * np.eye(N + 1) + np.eye(N + 1, k=-1))
+    ends = np.zeros(N + 1)
+    ends[[0, -1]] = 1.0
+    inside = 1 - ends
+
+    def residual(u: Array, p: Params) -> Array:
+        x, y = np.split(u, 2)
+        first = p["de"] * second @ x + 1 - (p["be"] + 1) * x + x**2 * y
+        other = p["de"] * second @ y + p["be"] * x - x**2 * y
+        return np.concatenate(
+            [inside * first + ends * (1 - x), inside * other + ends * (p["be"] - y)]
+        )
+
+    def jacobian(u: Array, p: Params) -> Array:
+        x, y = np.split(u, 2)
+        column = inside[:, None]
+        diffusion = p["de"] * second
+        return np.block(
+            [
+                [
+                    column * (diffusion + np.diag(2 * x * y - p["be"] - 1)) - np.diag(ends),
+                    column * np.diag(x**2),
+                ],
+                [
+                    column * np.diag(p["be"] - 2 * x * y),
+                    column * (diffusion - np.diag(x**2)) - np.diag(ends),
+                ],
+            ]
+        )
+
+    start = {"u": np.repeat([1.0, 3.0], N + 1)}
+    return cb.Problem(residual, start, {"be": 3.0, "de": 0.075}, jacobian=jacobian, events=ALL)
+
+
+def test_the_hopf_curve_of_a_brusselator_ends_at_its_bt() -> None:
+    N = 20
+    branch = cb.trace(brusselator(N), "be", within={"be": (2.5, 4.5)}, events=ALL[1:])
+    window = {"de": (0.05, 0.2), "be": (2.0, 7.0)}
+    curve = cb.boundary(branch.first("HB"), ("de", "be"), within=window)
+    assert kinds(curve) == ["BT"]
+    at(curve.first("BT"), de=1 / (4 * N**2 * math.sin(math.pi / 2 / N) ** 2), be=4.0)
+    assert curve.first("BT").detail["degenerate"]
+
+
+# --- maps -------------------------------------------------------------------------------------
+
+
+def test_neimark_sacker_curve_of_henon_ends_at_both_double_multipliers() -> None:
+    curve = walked(HENON["NS"])
+    assert [point.label for point in curve.special] == ["R1.1", "R4.1", "R3.1", "R2.1"]
+    assert (curve.began, curve.stop) == (cb.Stop.EVENT, cb.Stop.EVENT)
+    assert np.all(abs(curve["cosine"]) <= 1 + 1e-12)
+
+
+def test_a_doubling_and_a_pair_have_the_coefficients_of_their_normal_forms() -> None:
+    flip, pair = FLIPS.first.detail, CHENCINER.first.detail
+    assert flip["c"] == pytest.approx(0.09 - 1, rel=1e-9)
+    assert flip["criticality"] == "subcritical"
+    assert pair["d"] == pytest.approx(2 * -0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("p2", [0.1, 0.2])
+@pytest.mark.parametrize("largest", [0.02, 0.1, 1.0])
+def test_doublings_that_cross_have_one_label_that_names_both(p2: float, largest: float) -> None:
+    line = replace(DOUBLED_PREY, problem=eaten(p2))
+    curve = line.from_(line.first, steps=cb.Steps(largest=largest))
+    assert kinds(curve) == ["PD-BP"]
+    assert curve.doubtful == ()
+    at(curve.first("PD-BP"), p2=0.15, p1=3.0)
+
+
+def test_where_doublings_cross_one_leads_to_the_other() -> None:
+    for arm in cb.switch(walked(COEXISTING).first("PD-BP"), within=PREY):
+        assert abs(arm["p1"] - 3).max() < 1e-9  # without predators
+        assert abs(arm["v"]).max() < 1e-9
+
+
+# --- branch points as curves ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("broken", "start"),
+    [
+        (lambda x, p: x * (p["l"] - x**2) + p["h"], 0.0),  # unfolded to first order
+        (lambda x, p: x**2 - p["l"] ** 2 + p["h"] ** 2, 0.5),  # a cone, to second order
+    ],
+)
+@pytest.mark.parametrize("pair", [("l", "h"), ("h", "l")])
+def test_branch_points_that_another_parameter_breaks_are_refused(
+    broken: Callable[[Array, Params], Array], start: float, pair: tuple[str, str]
+) -> None:
+    mine = cb.Problem(broken, {"x": start}, {"l": -0.5, "h": 0.0}, events=ALL)
+    point = cb.trace(mine, "l", within={"l": (-1, 1)}).first("BP")
+    with pytest.raises(cb.BadInput, match="needs a third parameter"):
+        cb.boundary(point, pair)
+
+
+def test_branches_that_come_apart_slowly_are_no_curve_of_branch_points_either() -> None:
+    mine = cb.Problem(
+        lambda x, p: x * (p["l"] - x**2) + p["h"] ** 3, {"x": 0.0}, {"l": -0.5, "h": 0.0}
+    )
+    point = cb.trace(mine, "l", within={"l": (-1, 1)}, events=[cb.branch_point()]).first("BP")
+    with pytest.raises(cb.NotConverged, match=r"come apart .* needs a third parameter"):
+        cb.boundary(point, ("h", "l"))
+
+
+def test_crossing_boundaries_and_curves_of_branch_points_go_on_from_a_file(tmp_path: Path) -> None:
+    problem = DOUBLED_PREY.problem
+    cb.save(tmp_path / "pd.nc", walked(DOUBLED_PREY))
+    kept = cb.load(tmp_path / "pd.nc", problem=problem)
+    assert kinds(kept) == ["PD-BP"]
+    line = cb.boundary(kept.first("PD-BP"), ("p2", "p1"), within=PREY)
+    cb.save(tmp_path / "bp.nc", line)
+    again = cb.load(tmp_path / "bp.nc", problem=problem)
+    assert kinds(again) == kinds(line) == ["BP-PD"]
+    assert np.array_equal(again["p2"], line["p2"])
+
+
+# --- Bazykin's predators and prey: everything at once -----------------------------------------
+
+
+def bazykin(u: Sequence[Any], alpha: Any, delta: Any) -> list[Any]:
+    x, y = u
+    eaten = x * y / (1 + alpha * x)
+    return [x - eaten - x * x / 100, -y + eaten - delta * y * y]
+
+
+@cache
+def bazykin_at(kind: str, guess: tuple[float, ...]) -> tuple[float, ...]:
+    """(x, y, alpha, delta) at 30 digits from what defines each kind, derived by sympy."""
+    mpmath.mp.dps = 30
+    x, y, alpha, delta = names = sympy.symbols("x y alpha delta")
+    F = sympy.Matrix(bazykin(names[:2], alpha, delta))
+    A = F.jacobian([x, y])
+    conditions = {
+        "BT": lambda: [A.trace(), A.det()],
+        "CP": lambda: [A.det(), _along_fold(F, A, (x, y))],
+        "GH": lambda: [A.trace(), _guckenheimer_holmes(F, A, (x, y))],
+    }[kind]()
+    system = sympy.lambdify(names, [*F, *conditions], "mpmath")
+    return tuple(float(value) for value in mpmath.findroot(system, guess))
+
+
+def _along_fold(F: Any, A: Any, u: tuple[Any, Any]) -> Any:
+    """The determinant does not change along the null vector of the fold: a cusp."""
+    null = (-A[0, 1], A[0, 0])
+    return sum(sympy.diff(A.det(), name) * part for name, part in zip(u, null, strict=True))
+
+
+def _guckenheimer_holmes(F: Any, A: Any, u: tuple[Any, Any]) -> Any:
+    """Their (3.4.11) for the planar flow in coordinates in which its linear part is a rotation."""
+    omega = sympy.sqrt(A.det())
+    T = sympy.Matrix([[A[0, 1], 0], [-A[0, 0], -omega]])
+    a, b = sympy.symbols("a b")
+    shift = T * sympy.Matrix([a, b])
+    moved = F.subs({u[0]: u[0] + shift[0], u[1]: u[1] + shift[1]}, simultaneous=True)
+    f, g = T.inv() * moved
+
+    def d(h: Any, *by: Any) -> Any:
+        return sympy.diff(h, *by).subs({a: 0, b: 0})
+
+    cubic = d(f, a, a, a) + d(f, a, b, b) + d(g, a, a, b) + d(g, b, b, b)
+    square = (
+        d(f, a, b) * (d(f, a, a) + d(f, b, b))
+        - d(g, a, b) * (d(g, a, a) + d(g, b, b))
+        - d(f, a, a) * d(g, a, a)
+        + d(f, b, b) * d(g, b, b)
+    )
+    return cubic + square / omega
+
+
+BAZYKIN = cb.Problem(
+    lambda u, p: np.array(bazykin(u, p["alpha"], p["delta"])),
+    {"x": 3.0, "y": 1.843},
+    {"alpha": 0.3, "delta": 0.314},
+    events=ALL,
+)
+LONG = cb.Steps(largest=2.0)
+BAZYKIN_WINDOW = {"alpha": (0.01, 2.0), "delta": (0.0, 5.0), "x": (0.01, 200.0)}
+
+
+@cache
+def bazykin_folds() -> cb.Branch:
+    within = {"delta": (0.0, 5.0), "x": (0.01, 150.0)}
+    branch = cb.trace(BAZYKIN, "delta", within=within, steps=LONG)
+    return cb.boundary(branch.first("LP"), ("alpha", "delta"), within=BAZYKIN_WINDOW, steps=LONG)
+
+
+def check(point: cb.Point) -> None:
+    values = (point["x"], point["y"], point["alpha"], point["delta"])
+    wanted = bazykin_at(point.kind, values)
+    assert np.allclose(values, wanted, rtol=1e-8, atol=0), point
+
+
+def test_all_points_on_the_closed_fold_curve_of_bazykin() -> None:
+    curve = bazykin_folds()
+    assert curve.stop is cb.Stop.CLOSED
+    assert kinds(curve) == ["CP", "BT", "CP", "BT"]
+    for point in curve.special:
+        check(point)
+
+
+def test_generalised_hopf_of_bazykin_on_the_curve_that_starts_at_takens_bogdanov() -> None:
+    """There the criticality changes."""
+    far = max((p for p in bazykin_folds().special if p.kind == "BT"), key=lambda p: p["x"])
+    curve = cb.boundary(far, ("alpha", "delta"), within=BAZYKIN_WINDOW, steps=LONG)
+    assert kinds(curve) == ["BT", "GH"]
+    check(curve.first("GH"))
+    place = list(curve).index(curve.first("GH"))
+    test = next(event.test for event in curve.problem.events if event.kind == "GH")
+    assert test(curve[place - 1]) * test(curve[place + 1]) < 0
