@@ -10,7 +10,8 @@ import sys
 
 import pytest
 
-HEAVY = ("matplotlib", "sympy", "networkx", "rich", "cyclopts", "numba", "xarray", "h5netcdf", "pandas")
+SHOWING = ("matplotlib", "sympy", "networkx", "rich", "cyclopts")
+HEAVY = (*SHOWING, "numba", "xarray", "h5netcdf", "pandas")
 FIRST_USE = ("symmetric", "trace", "boundary", "zones", "plot", "InfiniteChain", "Problem")
 
 

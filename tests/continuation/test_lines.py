@@ -15,6 +15,7 @@ import pytest
 import sympy
 
 import contbreather as cb
+from contbreather.continuation import Point, Stop
 
 from .lines import (
     BAUTIN,
@@ -90,7 +91,7 @@ def test_from_a_meeting_the_other_curve_is_followed(
 
 def test_hopf_curve_ends_at_takens_bogdanov_as_neutral_saddles_are_no_hopf_points() -> None:
     curve = walked(TAKENS_HB)
-    assert cb.Stop.EVENT in (curve.stop, curve.began)
+    assert Stop.EVENT in (curve.stop, curve.began)
     assert curve["b2"].max() < 1e-12
 
 
@@ -149,7 +150,7 @@ def test_a_hopf_curve_reaches_a_bt_where_branches_cross_and_ends_there(
     at(end, b1=0, b2=0)
     assert "branches cross here" in end.detail["degenerate"]
     assert curve["b1"].max() < 1e-9  # beyond are neutral saddles
-    assert cb.Stop.EVENT in (curve.stop, curve.began)
+    assert Stop.EVENT in (curve.stop, curve.began)
 
 
 def test_the_other_hopf_curve_of_a_symmetric_bt_ends_there_as_well() -> None:
@@ -216,7 +217,7 @@ def test_the_hopf_curve_of_a_brusselator_ends_at_its_bt() -> None:
 def test_neimark_sacker_curve_of_henon_ends_at_both_double_multipliers() -> None:
     curve = walked(HENON["NS"])
     assert [point.label for point in curve.special] == ["R1.1", "R4.1", "R3.1", "R2.1"]
-    assert (curve.began, curve.stop) == (cb.Stop.EVENT, cb.Stop.EVENT)
+    assert (curve.began, curve.stop) == (Stop.EVENT, Stop.EVENT)
     assert np.all(abs(curve["cosine"]) <= 1 + 1e-12)
 
 
@@ -354,7 +355,7 @@ def bazykin_folds() -> cb.Branch:
     return cb.boundary(branch.first("LP"), ("alpha", "delta"), within=BAZYKIN_WINDOW, steps=LONG)
 
 
-def check(point: cb.Point) -> None:
+def check(point: Point) -> None:
     values = (point["x"], point["y"], point["alpha"], point["delta"])
     wanted = bazykin_at(point.kind, values)
     assert np.allclose(values, wanted, rtol=1e-8, atol=0), point
@@ -362,7 +363,7 @@ def check(point: cb.Point) -> None:
 
 def test_all_points_on_the_closed_fold_curve_of_bazykin() -> None:
     curve = bazykin_folds()
-    assert curve.stop is cb.Stop.CLOSED
+    assert curve.stop is Stop.CLOSED
     assert kinds(curve) == ["CP", "BT", "CP", "BT"]
     for point in curve.special:
         check(point)
