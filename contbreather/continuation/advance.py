@@ -8,12 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .branch import Stop
 from .branch_points import crossing
 from .curve import Curve
-from .newton import Solution, Undefined, correction
+from .newton import Array, Solution, Undefined, correction
 from .point import Point
 from .segment import Segment, tangent_at
 from .starts import Bound
@@ -21,7 +20,6 @@ from .steps import Steps
 from .stride import ITERATIONS, STRAY, TURN, next_size
 from .strider import WIDEST
 
-Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it

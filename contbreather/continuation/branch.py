@@ -17,6 +17,7 @@ from ..columns import Columns
 from ..display import Shown
 from ..errors import BadInput
 from .curve import Curve
+from .newton import Array
 from .point import Event, Point
 from .points import Points
 from .problem import Problem
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
     from rich.table import Table
 
-
-Array = NDArray[np.float64]
 
 _SEAM = 1e-10  # relative arclength within which two branches meet
 

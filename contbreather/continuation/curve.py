@@ -14,6 +14,7 @@ from ..errors import BadInput
 from . import derivatives
 from .newton import (
     OUT_OF_DOMAIN,
+    Array,
     Dense,
     Solution,
     Undefined,
@@ -35,7 +36,6 @@ from .sparse import (
 )
 from .strider import WIDEST, Loops, Settler
 
-Array = NDArray[np.float64]
 Params = Mapping[str, float]
 
 _UNKNOWN = "not asked yet"

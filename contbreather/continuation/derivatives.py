@@ -8,12 +8,10 @@ import warnings
 from collections.abc import Callable, Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .newton import OUT_OF_DOMAIN, Undefined
+from .newton import OUT_OF_DOMAIN, Array, Undefined
 from .sparse import row_sizes
 
-Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 Scheme = Callable[..., Array]  # scheme(function, z, columns=None)
 

@@ -13,14 +13,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import native
 from ..errors import BadInput
 from . import derivatives
-from .strider import Loops
-
-Array = NDArray[np.float64]
+from .strider import Array, Loops
 
 _LOG = logging.getLogger(__name__)
 _AGREE = 1e-10  # relative; what is compiled may round otherwise

@@ -9,16 +9,13 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import NotConverged
 from .curve import Curve
-from .newton import Undefined, newton
+from .newton import Array, Undefined, newton
 from .point import Point
 from .problem import Problem
 from .rank import weakest
-
-Array = NDArray[np.float64]
 
 _SINGULAR = 1e-6  # least singular value of balanced equations where curves cross
 _ALIKE = 0.999  # entries of a direction that are equal but for rounding

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .branch_points import GAP, Crossings, crossing
 from .curve import Curve
@@ -20,8 +19,6 @@ from .newton import OUT_OF_DOMAIN, Solution, Undefined
 from .point import Event, Examined, Level, Locus, Point
 from .segment import Segment
 from .trail import ASIDE, Trail, Value, counts_apart, measure
-
-Array = NDArray[np.float64]
 
 _SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
 _START = (0.0, 0.5, 1.0)  # where a test is looked at first

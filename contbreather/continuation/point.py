@@ -17,11 +17,10 @@ from ..checks import check_kind, flag, number
 from ..display import Shown
 from ..errors import BadInput
 from .curve import Curve
+from .newton import Array
 from .problem import Problem
 from .recipes import Recipe, maker
 from .strider import Loops
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

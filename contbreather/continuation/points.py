@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .curve import Curve
+from .newton import Array
 from .point import Counting, Point
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

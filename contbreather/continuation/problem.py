@@ -9,17 +9,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..checks import check_kind, kind_of, number, numbers, real
 from ..errors import BadInput, NotConverged
 from .curve import Curve, Params
-from .newton import OUT_OF_DOMAIN, Solution, Undefined, approach, newton, rounding
+from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, approach, newton, rounding
 from .recipes import Recipe
 from .sparse import Matrix, Pattern
 from .strider import Compilable
 
-Array = NDArray[np.float64]
 Residual = Callable[[Array, Params], Array]
 Wider = Callable[["Problem", tuple[str, ...]], "Problem"]
 

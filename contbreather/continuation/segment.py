@@ -7,15 +7,12 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .curve import Curve
-from .newton import Dense, Solution, Undefined
+from .newton import Array, Dense, Solution, Undefined
 from .point import Point
 from .rank import weakest
 from .sparse import Matrix
-
-Array = NDArray[np.float64]
 
 _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
 

@@ -8,20 +8,19 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..checks import real
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import Curve
-from .newton import Undefined, approach
+from .newton import Array, Undefined, approach
 from .point import Event, Point
 from .problem import Problem
 from .rank import weakest
 from .segment import closest, tangent_at
 from .sparse import is_sparse, scaled
 
-Array = NDArray[np.float64]
 Within = Mapping[str, tuple[float, float]]
 
 _GAP = 1e-6  # what is closer than this, relative to 1 + |z|, is at the start

@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..checks import kind_of
 from ..errors import BadInput, NotConverged, keeping, taking
@@ -21,7 +20,7 @@ from .branch import Branch, Stop, labelled
 from .checkpoint import Checkpoint, Inner, Save, checkpoint
 from .curve import Curve
 from .lift import Lift, Seed, across
-from .newton import OUT_OF_DOMAIN
+from .newton import OUT_OF_DOMAIN, Array
 from .point import Event, Point
 from .problem import Problem
 from .recognition import images, lies_on
@@ -29,8 +28,6 @@ from .scope import walls_are_lifted
 from .starts import Within, all_of
 from .steps import Steps
 from .trace import trace
-
-Array = NDArray[np.float64]
 
 _AT_START = 1e-7  # points this close to the start of an arm, relative to its first step, are there
 _APART = 1e-3  # arms closer than this, relative to their distance from where they left, coincide

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..checks import one_of
 from ..errors import BadInput, keeping
@@ -23,7 +23,7 @@ from .checkpoint import Save, checkpoint
 from .curve import Curve
 from .location import Ends, Found, calm, find
 from .loci import Singular
-from .newton import Undefined
+from .newton import Array, Undefined
 from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
@@ -35,7 +35,6 @@ from .stride import TINY
 from .strider import WIDEST, Strider
 from .trail import Value, counted, measure
 
-Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 Piece = Sequence[Point]
 

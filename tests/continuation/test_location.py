@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from contbreather.continuation import (
     Branch,
     Event,
     Locus,
+    Point,
     Problem,
     Steps,
     Stop,
@@ -75,23 +77,41 @@ def test_two_events_at_the_same_place_are_both_kept() -> None:
     assert sorted(point.kind for point in events_of(at_folds)) == ["LP", "LP", "UZ", "UZ"]
 
 
-@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6])
-def test_two_zeros_of_one_test_within_a_step_are_both_found(gap: float) -> None:
-    pair = Event("DZ", lambda point: (point["mu"] - 0.31) ** 2 - gap**2)
-    branch = on_line(pair, steps=LONG)
-    assert places(branch) == pytest.approx([0.31 - gap, 0.31 + gap], abs=1e-9)
+def pair(gap: float) -> Callable[[Point], float]:
+    return lambda point: (point["mu"] - 0.31) ** 2 - gap**2
 
 
-def test_a_zero_and_a_pair_of_zeros_within_a_step() -> None:
-    three = Event("TZ", lambda q: (q["mu"] - 0.5) * ((q["mu"] - 0.5) ** 2 - 0.05**2))
-    branch = on_line(three, start=0.2, within={"mu": (0.2, 0.8)}, steps=LONG)
-    assert places(branch) == pytest.approx([0.45, 0.5, 0.55], abs=1e-12)
+ASTRAY = Locus({}, lambda curve, z, extra: np.array([z[-1] - 0.7]))  # not where the test jumps
+FOUND: dict[str, tuple[Event, dict[str, Any], list[float], float]] = {
+    **{
+        f"two zeros within a step, {gap} apart": (
+            Event("DZ", pair(gap)), {"steps": LONG}, [0.31 - gap, 0.31 + gap], 1e-9
+        )
+        for gap in (1e-2, 1e-4, 1e-6)
+    },
+    "a zero and a pair of zeros within a step": (
+        Event("TZ", lambda q: (q["mu"] - 0.5) * ((q["mu"] - 0.5) ** 2 - 0.05**2)),
+        {"start": 0.2, "within": {"mu": (0.2, 0.8)}, "steps": LONG}, [0.45, 0.5, 0.55], 1e-12,
+    ),
+    "a triple zero is one": (Event("TZ", lambda q: (q["mu"] - 0.3) ** 3), {}, [0.3], 1e-4),
+    "no value at the start": (
+        Event("RT", lambda q: math.sqrt(q["mu"]) - 0.5), {"start": 0.1}, [0.25], 1e-14
+    ),
+    "a truth value": (Event("IN", lambda q: q["mu"] > 0.3), {}, [0.3], 1e-13),
+    "that of numpy": (Event("IN", lambda q: np.bool_(q["mu"] > 0.3)), {}, [0.3], 1e-13),
+    "an integer of numpy": (Event("IN", lambda q: np.int64(q["mu"] > 0.3)), {}, [0.3], 1e-13),
+    "any two integers": (Event("IN", lambda q: 2 if q["mu"] > 0.3 else 5), {}, [0.3], 1e-13),
+    "a locus that leads astray": (
+        Event("IN", lambda q: int(q["mu"] > 0.3), locus=lambda point: ASTRAY), {}, [0.3], 1e-13
+    ),
+}  # fmt: skip
 
 
-def test_a_triple_zero_is_one_event() -> None:
-    assert places(on_line(Event("TZ", lambda q: (q["mu"] - 0.3) ** 3))) == pytest.approx(
-        [0.3], abs=1e-4
-    )
+@pytest.mark.parametrize(("event", "how", "wanted", "close"), FOUND.values(), ids=FOUND)
+def test_zeros_and_jumps_are_found_where_they_are(event, how, wanted, close) -> None:
+    branch = on_line(event, **how)
+    assert branch[0]["mu"] == how.get("within", UNIT)["mu"][0]
+    assert places(branch) == pytest.approx(wanted, abs=close)
 
 
 def test_a_zero_is_located_to_the_last_digits_without_a_locus() -> None:
@@ -107,11 +127,6 @@ def test_a_step_that_ends_exactly_on_a_zero_counts_it_once() -> None:
     steps = Steps(first=0.25 * math.sqrt(5), largest=0.25 * math.sqrt(5))
     for value in (-0.5, -0.25, 0.25, 0.5):
         assert places(on_line(user("mu", value), steps=steps)) == [value]
-
-
-def test_a_test_that_is_zero_all_along_is_no_event() -> None:
-    branch = trace_case(CUSP, events=[user("mu", 1.0)])
-    assert events_of(branch) == []
 
 
 # --- no zeros ---------------------------------------------------------------------------------
@@ -136,11 +151,34 @@ def test_a_pole_or_a_step_of_a_float_test_is_no_event_but_is_told(test) -> None:
         assert "not located" in repr(point)
 
 
-def test_a_double_pole_and_a_double_zero_that_is_missed_are_no_events() -> None:
-    branch = on_line(Event("PO", lambda q: 1 / (q["mu"] - 0.3) ** 2), start=-0.9)
-    assert events_of(branch) == []
-    above = Event("AB", lambda q: (q["mu"] - 0.3) ** 2 + 1e-6)
-    assert events_of(on_line(above, steps=LONG)) == []
+def blank(wrap: Callable[[float], float]) -> Callable[[Point], float]:
+    return lambda q: math.nan if abs(q["mu"] - 0.3) < 0.1 else wrap(q["mu"] - 0.3)
+
+
+def isolated(sign: int) -> Problem:
+    """x = 0 is the curve; (x^2 + (mu - 0.3)^2 + 1e-6) vanishes nowhere."""
+    return scalar(lambda x, p: sign * x * (x**2 + (p["mu"] - 0.3) ** 2 + 1e-6), 0.0, {"mu": -0.9})
+
+
+CUBIC = scalar(lambda x, p: p["mu"] - x**3, -1.0, {"mu": -1.0})
+NONE: dict[str, Callable[[], Branch]] = {
+    "zero all along": lambda: trace_case(CUSP, events=[user("mu", 1.0)]),
+    "a double pole": lambda: on_line(Event("PO", lambda q: 1 / (q["mu"] - 0.3) ** 2), start=-0.9),
+    "a double zero that is missed": lambda: on_line(
+        Event("AB", lambda q: (q["mu"] - 0.3) ** 2 + 1e-6), steps=LONG
+    ),
+    "no value where the sign changes": lambda: on_line(Event("NA", blank(float))),
+    "no value where it jumps": lambda: on_line(Event("NA", blank(lambda off: int(off > 0)))),
+    "no value at all": lambda: on_line(Event("NN", lambda point: math.nan)),
+    "a cubic point is no fold": lambda: trace(CUBIC, "mu", within=UNIT, events=ALL),
+    "a point beside the curve": lambda: trace(isolated(1), "mu", within=UNIT, events=STATIC),
+    "the same, upside down": lambda: trace(isolated(-1), "mu", within=UNIT, events=STATIC),
+}
+
+
+@pytest.mark.parametrize("traced", NONE.values(), ids=NONE)
+def test_nothing_is_found_where_nothing_is(traced: Callable[[], Branch]) -> None:
+    assert events_of(traced()) == []
 
 
 def test_a_neutral_saddle_is_no_hopf_point() -> None:
@@ -157,18 +195,6 @@ def test_where_an_arm_turns_at_a_pitchfork_there_is_a_branch_point_and_no_fold()
     assert {point.kind for point in branch.doubtful} == {"LP"}
     alone = trace_case(ARMS, events=[fold()])
     assert events_of(alone) == []
-
-
-def test_a_cubic_point_is_no_fold() -> None:
-    steep = scalar(lambda x, p: p["mu"] - x**3, -1.0, {"mu": -1.0})
-    assert events_of(trace(steep, "mu", within=UNIT, events=ALL)) == []
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_an_isolated_point_next_to_the_curve_is_no_branch_point(sign: int) -> None:
-    # x = 0 is the curve; (x^2 + (mu - 0.3)^2 + 1e-6) vanishes nowhere
-    near = scalar(lambda x, p: sign * x * (x**2 + (p["mu"] - 0.3) ** 2 + 1e-6), 0.0, {"mu": -0.9})
-    assert events_of(trace(near, "mu", within=UNIT, events=STATIC)) == []
 
 
 def test_two_branch_points_within_one_step() -> None:
@@ -216,19 +242,6 @@ def test_every_jump_of_a_count_is_found(steps: Steps) -> None:
         assert high - low < 1e-12
 
 
-@pytest.mark.parametrize(
-    "test",
-    [
-        lambda q: q["mu"] > 0.3,
-        lambda q: np.bool_(q["mu"] > 0.3),
-        lambda q: np.int64(q["mu"] > 0.3),
-        lambda q: 2 if q["mu"] > 0.3 else 5,
-    ],
-)
-def test_anything_that_counts_may_be_a_test(test) -> None:
-    assert places(on_line(Event("IN", test))) == pytest.approx([0.3], abs=1e-13)
-
-
 def test_a_jump_with_a_locus_is_as_sharp_as_the_locus() -> None:
     calls = 0
 
@@ -244,36 +257,6 @@ def test_a_jump_with_a_locus_is_as_sharp_as_the_locus() -> None:
     (point,) = events_of(on_line(event, steps=LONG))
     assert point["mu"] == pytest.approx(math.log(1.5), abs=1e-15)
     assert calls < 40
-
-
-def test_a_locus_that_leads_astray_does_not_matter() -> None:
-    def conditions(curve, z, extra):
-        return np.array([z[-1] - 0.7])  # not where the test jumps
-
-    event = Event("IN", lambda q: int(q["mu"] > 0.3), locus=lambda point: Locus({}, conditions))
-    assert places(on_line(event)) == pytest.approx([0.3], abs=1e-13)
-
-
-# --- no value ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("wrap", [float, lambda value: int(value > 0)])
-def test_nan_means_that_nothing_is_looked_for(wrap) -> None:
-    def test(point):
-        off = point["mu"] - 0.3
-        return math.nan if abs(off) < 0.1 else wrap(off)
-
-    branch = on_line(Event("NA", test), Event("NN", lambda point: math.nan))
-    assert events_of(branch) == []
-
-
-def test_a_test_that_raises_where_it_has_no_value_is_looked_for_elsewhere() -> None:
-    def root(point):
-        return math.sqrt(point["mu"]) - 0.5
-
-    branch = on_line(Event("RT", root), start=0.1)
-    assert branch[0]["mu"] == -1.0
-    assert places(branch) == pytest.approx([0.25], abs=1e-14)
 
 
 def test_a_test_that_fails_at_the_start_is_a_mistake() -> None:

@@ -66,40 +66,33 @@ def test_an_unknown_is_solved_for_to_the_last_digits_whatever_the_size_of_anothe
     assert found.z[0] == pytest.approx(2**0.5, rel=1e-14)
 
 
-def test_equations_may_write_to_one_array_and_return_it_each_time() -> None:
-    room = np.empty(2)
+def test_equations_and_maps_may_write_to_one_array_and_return_it_each_time() -> None:
+    def same(function):
+        room = np.empty(2)
 
-    def residual(u, p):
-        room[0], room[1] = np.exp(u[0]) - p["mu"], u[1] - u[0] ** 2
-        return room
+        def written(u, p):
+            room[:] = function(u, p)
+            return room
 
-    def fresh(u, p):
+        return written
+
+    def curve(u, p):
         return np.array([np.exp(u[0]) - p["mu"], u[1] - u[0] ** 2])
 
-    same, other = (
-        trace(Problem(f, {"x": 0.0, "y": 0.0}, {"mu": 1.0}), "mu", within={"mu": (0.5, 3.0)})
-        for f in (residual, fresh)
-    )
-    assert same.began is same.stop is Stop.BOUND
-    assert np.allclose(same["x"], np.log(same["mu"]), rtol=0, atol=1e-13)
-    assert len(same) < 1.2 * len(other)
-
-
-def test_a_map_may_write_to_one_array_and_return_it_each_time() -> None:
-    room = np.empty(2)
-
-    def same(u, p):
-        room[0] = 1 - p["a"] * u[0] ** 2 + u[1]
-        room[1] = 0.3 * u[0]
-        return room
-
-    def fresh(u, p):
+    def henon(u, p):
         return np.array([1 - p["a"] * u[0] ** 2 + u[1], 0.3 * u[0]])
 
+    one, other = (
+        trace(Problem(f, {"x": 0.0, "y": 0.0}, {"mu": 1.0}), "mu", within={"mu": (0.5, 3.0)})
+        for f in (same(curve), curve)
+    )
+    assert one.began is one.stop is Stop.BOUND
+    assert np.allclose(one["x"], np.log(one["mu"]), rtol=0, atol=1e-13)
+    assert len(one) < 1.2 * len(other)
     start, within = {"x": 0.97, "y": -0.13}, {"a": (0.5, 1.2)}
     one, other = (
         trace(FixedPoint(f, start, {"a": 1.0}, period=2), "a", within=within, events=())
-        for f in (same, fresh)
+        for f in (same(henon), henon)
     )
     assert one.began is one.stop is Stop.BOUND
     assert abs(one["x"][-1] - other["x"][-1]) < 1e-13

@@ -256,7 +256,7 @@ GIVEN: list[Row] = [
     (line, (), {"events": 3}, "events must be a list of them, got 3"),
     *(
         (measured, (value, since), {}, r"the test of UZ gave .*; one real number was expected")
-        for value in (None, 1j, np.array([1.0]), "a")
+        for value in (None, 1j, np.array([1.0]), [1.0, 2.0], "a")
         for since in (-9.0, 0.5)
     ),
     # steps

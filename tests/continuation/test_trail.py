@@ -11,9 +11,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation.dips import _parabola
-from contbreather.continuation.tabular import Column, Sheet
 from contbreather.continuation.trail import ASIDE, Trail, measure
-from contbreather.errors import BadInput
 
 EVENT = cb.user("mu", 0.0)
 
@@ -108,9 +106,6 @@ def test_a_test_counts_measures_or_has_no_value() -> None:
 
     assert [type(given(one)) for one in (3, np.int64(3), True, np.bool_(True))] == [int] * 4
     assert [type(given(one)) for one in (3.0, np.float64(3.0), np.array(2.0))] == [float] * 3
-    for wrong in ("x", None, [1.0, 2.0], 1j):
-        with pytest.raises(BadInput, match=r"the test of X gave .*; one real number was expected"):
-            given(wrong)
 
     def outside(point: Any) -> float:
         raise ValueError("no value")
@@ -124,43 +119,6 @@ def test_the_vertex_of_a_parabola_through_three_points() -> None:
         f = [depth + bend * (x - vertex) ** 2 for x in u]
         assert _parabola(u, f) == pytest.approx((vertex, depth), abs=1e-12)
     assert _parabola([0.0, 0.5, 1.0], [0.0, 1.0, 2.0]) == (math.inf, math.inf)
-
-
-# --- sheets ---------------------------------------------------------------------------------------
-
-
-def shown(sheet: Sheet, width: int | None = None) -> dict[str, list[str]]:
-    return {str(column.header): list(column.cells) for column in sheet.table(width).columns}
-
-
-def test_numbers_have_as_many_digits_as_there_is_room_for_and_four_at_least() -> None:
-    sheet = Sheet([Column("a", [math.pi, 1 / 3]), Column("label", ["LP1", "x"])], title="T")
-    assert shown(sheet)["a"] == ["3.14159265359", "0.333333333333"]
-    for width, digits in ((80, 12), (26, 12), (25, 11), (20, 6), (18, 4), (5, 4)):
-        (first, _) = shown(sheet, width)["a"]
-        assert len(first.replace(".", "")) == digits, width
-    assert sheet.table().title == "T"
-    assert Sheet([Column("a", [1.0])]).table().title is None
-
-
-def test_columns_to_spare_go_first_where_there_is_no_room() -> None:
-    spare = Column("b", [2.0 / 3.0], spare=True)
-    sheet = Sheet([Column("a", [1.0 / 3.0]), spare])
-    assert list(shown(sheet)) == list(shown(sheet, 80)) == ["a", "b"]
-    assert list(shown(sheet, 25)) == ["a"]
-    assert shown(sheet, 25)["a"] == ["0.333333333333"]
-
-
-def test_words_lean_to_the_left_and_numbers_to_the_right() -> None:
-    for cells, right, leaning in (
-        (["x", 1.0], None, "left"), ([1.0, None], None, "right"), (["x"], True, "right"),
-        ([1.0], False, "left"),
-    ):  # fmt: skip
-        assert Column("c", cells, right=right).leaning == leaning
-    column = Column("heading", ["x", "longer than that"])
-    assert column.width(12) == len("longer than that")
-    assert Column("heading", ["x"]).width(12) == len("heading")
-    assert Column("n", [1 / 3], digits=3).texts(12) == ["0.333"]
 
 
 # --- sizes of steps -------------------------------------------------------------------------------
