@@ -197,17 +197,11 @@ def _check_derivative(longer: Problem, locus: Locus, free: str) -> None:
 def _beside(event: Event, column: Callable[[Point], Any]) -> Callable[[Point], Any]:
     """A column on the boundary of an event: NaN for a count of multipliers or eigenvalues, where
     the boundary is the place at which one of them passes, and rounding would decide it."""
-    if not event.bifurcates:
-        return column
-    return _no_count if isinstance(column, Counting) else partial(_blurred, column)
-
-
-def _no_count(point: Point) -> float:
-    return math.nan
+    return partial(_blurred, column) if event.bifurcates else column
 
 
 def _blurred(column: Callable[[Point], Any], point: Point) -> Any:
-    value = column(point)
+    value = math.nan if isinstance(column, Counting) else column(point)
     return math.nan if isinstance(value, int | np.integer) else value
 
 
@@ -286,6 +280,5 @@ def _examine_beneath(event: Event, point: Point) -> str:
 
 def _examine_crossing(point: Point) -> str:
     """Whether branches cross for the original problem, too."""
-    if branches_cross(point.ground):
-        return ""
-    return "the boundary is singular here, but the branches it is on do not cross"
+    reason = "the boundary is singular here, but the branches it is on do not cross"
+    return "" if branches_cross(point.ground) else reason

@@ -69,10 +69,6 @@ def _check_entries(what: str, given: Matrix) -> None:
         raise BadInput(f"entry {entry} of the sparse {what} is {given.data[wrong[0]]} at the start")
 
 
-def _among(columns: NDArray[np.intp], z: Array) -> NDArray[np.bool_]:
-    return np.isin(np.arange(z.size), columns)
-
-
 class Curve:
     """A problem with named parameters set free: H(z) with ``z = (x, free parameters)``.
 
@@ -440,7 +436,8 @@ class Curve:
         small = 1e-6 * abs(given[[row]]).max()
         while columns.size > 1:
             half = columns[: (columns.size + 1) // 2]
-            slope, wanted = self._slopes(row, z, given, np.where(_among(half, z), direction, 0.0))
+            among = np.isin(np.arange(z.size), half)
+            slope, wanted = self._slopes(row, z, given, np.where(among, direction, 0.0))
             columns = half if abs(slope - wanted) > small else columns[half.size :]
         entry = (row, int(columns[0]))
         slope, wanted = self._slopes(row, z, given, np.eye(1, z.size, entry[1])[0])

@@ -271,6 +271,8 @@ class Walker:
                 self.curve, self.curve.start, tangent, 0.0, residual, detail=self._moved(problem)
             )
             self.tests = self._first_tests()
+        self.point, self.count = self.origin, 0  # where it is, after how many steps
+        self.size, self.bend = steps.first, np.zeros_like(self.origin.z)  # for the next one
         self.end = End(Stop.INTERRUPTED)
         self.longest, self.tiny = 0.0, 0
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
@@ -284,6 +286,7 @@ class Walker:
         other.curve, other.side = copy(self.curve), -self.side
         other.stepper = replace(self.stepper, curve=other.curve)
         other.origin = replace(self.origin, curve=other.curve, tangent=-self.origin.direction)
+        other.point = other.origin
         with _quiet():
             other.tests = other._first_tests()
         return other
@@ -296,29 +299,20 @@ class Walker:
 
     def pieces(self) -> Iterator[Piece]:
         """The same, several points at a time."""
-        point, size, tests = self.origin, self.steps.first, self.tests
-        bend = np.zeros_like(point.z)
         doubtful: list[Point] = []
         end = Failed(Stop.MOST)
-        count = 0
-        while count < self.steps.most:
+        while self.count < self.steps.most:
             if not self.waits:
-                stretch, size, bend = self._stride(point, bend, size, self.steps.most - count)
-                if len(stretch) and not self.events:
-                    yield stretch if count else Points.joined([[point], stretch])
-                    point, count = stretch[-1], count + len(stretch)
-                    continue
-                self.ahead, self.at = stretch, 0
-            still, point, tests = self._calm(point, tests)
-            if still:
-                yield still
-                count += len(still)
+                self.ahead, self.at = self._stride(), 0
+            calm = self._calm()
+            if calm:
+                yield calm
                 continue
             try:
                 with _quiet():
-                    step = self._next(point, bend, size, count)
-                    found = self._events_on(point, step, tests, first=count == 0)
-                    line, stop = self._line_up(point, step, found, first=count == 0)
+                    step = self._next()
+                    found = self._events_on(step)
+                    line, stop = self._line_up(step, found)
             except Failed as failed:
                 end = failed
                 break
@@ -327,43 +321,55 @@ class Walker:
             if stop is not None:
                 self.end = End(stop, self._rim(line[-1], stop), tuple(doubtful))
                 return
-            if not step.plain:
-                turned = step.point.direction - point.direction
-                bend, size = turned / (step.point.arclength - point.arclength), step.next_size
-            point, tests, count = step.point, found.after, count + 1
-            self.side = step.side or self.side
-        reason = end.reason or self._rim(point, end.stop)
-        if point is self.origin:
+            self._go(step, found)
+        reason = end.reason or self._rim(self.point, end.stop)
+        if self.point is self.origin:
             if self.directed and end.stop is Stop.NO_CONVERGENCE:
                 reason = f"no curve leaves the start in this direction: {reason}"
-            yield [point]
+            yield [self.point]
         self.end = End(end.stop, reason, tuple(doubtful))
+
+    def _go(self, step: Step, found: Found) -> None:
+        if not step.plain:
+            turned = step.point.direction - self.point.direction
+            self.bend = turned / (step.point.arclength - self.point.arclength)
+            self.size, self.side = step.next_size, step.side or self.side
+        self.point, self.tests, self.count = step.point, found.after, self.count + 1
 
     @property
     def waits(self) -> bool:
         """Whether plain steps that were taken were not looked at yet."""
         return self.at < len(self.ahead)
 
-    def _calm(
-        self, point: Point, tests: tuple[Value, ...]
-    ) -> tuple[Sequence[Point], Point, tuple[Value, ...]]:
-        """The next plain steps, as far as no test has anything to look for on them; the end of the
-        last one, and the tests there."""
-        start, matrices = self.at, any(isinstance(one.test, Singular) for one in self.events)
-        if matrices:  # which say more of what is between two points than values do
-            return (), point, tests
-        with _quiet(), suppress(Undefined):  # whose reason is seen when the step is looked through
-            while self.waits and self.earlier is not None and self.at - start < _TOGETHER:
-                last = self.ahead[self.at]
-                after = self._tests_at(last)
-                pace = (point.arclength - self.earlier[0]) / (last.arclength - point.arclength)
-                values = self.earlier[1], tests, after
-                if len(calm(self.events, pace, *values, (point, last))) < len(self.events):
-                    break
-                self.curve.passes(last.z)
-                self.earlier = (point.arclength, tests)
-                point, tests, self.at = last, after, self.at + 1
-        return self.ahead[start : self.at] if self.at > start else (), point, tests
+    def _calm(self) -> Sequence[Point]:
+        """The next plain steps, as far as no test has anything to look for on them."""
+        start = self.at
+        if self.count and not self.events:
+            self.at = len(self.ahead)
+        # matrices say more of what is between two points than values do
+        elif not any(isinstance(one.test, Singular) for one in self.events):
+            # where there is no value, the reason is seen when the step is looked through
+            with _quiet(), suppress(Undefined):
+                while self.waits and self.at - start < _TOGETHER and self._is_calm():
+                    self.at += 1
+        if self.at == start:
+            return ()
+        self.point, self.count = self.ahead[self.at - 1], self.count + self.at - start
+        return self.ahead[start : self.at]
+
+    def _is_calm(self) -> bool:
+        """Whether no test has anything to look for on the next plain step; it is taken then."""
+        if self.earlier is None:
+            return False
+        point, last = self.ahead[self.at - 1] if self.at else self.point, self.ahead[self.at]
+        after = self._tests_at(last)
+        pace = (point.arclength - self.earlier[0]) / (last.arclength - point.arclength)
+        values = self.earlier[1], self.tests, after
+        if len(calm(self.events, pace, *values, (point, last))) < len(self.events):
+            return False
+        self.curve.passes(last.z)
+        self.earlier, self.tests = (point.arclength, self.tests), after
+        return True
 
     def _tests_at(self, point: Point) -> tuple[Value, ...]:
         """All tests at a point, asked once."""
@@ -371,35 +377,35 @@ class Walker:
             self.latest = point, tuple([measure(event, point) for event in self.events])
         return self.latest[1]
 
-    def _next(self, point: Point, bend: Array, size: float, count: int) -> Step:
+    def _next(self) -> Step:
         """The next step: one of those that were taken ahead, or one with all that may befall it."""
         if self.waits:
             self.at += 1
             return Step(self.ahead[self.at - 1], 0.0, plain=True)
-        step = self.stepper.advance(point, bend, size, self.side)
+        point = self.point
+        step = self.stepper.advance(point, self.bend, self.size, self.side)
         self._refuse_to_crawl(step.point.arclength - point.arclength)
-        if count > 2 and self._returns(point, step.point):
+        if self.count > 2 and self._returns(step.point):
             length = point.arclength + self.curve.length(self.origin.z - point.z)
             end = replace(self.origin, arclength=length)
             step = replace(step, point=end, stop=Stop.CLOSED)
         return step
 
-    def _stride(
-        self, point: Point, bend: Array, size: float, most: int
-    ) -> tuple[Sequence[Point], float, Array]:
-        """Plain steps, as many as come off, and size and bend for the next one."""
-        strider = self.strider
+    def _stride(self) -> Sequence[Point]:
+        """Plain steps, as many as come off."""
+        point, strider, most = self.point, self.strider, self.steps.most - self.count
         if strider is None or LOG.isEnabledFor(logging.DEBUG):  # each step has a line of its own
-            return (), size, bend
-        state = (point.arclength, size, float(self.side), self.longest)
-        stretch = strider.go(point.z, point.direction, bend, state, most)
+            return ()
+        state = (point.arclength, self.size, float(self.side), self.longest)
+        stretch = strider.go(point.z, point.direction, self.bend, state, most)
         if len(stretch[0]) and strider.loops.at_once and self._strayed(stretch[0], stretch[1]):
             self.strider = None
-            return (), size, bend
-        _, size, side, longest, _ = strider.state.tolist()
+            return ()
+        _, self.size, side, longest, _ = strider.state.tolist()
+        self.bend = strider.bend.copy()
         if len(stretch[0]):
             self.side, self.longest, self.tiny = int(side), longest, 0
-        return Points(self.curve, *stretch), size, strider.bend.copy()
+        return Points(self.curve, *stretch)
 
     def _strayed(self, zs: Array, tangents: Array) -> bool:
         """Whether the derivative of compiled functions, differences with the steps that suited the
@@ -468,27 +474,27 @@ class Walker:
                 )
         return values
 
-    def _events_on(self, point: Point, step: Step, tests: Sequence[Value], *, first: bool) -> Found:
+    def _events_on(self, step: Step) -> Found:
         if not self.events:
             return Found((), (), ())
-        segment = Segment(point, step.point, self.steps.tolerance)
-        ends = Ends(first, step.stop is Stop.BOUND, step.stop is Stop.CLOSED)
+        segment = Segment(self.point, step.point, self.steps.tolerance)
+        ends = Ends(self.count == 0, step.stop is Stop.BOUND, step.stop is Stop.CLOSED)
         try:
-            earlier, self.earlier = self.earlier, (point.arclength, tests)
+            earlier, self.earlier = self.earlier, (self.point.arclength, self.tests)
             crossing = step.crossing
-            both = tests, self._tests_at(step.point)
+            both = self.tests, self._tests_at(step.point)
             return find(segment, self.events, *both, crossing=crossing, ends=ends, earlier=earlier)
         except Undefined as error:
             raise Failed(Stop.RIM, f"while locating an event: {error}") from error
 
-    def _line_up(
-        self, point: Point, step: Step, found: Found, *, first: bool
-    ) -> tuple[list[Point], Stop | None]:
+    def _line_up(self, step: Step, found: Found) -> tuple[list[Point], Stop | None]:
         """What to yield for this step, in order, and whether the walk ends with it."""
+        point = self.point
         near = 1e-8 * (step.point.arclength - point.arclength)
-        at_start = [p for p in found.points if p.arclength <= point.arclength + near]
-        starts = at_start if first else []  # later, what the step before ended short of is found
-        line = (starts or [point]) if first else []
+        starts, line = list[Point](), list[Point]()
+        if self.count == 0:  # later, what the step before ended short of is found
+            starts = [p for p in found.points if p.arclength <= point.arclength + near]
+            line = [*starts] or [point]
         ended = {id(special.event) for special in starts}
         if any(id(event) in ended for event in self._broken(found)):
             return line, Stop.EVENT  # it leads out of the meaningful region at once
@@ -508,9 +514,9 @@ class Walker:
         after = zip(self.events, found.after, strict=False)
         return [event for event, value in after if event.walls and value < 0]
 
-    def _returns(self, point: Point, last: Point) -> bool:
+    def _returns(self, last: Point) -> bool:
         """Whether the step passes the start of the walk, in the direction it set out."""
-        row = self.curve.dual(self.origin.direction)
+        point, row = self.point, self.curve.dual(self.origin.direction)
         before, after = row.dot(point.z - self.origin.z), row.dot(last.z - self.origin.z)
         if not before < 0 <= after or row.dot(last.direction) < 0.5:
             return False

@@ -16,7 +16,6 @@ from contbreather.continuation import (
     Steps,
     Stop,
     boundary,
-    branch_point,
     fold,
     hopf,
     load,
@@ -38,6 +37,7 @@ from .zoo import (
     events_of,
     scalar,
     takens,
+    trace_case,
 )
 
 WINDOW = {"b2": (-1.5, 1.5)}
@@ -269,26 +269,22 @@ def test_a_user_value_traced_in_two_parameters_is_a_contour_line() -> None:
 
 
 def test_what_cannot_be_traced_is_refused_with_a_sentence(planar: Branch) -> None:
-    point = planar.first("LP")
-    with pytest.raises(BadInput, match="is not a special point: nothing to trace as a boundary"):
-        boundary(planar[3], ("b2", "b1"))
-    with pytest.raises(BadInput, match="is not a special point"):
-        boundary(planar.first("EP"), ("b2", "b1"))
     mine = Event("XY", lambda point: point["x"])
     crossing = trace(takens(), "b1", events=[mine], within={"b1": (-1, 1)}).first("XY")
-    with pytest.raises(BadInput, match="XY has no locus to trace in two parameters"):
-        boundary(crossing, ("b2", "b1"))
-    bp = trace(PITCHFORK.problem, "mu", events=[branch_point()], within={"mu": (-1, 1)})
-    with pytest.raises(BadInput, match="needs two different parameters"):
-        boundary(bp.first("BP"), ("mu", "mu"))
-    for pair, sentence in (
-        (("b2", "b2"), r"needs two different parameters, got \('b2', 'b2'\)"),
-        (("b2",), "needs two different parameters"),
-        (("b2", "x"), r"'x' is not a parameter here; it has \['b1', 'b2'\]"),
-        (("nu", "b1"), "'nu' is not a parameter here"),
+    bp = trace_case(PITCHFORK).first("BP")
+    point, both = planar.first("LP"), ("b2", "b1")
+    for given, pair, sentence in (
+        (planar[3], both, "is not a special point: nothing to trace as a boundary"),
+        (planar.first("EP"), both, "is not a special point"),
+        (crossing, both, "XY has no locus to trace in two parameters"),
+        (bp, ("mu", "mu"), "needs two different parameters"),
+        (point, ("b2", "b2"), r"needs two different parameters, got \('b2', 'b2'\)"),
+        (point, ("b2",), "needs two different parameters"),
+        (point, ("b2", "x"), r"'x' is not a parameter here; it has \['b1', 'b2'\]"),
+        (point, ("nu", "b1"), "'nu' is not a parameter here"),
     ):
         with pytest.raises(BadInput, match=sentence):
-            boundary(point, pair)
+            boundary(given, pair)
 
 
 def test_names_of_the_locus_that_the_problem_has_already_are_refused_when_it_is_traced() -> None:
@@ -325,22 +321,15 @@ def test_a_neutral_saddle_cannot_be_traced_as_a_hopf_point() -> None:
         boundary(doubtful, ("c", "m"))
 
 
-def test_positive_events_hold_on_boundaries_too() -> None:
-    wall = Event("GR", lambda point: 1.2 - point["mu"], ends="domain")
-    problem = replace(CUSP.problem, events=(fold(), wall))
-    first = trace(problem, "h", within={"x": (-2, 2)}).first("LP")
-    line = boundary(first, ("mu", "h"), within={"mu": (0.1, 2.0)})
-    assert line.first("LP-GR")["mu"] == pytest.approx(1.2, abs=1e-14)
-    assert line["mu"].max() == pytest.approx(1.2, abs=1e-14)
-    assert math.isclose(abs(line.first("LP-GR")["h"]), math.sqrt(4 * 1.2**3 / 27), abs_tol=1e-14)
-
-
-def test_walls_hold_on_what_continues_a_boundary_from_a_file(tmp_path) -> None:
+def test_walls_hold_on_boundaries_and_on_what_continues_them_from_a_file(tmp_path) -> None:
     wall = Event("GR", lambda point: 1.2 - point["mu"], ends="domain")
     problem = replace(CUSP.problem, events=(fold(), wall))
     first = trace(problem, "h", within={"x": (-2, 2)}).first("LP")
     within = {"mu": (0.1, 2.0)}
     line = boundary(first, ("mu", "h"), within=within)
+    assert line.first("LP-GR")["mu"] == pytest.approx(1.2, abs=1e-14)
+    assert line["mu"].max() == pytest.approx(1.2, abs=1e-14)
+    assert math.isclose(abs(line.first("LP-GR")["h"]), math.sqrt(4 * 1.2**3 / 27), abs_tol=1e-14)
     save(tmp_path / "line.nc", line)
     again = load(tmp_path / "line.nc", problem=problem)
     assert list(again[2].curve.problem.record) == list(line[2].curve.problem.record)
