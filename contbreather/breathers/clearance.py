@@ -77,7 +77,7 @@ class Watch(Protocol):
         """Time and margin of the far field, 1 where there is none."""
         return self.start, 1.0
 
-    def at(self, site: Any, t: float) -> Terms:
+    def at(self, site: int, t: float) -> Terms:
         """Displacement, velocity and acceleration of a site."""
 
     def path(self, site: int, t: FloatArray) -> FloatArray:

@@ -63,8 +63,6 @@ class Closure:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_own", tuple(self.forcing.params.items()))
-        object.__setattr__(self, "_names", frozenset(self.forcing.params))
-        object.__setattr__(self, "_held", isinstance(self.forcing, Held))
 
     @property
     def params(self) -> tuple[str, ...]:
@@ -74,14 +72,14 @@ class Closure:
     def residual(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Both equations, shape (2,)."""
         p, phi, a, gamma, k, f = self._unpack(x, params)
-        q, chi = (1.0 - k) / (1.0 + k), self._under(f).chi(gamma)
+        q, chi = (1.0 - k) / (1.0 + k), sprung(self.lattice, f).chi(gamma)
         return np.array((p * chi + a * f.f(phi) - 1.0, a * f.df(phi) - p * q))
 
     def jacobian(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Derivatives with respect to ``(p, phi)``, shape (2, 2)."""
         _, phi, a, gamma, k, f = self._unpack(x, params)
         q = (1.0 - k) / (1.0 + k)
-        return np.array(((self._under(f).chi(gamma), a * f.df(phi)), (-q, a * f.d2f(phi))))
+        return np.array(((sprung(self.lattice, f).chi(gamma), a * f.df(phi)), (-q, a * f.d2f(phi))))
 
     def sensitivity(self, x: FloatArray, params: Mapping[str, float], name: str) -> FloatArray:
         """Derivatives with respect to the parameter ``name``, shape (2,)."""
@@ -89,16 +87,16 @@ class Closure:
         if name == "a":
             return np.array((f.f(phi), f.df(phi)))
         if name == "gamma":
-            return np.array((p * self._under(f).dchi(gamma), 0.0))
+            return np.array((p * sprung(self.lattice, f).dchi(gamma), 0.0))
         if name == "k":
             return np.array((0.0, 2.0 * p / (1.0 + k) ** 2))
-        if name not in self._names:  # type: ignore[attr-defined]
+        if name not in f.params:
             raise BadInput(
                 f"unknown parameter {name!r}: this breather has {', '.join(self.params)}."
             )
         slopes = np.array((a * f.f_param(name, phi, 0), a * f.f_param(name, phi, 1)))
         if name == "spring":
-            slopes[0] += p * self._under(f).by_spring(gamma, "chi")
+            slopes[0] += p * sprung(self.lattice, f).by_spring(gamma, "chi")
         return slopes
 
     def loops(self, names: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
@@ -115,10 +113,6 @@ class Closure:
         here = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
         data = pack(len(names), freed, here, f.harmonics, self.lattice)
         return Loops(closed_loops.closure, closed_loops.closure_slopes, data)
-
-    def _under(self, forcing: Forcing) -> Any:
-        """The lattice, with the springs to the ground that the forced response has."""
-        return sprung(self.lattice, forcing) if self._held else self.lattice  # type: ignore[attr-defined]
 
     def _unpack(
         self, x: FloatArray, params: Mapping[str, float]

@@ -39,7 +39,7 @@ MIRRORED = 1e-13  # the margin of a crest that symmetry makes touch the other wa
 _RIVALS = Kernel(clearance_loops.rivals, "pppp")
 
 
-def rivals(orbit: Watch, site: int | None, t: float, *, mirrored: bool = False) -> list[Gap]:
+def rivals(orbit: Watch, site: int, t: float, *, mirrored: bool = False) -> list[Gap]:
     """Everything that may touch a wall besides the crest of one site at one time, which does.
 
     With `mirrored` the orbit is a symmetric one with its whole period written out: the crest at the
@@ -55,22 +55,18 @@ def rivals(orbit: Watch, site: int | None, t: float, *, mirrored: bool = False) 
     says nothing; 1 where rounding decides that sign.
     """
     flights = list(gaps_of_flights(orbit))
-    busy = [own.site for own in orbit.flights]
-    if site is None:
-        found = [*flights, *gaps_of_idle(orbit)]
-    elif site in busy:
+    if site in {own.site for own in orbit.flights}:
         found = [*_besides_dip(orbit, site, t, flights), *gaps_of_idle(orbit)]
     else:
         found = [*_besides_crest(orbit, site, t, mirrored), *flights, *gaps_of_others(orbit, site)]
-    least = 0.0 if site is None else orbit.felt(site)
-    sizes = [max(least, orbit.felt(gap.site)) for gap in found if gap.site is not None]
+    least = orbit.felt(site)
     return [
-        gap._replace(margin=_told_apart(gap.margin, size))
-        for gap, size in zip(found, sizes, strict=True)
+        gap._replace(margin=_told_apart(gap.margin, max(least, orbit.felt(gap.site))))
+        for gap in found
     ]
 
 
-def least_rival(orbit: Watch, site: int | None, t: float, *, mirrored: bool = False) -> float:
+def least_rival(orbit: Watch, site: int, t: float, *, mirrored: bool = False) -> float:
     """The least of all `rivals`, without a word on whose it is."""
     code = None if site in {own.site for own in orbit.flights} else _RIVALS.code()
     packed = None if code is None else orbit.packed()

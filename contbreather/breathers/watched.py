@@ -224,7 +224,7 @@ class GreenWatch(OrbitWatch):
 
     def __init__(self, orbit: Any) -> None:
         super().__init__(orbit)
-        self._offsets: dict[int | None, float] = {}
+        self._offsets: dict[int, float] = {}
 
     @property
     def _resonant(self) -> bool:
@@ -246,29 +246,23 @@ class GreenWatch(OrbitWatch):
         return _packed(self, o, o.section.turns, self.hit, idle, impacts, offsets)
 
     def far(self) -> tuple[float, float]:
-        orbit, offset = self.orbit, self._far_offset
+        """The offset there is the larger of those at both ends, none where there is no coupling."""
+        orbit, offsets = self.orbit, self.orbit.offsets
         if orbit.lattice.sites is not None:
             return self.start, 1.0
+        offset = max((offsets[0], offsets[-1]), key=abs) if orbit.gamma else 0.0
         margin = 1.0 - abs(offset) - orbit.a * orbit.forcing.peak()
         return _highest(orbit.forcing, math.copysign(1.0, offset)), margin
-
-    @property
-    def _far_offset(self) -> float:
-        """The larger of the offsets at both ends of the chain; none where there is no coupling."""
-        offsets = self.orbit.offsets
-        return max((offsets[0], offsets[-1]), key=abs) if self.orbit.gamma else 0.0
 
     def felt(self, site: int) -> float:
         orbit = self.orbit
         away = min(orbit.lattice.distance(site - busy) for busy in self.hit)
         return float(0.5 * np.abs(orbit.impulses).max() * orbit.gamma**away)
 
-    def at(self, site: int | None, t: float) -> Terms:
-        """None stands for the far field."""
+    def at(self, site: int, t: float) -> Terms:
         u, v, w = moved(self.orbit, site, t)
         if site not in self._offsets:
-            own = self._far_offset if site is None else float(self.orbit.flight.offset(site))
-            self._offsets[site] = own
+            self._offsets[site] = float(self.orbit.flight.offset(site))
         return u + self._offsets[site], v, w
 
     def path(self, site: int, t: FloatArray) -> FloatArray:
@@ -302,12 +296,11 @@ def _highest(forcing: Forcing, sign: float) -> float:
     return float(t[int((sign * forcing.f(t)).argmax())])
 
 
-def moved(orbit: Any, site: int | None, t: float) -> Terms:
-    """Displacement, velocity and acceleration of a site (None: the far field) at one time, without
-    its static offset."""
+def moved(orbit: Any, site: int, t: float) -> Terms:
+    """Displacement, velocity and acceleration of a site at one time, without its static offset."""
     a, (u, v, w) = orbit.a, orbit.forcing.motion(t)
     u, v, w = a * u, a * v, a * w
-    for impact in orbit.impacts if site is not None else ():
+    for impact in orbit.impacts:
         distance = orbit.lattice.distance(site - impact.site)
         h = wave(orbit.lattice, orbit.gamma, distance, orbit.section.turns).motion(t - impact.time)
         u, v, w = u + impact.impulse * h[0], v + impact.impulse * h[1], w + impact.impulse * h[2]
