@@ -6,8 +6,6 @@ import pytest
 
 import contbreather as cb
 
-from .derived import flight_identities
-
 HERE = {"a": 0.5, "gamma": 0.04, "k": 0.8}
 WITHIN = {"a": (0.49, 0.51)}
 RING = " (stability of a ring of 50, threshold 1.005)"
@@ -45,14 +43,6 @@ def test_on_another_chain_the_label_of_the_first_one_is_replaced() -> None:
         first[0], "a", within=WITHIN, events=[cb.neimark_sacker(on=cb.Ring(20), threshold=1.01)]
     )
     assert second.problem.label == "symmetric breather (stability of a ring of 20, threshold 1.01)"
-
-
-def test_every_identity_of_the_flight_has_a_name_and_an_equation() -> None:
-    found = flight_identities()
-    assert [name.partition(": ")[0] for name in found] == [
-        "free motion", "antisymmetry", "the impact takes 2p", "symmetric impact (7)", "chi", "eta",
-    ]  # fmt: skip
-    assert all(name.partition(": ")[2] for name in found)
 
 
 def test_what_is_seen_as_a_pitchfork_and_is_none_is_told_apart(monkeypatch) -> None:
