@@ -1,10 +1,13 @@
-"""Orbits put together from their impacts, solutions or not."""
+"""Orbits put together from their impacts, and breathers whose neighbour just touches a wall."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Any
 
+from scipy.optimize import brentq
+
+from contbreather.breathers import neighbour_peak, symmetric
 from contbreather.breathers.orbit import Orbit, orbit_of
 from contbreather.breathers.section import Section
 from contbreather.lattice import InfiniteChain, forcing_of
@@ -28,3 +31,16 @@ def orbit_from(
     drive = forcing_of(forcing)
     on = Conditions(a, gamma, k, forcing=drive, lattice=lattice or InfiniteChain())
     return orbit_of(on, section, [row[2] for row in rows], [row[3] for row in rows], offsets)
+
+
+def touching(
+    site: int, gamma: float, k: float, low: float, high: float = 3.0, **more: Any
+) -> tuple[Orbit, float]:
+    """The symmetric breather with an amplitude between two at which a site reaches its wall, and
+    when it does."""
+
+    def above(a: float) -> float:
+        return neighbour_peak(symmetric(a, gamma, k, **more), site)[1] - 1.0
+
+    b = symmetric(brentq(above, low, high, xtol=1e-14), gamma, k, **more)
+    return b, neighbour_peak(b, site)[0]

@@ -29,6 +29,8 @@ from contbreather.breathers.watched import phase
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples
 
+from .by_hand import touching
+
 CHAIN = InfiniteChain()
 TWO = Fourier.from_response(cos={1: 1.0, 3: 0.3})
 BUSY = Fourier.from_response(cos={1: 1.0, 9: 0.02, 21: 0.01}, sin={3: 0.2})
@@ -285,13 +287,8 @@ def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(
     forcing, site
 ) -> None:
     gamma, k = 0.1, 0.8
-
-    def above(a: float) -> float:
-        return neighbour_peak(symmetric(a, gamma, k, forcing=forcing), site)[1] - 1
-
-    a = brentq(above, 1.1 * smallest_amplitude(gamma, k, forcing), 3.0, xtol=1e-14)
-    b = symmetric(a, gamma, k, forcing=forcing)
-    t, _ = neighbour_peak(b, site)
+    low = 1.1 * smallest_amplitude(gamma, k, forcing)
+    b, t = touching(site, gamma, k, low, forcing=forcing)
     wall = math.copysign(1.0, float(b.displacement(site, t)))
     s = np.linspace(1e-2, 2 * math.pi - 1e-2, 100001)
     ratio = (1 - wall * b.displacement(site, t + s)) / (1 - np.cos(s))
@@ -305,14 +302,8 @@ def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(
 @pytest.mark.parametrize("gamma", [0.02, 0.05])
 def test_where_a_flat_crest_grazes_the_least_besides_is_its_own_curvature(gamma) -> None:
     """With k = 1 the motion is symmetric about the crest: nothing is lower beside it."""
-    forcing, site = Fourier.from_response(cos={1: 1.0, 3: -0.1}), 2
-
-    def above(a: float) -> float:
-        return neighbour_peak(symmetric(a, gamma, 1.0, forcing=forcing), site)[1] - 1
-
-    b = symmetric(brentq(above, 0.3, 3.0, xtol=1e-14), gamma, 1.0, forcing=forcing)
-    t, _ = neighbour_peak(b, site)
-    h = 1e-4
+    forcing, site, h = Fourier.from_response(cos={1: 1.0, 3: -0.1}), 2, 1e-4
+    b, t = touching(site, gamma, 1.0, 0.3, forcing=forcing)
     bend = float(b.velocity(site, t + h) - b.velocity(site, t - h)) / (2 * h)
     own = rivals(b.watch, site, t)[0]
     assert 0.05 < abs(bend) < 0.2

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.breathers import clearance, clearance_loops
@@ -24,6 +23,8 @@ from contbreather.kernel import Kernel
 from contbreather.lattice import wave_loops
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.periodic import wave_table
+
+from .by_hand import touching
 
 PLAIN = [
     cb.symmetric(a, gamma, k)
@@ -128,14 +129,8 @@ def test_a_crest_is_climbed_by_loops_from_wherever_it_is_asked(side: float) -> N
 @pytest.mark.parametrize("gamma", [0.02, 0.05])
 def test_where_a_flat_crest_grazes_loops_divide_it_out_as_well(gamma: float) -> None:
     forcing = cb.Fourier.from_response(cos={1: 1.0, 3: -0.1})
-
-    def above(a: float) -> float:
-        orbit = cb.symmetric(a, gamma, 1.0, forcing=forcing)
-        return clearance.neighbour_peak(orbit, 2)[1] - 1.0
-
-    orbit = cb.symmetric(brentq(above, 0.3, 3.0, xtol=1e-14), gamma, 1.0, forcing=forcing)
-    watch, (t, _) = orbit.watch, clearance.neighbour_peak(orbit, 2)
-    packed = watch.packed()
+    orbit, t = touching(2, gamma, 1.0, 0.3, forcing=forcing)
+    watch, packed = orbit.watch, orbit.watch.packed()
     data = rivals_data(watch, packed, 2, t, mirrored=False).tolist()
     out, grid = [math.nan] * packed.own, [math.nan] * packed.points
     table, own = packed.table.ravel().tolist(), packed.sites.index(2)
