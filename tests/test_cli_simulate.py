@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import re
 from pathlib import Path
@@ -184,18 +185,22 @@ def test_stream_of_another_run_is_refused(run):
     assert "folder holds another run: a is 0.2 there and 0.1 here" in err
 
 
+def interrupt(monkeypatch, module, stretches):
+    """Have Ctrl-C come after so many stretches of a run."""
+    walk = module.walk
+
+    def stopped(*args, **kwargs):
+        yield from itertools.islice(walk(*args, **kwargs), stretches)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "walk", stopped)
+
+
 def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(run, monkeypatch):
     from contbreather.dynamics import recording
 
     walk = recording.walk
-
-    def stopped(*args, **kwargs):
-        for i, one in enumerate(walk(*args, **kwargs)):
-            if i == 2:
-                raise KeyboardInterrupt
-            yield one
-
-    monkeypatch.setattr(recording, "walk", stopped)
+    interrupt(monkeypatch, recording, 2)
     status, out, _ = run(f"{STABLE} --stream folder --periods 150 --final f.json")
     assert status == INTERRUPTED
     assert re.search(r"Interrupted after \d+ of 150 periods; the same command goes on", out)
@@ -210,15 +215,7 @@ def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(r
 def test_interrupted_run_writes_what_it_has(run, monkeypatch):
     from contbreather.dynamics import impacting
 
-    walk = impacting.walk
-
-    def stopped(*args, **kwargs):
-        for i, one in enumerate(walk(*args, **kwargs)):
-            if i == 2:
-                raise KeyboardInterrupt
-            yield one
-
-    monkeypatch.setattr(impacting, "walk", stopped)
+    interrupt(monkeypatch, impacting, 2)
     status, out, _ = run(f"{STABLE} --periods 1000 --csv s.csv --json")
     content = json.loads(out)
     assert status == INTERRUPTED
@@ -230,18 +227,10 @@ def test_interrupted_run_writes_what_it_has(run, monkeypatch):
 def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monkeypatch):
     from contbreather.dynamics import impacting, verdicts
 
-    walk = impacting.walk
-
-    def stopped(*args, **kwargs):
-        for i, one in enumerate(walk(*args, **kwargs)):
-            if i == 6:
-                raise KeyboardInterrupt
-            yield one
-
     def again(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(impacting, "walk", stopped)
+    interrupt(monkeypatch, impacting, 6)
     monkeypatch.setattr(verdicts, "judge", again)
     line = f"{STABLE} --sites 4 --periods 100000 --csv s.csv --final f.json"
     status, out, err = run(line)

@@ -205,10 +205,6 @@ def test_every_marker_covers_about_the_same_area() -> None:
     assert max(areas.values()) < 2.5 * min(areas.values()), areas
 
 
-def test_kinds_have_markers_of_their_own() -> None:
-    assert len({*MARKERS.values(), MEETING}) == len(MARKERS) + 1
-
-
 def test_doubtful_location_is_labelled_with_a_question_mark(in_a: Branch) -> None:
     from dataclasses import replace
 
@@ -391,18 +387,8 @@ def test_a_region_within_another_is_a_hole_of_it() -> None:
     assert len(outer.holes) == 1
 
 
-def test_each_kind_of_curve_looks_different(diagram: Zones) -> None:
-    looks = {
-        line.get_label(): (line.get_color(), line.get_linestyle())
-        for line in curves(plot_zones(diagram).axes)
-    }
-    assert len(looks) == len(set(map(str, looks.values()))) == 4
-
-
-def test_meetings_are_marked_once_and_named(diagram: Zones) -> None:
+def test_meetings_are_marked_once(diagram: Zones) -> None:
     ax = plot_zones(diagram).axes
-    shown = {text.get_text() for text in words(ax)}
-    assert {"PF–GR", "NS–GR", "NS–LP"} <= shown
     marked = [line for line in ax.get_lines() if line.get_marker() == MEETING]
     assert len(marked) == 3
     for line in marked:
@@ -477,12 +463,6 @@ def test_axes_go_as_far_as_breathers_in_the_window() -> None:
     assert zones(k=0.8, within=window).box(window)[0] == pytest.approx((0.02, 0.03))
 
 
-def test_zones_and_axes_must_be_as_many(diagram: Zones) -> None:
-    _, axes = new_figure(2)
-    with pytest.raises(BadInput, match="1 zone diagrams need as many axes, got 2"):
-        plot_zones([diagram], axes)
-
-
 # --- multipliers --------------------------------------------------------------------------------
 
 
@@ -517,14 +497,6 @@ def test_all_multipliers_are_drawn_and_those_outside_stand_out() -> None:
     assert len(colours) == 2
 
 
-def test_arcs_end_where_the_band_ends() -> None:
-    ax = plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), half=True).axes
-    arcs = [line for line in ax.get_lines() if line.get_linewidth() > 3]
-    ends = sorted(np.angle(a.get_xdata()[-1] + 1j * a.get_ydata()[-1]) / np.pi for a in arcs)
-    assert ends == pytest.approx([-2 * 0.045**0.5, 2 * 0.045**0.5])
-    assert ax.get_aspect() == 1.0
-
-
 # --- files --------------------------------------------------------------------------------------
 
 
@@ -556,7 +528,10 @@ def test_the_same_drawing_gives_the_same_file(suffix: str, tmp_path: Path) -> No
         ("folder", "it is a directory"),
         ("nowhere/x.png", "there is no directory"),
         ("x.jpeg", r"suffix must be one of \.png, \.pdf, \.svg"),
-        ("x", r"suffix must be one of \.png, \.pdf, \.svg"),
+        *(
+            (name, r"suffix must be one of \.png, \.pdf, \.svg")
+            for name in ("x", "x.txt", "x.png.gz")
+        ),
     ],
 )
 def test_bad_place_for_a_figure_is_refused(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from contbreather.dynamics import (
     Fate,
     Sample,
     Sweep,
+    attraction,
     localisation,
     simulate_smooth,
     sweep,
@@ -37,6 +39,7 @@ from contbreather.plotting import (
     save_figure,
 )
 from contbreather.plotting.canvas import CYCLE
+from contbreather.plotting.runs import FATES
 
 SET = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.01}
 TURN = 2 * math.pi
@@ -111,6 +114,7 @@ def test_legend_of_zones_gives_each_name_the_looks_of_its_curve(panel, diagram: 
     names = {"LP": "fold", "GR": "grazing", "PF": "pitchfork", "NS": "Neimark–Sacker"}
     shown = legend_of(panel)
     assert list(shown) == [f"{names[kind]} ({kind})" for kind in ("LP", "GR", "PF", "NS")]
+    assert len(set(shown.values())) == 4
     for kind, branch in diagram:
         (line,) = [
             line for line in panel.get_lines() if np.array_equal(line.get_xdata(), branch["gamma"])
@@ -250,6 +254,7 @@ def test_the_band_of_the_period_map_turns_twice_as_far() -> None:
         arcs = [line for line in ax.get_lines() if line.get_linewidth() > 3]
         ends = sorted(np.angle(a.get_xdata()[-1] + 1j * a.get_ydata()[-1]) / np.pi for a in arcs)
         assert ends == pytest.approx([-2 * turns * 0.02**0.5, 2 * turns * 0.02**0.5])
+        assert ax.get_aspect() == 1.0
 
 
 # --- runs ---------------------------------------------------------------------------------------
@@ -285,6 +290,23 @@ def test_section_is_velocity_over_displacement(run) -> None:
     np.testing.assert_array_equal(line.get_data(), (run.strobe.u[:, 1], run.strobe.v[:, 1]))
 
 
+def test_section_of_a_fixed_point_does_not_zoom_into_rounding(state) -> None:
+    run = cb.simulate(state, periods=5, a=0.2, gamma=0.04, k=0.8)
+    assert np.ptp(plot_section(run).axes.get_xlim()) == pytest.approx(2e-3)
+
+
+def test_section_of_a_motion_shows_all_of_it(run) -> None:
+    axes = plot_section(run, site=1).axes
+    (line,) = axes.get_lines()
+    assert np.ptp(line.get_xdata()) > 1e-3 < np.ptp(line.get_ydata())
+    for data, (low, high) in (
+        (line.get_xdata(), axes.get_xlim()),
+        (line.get_ydata(), axes.get_ylim()),
+    ):
+        assert low < data.min()
+        assert data.max() < high
+
+
 @pytest.mark.parametrize("walls", ["rigid", "smooth"])
 def test_localisation_is_the_ratio_over_periods(run, state, walls) -> None:
     one = run if walls == "rigid" else simulate_smooth(state, m=6, periods=8, t0=TURN, **SET)
@@ -294,6 +316,7 @@ def test_localisation_is_the_ratio_over_periods(run, state, walls) -> None:
     own = localisation(*one.strobe, one.times, a=0.2, gamma=0.04, damping=0.01)
     np.testing.assert_allclose(line.get_ydata(), own.participation, rtol=1e-12)
     np.testing.assert_allclose(line.get_xdata(), 1 + np.arange(one.periods + 1), rtol=1e-12)
+    assert 1.0 <= own.participation[0] < 1.5
     assert ax.get_ylim()[0] == 0.0
     assert ax.get_ylim()[1] >= max(4.0, own.participation.max())
 
@@ -306,7 +329,13 @@ def loop(state) -> Sweep:
 def test_sweep_names_its_ways_by_what_the_parameter_did(loop: Sweep) -> None:
     """Upwards the parameter grows, drawn with triangles that point up."""
     ax = plot_sweep(loop).axes
-    for line in ax.get_lines():
+    down, up = ax.get_lines()
+    assert (down.get_xdata().tolist(), up.get_xdata().tolist()) == (
+        [0.2, 0.1, 0.05],
+        [0.05, 0.1, 0.2],
+    )
+    assert down.get_color() != up.get_color()
+    for line in (down, up):
         up = line.get_xdata()[-1] > line.get_xdata()[0]
         assert line.get_label() == ("sweep up" if up else "sweep down")
         assert line.get_marker() == ("^" if up else "v")
@@ -333,6 +362,17 @@ def test_every_column_of_a_sweep_is_drawn_under_its_own_name(loop, column, word)
     np.testing.assert_array_equal(drawn, [*own[:3], *own[2:]])
 
 
+def test_sweep_of_one_value_is_a_point(state) -> None:
+    (line,) = plot_sweep(sweep(state, "a", [0.2], periods=5, **SET)).axes.get_lines()
+    assert line.get_xdata().tolist() == [0.2]
+
+
+def test_unknown_column_of_a_sweep_is_refused(state) -> None:
+    loop = sweep(state, "a", [0.2], periods=5, **SET)
+    with pytest.raises(cb.BadInput, match=r"y must be 'p', 'amplitude', .*, got 'height'"):
+        plot_sweep(loop, y="height")
+
+
 def test_each_fate_has_the_colour_that_the_legend_says() -> None:
     fates = np.array([[4, 1, 0], [2, 3, -1]], np.int8)
     u, v = Axis("u", 1, [-0.5, 0.0, 0.5]), Axis("v", 0, [-1.0, 1.0])
@@ -353,11 +393,22 @@ def test_each_fate_has_the_colour_that_the_legend_says() -> None:
         Fate.PENDING: "not computed",
     }
     assert set(shown) == set(named.values())
+    assert list(shown) == [fate.words for fate in FATES]
+    assert len({*map(to_hex, shown.values())}) == len(Fate)
     for row, speed in enumerate(v.values):
         for column, place in enumerate(u.values):
             want = shown[named[Fate(fates[row, column])]]
             assert pixel(ax, place, speed) == pytest.approx(want, abs=0.005)
-    assert ax.get_xlabel() == "$u_{1}$"
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{1}$", r"$\dot u_{0}$")
+
+
+def test_basin_of_a_simulation_is_saved(state, tmp_path) -> None:
+    u, v = Axis("u", 0, [-0.5, 0.5]), Axis("v", 0, [-1.0, 0.0, 1.0])
+    with ThreadPoolExecutor(1) as one:
+        basin = attraction(state, u, v, periods=20, executor=one, **SET)
+    names = [t.get_text() for t in plot_basin(basin).axes.get_legend().get_texts()]
+    assert len(names) == len(np.unique(basin.fate))
+    assert save_figure(plot_basin(basin), tmp_path / "basin.svg").stat().st_size > 1000
 
 
 # --- canvas -------------------------------------------------------------------------------------
@@ -380,14 +431,6 @@ def test_a_figure_is_a_column_wide_and_has_300_dots_to_the_inch(tmp_path: Path) 
     assert (2.54 * figure.get_size_inches()).tolist() == pytest.approx([8.5, 13.0])
     height, width, _ = imread(save_figure(figure, tmp_path / "x.png")).shape
     assert (width, height) == pytest.approx((8.5 / 2.54 * 300, 13 / 2.54 * 300), abs=1)
-
-
-def test_ticks_are_inside_on_all_four_sides() -> None:
-    _, (ax,) = new_figure()
-    for axis in (ax.xaxis, ax.yaxis):
-        assert {tick.get_tickdir() for tick in axis.get_major_ticks()} == {"in"}
-    assert ax.xaxis.get_tick_params()["top"]
-    assert ax.yaxis.get_tick_params()["right"]
 
 
 def test_text_stays_text_in_vector_files(tmp_path: Path) -> None:
