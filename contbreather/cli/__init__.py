@@ -7,7 +7,8 @@ goes wrong is one sentence on standard error, never a traceback.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from contbreather import __version__
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 VERBOSE = "--verbose"  # of every command
+COMMANDS = (  # each a module with a function of its name
+    "point", "branch", "boundary", "switch", "diagram", "zones", "atlas", "simulate", "figure",
+    "explore", "show", "extend", "run", "warm",
+)  # fmt: skip
 LATTICES = ("--lattice", "--site", "--damping", "--spring", "--walls")
 CHAINS_ONLY = {
     "zones": "its curves are followed in closed form, on the infinite chain or a ring (--sites N); "
@@ -119,23 +124,7 @@ def application() -> App:
     """All commands; each imports what it needs when it runs."""
     from cyclopts import App, Parameter
 
-    from contbreather.cli import (
-        atlas,
-        boundary,
-        branch,
-        completion,
-        diagram,
-        explore,
-        extend,
-        figure,
-        point,
-        run,
-        show,
-        simulate,
-        switch,
-        warm,
-        zones,
-    )
+    from contbreather.cli.completion import offer
 
     app = App(
         name="contbreather",
@@ -145,23 +134,7 @@ def application() -> App:
         help_format="markdown",
         default_parameter=Parameter(negative="", show_default=_shown),
     )
-    commands: tuple[Callable[..., Any], ...] = (
-        point.point,
-        branch.branch,
-        boundary.boundary,
-        switch.switch,
-        diagram.diagram,
-        zones.zones,
-        atlas.atlas,
-        simulate.simulate,
-        figure.figure,
-        explore.explore,
-        show.show,
-        extend.extend,
-        run.run,
-        warm.warm,
-    )
-    for command in commands:
-        app.command(command)
-    completion.offer(app)
+    for name in COMMANDS:
+        app.command(getattr(import_module(f"{__name__}.{name}"), name))
+    offer(app)
     return app

@@ -5,7 +5,7 @@ A run and its verdict are two steps: what took long to simulate is on disk befor
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from contbreather.cli.interrupts import computing
 
 if TYPE_CHECKING:
     from contbreather.dynamics import Recording, Run, SmoothRun
+    from contbreather.dynamics.stretches import Stretch
 
 JUDGED = 4096  # periods that a verdict looks at, at most
 ENOUGH = 50  # and at least
@@ -34,6 +35,21 @@ class Seen:
     kind: str = "UNDECIDED"
     reason: str = "no verdict: interrupted before it was found"
     evidence: dict[str, float] = field(default_factory=dict)
+
+    def stretches(self) -> Iterator[Stretch]:
+        """All of it; a stream piece by piece, so that memory does not grow with its length."""
+        if self.stream is None:
+            from contbreather.dynamics.stretches import Stretch
+
+            u, v = (row[1:] for row in self.run.strobe)
+            hits: dict[str, Any] = (
+                {"impacts": self.run.impacts} if isinstance(self.run, cb.dynamics.Run) else {}
+            )
+            yield Stretch(0, u, v, u[:0], v[:0], **hits)
+            return
+        for one in self.stream.stretches():
+            one.impacts["time"] += self.stream.t0
+            yield one
 
 
 def seen_of(run: Run | SmoothRun, site: int = 0) -> Seen:
@@ -56,14 +72,9 @@ def seen_in(kept: Recording, wanted: int, site: int = 0) -> Seen:
 def judged(seen: Seen) -> Seen:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
     try:
-        from contbreather.paper.fates import life
-
-        if seen.stream is not None:
-            by_site = _counted(one.impacts for one in seen.stream.stretches())
-            seen = replace(seen, by_site=by_site, lost=_lost_in(seen.stream, seen.site))
-        elif isinstance(seen.run, cb.dynamics.Run):
-            lost = life(seen.run, seen.site) if seen.periods else None
-            seen = replace(seen, by_site=_counted([seen.run.impacts]), lost=lost)
+        if isinstance(seen.run, cb.dynamics.Run):
+            by_site = _counted(one.impacts for one in seen.stretches())
+            seen = replace(seen, by_site=by_site, lost=_lost_in(seen))
         kind, reason, evidence = _judged(seen.run)
     except KeyboardInterrupt:
         return replace(seen, interrupted=True)
@@ -81,15 +92,16 @@ def _counted(tables: Iterable[Any]) -> dict[int, int]:
     return dict(sorted(found.items()))
 
 
-def _lost_in(kept: Recording, site: int) -> int | None:
-    """`life`, piece by piece."""
+def _lost_in(seen: Seen) -> int | None:
+    """After which period it was no breather any more, if ever."""
     import numpy as np
 
     from contbreather.paper.fates import unlike_a_breather
 
     wall = 0
-    for one in kept.stretches():
-        gone = np.flatnonzero(unlike_a_breather(one.impacts, one.periods, one.first, wall, site))
+    for one in seen.stretches():
+        wrong = unlike_a_breather(one.impacts, one.periods, one.first, wall, seen.site)
+        gone = np.flatnonzero(wrong)
         if gone.size:
             return one.first + int(gone[0])
         wall = int(one.impacts["wall"][-1]) if one.impacts.size else wall

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from cyclopts import Parameter
@@ -198,16 +199,15 @@ def _files(seen: Seen, asked: Asked, into: KeepRun) -> Iterator[Any]:
 
 def _strobes(seen: Seen) -> Iterator[dict[str, float]]:
     """One row for each stroboscopic state; those of a stream are read piece by piece."""
+    import numpy as np
+
     from contbreather.dynamics.states import PERIOD
 
-    if seen.stream is None:
-        pieces, t0 = iter([(0, seen.run.strobe.u, seen.run.strobe.v)]), float(seen.run.times[0])
-    else:
-        kept, t0 = seen.stream, seen.stream.t0
-        later = ((one.first + 1, one.u, one.v) for one in kept.stretches())
-        first = (0, kept.start.u[None], kept.start.v[None])
-        pieces = (piece for piece in (first, *later))
-    for first_period, u, v in pieces:
+    kept, run = seen.stream, seen.run
+    t0, begin = (float(run.times[0]), run.strobe) if kept is None else (kept.t0, kept.start)
+    start: Any = (0, *(np.atleast_2d(row)[:1] for row in begin))
+    later = ((one.first + 1, one.u, one.v) for one in seen.stretches())
+    for first_period, u, v in chain([start], later):
         for i in range(len(u)):
             period = first_period + i
             row = {"period": period, "time": t0 + PERIOD * period}
@@ -217,18 +217,9 @@ def _strobes(seen: Seen) -> Iterator[dict[str, float]]:
 
 
 def _impacts(seen: Seen) -> Iterator[dict[str, float]]:
-    if seen.stream is not None:
-        for one in seen.stream.stretches():
-            table = one.impacts
-            table["time"] += seen.stream.t0
-            yield from _rows(table)
-    elif isinstance(seen.run, cb.dynamics.Run):
-        yield from _rows(seen.run.impacts)
-
-
-def _rows(table: Any) -> Iterator[dict[str, float]]:
-    for row in table.tolist():
-        yield dict(zip(IMPACTS, row, strict=True))
+    for one in seen.stretches():
+        for row in one.impacts.tolist():
+            yield dict(zip(IMPACTS, row, strict=True))
 
 
 def draw(run: cb.dynamics.Run | SmoothRun, site: int = 0) -> Figure:
