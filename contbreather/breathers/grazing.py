@@ -105,6 +105,8 @@ class _Contacts:
 
     def __call__(self, point: Point) -> Locus:
         orbit = solution_at(point)
+        if _vanishing(point):  # with it may be others, that move alike
+            return self.shallow(orbit)
         worst = closest(orbit.watch)
         if worst.flight < 0 and self.weakly is not None and orbit.gamma < ALIKE:
             worst = min(gaps_of_idle(self.weakly(orbit)))

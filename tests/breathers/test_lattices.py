@@ -670,6 +670,18 @@ def test_a_ring_with_next_to_no_damping_has_the_events_of_one_without() -> None:
     assert [x for _, x in met[0]] == pytest.approx([x for _, x in met[1]], abs=1e-6)
 
 
+@pytest.mark.parametrize("other", ["gamma", "k", "damping"])
+def test_where_impacts_vanish_with_losses_all_sites_swing_as_one(other: str) -> None:
+    """Without impacts a chain that is driven alike swings with the amplitude a/sqrt(1 + mu^2)."""
+    start = cb.symmetric(0.5, 0.03, 0.8, lattice=cb.OpenChain(6), damping=0.0136)
+    end = cb.trace(start, "a", towards="both").first("VI")
+    window = {"gamma": (0.0, 0.1), "k": (0.5, 0.9), "damping": (0.01, 0.05)}
+    line = cb.boundary(end, (other, "a"), within=window)
+    assert len(line) > 2
+    for point in line:
+        assert point["a"] == pytest.approx(np.hypot(1.0, point.solution.damping), abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("lattice", "site"), [(cb.OpenChain(9), 0), (cb.OpenChain(5), 2), (cb.Grid(3, 3), 4)]
 )
