@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import contbreather.breathers.recipes  # noqa: F401 - enters the equations of orbits
+import contbreather.breathers  # noqa: F401 - enters the equations of orbits
 from contbreather.continuation import Run, load, save
 from contbreather.continuation.recipes import elsewhere
 

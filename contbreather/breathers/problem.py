@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,11 @@ from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.orbit import Orbit, with_parameters
 from contbreather.breathers.road import Road
+from contbreather.breathers.section import Section
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.point import Counting
-from contbreather.continuation.recipes import Recipe
-from contbreather.lattice.plain import plain
+from contbreather.continuation.recipes import Recipe, maker
+from contbreather.lattice.plain import made, plain
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.verdict import beyond
 from contbreather.stability.winding import Count
@@ -24,6 +25,7 @@ from contbreather.stability.winding import Count
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 At = Callable[[FloatArray, Params], Road]
+Make = TypeVar("Make", bound=Callable[..., Problem])
 
 
 def orbit_problem(kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:
@@ -32,7 +34,7 @@ def orbit_problem(kind: str, at: At, orbit: Orbit, threshold: float, **equations
     Parameters
     ----------
     kind : str
-        By which `recipes` make it again.
+        By which files make it again, see `made_again`.
     at : callable
         The road with given unknowns and parameters.
     orbit : Orbit
@@ -51,6 +53,30 @@ def orbit_problem(kind: str, at: At, orbit: Orbit, threshold: float, **equations
         "recipe": Recipe(kind, made_of, plain),
     }
     return Problem(**{**shared, **equations})
+
+
+def made_again(kind: str, of: Callable[..., Road]) -> Callable[[Make], Make]:
+    """Enter what makes a problem of a kind again from a file: conditions, a section, unknowns and
+    parameters are a road by `of`, and that is a problem."""
+
+    def entered(problem: Make) -> Make:
+        maker(kind)(partial(_again, of, problem))
+        return problem
+
+    return entered
+
+
+def _again(
+    of: Callable[..., Road],
+    problem: Callable[..., Problem],
+    made_of: Mapping[str, Any],
+    start: Mapping[str, Any],
+    params: Params,
+) -> Problem:
+    x = np.concatenate([np.ravel(value) for value in start.values()])
+    section = Section(**made_of["section"])
+    road = of(made(made_of["conditions"]), section, x, params)
+    return problem(Orbit(road), made_of["threshold"])
 
 
 def _interpreted(at: At, point: Point) -> Orbit:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -20,7 +20,7 @@ from contbreather.breathers.wave_road import asymmetric_problem
 from contbreather.checks import real
 from contbreather.continuation import Event, Point, Problem
 from contbreather.continuation.point import Judged
-from contbreather.continuation.recipes import Recipe
+from contbreather.continuation.recipes import Recipe, maker
 from contbreather.errors import BadInput
 from contbreather.lattice import (
     Forcing,
@@ -33,7 +33,7 @@ from contbreather.lattice import (
 )
 from contbreather.lattice.conditions import Conditions, Walls, check_amplitude, restitution_ratio
 from contbreather.lattice.held import held
-from contbreather.lattice.plain import plain
+from contbreather.lattice.plain import made, plain
 from contbreather.stability.verdict import THRESHOLD
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
@@ -129,6 +129,15 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
             plain,
         ),
     )
+
+
+@maker("symmetric breather")
+def _again(of: Mapping[str, Any], start: Mapping[str, Any], params: Mapping[str, float]) -> Problem:
+    forcing = made(of["forcing"])
+    drive = forcing.at(**{name: params[name] for name in forcing.params})
+    a, gamma, k = (params[name] for name in ("a", "gamma", "k"))
+    found = ClosedForm(a, gamma, k, start["p"], start["phi"], drive, made(of["lattice"]))
+    return symmetric_problem(Orbit(found), of["threshold"])
 
 
 def _interpreted(forcing: Forcing, lattice: Lattice, point: Point) -> Orbit:

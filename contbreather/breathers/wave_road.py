@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.orbit import Orbit, orbit_of
-from contbreather.breathers.problem import orbit_problem, unstable_by
+from contbreather.breathers.problem import made_again, orbit_problem, unstable_by
 from contbreather.breathers.road import Road, road
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.breathers.watched import GreenWatch
@@ -114,6 +114,7 @@ class Waves(GreenFlight):
 # --- any impacts ----------------------------------------------------------------------------------
 
 
+@made_again("orbit with impacts", Waves.of)
 def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The equations of an orbit with any impacts, with the orbit as their start.
 
@@ -164,6 +165,7 @@ def domain_of(equations: OrbitEquations) -> dict[str, tuple[float, float]]:
 # --- two impacts of one site ----------------------------------------------------------------------
 
 
+@made_again("asymmetric breather", Waves.arm)
 def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The four equations with an orbit of two impacts as their start, and all its events.
 

@@ -1,16 +1,19 @@
-"""Orbits put together from their impacts, and breathers whose neighbour just touches a wall."""
+"""Orbits put together from their impacts; how well a ring repeats one; breathers whose neighbour
+just touches a wall."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
 from scipy.optimize import brentq
 
 from contbreather.breathers import neighbour_peak, symmetric
 from contbreather.breathers.orbit import Orbit, orbit_of
 from contbreather.breathers.section import Section
-from contbreather.lattice import InfiniteChain, forcing_of
+from contbreather.dynamics import simulate
+from contbreather.lattice import InfiniteChain, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions
 
 
@@ -44,3 +47,15 @@ def touching(
 
     b = symmetric(brentq(above, low, high, xtol=1e-14), gamma, k, **more)
     return b, neighbour_peak(b, site)[0]
+
+
+def repeats(orbit: Orbit, sites: int, t0: float = 0.3) -> tuple[float, float]:
+    """How far a period of exact simulation takes a ring from its start, and half of one."""
+    own = orbit.on(Ring(sites))
+    u, v = own.state(sites, t0)
+    on, turns = own.conditions, own.section.turns
+    shared = {"a": on.a, "gamma": on.gamma, "k": on.k, "forcing": on.forcing}
+    run = simulate((u, v), **shared, periods=turns, t0=t0)
+    assert len(run.impacts) == len(own.impacts)
+    end = max(np.abs(run.final.u - u).max(), np.abs(run.final.v - v).max())
+    return end, np.abs(run.strobe.u[turns // 2] - u).max()

@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.lifts import lift
 from contbreather.breathers.shooting import shooting
 from contbreather.continuation import trace
 from contbreather.continuation.switching import switch
-from contbreather.dynamics import simulate
-from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Ring
+
+from .by_hand import repeats
 
 
 def first_doubling(gamma, k, a, **given):
     start = asymmetric(a, gamma, k, **given).problem
     return trace(start, "a", towards="up", within={"a": (0, 0.999)}).first("PD")
-
-
-def repeats(orbit, sites, t0=0.3):
-    own = orbit.on(Ring(sites))
-    u, v = own.state(sites, t0)
-    run = simulate((u, v), a=own.a, gamma=own.gamma, k=own.k, periods=own.section.turns, t0=t0)
-    half = run.strobe.u[own.section.turns // 2]
-    assert len(run.impacts) == len(own.impacts)
-    return max(np.abs(run.final.u - u).max(), np.abs(run.final.v - v).max()), np.abs(half - u).max()
 
 
 @pytest.mark.slow
@@ -81,19 +69,6 @@ def test_doubling_is_a_branch_point_of_the_orbit_run_through_twice():
     assert gaps.min(axis=1).max() < 1e-7
     n, t = np.arange(3)[:, None], np.linspace(0, 12, 7)
     assert np.abs(orbit.displacement(n, t) - big.displacement(n, t)).max() < 1e-13
-
-
-def test_only_a_located_doubling_doubles():
-    start = asymmetric(0.8, 0.002, 0.95).problem
-    branch = trace(start, "a", towards="up", within={"a": (0, 0.95)})
-    with pytest.raises(BadInput, match=r"a located PF or PD .* was expected"):
-        lift(branch[0])
-    point = branch.first("PD")
-    with pytest.raises(BadInput, match="not located"):
-        lift(replace(point, located=False))
-    elsewhere = replace(branch[1], kind="PD")
-    with pytest.raises(NotConverged, match="the longer orbit do not hold"):
-        lift(elsewhere)
 
 
 def test_a_doubling_just_before_an_impact_vanishes_is_not_lost_in_its_pole():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-from types import SimpleNamespace
 from typing import Any
 
 import mpmath as mp
@@ -27,53 +26,9 @@ from contbreather.flows.modes import (
     turn_slope_in_damping,
 )
 from contbreather.lattice.conditions import Conditions, Walls
+from tests.orbits.field import Field, FieldOf, farthest
 
-# --- a second road: integration with events ---------------------------------------------------
-
-
-class Integrated:
-    """The lattice of an orbit by an explicit integrator and its event location."""
-
-    def __init__(self, orbit) -> None:
-        lattice, on = orbit.lattice, orbit.conditions
-        K = np.diag(1 / lattice.masses) @ np.asarray(lattice.stiffness)
-        self.K = on.gamma * K + on.spring * np.eye(lattice.sites)
-        self.on, self.drive, self.sites = on, lattice.drive, lattice.sites
-
-    def slope(self, t: float, x: np.ndarray) -> np.ndarray:
-        u, v = np.split(x, 2)
-        force = self.on.a * self.on.forcing.d2f(t) * self.drive
-        return np.concatenate([v, force - self.K @ u - self.on.damping * v])
-
-    def run(self, x: np.ndarray, start: float, stop: float) -> tuple[np.ndarray, list]:
-        """State at the end, and (site, wall, time) of every impact on the way."""
-        events = []
-        for n in range(self.sites):
-            for wall in (-1, 1):
-                place = orbit_wall(self.on, n, wall)
-                events.append(lambda t, y, n=n, wall=wall, at=place: wall * (y[n] - at))
-                events[-1].terminal, events[-1].direction = True, 1.0
-        hits, t = [], start
-        while t < stop:
-            run = solve_ivp(
-                self.slope, (t, stop), x, "DOP853", events=events, rtol=1e-13, atol=1e-14,
-                max_step=0.1,
-            )  # fmt: skip
-            t, x = float(run.t[-1]), run.y[:, -1].copy()
-            for i, when in enumerate(run.t_events):
-                if when.size and t < stop:
-                    n, wall = i // 2, 2 * (i % 2) - 1
-                    x[n], x[self.sites + n] = (
-                        orbit_wall(self.on, n, wall),
-                        -self.on.k * x[self.sites + n],
-                    )
-                    hits.append((n, wall, t))
-        return x, hits
-
-
-def orbit_wall(on, n: int, wall: int) -> float:
-    """Where a wall is; far away if it is not there."""
-    return min(max(on.walls.position(n, wall), -1e9), 1e9)
+# --- random lattices against an integrator ---------------------------------------------------
 
 
 def random_lattice(seed: int) -> cb.Lattice:
@@ -113,16 +68,14 @@ SEEDS = range(10)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_orbit_returns_under_an_independent_integrator(seed: int) -> None:
     orbit = random_orbit(seed)
-    start = float(orbit.times.min()) - 0.05
-    x = np.concatenate(orbit.state(t=start))
-    back, hits = Integrated(orbit).run(x, start, start + 2 * math.pi)
+    field = FieldOf(orbit)
+    back, hits, _ = field.after(field.state, field.start + 2 * math.pi)
     if not orbit.admissibility().ok:  # then it has an impact that the orbit does not name
         assert len(hits) > len(orbit.hits)
         return
-    assert [(n, wall) for n, wall, _ in hits] == [(hit.site, hit.wall) for hit in orbit.hits]
-    assert back == pytest.approx(x, abs=1e-11)
-    for (_, _, t), hit in zip(hits, orbit.hits, strict=True):
-        assert t == pytest.approx(hit.time, abs=1e-11)
+    assert back == pytest.approx(field.state, abs=1e-11)
+    for own, hit in zip(hits, orbit.hits, strict=True):
+        assert own == pytest.approx((hit.site, hit.time, hit.wall, hit.before), abs=1e-11)
 
 
 def test_most_random_orbits_are_admissible() -> None:
@@ -133,21 +86,9 @@ def test_most_random_orbits_are_admissible() -> None:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_multipliers_are_those_of_the_integrated_map(seed: int) -> None:
     orbit = random_orbit(seed)
-    road, h = Integrated(orbit), 1e-5
-    start = float(orbit.times.min()) - 0.05
-    x = np.concatenate(orbit.state(t=start))
-    columns = [
-        (
-            road.run(x + h * e, start, start + math.pi)[0]
-            - road.run(x - h * e, start, start + math.pi)[0]
-        )
-        / (2 * h)
-        for e in np.eye(x.size)
-    ]
-    dense, own = np.linalg.eigvals(np.array(columns).T), orbit.multipliers(half=True)
-    gaps = abs(own[:, None] - dense)
+    dense, own = orbit.section.sign * FieldOf(orbit).multipliers(), orbit.multipliers(half=True)
     assert own.size == dense.size == 2 * orbit.lattice.sites
-    assert max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) < 1e-6
+    assert farthest(own, dense) < 1e-6
 
 
 def test_product_of_multipliers_tells_impacts_and_losses() -> None:
@@ -374,11 +315,11 @@ def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
     assert arm.stability(threshold=1.0).stable
     broken = cb.symmetric(arm.a, lattice=lattice, site=1, **on)
     assert not broken.stability(threshold=1.0).stable
-    road, start = Integrated(arm), float(arm.times[0]) - 0.3
+    road, start = Field(arm.lattice, arm.conditions), float(arm.times[0]) - 0.3
     x = np.concatenate(broken.state(t=start))
     x[lattice.sites + 1] += 1e-3
     for _ in range(80):
-        x, _ = road.run(x, start, start + 2 * math.pi)
+        x, *_ = road.run(x, start, start + 2 * math.pi)
     ends = [np.concatenate(one[-1].solution.state(t=start)) for one in arms]
     assert min(abs(x - end).max() for end in ends) < 1e-5
     assert abs(x - np.concatenate(broken.state(t=start))).max() > 1e-2
@@ -507,10 +448,9 @@ ONE_WALL = {"gamma": 0.03, "k": 0.7, "spring": 2.3, "damping": 0.1}
 def settled(walls, a: float):
     """The orbit that a motion from rest settles on, shot from its state."""
     on = Conditions(a, forcing=cb.Harmonic(), walls=Walls.given(walls), **ONE_WALL)
-    road = Integrated(SimpleNamespace(lattice=cb.OpenChain(3), conditions=on))
-    x = np.zeros(6)
+    road, x = Field(cb.OpenChain(3), on), np.zeros(6)
     for _ in range(12):
-        x, _ = road.run(x, 0.3, 0.3 + 2 * math.pi)
+        x, *_ = road.run(x, 0.3, 0.3 + 2 * math.pi)
     state = np.split(x, 2)
     return orbit_at(
         cb.shooting(state, t=0.3, lattice=cb.OpenChain(3), a=a, walls=walls, **ONE_WALL)
@@ -529,14 +469,13 @@ def settled(walls, a: float):
 def test_orbits_between_any_walls_return_under_the_integrator(walls, impacts: int) -> None:
     orbit = settled(walls, 0.9)
     assert orbit.residual < 1e-12
-    start = float(orbit.times.min()) - 0.05
-    x = np.concatenate(orbit.state(t=start))
-    back, hits = Integrated(orbit).run(x, start, start + 2 * math.pi)
-    assert len(hits) == len(orbit.hits) == impacts
-    named = sorted((hit.site, hit.wall, hit.time) for hit in orbit.hits)
-    assert [hit[:2] for hit in sorted(hits)] == [hit[:2] for hit in named]
-    assert [t for *_, t in sorted(hits)] == pytest.approx([t for *_, t in named], abs=1e-11)
-    assert back == pytest.approx(x, abs=1e-11)
+    field = FieldOf(orbit)
+    back, hits, _ = field.after(field.state, field.start + 2 * math.pi)
+    assert len(hits) == impacts
+    named = sorted((hit.site, hit.time, hit.wall, hit.before) for hit in orbit.hits)
+    for own, other in zip(sorted(hits), named, strict=True):
+        assert own == pytest.approx(other, abs=1e-11)
+    assert back == pytest.approx(field.state, abs=1e-11)
     verdict, t = orbit.admissibility(), np.linspace(0, 2 * math.pi, 20001)
     assert verdict.ok
     idle = {0, 1, 2} - {hit.site for hit in orbit.hits}

@@ -8,7 +8,6 @@ motion integrated from impact to impact. A cell without a road has its reason in
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import product
@@ -18,7 +17,6 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.breathers.arms import asymmetric
@@ -27,8 +25,7 @@ from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.symmetric import ClosedForm
 from contbreather.breathers.wave_road import Waves
 
-Array = np.ndarray
-
+from .field import FieldOf, farthest
 
 # --- cases --------------------------------------------------------------------------------------
 
@@ -187,87 +184,6 @@ def solved(case: str, road: str) -> Orbit:
     return found.solved()
 
 
-class Field:
-    """The equation of motion of an orbit's lattice, integrated from impact to impact."""
-
-    def __init__(self, orbit: Orbit) -> None:
-        lattice, on = orbit.lattice, orbit.conditions
-        if isinstance(lattice, cb.Ring):
-            N = lattice.sites
-            stiffness = 2.0 * np.eye(N) - np.roll(np.eye(N), 1, 0) - np.roll(np.eye(N), -1, 0)
-            masses = drive = np.ones(N)
-        else:
-            stiffness, masses, drive = np.asarray(lattice.stiffness), lattice.masses, lattice.drive
-        self.matrix = on.gamma * stiffness / masses[:, None] + on.spring * np.eye(lattice.sites)
-        self.on, self.drive, self.sites = on, drive, lattice.sites
-        self.start = float(orbit.times.min()) - 0.05
-        self.length, self.sign = orbit.section.length, orbit.section.sign
-        self.state = np.concatenate(orbit.state(t=self.start))
-
-    def slope(self, t: float, x: Array) -> Array:
-        u, v = np.split(x, 2)
-        force = self.on.a * self.on.forcing.d2f(t) * self.drive
-        return np.concatenate([v, force - self.matrix @ u - self.on.damping * v])
-
-    def run(self, x: Array, stop: float, at: Array | None = None) -> tuple[Array, list, Array]:
-        """End, impacts (site, time, wall, velocity before) and the states at some times."""
-        walls = [(n, w) for n in range(self.sites) for w in (-1, 1)]
-        places = {
-            (n, w): self.on.walls.position(n, w)
-            for n, w in walls
-            if math.isfinite(self.on.walls.position(n, w))
-        }
-        events = []
-        for (n, w), place in places.items():
-            events.append(lambda t, y, n=n, w=w, place=place: w * (y[n] - place))
-            events[-1].terminal, events[-1].direction = True, 1.0
-        hits, t, seen = [], self.start, []
-        while t < stop:
-            flight = solve_ivp(
-                self.slope, (t, stop), x, "DOP853", events=events, rtol=1e-13, atol=1e-14,
-                max_step=0.1, dense_output=at is not None,
-            )  # fmt: skip
-            if at is not None:
-                seen += [flight.sol(s) for s in at if t <= s < flight.t[-1]]
-            t, x = float(flight.t[-1]), flight.y[:, -1].copy()
-            for ((n, w), place), when in zip(places.items(), flight.t_events, strict=True):
-                # two at once, to rounding: the second is beyond its wall before its event is seen
-                beside = flight.status == 1 and abs(x[n] - place) < 1e-12 < w * x[self.sites + n]
-                if (when.size or beside) and t < stop:
-                    hits.append((n, t, w, x[self.sites + n]))
-                    x[n], x[self.sites + n] = place, -self.on.k * x[self.sites + n]
-        return x, hits, np.array(seen)
-
-    def multipliers(self) -> Array:
-        """Of the section's map times its sign, by differences."""
-        h, stop = 1e-5, self.start + self.length
-        columns = [
-            (self.run(self.state + h * e, stop)[0] - self.run(self.state - h * e, stop)[0])
-            / (2 * h)
-            for e in np.eye(self.state.size)
-        ]
-        return self.sign * np.linalg.eigvals(np.array(columns).T)
-
-    def turns(self) -> list[tuple[float, int]]:
-        """How far off its nearer wall each site turns round without an impact."""
-        times = np.linspace(self.start, self.start + 2.0 * self.length, 8001)[:-1]
-        _, _, seen = self.run(self.state, times[-1] + 1e-9, times)
-        found = []
-        for n in range(self.sites):
-            (low, high), u = self.on.walls.at(n), seen[:, n]
-            # a parabola through three points is good to 1e-9 here; at an impact there is a kink
-            bend = u[2:] - 2.0 * u[1:-1] + u[:-2]
-            turns = (np.diff(u)[:-1] * np.diff(u)[1:] <= 0.0) & (abs(bend) < 1e-5)
-            tops = (u[1:-1] - (u[2:] - u[:-2]) ** 2 / np.where(turns, 8.0 * bend, 1.0))[turns]
-            found += [(float(gap), n) for gap in np.minimum(high - tops, tops - low)]
-        return sorted(found)
-
-
-def farthest(one: Array, other: Array) -> float:
-    gaps = abs(np.asarray(one)[:, None] - np.asarray(other))
-    return float(max(gaps.min(axis=0).max(), gaps.min(axis=1).max()))
-
-
 # --- the matrix itself --------------------------------------------------------------------------
 
 
@@ -321,9 +237,9 @@ def test_motion_is_the_same_by_every_road(case: str, road: str) -> None:
 @integrated
 def test_the_integrated_motion_comes_back_through_the_same_impacts(case: str) -> None:
     orbit = given(case)
-    field = Field(orbit)
+    field = FieldOf(orbit)
     at = np.linspace(field.start, field.start + orbit.period, 60)[:-1]
-    end, hits, seen = field.run(field.state, field.start + orbit.period, at)
+    end, hits, seen = field.after(field.state, field.start + orbit.period, at)
     assert end == pytest.approx(field.state, abs=2e-11)
     wanted = sorted((hit.site, hit.time, hit.wall, hit.before) for hit in orbit.hits)
     for own, other in zip(sorted(hits), wanted, strict=True):
@@ -343,7 +259,7 @@ def test_clearance_is_the_same_by_every_road(case: str, road: str) -> None:
 @integrated
 def test_clearance_is_what_the_integrated_motion_keeps(case: str) -> None:
     orbit, found = given(case), given(case).admissibility()
-    turns = Field(orbit).turns()
+    turns = FieldOf(orbit).turns()
     assert turns[0][0] > 0.0
     if found.site in orbit.section.hit:  # measured by its flights, not at its turns
         assert all(n == found.site for _, n in turns if n in orbit.section.hit)
@@ -370,7 +286,7 @@ def test_multipliers_and_verdict_are_the_same_by_every_road(case: str, road: str
 def test_multipliers_are_those_of_the_integrated_map(case: str) -> None:
     orbit = given(case)
     own = orbit.multipliers(half=orbit.symmetric)
-    assert farthest(own, orbit.section.sign * Field(orbit).multipliers()) < 2e-6
+    assert farthest(own, orbit.section.sign * FieldOf(orbit).multipliers()) < 2e-6
 
 
 # --- special points, their curves and what leaves them --------------------------------------------
@@ -419,7 +335,7 @@ CRITICAL = {"LP": -1.0, "PF": 1.0}  # multiplier of the half map of a symmetric 
 def test_special_points_are_special_for_the_integrated_map(case: str, kind: str) -> None:
     for point in named(case, "exact modes", kind):
         orbit = point.solution
-        field = Field(orbit)
+        field = FieldOf(orbit)
         if kind == "GR":
             assert field.turns()[0][0] == pytest.approx(0.0, abs=1e-8)
             continue

@@ -1,0 +1,106 @@
+"""The equation of motion of any finite lattice, integrated: it shares nothing with the package."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+from contbreather.lattice.conditions import Conditions
+
+Array = np.ndarray
+
+
+class Field:
+    """A lattice under some conditions, integrated from impact to impact."""
+
+    def __init__(self, lattice: Any, on: Conditions) -> None:
+        if isinstance(lattice, cb.Ring):
+            N = lattice.sites
+            stiffness = 2.0 * np.eye(N) - np.roll(np.eye(N), 1, 0) - np.roll(np.eye(N), -1, 0)
+            masses = drive = np.ones(N)
+        else:
+            stiffness, masses, drive = np.asarray(lattice.stiffness), lattice.masses, lattice.drive
+        self.matrix = on.gamma * stiffness / masses[:, None] + on.spring * np.eye(lattice.sites)
+        self.on, self.drive, self.sites = on, drive, lattice.sites
+
+    def slope(self, t: float, x: Array) -> Array:
+        u, v = np.split(x, 2)
+        force = self.on.a * self.on.forcing.d2f(t) * self.drive
+        return np.concatenate([v, force - self.matrix @ u - self.on.damping * v])
+
+    def run(
+        self, x: Array, start: float, stop: float, at: Array | None = None
+    ) -> tuple[Array, list, Array]:
+        """End, impacts (site, time, wall, velocity before) and the states at some times."""
+        walls = [(n, w) for n in range(self.sites) for w in (-1, 1)]
+        places = {
+            (n, w): self.on.walls.position(n, w)
+            for n, w in walls
+            if math.isfinite(self.on.walls.position(n, w))
+        }
+        events = []
+        for (n, w), place in places.items():
+            events.append(lambda t, y, n=n, w=w, place=place: w * (y[n] - place))
+            events[-1].terminal, events[-1].direction = True, 1.0
+        hits, t, seen = [], start, []
+        while t < stop:
+            flight = solve_ivp(
+                self.slope, (t, stop), x, "DOP853", events=events, rtol=1e-13, atol=1e-14,
+                max_step=0.1, dense_output=at is not None,
+            )  # fmt: skip
+            if at is not None:
+                seen += [flight.sol(s) for s in at if t <= s < flight.t[-1]]
+            t, x = float(flight.t[-1]), flight.y[:, -1].copy()
+            for ((n, w), place), when in zip(places.items(), flight.t_events, strict=True):
+                # two at once, to rounding: the second is beyond its wall before its event is seen
+                beside = flight.status == 1 and abs(x[n] - place) < 1e-12 < w * x[self.sites + n]
+                if (when.size or beside) and t < stop:
+                    hits.append((n, t, w, x[self.sites + n]))
+                    x[n], x[self.sites + n] = place, -self.on.k * x[self.sites + n]
+        return x, hits, np.array(seen)
+
+
+class FieldOf(Field):
+    """That of an orbit, from just before its first impact on."""
+
+    def __init__(self, orbit: cb.Orbit) -> None:
+        super().__init__(orbit.lattice, orbit.conditions)
+        self.start = float(orbit.times.min()) - 0.05
+        self.length, self.sign = orbit.section.length, orbit.section.sign
+        self.state = np.concatenate(orbit.state(t=self.start))
+
+    def after(self, x: Array, stop: float, at: Array | None = None) -> tuple[Array, list, Array]:
+        return self.run(x, self.start, stop, at)
+
+    def multipliers(self) -> Array:
+        """Of the section's map times its sign, by differences."""
+        h, stop = 1e-5, self.start + self.length
+        columns = [
+            (self.after(self.state + h * e, stop)[0] - self.after(self.state - h * e, stop)[0])
+            / (2 * h)
+            for e in np.eye(self.state.size)
+        ]
+        return self.sign * np.linalg.eigvals(np.array(columns).T)
+
+    def turns(self) -> list[tuple[float, int]]:
+        """How far off its nearer wall each site turns round without an impact."""
+        times = np.linspace(self.start, self.start + 2.0 * self.length, 8001)[:-1]
+        _, _, seen = self.after(self.state, times[-1] + 1e-9, times)
+        found = []
+        for n in range(self.sites):
+            (low, high), u = self.on.walls.at(n), seen[:, n]
+            # a parabola through three points is good to 1e-9 here; at an impact there is a kink
+            bend = u[2:] - 2.0 * u[1:-1] + u[:-2]
+            turns = (np.diff(u)[:-1] * np.diff(u)[1:] <= 0.0) & (abs(bend) < 1e-5)
+            tops = (u[1:-1] - (u[2:] - u[:-2]) ** 2 / np.where(turns, 8.0 * bend, 1.0))[turns]
+            found += [(float(gap), n) for gap in np.minimum(high - tops, tops - low)]
+        return sorted(found)
+
+
+def farthest(one: Array, other: Array) -> float:
+    gaps = abs(np.asarray(one)[:, None] - np.asarray(other))
+    return float(max(gaps.min(axis=0).max(), gaps.min(axis=1).max()))
