@@ -9,7 +9,7 @@ of the answer, and no mode needs a treatment of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from operator import attrgetter
@@ -22,8 +22,8 @@ from contbreather.breathers.modal_events import events_of
 from contbreather.breathers.modal_flight import ModalFlight
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.problem import made_again, orbit_problem, unstable_by
-from contbreather.breathers.road import road
-from contbreather.breathers.section import WEAK, Impact, Section, check_order, check_possible
+from contbreather.breathers.road import Impacts, Offsets, road
+from contbreather.breathers.section import WEAK, Section, check_order, check_possible
 from contbreather.breathers.watched import ModalWatch
 from contbreather.continuation import Point, Problem
 from contbreather.lattice import Ring
@@ -45,7 +45,7 @@ class Modes(ModalFlight):
 
     @classmethod
     def through(
-        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Sequence[float]
+        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Offsets
     ) -> Modes:
         check_possible(section, on)
         return cls.from_times(on, section, times)
@@ -68,12 +68,7 @@ class Modes(ModalFlight):
         return replace(rest, q=state[: still.size], r=state[still.size :])
 
     def rewritten(
-        self,
-        section: Section,
-        impacts: Sequence[Impact],
-        offsets: Sequence[float],
-        start: int = 0,
-        sign: int = 1,
+        self, section: Section, impacts: Impacts, offsets: Offsets, start: int = 0, sign: int = 1
     ) -> Modes | None:
         if not section.local and (start, sign) != (0, 1):
             return None  # sites that overtake each other come in no order of time

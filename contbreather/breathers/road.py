@@ -14,6 +14,8 @@ from contbreather.continuation import Problem
 from contbreather.lattice.conditions import Conditions
 
 FloatArray = NDArray[np.float64]
+Impacts = Sequence[Impact]
+Offsets = Sequence[float]
 
 
 class Road(Protocol):
@@ -64,7 +66,7 @@ class Road(Protocol):
 
     @classmethod
     def through(
-        cls, on: Conditions, impacts: Section, times: FloatArray, impulses: Any, offsets: Any
+        cls, on: Conditions, impacts: Section, times: Any, impulses: Any, offsets: Offsets
     ) -> Road:
         """The motion with these impacts, or the one that comes closest to them."""
 
@@ -80,12 +82,7 @@ class Road(Protocol):
         """The problem of orbits that leave this one where its symmetry or its period breaks."""
 
     def rewritten(
-        self,
-        section: Section,
-        impacts: Sequence[Impact],
-        offsets: Sequence[float],
-        start: int = 0,
-        sign: int = 1,
+        self, section: Section, impacts: Impacts, offsets: Offsets, start: int = 0, sign: int = 1
     ) -> Road | None:
         """The same motion (times the sign) in other words: these impacts, the first of which is
         number `start` of its own. None if this road cannot."""

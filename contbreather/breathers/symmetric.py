@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -13,8 +13,8 @@ from contbreather.breathers.closure import Closure, roots, sprung
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.one_site import symmetric_orbits
 from contbreather.breathers.orbit import Orbit, orbit_at, orbit_of, with_parameters
-from contbreather.breathers.road import Road, road
-from contbreather.breathers.section import Impact, Section
+from contbreather.breathers.road import Impacts, Offsets, Road, road
+from contbreather.breathers.section import Section
 from contbreather.breathers.symmetric_events import grazing, neimark_sacker, pitchfork, saddle_node
 from contbreather.breathers.wave_road import asymmetric_problem
 from contbreather.checks import real
@@ -55,7 +55,7 @@ class ClosedForm(SymmetricFlight):
 
     @classmethod
     def through(
-        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Sequence[float]
+        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Offsets
     ) -> ClosedForm:
         p, phi = -0.5 * float(impulses[0]), float(times[0])
         drive = held(on.forcing, on.spring) if on.spring else on.forcing
@@ -66,12 +66,7 @@ class ClosedForm(SymmetricFlight):
         return asymmetric_problem(Orbit(self).unfolded())
 
     def rewritten(
-        self,
-        section: Section,
-        impacts: Sequence[Impact],
-        offsets: Sequence[float],
-        start: int = 0,
-        sign: int = 1,
+        self, section: Section, impacts: Impacts, offsets: Offsets, start: int = 0, sign: int = 1
     ) -> Road:
         times, impulses = [one.time for one in impacts], [one.impulse for one in impacts]
         return orbit_of(self.conditions, section, times, impulses, offsets).road

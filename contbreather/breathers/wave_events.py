@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,11 +195,6 @@ def _motion(site: int, share: Array, orbit: Orbit, t: float) -> Terms:
     return u + float(share @ orbit.offsets), v, w
 
 
-def _motion_slopes(site: int, share: Array, curve: Curve, orbit: Orbit, t: float) -> Array:
-    rows = [_motion_slope(orbit, site, share, t, name) for name in _names(curve)]
-    return np.array(rows).T
-
-
 def _offset_share(orbit: Orbit, site: int) -> Array:
     """Weights of the offsets in the static displacement of a site.
 
@@ -212,49 +208,30 @@ def _offset_share(orbit: Orbit, site: int) -> Array:
     return np.array(unit, dtype=float)
 
 
-def _names(curve: Curve) -> tuple[str, ...]:
-    """What the columns of a derivative belong to."""
-    return (*curve.problem.start, *curve.free)
+def _motion_slopes(site: int, share: Array, curve: Curve, orbit: Orbit, t: float) -> Array:
+    """Of displacement and velocity at a fixed time."""
+    f, a, impulses = orbit.forcing, orbit.a, orbit.impulses
+    answers = _answers(orbit, site, t, wave)
+    slopes: dict[str, Any] = {"a": (f.f(t), f.df(t)), "k": (0.0, 0.0), "c": (share[0], 0.0)}
+    slopes["p"] = 2.0 * np.sign(impulses) @ answers[:, :2]
+    for i, (row, impulse) in enumerate(zip(answers, impulses, strict=True), start=1):
+        slopes[f"J{i}"], slopes[f"t{i}"] = row[:2], -impulse * row[1:]
+    slopes |= {f"c{i}": (own, 0.0) for i, own in enumerate(share, start=1)}
+    if "gamma" in curve.free:
+        slopes["gamma"] = impulses @ _answers(orbit, site, t, wave_slope)[:, :2]
+    for name in {*f.params} & {*curve.free}:
+        slopes[name] = a * f.f_param(name, t, 0), a * f.f_param(name, t, 1)
+    return np.array([slopes[name] for name in (*curve.problem.start, *curve.free)]).T
 
 
-def _motion_slope(
-    orbit: Orbit, site: int, share: Array, t: float, name: str
-) -> tuple[float, float]:
-    """Derivative of displacement and velocity at a fixed time."""
-    f, a = orbit.forcing, orbit.a
-    if name == "a":
-        return f.f(t), f.df(t)
-    if name in f.params:
-        return a * f.f_param(name, t, 0), a * f.f_param(name, t, 1)
-    if name[0] == "c" and name not in f.params:
-        return float(share[int(name[1:]) - 1 if len(name) > 1 else 0]), 0.0
-    if name == "k":
-        return 0.0, 0.0
-    if name == "gamma":
-        return _answers(orbit, site, t, wave_slope, orbit.impulses)[:2]
-    m = len(orbit.impacts)
-    if name == "p":
-        return _answers(orbit, site, t, wave, -2.0 * np.sign(-orbit.impulses))[:2]
-    one = np.zeros(m)
-    i = int(name[1:]) - 1
-    if name[0] == "J":
-        one[i] = 1.0
-        return _answers(orbit, site, t, wave, one)[:2]
-    one[i] = -orbit.impulses[i]
-    return _answers(orbit, site, t, wave, one)[1:]
-
-
-def _answers(
-    orbit: Orbit, site: int, t: float, make: Callable[..., Wave], weights: Array
-) -> tuple[float, float, float]:
-    """Weighted sum of what the impacts do to a site: value, slope, curvature."""
-    total = np.zeros(3)
-    for impact, weight in zip(orbit.impacts, weights.tolist(), strict=True):
-        if weight:
-            distance = orbit.lattice.distance(site - impact.site)
-            answer = make(orbit.lattice, orbit.gamma, distance, orbit.section.turns)
-            total += weight * np.array(answer.at(t - impact.time)[:3])
-    return float(total[0]), float(total[1]), float(total[2])
+def _answers(orbit: Orbit, site: int, t: float, make: Callable[..., Wave]) -> Array:
+    """What a unit impulse of each impact does to a site: value, slope, curvature."""
+    lattice, found = orbit.lattice, []
+    for one in orbit.impacts:
+        distance = lattice.distance(site - one.site)
+        answer = make(lattice, orbit.gamma, distance, orbit.section.turns)
+        found.append(answer.at(t - one.time)[:3])
+    return np.array(found)
 
 
 def _ends_of_grazing(orbit: Orbit) -> Ends:

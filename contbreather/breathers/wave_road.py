@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -16,7 +16,7 @@ from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.orbit import Orbit, orbit_of
 from contbreather.breathers.problem import made_again, orbit_problem, unstable_by
-from contbreather.breathers.road import Road, road
+from contbreather.breathers.road import Impacts, Offsets, Road, road
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.breathers.watched import GreenWatch
 from contbreather.breathers.wave_events import (
@@ -51,7 +51,7 @@ class Waves(GreenFlight):
 
     @classmethod
     def through(
-        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Sequence[float]
+        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Offsets
     ) -> Waves:
         if not section.count == len(times) == len(impulses):
             raise BadInput(
@@ -93,12 +93,7 @@ class Waves(GreenFlight):
         return Orbit(self).doubled().problem
 
     def rewritten(
-        self,
-        section: Section,
-        impacts: Sequence[Impact],
-        offsets: Sequence[float],
-        start: int = 0,
-        sign: int = 1,
+        self, section: Section, impacts: Impacts, offsets: Offsets, start: int = 0, sign: int = 1
     ) -> Road | None:
         if not section.symmetric:
             return replace(self, section=section, impacts=tuple(impacts), offsets=tuple(offsets))
