@@ -1,38 +1,71 @@
 """One orbit, many descriptions: its mirror image, other impacts first, a smaller problem.
 
-The forcing changes sign after pi, so ``u(t) -> -u(t + pi)`` makes an orbit of an orbit. If that
-hits the same walls in the same order, begun with another impact, it solves the same equations.
+The forcing changes sign after pi, so ``u(t) -> -u(t + pi)`` makes an orbit of an orbit, and so do
+exchanges of sites that the lattice does not tell apart. What then hits the same walls in the same
+order, begun with another impact, solves the same equations.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from typing import Any
 
 import numpy as np
 
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.section import Impact, Section, Sequenced
+from contbreather.errors import BadInput
 
 SAME = 1e-7  # descriptions whose equations are off by less are right
+ALIKE = 1e-9  # answers of sites to each other that differ by less, relative to the largest
 
 
 def images_of(orbit: Orbit) -> Iterator[Orbit]:
-    """What the shifts by pi, 2 pi, ... with their signs make of an orbit, among those that have the
-    same sequence of impacts; each begins with the impact that comes closest in time to the first
-    one. Half a symmetric orbit is its own image."""
-    if orbit.symmetric:
-        return
+    """What the shifts by pi, 2 pi, ... with their signs, and exchanges of alike sites, make of an
+    orbit, among those that have the same sequence of impacts; each begins with the impact that
+    comes closest in time to the first one. A shift of half a symmetric orbit is itself."""
     # by odd multiples of pi the walls change places
     stride = 1 if orbit.walls.symmetric else 2
-    for shift in range(stride, 2 * orbit.section.turns, stride):
-        image = shifted(orbit, shift)
+    shifts = range(0, 1 if orbit.symmetric else 2 * orbit.section.turns, stride)
+    hit = orbit.section.hit
+    for order, shift in product(_exchanges(_answers(orbit)), shifts):
+        places = {site: hit[i] for site, i in zip(hit, order, strict=True)}
+        same = all(orbit.walls.at(site) == orbit.walls.at(other) for site, other in places.items())
+        if not same or (shift == 0 and order == tuple(range(len(hit)))):
+            continue
+        image = shifted(orbit, shift, places)
         if image is not None:
             yield image
 
 
-def shifted(orbit: Orbit, shift: int) -> Orbit | None:
-    """``(-1)^shift u(t + shift pi)`` with the same sequence of impacts, if it has that.
+def _answers(orbit: Orbit) -> Any:
+    """How the sites that hit answer to impacts of each other, up to a function of all."""
+    hit, lattice = np.array(orbit.section.hit), orbit.lattice
+    if lattice.sites is None:
+        return abs(hit[:, None] - hit)
+    basis = lattice.basis(orbit.section.hit)
+    shapes = basis.at(hit)
+    return (shapes / (1.0 + basis.lam)) @ shapes.T * lattice.masses[hit]
+
+
+def _exchanges(answers: Any, order: tuple[int, ...] = ()) -> Iterator[tuple[int, ...]]:
+    """Orders in which they are the same."""
+    n = len(order)
+    if n == len(answers):
+        yield order
+        return
+    for i in sorted({*range(len(answers))} - {*order}):
+        off = answers[i, [*order, i]] - answers[n, : n + 1]
+        if abs(off).max() <= ALIKE * abs(answers).max():
+            yield from _exchanges(answers, (*order, i))
+
+
+def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -> Orbit | None:
+    """``(-1)^shift u(t + shift pi)`` with the same sequence of impacts, if it has that; on other
+    sites, by number, where there are `places`.
 
     Examples
     --------
@@ -42,24 +75,52 @@ def shifted(orbit: Orbit, shift: int) -> Orbit | None:
     >>> abs(other.displacement(0, 1.0) + one.displacement(0, 1.0 + math.pi)) < 1e-14
     True
     """
-    T, sign = orbit.period, -1 if shift % 2 else 1
+    section, sign, places = orbit.section, -1 if shift % 2 else 1, places or {}
     moved = [
-        Impact(one.site, sign * one.wall, one.time - shift * math.pi, sign * one.impulse)
-        for one in orbit.impacts
+        Impact(places.get(n, n), sign * wall, t - shift * math.pi, sign * J)
+        for n, wall, t, J in sorted(orbit.impacts, key=lambda one: one.time)
     ]
-    first, found = orbit.impacts[0].time, []
-    for start in range(len(moved)):
-        order = [*moved[start:], *(one._replace(time=one.time + T) for one in moved[:start])]
-        if tuple((one.site, one.wall) for one in order) == orbit.section.impacts:
-            back = T * round((order[0].time - first) / T)
-            impacts = tuple(one._replace(time=one.time - back) for one in order)
-            found.append((abs(impacts[0].time - first), start, impacts))
+    found = [again for window in _windows(moved, section) if (again := _named(window, orbit))]
     if not found:
         return None
-    _, start, impacts = min(found)
-    offsets = tuple(sign * c for c in orbit.offsets)
-    road = orbit.road.rewritten(orbit.section, impacts, offsets, start, sign)
-    return None if road is None else Orbit(road)
+    impacts = min(found, key=lambda again: _off(again, orbit))
+    at = {places.get(n, n): sign * c for n, c in zip(section.hit, orbit.offsets, strict=False)}
+    times, impulses = [one.time for one in impacts], [one.impulse for one in impacts]
+    offsets = [at[n] for n in section.hit if at]
+    try:
+        road = type(orbit.road).through(orbit.conditions, section, times, impulses, offsets)
+    except BadInput:  # two sites at once, in an order that no section has
+        return None
+    return Orbit(road) if road.error < SAME + orbit.residual else None
+
+
+def _windows(impacts: list[Impact], section: Section) -> Iterator[list[Impact]]:
+    """Sections of a motion, begun with each impact of a period in turn."""
+    m, T, s = len(impacts), section.length, section.sign
+    course = [
+        Impact(n, s**i * wall, t + i * T, s**i * J) for i in range(3) for n, wall, t, J in impacts
+    ]
+    for start in range(m if s > 0 else 2 * m):
+        yield course[start : start + m]
+
+
+def _named(window: Sequence[Impact], orbit: Orbit) -> tuple[Impact, ...]:
+    """Its impacts in the order of a section, in which those of different sites may overtake each
+    other; close to those of an orbit in time. Empty if it has others."""
+    of_site: dict[int, deque[Impact]] = {n: deque() for n in orbit.section.hit}
+    for one in window:
+        of_site[one.site].append(one)
+    impacts = [of_site[n].popleft() for n, _ in orbit.section.impacts if of_site[n]]
+    if tuple((one.site, one.wall) for one in impacts) != orbit.section.impacts:
+        return ()
+    T = orbit.period
+    back = T * round((impacts[0].time - orbit.impacts[0].time) / T)
+    return tuple(one._replace(time=one.time - back) for one in impacts)
+
+
+def _off(impacts: Sequence[Impact], orbit: Orbit) -> float:
+    times = zip(impacts, orbit.impacts, strict=True)
+    return sum(abs(one.time - other.time) for one, other in times)
 
 
 def simpler_than(orbit: Orbit) -> Orbit | None:

@@ -67,15 +67,8 @@ class Modes(ModalFlight):
         state: FloatArray = np.linalg.lstsq(matrix, -rest.residual())[0].astype(float)
         return replace(rest, q=state[: still.size], r=state[still.size :])
 
-    def rewritten(
-        self, section: Section, impacts: Impacts, offsets: Offsets, start: int = 0, sign: int = 1
-    ) -> Modes | None:
-        if not section.local and (start, sign) != (0, 1):
-            return None  # sites that overtake each other come in no order of time
-        leg = self.legs[start]  # ends just before that impact
-        q, r = (leg.q_end, leg.r_end) if start else (self.q, self.r)
-        times = np.array([one.time for one in impacts])
-        return replace(self, section=section, t=times, q=sign * q, r=sign * r)
+    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Modes:
+        return replace(self, section=section, t=np.array([one.time for one in impacts]))
 
     def lifted(self) -> Problem:
         orbit = Orbit(self)

@@ -81,11 +81,8 @@ class Road(Protocol):
     def lifted(self) -> Problem:
         """The problem of orbits that leave this one where its symmetry or its period breaks."""
 
-    def rewritten(
-        self, section: Section, impacts: Impacts, offsets: Offsets, start: int = 0, sign: int = 1
-    ) -> Road | None:
-        """The same motion (times the sign) in other words: these impacts, the first of which is
-        number `start` of its own. None if this road cannot."""
+    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Road | None:
+        """The same motion from the same start in other words; None if this road cannot."""
 
     def on(self, lattice: Any) -> Any:
         """The `Orbit` of another lattice by means of its own; None where another road has to do."""

@@ -65,9 +65,7 @@ class ClosedForm(SymmetricFlight):
         """That of asymmetric breathers, in which a pitchfork is a regular point."""
         return asymmetric_problem(Orbit(self).unfolded())
 
-    def rewritten(
-        self, section: Section, impacts: Impacts, offsets: Offsets, start: int = 0, sign: int = 1
-    ) -> Road:
+    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Road:
         times, impulses = [one.time for one in impacts], [one.impulse for one in impacts]
         return orbit_of(self.conditions, section, times, impulses, offsets).road
 

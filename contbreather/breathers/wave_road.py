@@ -92,9 +92,7 @@ class Waves(GreenFlight):
     def lifted(self) -> Problem:
         return Orbit(self).doubled().problem
 
-    def rewritten(
-        self, section: Section, impacts: Impacts, offsets: Offsets, start: int = 0, sign: int = 1
-    ) -> Road | None:
+    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Road | None:
         if not section.symmetric:
             return replace(self, section=section, impacts=tuple(impacts), offsets=tuple(offsets))
         if section.count > 1 or section.impacts[0] != (0, 1):

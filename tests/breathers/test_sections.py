@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
 import contbreather as cb
@@ -84,6 +85,53 @@ def test_sites_of_a_section_are_looked_up_on_its_lattice() -> None:
 
 
 # --- other descriptions of an orbit ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lattice", [cb.OpenChain(9), cb.Ring(9), cb.Grid(4, 4)], ids=repr)
+def test_mirror_images_of_arms_of_several_sites_are_recognised(lattice) -> None:
+    two = cb.multibreather([0, 3], a=0.6, gamma=0.02, k=0.8, lattice=lattice, damping=0.01)
+    tree = cb.diagram(two, "a", within={"a": (0.6, 0.9)}, depth=1)
+    assert [birth.image_of for birth in tree.births] == [None, None, 1, None, 3]
+    one, other = (tree[i][-1].solution for i in (1, 2))
+    t = np.linspace(0.0, 6.0, 7)
+    for n in (0, 3, 5):
+        assert other.displacement(n, t) == pytest.approx(
+            -one.displacement(n, t + math.pi), abs=1e-7
+        )
+    assert [arm.image_of for arm in cb.switch(tree[0].first("PF"), within={"a": (0.6, 0.9)})] == [
+        None,
+        0,
+    ]
+
+
+def test_sites_that_are_alike_are_exchanged_and_others_are_not() -> None:
+    for sites, lattice, walls, wanted in (
+        ([0, 3], cb.Ring(9), None, 1),
+        ([0, 3, 6], cb.Ring(9), None, 5),
+        ([0, 8], cb.OpenChain(9), None, 1),
+        ([0, 8], cb.OpenChain(9), {8: (-1.01, 1.01)}, 0),
+        ([0, 3], cb.OpenChain(9), None, 0),
+        ([0, 8], cb.Lattice(np.diag([1.0] * 8, 1) @ np.diag([-1.0] * 9) + np.diag([-1.0] * 8, -1)
+         + np.diag([1.0, *[2.0] * 7, 1.0]), masses=[2.0, *[1.0] * 8]), None, 0),
+    ):  # fmt: skip
+        orbit = cb.multibreather(sites, a=0.6, gamma=0.02, k=0.8, lattice=lattice, walls=walls)
+        images = list(images_of(orbit))
+        assert len(images) == wanted
+        for image in images:  # a symmetric orbit of equal sites is its own
+            assert image.flight.x == pytest.approx(orbit.flight.x, abs=1e-9)
+        whole = 2 * (wanted + 1) - 1
+        assert len(list(images_of(orbit.unfolded()))) == whole
+
+
+def test_sites_of_the_infinite_chain_are_exchanged_with_their_offsets() -> None:
+    two = cb.multibreather([0, 3], a=0.6, gamma=0.02, k=0.8, lattice=cb.Ring(40))
+    chain = two.unfolded().on(cb.InfiniteChain())
+    fork = next(p for p in cb.trace(chain, "a", within={"a": (0.6, 0.9)}).special if p.kind == "BP")
+    arm = cb.switch(fork, within={"a": (0.6, 0.9)})[0][-1].solution
+    assert abs(np.subtract(*arm.offsets)) < 1e-9 < abs(arm.offsets[0])
+    images = list(images_of(arm))
+    assert len(images) == 3
+    assert max(image.residual for image in images) < 1e-12
 
 
 def test_half_a_symmetric_orbit_is_its_own_image() -> None:
