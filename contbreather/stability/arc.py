@@ -44,14 +44,15 @@ _ON_ARC, _WINDOW = Kernel(arc_loops.on_arc, "pppp"), Kernel(arc_loops.window, "p
 
 
 class Arc(NamedTuple):
-    """Samples on the band: alpha in [0, pi/2], nu, v = nu sqrt(4 gamma - nu^2), R, B, C."""
+    """Samples on the band: alpha in [0, pi/2], nu, v = nu sqrt(4 gamma - nu^2), R, B, C; or a
+    direction in which they change."""
 
-    alpha: Array
-    nu: Array
-    v: Array
-    R: Array
-    B: Array
-    C: Array
+    alpha: Any
+    nu: Any
+    v: Any
+    R: Any
+    B: Any
+    C: Any
 
 
 def angle(gamma: Any, alpha: Any, spring: float = 0.0) -> Any:
@@ -151,18 +152,32 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
     if code is not None:
         return OnArc(*_called(code, (gamma, k, 0.0, b, float(x))).reshape(6, 2))
     value, in_nu, in_gamma = regular_slopes(gamma, x, None, spring)
-    v = np.sqrt(low * high)
-    at = _Place(x, v, *value, 1.0 + k, 0.5 * (1.0 - k), b)
-    zero = (0.0, 0.0, 0.0)
     by_spring = regular_by_spring(gamma, x, spring)
-    return OnArc(
-        _pair(at),
-        _pair_slope(at, _Place(1.0, x * (high - low) / v, *in_nu, 0.0, 0.0, 0.0)),
-        _pair_slope(at, _Place(0.0, 2.0 * low / v, *in_gamma, 0.0, 0.0, 0.0)),
-        _pair_slope(at, _Place(0.0, 0.0, *zero, 1.0, -0.5, 0.0)),
-        _pair_slope(at, _Place(0.0, 0.0, *zero, 0.0, 0.0, 1.0)),
-        _pair_slope(at, _Place(0.0, 0.5 * (low - high) / v, *by_spring, 0.0, 0.0, 0.0)),
+    v, nothing = np.sqrt(low * high), (0.0, 0.0, 0.0)
+    arc = Arc(x, x, v, *value)
+    directions = (
+        (Arc(0.0, 1.0, x * (high - low) / v, *in_nu), 0.0, 0.0),
+        (Arc(0.0, 0.0, 2.0 * low / v, *in_gamma), 0.0, 0.0),
+        (Arc(0.0, 0.0, 0.0, *nothing), 1.0, 0.0),
+        (Arc(0.0, 0.0, 0.0, *nothing), 0.0, 1.0),
+        (Arc(0.0, 0.0, 0.5 * (low - high) / v, *by_spring), 0.0, 0.0),
     )
+    found = [curve(arc, k, b)[0], *(_slope(arc, k, b, *one) for one in directions)]
+    return OnArc(*(np.array([one.real, one.imag]) for one in found))
+
+
+def _slope(arc: Arc, k: float, b: float, by: Arc, by_k: float, by_b: float) -> Array:
+    """The derivative of `curve`, F, in one direction: its product rule, term by term."""
+    _, nu, v, R, B, C = arc
+    c, d = 1.0 + k, 0.5 * (1.0 - k)
+    cc, by_cc, by_cd = c * c, 2.0 * c * by_k, by_k * (d - 0.5 * c)
+    a, by_a = d + 1j * c * R, by_k * (1j * R - 0.5) + 1j * c * by.R
+    beta, by_beta = b - cc * C, by_b - by_cc * C - cc * by.C
+    wave = nu * (2.0 * R + nu * B)
+    by_wave = 2.0 * by.nu * (R + nu * B) + nu * (2.0 * by.R + nu * by.B)
+    smooth = by.v * (a * a + B * beta) + v * (2.0 * a * by_a + by.B * beta + B * by_beta)
+    pole = 2.0 * (by_cd * nu + c * d * by.nu) + 1j * (by_cc * wave + cc * by_wave + by_beta)
+    return np.asarray(smooth + pole / math.pi)
 
 
 def _called(code: Callable[..., int], data: tuple[float, ...]) -> Array:
@@ -178,42 +193,6 @@ def arc_table() -> Array:
     """What `arc_loops` ask for besides their data."""
     moments = InfiniteChain().moments(0)[: arc_loops.ORDERS]
     return np.concatenate([tables().ravel(), moments])
-
-
-class _Place(NamedTuple):
-    """All that F on the arc is made of, or a direction in which it changes."""
-
-    nu: Any
-    v: Any
-    R: Any
-    B: Any
-    C: Any
-    c: float
-    d: float
-    b: float
-
-
-def _pair(at: _Place) -> Array:
-    nu, v, R, B, C, c, d, b = at
-    beta = b - c * c * C
-    real = v * (d * d - (c * R) ** 2 + B * beta) + 2.0 * c * d * nu / math.pi
-    imag = 2.0 * c * d * v * R + (c * c * nu * (2.0 * R + nu * B) + beta) / math.pi
-    return np.array([real, imag])
-
-
-def _pair_slope(at: _Place, by: _Place) -> Array:
-    """The derivative of `_pair` in the direction ``by``: its product rule, term by term."""
-    nu, v, R, B, C, c, d, b = at
-    beta, cc, cd = b - c * c * C, c * c, c * d
-    cc_, cd_ = 2.0 * c * by.c, by.c * d + c * by.d
-    beta_ = by.b - cc_ * C - cc * by.C
-    bulk = d * d - cc * R * R + B * beta
-    bulk_ = 2.0 * d * by.d - cc_ * R * R - 2.0 * cc * R * by.R + by.B * beta + B * beta_
-    wave = nu * (2.0 * R + nu * B)
-    wave_ = 2.0 * by.nu * (R + nu * B) + nu * (2.0 * by.R + nu * by.B)
-    real = by.v * bulk + v * bulk_ + 2.0 * (cd_ * nu + cd * by.nu) / math.pi
-    imag = 2.0 * (cd_ * v * R + cd * (by.v * R + v * by.R))
-    return np.array([real, imag + (cc_ * wave + cc * wave_ + beta_) / math.pi])
 
 
 def _angle_equation(gamma: Any, arc: Arc, q: Any, spring: float) -> Array:

@@ -143,13 +143,6 @@ def test_a_sympy_expression_is_as_good_as_its_text():
     )
 
 
-def test_what_only_numbers_can_verify_is_said_to_be_verified_numerically():
-    """Half a period written in decimals: true to rounding, but nothing sympy could prove."""
-    forcing = Symbolic("-cos(t)/(2 + cos(t) + cos(t + 3.141592653589793))")
-    assert "verified numerically" in forcing.describe()
-    np.testing.assert_allclose(forcing.f(TIMES), 0.5 * np.cos(TIMES), atol=1e-15)
-
-
 @settings(max_examples=25, deadline=None)
 @given(
     st.dictionaries(
@@ -253,8 +246,14 @@ def test_what_cannot_drive_a_symmetric_breather_is_refused_with_its_reason(make,
         make()
 
 
-def test_sampled_formulas_are_checked_between_their_samples():
-    """cos(33 t) looks like cos(t) on 32 points; it must be seen all the same."""
-    forcing = Symbolic("-cos(t) + 0.01*cos(33*t)/(1 + e*cos(2*t))", e=0.0)
-    assert forcing.highest == 33
-    assert forcing.d2f(0.0) == pytest.approx(-0.99, abs=1e-14)
+def test_a_forcing_says_what_it_is() -> None:
+    assert Harmonic().describe() == "F = -a cos t"
+    both = Fourier(cos={1: -1.0, 3: 0.25}, sin={1: 0.5, 5: -2.0})
+    assert both.describe() == "F = a (-1 cos t +0.25 cos 3t +0.5 sin t -2 sin 5t)"
+    assert repr(both) == "Fourier(cos={1: -1.0, 3: 0.25}, sin={1: 0.5, 5: -2.0})"
+    assert both.highest == 5
+    assert both.params == {"c1": -1.0, "c3": 0.25, "s1": 0.5, "s5": -2.0}
+    assert Symbolic("-c*cos(t)", c=1.5).describe().startswith("F = a (-c * cos(t)), c = 1.5; anti")
+    assert Harmonic().highest == 1
+    assert Harmonic().params == {}
+    assert Harmonic().peak() == 1.0

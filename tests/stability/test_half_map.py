@@ -214,3 +214,27 @@ def test_outermost_pair_is_measured_by_its_modulus_and_real_ones_are_none() -> N
         assert outermost(mu) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
         assert outermost(1.1 * mu, 1.1) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
     assert math.isnan(outermost(conjugates(real=(3.0, -5.0))))
+
+
+@pytest.mark.parametrize("sites", [5, 8])
+def test_each_mode_that_does_not_see_the_impact_has_its_own_eigenvector(sites: int) -> None:
+    """Odd under n -> -n; a wave with a node at the impacting site."""
+    gamma, k, b = 0.11, 0.8, -0.28
+    half = dense_half_map(sites, gamma, k, b)
+    n = np.arange(sites)
+    for j in range(1, (sites + 1) // 2):
+        w = 2 * math.sqrt(gamma) * math.sin(math.pi * j / sites)
+        wave = np.sin(2 * math.pi * j * n / sites)
+        for sign in (1, -1):
+            mu = complex(np.exp(1j * math.pi * sign * w))
+            v = eigenvector(Ring(sites), gamma, k, b, mu)
+            assert np.linalg.norm(half @ v - mu * v) < 1e-12
+            shape = np.concatenate([wave, 1j * sign * w * wave])
+            shape = shape / np.linalg.norm(shape)
+            assert abs(np.vdot(shape, v)) == pytest.approx(1.0, abs=1e-10)
+
+
+def test_without_coupling_an_idle_site_keeps_its_place() -> None:
+    v = eigenvector(Ring(4), 0.0, 0.8, 1.1, 1.0)
+    np.testing.assert_allclose(dense_half_map(4, 0.0, 0.8, 1.1) @ v, v, atol=1e-13)
+    assert abs(v[0]) == 0.0

@@ -1,4 +1,5 @@
-"""The number of multipliers outside the circle, against everything else that can count."""
+"""The number of multipliers outside the circle, against everything else that can count; and they
+themselves."""
 
 from __future__ import annotations
 
@@ -9,17 +10,21 @@ import pytest
 
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import (
+    D,
     D_slope,
+    closest_approach,
     dense_half_map,
+    half_multipliers,
     neimark_sacker,
     over_reflection,
     unstable_count,
     unstable_multipliers,
 )
 from contbreather.stability.winding import many_outside, outside, resolved_arc
-from tests.stability.by_hand import fold_b, pitchfork_b
+from tests.stability.by_hand import b_of, fold_b, pitchfork_b
 
 CHAIN = InfiniteChain()
+FIG_3B, FIG_4B = -0.2447945960 + 1.0231123432j, 1.0627500064
 
 
 def test_without_coupling_multipliers_are_those_of_the_single_oscillator():
@@ -191,3 +196,57 @@ def test_a_distance_is_relative_to_terms_that_grow_with_b(given):
         one, other = (unstable_count(0.1, 0.8, b * size, **given).distance for size in (1e4, 1e7))
         assert one == pytest.approx(other, rel=1e-2)
         assert 0.1 < one < 1.0
+
+
+@pytest.mark.parametrize("gamma", [0.0, 1e-6, 0.03, 0.12, 0.2])
+def test_elastic_counts_are_those_of_a_long_ring_well_outside(gamma: float) -> None:
+    """For k = 1 the map keeps areas: multipliers come with their inverses, none is left inside."""
+    rng = np.random.default_rng(int(1e6 * gamma))
+    for b in rng.normal(size=12) * 2:
+        mu = unstable_multipliers(gamma, 1.0, float(b))
+        count = unstable_count(gamma, 1.0, float(b))
+        assert count.count == mu.size
+        if mu.size and np.abs(mu).min() < 1.05:
+            continue
+        ring = half_multipliers(Ring(60), gamma, 1.0, float(b))
+        assert np.sum(np.abs(ring) > 1.04) == np.sum(np.abs(ring) < 1 / 1.04) == count.count
+
+
+# --- the multipliers themselves ------------------------------------------------------------------
+
+
+def test_leading_multipliers_of_figures_3b_and_4b():
+    pair = unstable_multipliers(0.11, 0.8, b_of(0.2, 0.11, 0.8))
+    np.testing.assert_allclose(pair, [FIG_3B, FIG_3B.conjugate()], rtol=0, atol=1e-10)
+    alone = unstable_multipliers(0.045, 0.8, b_of(0.8, 0.045, 0.8))
+    np.testing.assert_allclose(alone, [FIG_4B], rtol=0, atol=1e-10)
+
+
+def test_newton_finds_all_that_the_winding_number_counts_and_each_is_a_zero():
+    rng = np.random.default_rng(7)
+    for _ in range(150):
+        gamma = rng.choice(
+            [rng.uniform(0, 0.25), 10 ** rng.uniform(-12, -1), 0.25 - 10 ** rng.uniform(-8, -1)]
+        )
+        k = rng.choice([rng.uniform(), 0.0, 1.0])
+        b = rng.choice([0.3, 1.5, 30.0]) * rng.normal()
+        mu = unstable_multipliers(gamma, k, b)
+        assert mu.size == unstable_count(gamma, k, b).count
+        assert np.all(np.abs(mu) > 1)
+        assert np.allclose(np.sort_complex(mu), np.sort_complex(mu.conj()), rtol=1e-14, atol=0)
+        if mu.size:
+            nu = np.log(mu) / (1j * np.pi)
+            step = np.abs(D(gamma, nu, k, b)) * 2e-8
+            step /= np.abs(D(gamma, nu + 1e-8, k, b) - D(gamma, nu - 1e-8, k, b))
+            assert step.max() < 1e-12
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.12, 0.8), (0.2, 0.4), (0.24, 0.1), (0.05, 0.95)])
+def test_the_closest_approach_points_at_the_neimark_sacker_angle(gamma, k):
+    for point in neimark_sacker(gamma, k):
+        at = closest_approach(gamma, k, point.b)
+        assert at.nu == pytest.approx(point.nu, abs=1e-9)
+        assert at.distance < 1e-9
+        near = closest_approach(gamma, k, point.b + 1e-3)
+        assert near.nu == pytest.approx(point.nu, abs=0.02)
+        assert near.distance < 0.01
