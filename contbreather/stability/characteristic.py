@@ -46,7 +46,7 @@ class Modes(NamedTuple):
 
 def checked(gamma: float, lattice: object) -> tuple[float, int | None, float]:
     """The coupling, None or the sites of a ring, and what holds every site to the ground."""
-    if not isinstance(lattice, InfiniteChain | Ring):
+    if not isinstance(lattice, (InfiniteChain, Ring)):
         raise BadInput(
             f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites)."
         )

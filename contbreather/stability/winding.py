@@ -95,7 +95,8 @@ def resolved_arc(
     noise = NOISE * (abs(b) + 1.0)
     for _ in range(DEPTH):
         wide = steep(out, noise) | steep(into, noise) if inside else steep(out, noise)
-        i = np.flatnonzero(wide & (np.diff(arc.alpha) > 1e-15))
+        i = np.flatnonzero(wide)
+        i = i[arc.alpha[i + 1] - arc.alpha[i] > 1e-15]
         if i.size == 0:
             break
         middle = sample(gamma, 0.5 * (arc.alpha[i] + arc.alpha[i + 1]), spring)
@@ -139,12 +140,9 @@ def ends_of(gamma: float, k: float, b: float, lattice: Any) -> tuple[float, ...]
 
 def _cleared(gamma: float, k: float, b: float, chain: InfiniteChain) -> tuple[float, ...]:
     """`ends_of`, where rounding is 0: a multiplier on the circle is not outside."""
-    found = ends_of(gamma, k, b, chain)
-    one, other = (
-        value if abs(value) > ROUNDING * size else 0.0
-        for value, size in zip(found[::2], found[1::2], strict=True)
-    )
-    return one, found[1], other, found[3]
+    beta0, one, fold, other = ends_of(gamma, k, b, chain)
+    beta0 = beta0 if abs(beta0) > ROUNDING * one else 0.0
+    return beta0, one, fold if abs(fold) > ROUNDING * other else 0.0, other
 
 
 def _chain_count(gamma: float, k: float, b: float, chain: InfiniteChain) -> Count:
