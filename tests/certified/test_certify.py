@@ -25,6 +25,7 @@ from contbreather.certified.balls import working
 from contbreather.certified.points import certify_point
 from contbreather.certified.tiles import Sheet, certify_curve
 from contbreather.stability import unstable_count
+from tests.lattice.by_hand import MEANS, ring_mean
 
 
 def breathers(seed: int, *, admissible: bool = True) -> Iterator[Orbit]:
@@ -135,7 +136,8 @@ def start() -> Orbit:
 def test_pitchfork_and_fold_are_enclosed_in_a_few_ulps() -> None:
     branch = cb.trace(start(), "a", within={"a": (0.05, 0.9)}, towards="both")
     with mpmath.workdps(30):
-        chi, sigma, q = (by_series(i) for i in range(3))
+        chi, sigma = (ring_mean(MEANS[name], mpmath.mpf(0.04), 80) for name in ("chi", "sigma"))
+        q = (1 - mpmath.mpf(0.8)) / (1 + mpmath.mpf(0.8))
         pitchfork = mpmath.sqrt(q**2 + 4 * sigma**2) / (chi - 2 * sigma)
         fold = q / mpmath.sqrt(chi**2 + q**2)
         for kind, exact in (("PF", pitchfork), ("LP", fold)):
@@ -146,19 +148,6 @@ def test_pitchfork_and_fold_are_enclosed_in_a_few_ulps() -> None:
             assert mpmath.mpf(low) <= exact <= mpmath.mpf(high)
             assert high - low < 1e-15
             assert proof.conditions == {"gamma": 0.04, "k": 0.8}
-
-
-def by_series(which: int) -> mpmath.mpf:
-    """chi, sigma at gamma = 0.04 by the Fourier series, and q at k = 0.8."""
-    gamma, k = mpmath.mpf(0.04), mpmath.mpf(0.8)
-    if which == 2:
-        return (1 - k) / (1 + k)
-    size, total = 80, mpmath.mpf(0)
-    for i in range(size):
-        w = 2 * mpmath.sqrt(gamma) * mpmath.sin(mpmath.pi * (i + mpmath.mpf(1) / 2) / size)
-        h = mpmath.tan(mpmath.pi * w / 2) / w if which == 0 else w / mpmath.sin(mpmath.pi * w)
-        total += h / size
-    return total
 
 
 def test_a_pitchfork_that_is_none_is_refused() -> None:

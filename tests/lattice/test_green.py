@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.green import flight
+from tests.lattice.by_hand import MEANS, ring_mean
 
 CHAIN = InfiniteChain()
 NEAR = 1e-9
@@ -21,15 +22,13 @@ TIMES = [0.0, NEAR, 0.4, 1.7, math.pi - NEAR, math.pi]
 def mode_sum(gamma, n, s, sites):
     """v, v', v'' at 30 digits over the modes of a ring, the impacts in floating point pi."""
     with mp.workdps(30):
-        root, s = 2 * mp.sqrt(mp.mpf(gamma)), mp.mpf(s)
-        total = [mp.mpf(0)] * 3
-        for j in range(sites):
-            w, wave = root * mp.sin(mp.pi * j / sites), mp.cos(2 * mp.pi * n * j / sites)
-            y, c = mp.pi / 2 - s, mp.cos(mp.pi * w / 2)
-            total[0] += wave * (mp.sin(w * y) / (w * c) if w else y)
-            total[1] -= wave * mp.cos(w * y) / c
-            total[2] -= wave * w * mp.sin(w * y) / c
-        return [x / sites for x in total]
+        y = mp.pi / 2 - mp.mpf(s)
+        modes = (
+            lambda w: mp.sin(w * y) / (w * mp.cos(mp.pi * w / 2)) if w else y,
+            lambda w: -mp.cos(w * y) / mp.cos(mp.pi * w / 2),
+            lambda w: -w * mp.sin(w * y) / mp.cos(mp.pi * w / 2),
+        )
+        return [ring_mean(of, gamma, sites, n) for of in modes]
 
 
 @pytest.mark.parametrize("gamma", [0.0, 0.07, 0.2499])
@@ -91,18 +90,11 @@ def test_slope_of_a_flight_in_gamma_is_the_mean_of_the_slopes_of_the_modes(gamma
     lattice = Ring(sites) if sites else CHAIN
     size = sites or int(80 / (2 * math.atanh(math.sqrt(1 - 4 * gamma)))) + 20
 
-    def of(g, n):
-        total = mp.mpf(0)
-        for j in range(size):
-            w = 2 * mp.sqrt(g) * mp.sin(mp.pi * j / size)
-            mode = mp.tan(mp.pi * w / 2) / w if w else mp.pi / 2
-            total += mode * mp.cos(2 * mp.pi * n * j / size)
-        return total / size
-
     for n in (0, 1, 2):
         with mp.workdps(30):
             h = mp.mpf(10) ** -12
-            exact = (of(gamma + h, n) - of(gamma - h, n)) / (2 * h)
+            ends = [ring_mean(MEANS["chi"], gamma + x, size, n) for x in (h, -h)]
+            exact = (ends[0] - ends[1]) / (2 * h)
         slope = flight(float(lattice.dfirst_harmonic(gamma, n)), lattice.dpowers(gamma, n))
         scale = lattice.dchi(gamma) + 1.0
         assert abs(slope.value(-math.pi / 2) - float(exact)) < 5e-15 * scale

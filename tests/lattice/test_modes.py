@@ -12,15 +12,10 @@ from hypothesis import strategies as st
 
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring, check_gamma
+from tests.lattice.by_hand import MEANS, ring_mean
 
 CHAIN = InfiniteChain()
 GAMMAS = [1e-9, 0.003, 0.12, 0.2, 0.24, 0.2499, 0.24999999]
-MEANS = {
-    "chi": lambda w: mp.tan(mp.pi * w / 2) / w if w else mp.pi / 2,
-    "eta": lambda w: w * mp.tan(mp.pi * w / 2),
-    "sigma": lambda w: w / mp.sin(mp.pi * w) if w else 1 / mp.pi,
-    "psi": lambda w: w * mp.cot(mp.pi * w / 2) if w else 2 / mp.pi,
-}
 couplings = st.floats(0.0, 0.2499)
 
 
@@ -34,12 +29,6 @@ def mean(of, gamma):
         return mp.quad(lambda t: of(2 * mp.sqrt(gamma) * mp.cos(t / 2)), splits) / mp.pi
 
 
-def ring_mean(of, gamma, sites):
-    with mp.workdps(30):
-        root = 2 * mp.sqrt(mp.mpf(gamma))
-        return mp.fsum(of(root * mp.sin(mp.pi * j / sites)) for j in range(sites)) / sites
-
-
 @pytest.mark.parametrize("gamma", GAMMAS)
 @pytest.mark.parametrize("name", MEANS)
 def test_means_over_the_infinite_band_are_exact_up_to_its_edge(name, gamma):
@@ -51,7 +40,8 @@ def test_means_over_the_infinite_band_are_exact_up_to_its_edge(name, gamma):
 @pytest.mark.parametrize("gamma", [0.0, 1e-12, 0.1, 0.2499, 0.24999999])
 @pytest.mark.parametrize("name", MEANS)
 def test_means_over_a_ring_are_the_sums_over_its_modes(name, gamma, sites):
-    exact = ring_mean(MEANS[name], gamma, sites)
+    with mp.workdps(30):
+        exact = ring_mean(MEANS[name], gamma, sites)
     assert abs(getattr(Ring(sites), name)(gamma) - exact) < 1e-15 * max(1, abs(exact))
 
 
@@ -61,17 +51,9 @@ def test_means_over_a_ring_are_the_sums_over_its_modes(name, gamma, sites):
 def test_slopes_in_gamma_are_those_of_the_means(name, gamma, sites):
     lattice = Ring(sites) if sites else CHAIN
     with mp.workdps(30):
-        if sites:
-
-            def function(g):
-                return ring_mean(MEANS[name], g, sites)
-        else:
-
-            def function(g):
-                return mean(MEANS[name], g)
-
-        h = mp.mpf(10) ** -11
-        exact = (function(gamma + h) - function(gamma - h)) / (2 * h)
+        h, of = mp.mpf(10) ** -11, MEANS[name]
+        ends = [ring_mean(of, g, sites) if sites else mean(of, g) for g in (gamma + h, gamma - h)]
+        exact = (ends[0] - ends[1]) / (2 * h)
     got = getattr(lattice, "d" + name)(gamma)
     # the finite step misses (h/(1/4 - gamma))^2 of it
     assert abs(got - exact) < 2e-13 * max(1e-2, abs(exact))

@@ -19,6 +19,7 @@ from contbreather.lattice.periodic import (
     wave_slope,
     wave_table,
 )
+from tests.lattice.by_hand import ring_mean
 
 CHAIN = InfiniteChain()
 
@@ -26,16 +27,13 @@ CHAIN = InfiniteChain()
 def mode_sum(sites, gamma, distance, periods, s):
     """h of a ring as in the module's docstring, mode by mode, the zero mode in its limit."""
     T = 2 * mp.pi * periods
-    total = mp.mpf(0)
-    for j in range(sites):
-        theta = 2 * mp.pi * j / sites
-        w = 2 * mp.sqrt(gamma) * mp.sin(theta / 2)
-        if j == 0:
-            own = T / 24 - (T / 2 - s) ** 2 / (2 * T)
-        else:
-            own = mp.cos(w * (T / 2 - s)) / (2 * w * mp.sin(w * T / 2)) - 1 / (w * w * T)
-        total += mp.cos(distance * theta) * own
-    return total / sites
+
+    def mode(w):
+        if not w:
+            return T / 24 - (T / 2 - s) ** 2 / (2 * T)
+        return mp.cos(w * (T / 2 - s)) / (2 * w * mp.sin(w * T / 2)) - 1 / (w * w * T)
+
+    return ring_mean(mode, gamma, sites, distance)
 
 
 RINGS = [
