@@ -116,10 +116,10 @@ class Bar(_Shown):
     def __init__(self, shown: bool | None, total: int, unit: str = "periods") -> None:
         super().__init__(shown, total, unit)
         self.latest = f"0/{total} {unit}", 0
-        self.first = threading.Timer(PATIENCE, self.draw)
 
     def __enter__(self) -> Self:
         if self.wanted:  # machine code may have to be made before anything is done
+            self.first = threading.Timer(PATIENCE, self.draw)
             self.first.daemon = True
             self.first.start()
         return super().__enter__()

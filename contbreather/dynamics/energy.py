@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,10 +20,9 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from contbreather.checks import numbers
-from contbreather.dynamics.states import Moved, conditions_of
+from contbreather.dynamics.states import Moved, Under, conditions_of
 from contbreather.errors import BadInput
 from contbreather.flows.modes import driven
-from contbreather.lattice import Forcing
 from contbreather.lattice.finite import Finite, stiffness_of
 
 Array = NDArray[Any]
@@ -97,16 +96,7 @@ def _by_shell(lattice: Finite, energy: Array, centre: int, count: int) -> Array:
 
 
 def localisation(
-    u: ArrayLike,
-    v: ArrayLike,
-    t: ArrayLike = 0.0,
-    *,
-    a: float,
-    gamma: float,
-    damping: float = 0.0,
-    spring: float = 0.0,
-    forcing: Forcing | str | None = None,
-    lattice: Finite | None = None,
+    u: ArrayLike, v: ArrayLike, t: ArrayLike = 0.0, **on: Unpack[Under]
 ) -> Localisation:
     """Energies and participation ratio of one state, or of many at once.
 
@@ -116,8 +106,8 @@ def localisation(
         Displacements and velocities, for instance ``*run.strobe``.
     t : array_like, shape (...)
         Their times.
-    a, gamma, damping, spring, forcing, lattice
-        As in `simulate`.
+    on
+        ``a, gamma, damping, spring, forcing, lattice`` as in `simulate`.
 
     Examples
     --------
@@ -132,17 +122,7 @@ def localisation(
         raise BadInput(
             f"u and v must have one shape (..., sites); {x.shape} and {y.shape} were given."
         )
-    conditions = conditions_of(
-        x.shape[-1],
-        a=a,
-        gamma=gamma,
-        k=1.0,
-        damping=damping,
-        spring=spring,
-        forcing=forcing,
-        lattice=lattice,
-    )
-    return localised(x, y, numbers("t", t), conditions)
+    return localised(x, y, numbers("t", t), conditions_of(x.shape[-1], k=1.0, **on))
 
 
 def localised(u: Array, v: Array, t: ArrayLike, on: Moved) -> Localisation:

@@ -110,7 +110,8 @@ def conditions_of(
 
 def ranged(on: C) -> C:
     """The same conditions, with numbers that a simulation can have."""
-    for name in (name for name in RANGES if name in on.params):
+    known = on.params
+    for name in [name for name in RANGES if name in known]:
         number(name, getattr(on, name), *RANGES[name])
     number("gamma", on.gamma, -math.inf, math.inf, "a coupling")
     if isinstance(on.lattice, Ring):

@@ -234,8 +234,12 @@ def _conditions(a: float, gamma: float, damping: float = DAMPING) -> dict[str, A
     return {"a": a, "gamma": gamma, "k": RESTITUTION, "damping": damping}
 
 
-# --- Fig. 5 ---------------------------------------------------------------------------------------
+def _run(start: Any, m: int | None = None, **on: Any) -> Any:
+    """A run to its end, between smooth walls of that hardness or rigid ones."""
+    return completed(simulate(start, **on) if m is None else simulate_smooth(start, m=m, **on))
 
+
+# --- Fig. 5 ---------------------------------------------------------------------------------------
 
 SETTLING = 400  # periods after which the start of the paper has become the breather
 
@@ -253,13 +257,11 @@ def figure5(m: int = HARDNESS) -> TimeSeries:
     conditions, exact = _conditions(a, gamma), symmetric(a, gamma, RESTITUTION)
     v = np.zeros(SITES)
     v[0] = 3.0  # the start of the paper; all else zero
-    transient = completed(
-        simulate_smooth((np.zeros(SITES), v), m=m, periods=SETTLING, **conditions)
-    )
+    transient = _run((np.zeros(SITES), v), m, periods=SETTLING, **conditions)
     orbit = periodic(transient.final, m=m, symmetric=True, **conditions)
     away = float(np.abs(np.subtract(transient.final, orbit.state)).max())
     circles, settled = (
-        completed(simulate_smooth(state, m=m, periods=2, sample=Sample(SHOWN, n), **conditions))
+        _run(state, m, periods=2, sample=Sample(SHOWN, n), **conditions)
         for state, n in ((transient.final, CIRCLES), (orbit.state, 400))
     )
     gap, (left, shift) = _differences(exact, settled), _after_a_shift(exact, settled)
@@ -309,8 +311,8 @@ def figure6(m: int = HARDNESS) -> TimeSeries:
     numbers: dict[str, float] = {}
     for letter, (a, periods) in zip("abc", RUNS6, strict=True):
         exact, conditions = symmetric(a, gamma, RESTITUTION), _conditions(a, gamma)
-        shared = {"m": m, "periods": periods, "sample": Sample(CENTRAL, 24), **conditions}
-        run = completed(simulate_smooth(exact.state(SITES), **shared))
+        sample = Sample(CENTRAL, 24)
+        run = _run(exact.state(SITES), m, periods=periods, sample=sample, **conditions)
         found = _fate(exact, m, life(run))
         panels.append(_traces(run, f"$a = {a}$: {_gone(found['lost'])}", found["lost"]))
         findings.append(f"({letter}) a = {a}: {_told(found, m)}")
@@ -344,7 +346,7 @@ def _fate(exact: Orbit, m: int, lost: int | None) -> dict[str, float]:
     """
     conditions = _conditions(exact.a, exact.gamma)
     rigid = periodic(exact.state(SITES), symmetric=True, **conditions)
-    rigid_lost = life(completed(simulate(exact.state(SITES), periods=600, **conditions)))
+    rigid_lost = life(_run(exact.state(SITES), periods=600, **conditions))
     soft = smooth_breather(exact, m, DAMPING, SITES)
     return {
         "lost": math.nan if lost is None else float(lost),
@@ -401,7 +403,7 @@ def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
     lost, other = delocalised(settled), HARD_ENOUGH if m == HARDNESS else HARDNESS
     assert settled.record is not None
     mean = settled.record.u.mean(axis=0)
-    rigid = completed(simulate(exact.state(SITES), periods=3000, **conditions))
+    rigid = _run(exact.state(SITES), periods=3000, **conditions)
     own = periodic(rigid.final, **conditions)
     phases, rigid_mean = _impacts_and_mean(own)
     alone = periodic(exact.state(SITES), symmetric=True, **conditions).largest
@@ -455,9 +457,8 @@ def _pitchfork(breather: Orbit) -> float:
 def _ramped(m: int, gamma: float) -> SmoothRun:
     """The ring of Fig. 7: two periods after a slow ramp in a and 500 periods of rest."""
     conditions = _conditions(RAMP[1], gamma)
-    held = completed(simulate_smooth(_up(m, gamma, 121, 2), m=m, periods=500, **conditions))
-    sample = Sample(SHOWN, 8 * CIRCLES)
-    return completed(simulate_smooth(held.final, m=m, periods=2, sample=sample, **conditions))
+    held = _run(_up(m, gamma, 121, 2), m, periods=500, **conditions)
+    return _run(held.final, m, periods=2, sample=Sample(SHOWN, 8 * CIRCLES), **conditions)
 
 
 @lru_cache(maxsize=1)
@@ -515,11 +516,11 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
     exact, conditions = symmetric(a, gamma, RESTITUTION), _conditions(a, gamma)
     start = exact.state(SITES)
     sample = Sample(CENTRAL, 24)
-    long = completed(simulate_smooth(start, m=m, periods=250, sample=sample, **conditions))
+    long = _run(start, m, periods=250, sample=sample, **conditions)
     lost = life(long)
     first = max(0, (lost or 250) - 40)
     then, sample = (long.strobe.u[first], long.strobe.v[first]), Sample(SHOWN, CIRCLES // 2)
-    window = completed(simulate_smooth(then, m=m, periods=6, sample=sample, **conditions))
+    window = _run(then, m, periods=6, sample=sample, **conditions)
     found = _fate(exact, m, lost)
     torus = verdict(
         symmetric(TORUS["a"], TORUS["gamma"], RESTITUTION).state(SITES),

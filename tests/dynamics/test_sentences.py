@@ -24,7 +24,9 @@ from contbreather.dynamics import (
     there_and_back,
     verdict,
 )
+from contbreather.dynamics.states import conditions_of
 from contbreather.errors import BadInput
+from contbreather.lattice.conditions import Conditions
 
 RING = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 REST = np.zeros(4), np.zeros(4)
@@ -169,10 +171,11 @@ def defaults(of: Any) -> dict[str, Any]:
 
 def test_a_name_has_one_default_wherever_it_is_given() -> None:
     """No damping, from t = 0, driven by a cosine: what is not said is not there."""
-    plain = {"damping": 0.0, "t0": 0.0, "forcing": None, "sample": None, "progress": None}
+    plain = {"t0": 0.0, "forcing": None, "sample": None, "progress": None}
+    assert defaults(Conditions)["damping"] == 0.0
     seen = set()
     makers = (cb.simulate, simulate_smooth, record, verdict, sweep, attraction, periodic, lyapunov,
-              localisation)  # fmt: skip
+              localisation, conditions_of)  # fmt: skip
     for of in makers:
         own = defaults(of)
         seen |= set(own)
