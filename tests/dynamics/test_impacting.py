@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -428,11 +427,10 @@ def test_run_taken_up_from_its_final_state_is_the_same_run_bit_for_bit(k, a):
 
 
 def test_results_are_shown_in_a_line():
-    with ThreadPoolExecutor(1) as one:
-        basin = attraction(
-            ([0.1], [0.2]), Axis("u", 0, [0.0, 0.5]), Axis("v", 0, [0.1]),
-            a=0.1, gamma=0.0, k=0.8, periods=20, executor=one,
-        )  # fmt: skip
+    basin = attraction(
+        ([0.1], [0.2]), Axis("u", 0, [0.0, 0.5]), Axis("v", 0, [0.1]),
+        a=0.1, gamma=0.0, k=0.8, periods=20, executor=1,
+    )  # fmt: skip
     counted = {fate: int(np.sum(basin.fate == fate)) for fate in Fate if fate in basin.fate}
     words = "; ".join(f"{count} {fate.words}" for fate, count in reversed(counted.items()))
     assert repr(basin) == f"<Basin of 2 x 1 starts over u_0 and v_0: {words}>"

@@ -210,16 +210,14 @@ def test_streams_sweeps_and_verdicts_know_the_lattice(tmp_path):
 
 
 def test_a_breather_attracts_on_its_lattice():
-    from concurrent.futures import ThreadPoolExecutor
 
     on = {"a": 0.6, "gamma": 0.05, "k": 0.6, "damping": 0.2, "lattice": cb.OpenChain(4)}
     on |= {"walls": {0: (-0.8, 0.8)}}
     orbit = cb.symmetric(site=0, **on)
-    with ThreadPoolExecutor(1) as one:
-        basin = attraction(
-            orbit.state(), Axis("u", 0, [-0.9, 0.0]), Axis("v", 3, [0.0, 0.1]), periods=60,
-            executor=one, **on,
-        )  # fmt: skip
+    basin = attraction(
+        orbit.state(), Axis("u", 0, [-0.9, 0.0]), Axis("v", 3, [0.0, 0.1]), periods=60,
+        executor=1, **on,
+    )  # fmt: skip
     assert (basin.fate[:, 0] == Fate.OUTSIDE).all()
     assert basin.fate[0, 1] in (Fate.RETURNED, Fate.QUIET)
 

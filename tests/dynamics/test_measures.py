@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -239,11 +238,10 @@ def test_an_axis_says_which_coordinate_it_is() -> None:
 def test_starts_of_a_basin_are_where_its_axes_say() -> None:
     """Columns are values of x, rows of y; site -1 is the last one."""
     shared = {"a": 0.0, "gamma": 0.0, "k": 0.8, "periods": 2}
-    with ThreadPoolExecutor(1) as one:
-        found = attraction(
-            ([0.5, 0.0, 0.0], [0.0, 0.0, 0.0]), Axis("u", -1, [0.0, 0.25, 1.5, -1.0]),
-            Axis("u", 1, [0.0, 0.125, -1.5]), executor=one, tolerance=0.2, **shared,
-        )  # fmt: skip
+    found = attraction(
+        ([0.5, 0.0, 0.0], [0.0, 0.0, 0.0]), Axis("u", -1, [0.0, 0.25, 1.5, -1.0]),
+        Axis("u", 1, [0.0, 0.125, -1.5]), executor=1, tolerance=0.2, **shared,
+    )  # fmt: skip
     far = np.maximum.outer([0.0, 0.125], [0.0, 0.25, 1.0])  # nothing moves: distances as put
     inside = found.distance[:2][:, [0, 1, 3]]
     assert inside == pytest.approx(far)
@@ -261,11 +259,10 @@ def test_starts_of_a_basin_are_where_its_axes_say() -> None:
 
 
 def test_no_start_inside_the_walls_has_no_share() -> None:
-    with ThreadPoolExecutor(1) as one:
-        found = attraction(
-            ([0.0], [0.0]), Axis("u", 0, [2.0, -2.0]), Axis("v", 0, [0.0]),
-            a=0.0, gamma=0.0, k=0.8, periods=2, executor=one,
-        )  # fmt: skip
+    found = attraction(
+        ([0.0], [0.0]), Axis("u", 0, [2.0, -2.0]), Axis("v", 0, [0.0]),
+        a=0.0, gamma=0.0, k=0.8, periods=2, executor=1,
+    )  # fmt: skip
     assert found.share == 0.0
 
 
@@ -275,11 +272,10 @@ def test_another_breather_at_the_site_is_another_motion() -> None:
     settled = simulate(cb.symmetric(**shared).state(1), periods=400, **shared)
     own = periodic(settled.final, **shared)
     u, v = (float(x[0]) for x in own.state)
-    with ThreadPoolExecutor(1) as one:
-        found = attraction(
-            own.state, Axis("u", 0, [u]), Axis("v", 0, [v, -v - 0.3]),
-            periods=300, executor=one, **shared,
-        )  # fmt: skip
+    found = attraction(
+        own.state, Axis("u", 0, [u]), Axis("v", 0, [v, -v - 0.3]),
+        periods=300, executor=1, **shared,
+    )  # fmt: skip
     assert found.fate[0, 0] == Fate.RETURNED
     assert set(found.fate[:, 0].tolist()) <= {Fate.RETURNED, Fate.OTHER}
 

@@ -11,6 +11,7 @@ import contbreather as cb
 from contbreather.breathers.orbit import orbit_at
 from contbreather.dynamics import periodic, rotation, simulate, simulate_smooth
 from contbreather.dynamics.returning import _events, _shortened
+from tests.dynamics.zoo import breather
 
 RING = {"gamma": 0.04, "k": 0.8, "damping": 0.02}
 
@@ -22,8 +23,7 @@ def settled(state, periods=600, **on):
 
 @pytest.fixture(scope="module")
 def pitchfork():
-    state = cb.symmetric(0.7, 0.04, 0.8).state(6, t=1.0)
-    start = periodic(state, a=0.7, symmetric=True, t0=1.0, **RING)
+    start = breather(6, a=0.7, t0=1.0, **RING)
     return cb.trace(start, "a", within={"a": (0.6, 0.9)}, towards="up").first("PF")
 
 
@@ -64,8 +64,7 @@ def test_its_arms_are_what_simulation_settles_to_and_double_their_period(pitchfo
 
 def test_a_single_site_doubles_from_arm_to_arm_with_the_digits_of_the_closed_forms():
     """k = 0.8: 0.691778556508 (PF), 0.925512006293 and 0.979973549455 (PD)."""
-    state = cb.symmetric(0.6, 0.0, 0.8).state(1, t=1.0)
-    start = periodic(state, a=0.6, gamma=0.0, k=0.8, symmetric=True, t0=1.0)
+    start = breather(1, a=0.6, gamma=0.0, k=0.8, t0=1.0)
     fork = cb.trace(start, "a", within={"a": (0.5, 0.8)}, towards="up").first("PF")
     assert fork["a"] == pytest.approx(0.691778556508, abs=1e-9)
     (arm,) = cb.switch(fork, within={"a": (0.6, 0.95)})
@@ -79,7 +78,7 @@ def test_a_single_site_doubles_from_arm_to_arm_with_the_digits_of_the_closed_for
 
 def test_torus_is_born_with_the_angle_of_its_normal_form():
     on = {"a": 0.1, "k": 0.8, "damping": 0.02}
-    start = periodic(cb.symmetric(0.1, 0.09, 0.8).state(6), gamma=0.09, symmetric=True, **on)
+    start = breather(6, gamma=0.09, **on)
     branch = cb.trace(start, "gamma", within={"gamma": (0.09, 0.13)}, towards="up")
     point = branch.first("NS")
     # of minus the half map, twice a period of the forcing, and turns are up to sign
@@ -100,7 +99,7 @@ def test_torus_is_born_with_the_angle_of_its_normal_form():
 
 def test_smooth_walls_have_arms_and_doublings_too():
     on = {"gamma": 0.0, "k": 0.7, "m": 30, "damping": 0.01}
-    start = periodic(cb.symmetric(0.7, 0.0, 0.7).state(1), a=0.7, symmetric=True, **on)
+    start = breather(1, a=0.7, **on)
     fork = cb.trace(start, "a", within={"a": (0.6, 1.0)}, towards="up").first("PF")
     (arm,) = cb.switch(fork, within={"a": (0.6, 1.0)})
     double = arm.first("PD")

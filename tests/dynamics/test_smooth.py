@@ -24,6 +24,7 @@ from contbreather.dynamics.smooth import SmoothConditions, damping_of, restituti
 from contbreather.dynamics.smooth_flow import jacobian, motion, varied
 from contbreather.errors import NotConverged
 from contbreather.lattice import Fourier, Ring
+from tests.dynamics.zoo import breather
 
 FIGURE5 = {"a": 0.1, "gamma": 0.08, "k": 0.8, "damping": 0.005}
 
@@ -152,7 +153,7 @@ def test_other_forcing_drives_the_smooth_ring_too():
 
 @pytest.fixture(scope="module")
 def figure5():
-    start = periodic(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5, symmetric=True)
+    start = breather(20, m=6, **FIGURE5)
     return start.problem
 
 
@@ -232,8 +233,7 @@ def test_smooth_branch_in_m_leads_to_the_impacting_ring():
 def test_branch_of_figure_6c_has_a_fold_in_m():
     """At a = 0.7, gamma = 0.104 no symmetric breather continues that of the rigid walls below
     m = 16.46: for m = 6 the figure's start is no breather at all."""
-    state = symmetric(0.7, 0.104, 0.8).state(20)
-    start = periodic(state, a=0.7, gamma=0.104, k=0.8, damping=0.005, m=40, symmetric=True)
+    start = breather(20, a=0.7, gamma=0.104, k=0.8, damping=0.005, m=40)
     branch = trace(start, "m", within={"m": (6, 41)}, towards="down", steps=Steps(largest=1.0))
     fold = branch.first("LP")
     assert fold["m"] == pytest.approx(16.4605, abs=1e-3)
@@ -243,7 +243,7 @@ def test_branch_of_figure_6c_has_a_fold_in_m():
 @pytest.mark.slow
 def test_smooth_breather_is_lost_where_a_pair_leaves_the_circle():
     """a = 0.1, m = 6: at gamma = 0.0927; Fig. 6 (a) at 0.104 is beyond, Fig. 5 at 0.08 is not."""
-    start = periodic(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5, symmetric=True)
+    start = breather(20, m=6, **FIGURE5)
     steps = Steps(largest=0.005)
     branch = trace(start, "gamma", within={"gamma": (0.08, 0.104)}, towards="up", steps=steps)
     found = branch.first("NS")
@@ -254,14 +254,14 @@ def test_smooth_breather_is_lost_where_a_pair_leaves_the_circle():
 
 def test_pitchfork_of_the_smooth_chain_comes_later_than_that_of_rigid_walls():
     conditions = {"a": 0.77, "gamma": 0.04, "k": 0.8, "damping": 0.0}
-    start = periodic(symmetric(0.77, 0.04, 0.8).state(6), m=100, **conditions, symmetric=True)
+    start = breather(6, m=100, **conditions)
     branch = trace(start, "a", within={"a": (0.77, 0.79)}, towards="up")
     assert 0.7777 < branch.first("PF")["a"] < 0.785
 
 
 def test_smooth_branch_in_a_has_a_fold_near_that_of_the_exact_one():
     """Down from a = 0.1: the fold of m = 6 at 0.0726, of rigid walls, undamped, at 0.0601."""
-    start = periodic(symmetric(0.1, 0.08, 0.8).state(20), m=6, **FIGURE5, symmetric=True)
+    start = breather(20, m=6, **FIGURE5)
     branch = trace(start, "a", within={"a": (0.05, 0.12)}, towards="down")
     assert branch.first("LP")["a"] == pytest.approx(0.0726, abs=1e-4)
     exact = smallest_amplitude(0.08, 0.8)
@@ -269,8 +269,7 @@ def test_smooth_branch_in_a_has_a_fold_near_that_of_the_exact_one():
 
 
 def test_branch_in_gamma_and_lam_stays_near_the_exact_one():
-    state = symmetric(0.3, 0.05, 0.8).state(10)
-    start = periodic(state, a=0.3, gamma=0.05, k=0.8, m=60, damping=0.0, symmetric=True)
+    start = breather(10, a=0.3, gamma=0.05, k=0.8, m=60, damping=0.0)
     for name, window in (("gamma", (0.03, 0.06)), ("lam", (0.12, 0.16))):
         branch = trace(start, name, within={name: window}, steps=Steps(largest=0.02))
         for point in (branch[0], branch[-1]):

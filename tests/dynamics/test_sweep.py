@@ -25,6 +25,7 @@ from contbreather.dynamics import (
 )
 from contbreather.errors import NotConverged
 from contbreather.lattice import Fourier, Ring
+from tests.dynamics.zoo import breather
 
 DAMPED = {"gamma": 0.05, "k": 0.8, "damping": 0.02}
 
@@ -40,7 +41,7 @@ def orbit():
 
 def test_fold_of_the_undamped_orbit_is_that_of_the_closure():
     ring = Ring(6)
-    start = periodic(symmetric(0.1, 0.05, 0.8).state(6), a=0.1, gamma=0.05, k=0.8, symmetric=True)
+    start = breather(6, a=0.1, gamma=0.05, k=0.8)
     branch = trace(start, "a", towards="down", within={"a": (0.06, 0.2)})
     exact = smallest_amplitude(0.05, 0.8, lattice=ring)
     assert branch.first("LP")["a"] == pytest.approx(exact, abs=1e-11)
@@ -84,7 +85,7 @@ def test_lost_breather_does_not_come_back_on_the_way_up(orbit):
 def test_upward_sweep_loses_the_breather_where_the_neighbour_grazes():
     """gamma = 0.04: past the pitchfork on its asymmetric arm, until a = 0.877387 (no damping)."""
     conditions = {"gamma": 0.04, "k": 0.8, "damping": 0.01}
-    start = periodic(symmetric(0.7, 0.04, 0.8).state(10), a=0.7, **conditions, symmetric=True)
+    start = breather(10, a=0.7, **conditions)
     up = sweep(start.state, "a", np.arange(0.7, 0.9, 0.005), periods=400, a=0.7, **conditions)
     assert up.lost() == pytest.approx(0.8774, abs=0.006)
     tilted = np.abs(up.tilt) > 0.01
@@ -96,7 +97,7 @@ def test_sweep_in_gamma_meets_the_torus_where_the_branch_has_it():
     """A pair of multipliers leaves the circle at gamma = 0.08320; beyond the states do not repeat,
     and further on the torus is lost."""
     conditions = {"a": 0.1, "k": 0.8, "damping": 0.005}
-    start = periodic(symmetric(0.1, 0.08, 0.8).state(20), gamma=0.08, **conditions, symmetric=True)
+    start = breather(20, gamma=0.08, **conditions)
     branch = trace(start, "gamma", within={"gamma": (0.07, 0.1)}, towards="up")
     border = branch.first("NS")["gamma"]
     values = np.arange(0.08, 0.09, 0.0005)
@@ -184,7 +185,7 @@ def test_decay_is_that_of_the_first_harmonic(gamma):
 @pytest.fixture(scope="module")
 def basin():
     conditions = {"a": 0.12, "gamma": 0.08, "k": 0.8, "damping": 0.02}
-    start = periodic(symmetric(0.12, 0.08, 0.8).state(10), **conditions, symmetric=True)
+    start = breather(10, **conditions)
     u0, v0 = start.state.u[0], start.state.v[0]
     x = Axis("u", 0, [-1.2, u0, u0 + 0.02, 0.9])
     y = Axis("v", 0, [v0, v0 + 0.02, 0.05])
@@ -193,8 +194,7 @@ def basin():
 
 def test_starts_near_an_attractor_return_and_others_do_not(basin):
     start, x, y, conditions = basin
-    with ThreadPoolExecutor(1) as one:
-        found = attraction(start.state, x, y, **conditions, executor=one)
+    found = attraction(start.state, x, y, **conditions, executor=1)
     assert found.complete
     assert np.all(found.fate[:, 0] == Fate.OUTSIDE)
     assert np.all(found.fate[:2, 1:3] == Fate.RETURNED)
@@ -215,8 +215,7 @@ def test_starts_whose_impacts_are_all_over_the_ring_have_spread():
 @pytest.mark.slow
 def test_picture_does_not_depend_on_who_computes_it(basin):
     start, x, y, conditions = basin
-    with ThreadPoolExecutor(1) as one:
-        alone = attraction(start.state, x, y, **conditions, executor=one)
+    alone = attraction(start.state, x, y, **conditions, executor=1)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         shared = attraction(start.state, x, y, **conditions, executor=pool)
     assert np.array_equal(alone.fate, shared.fate)

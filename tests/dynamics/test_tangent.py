@@ -14,6 +14,7 @@ from contbreather.dynamics import Kind, lyapunov, periodic, simulate, variation,
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Ring
 from contbreather.stability import dense_half_map
+from tests.dynamics.zoo import breather
 
 
 @pytest.mark.parametrize("sites", [1, 2, 3, 20])
@@ -66,7 +67,7 @@ def test_largest_exponent_of_the_unstable_breather_is_its_largest_multiplier(sit
 
 def test_exponents_of_a_damped_attractor_are_its_multipliers():
     conditions = {"a": 0.3, "gamma": 0.08, "k": 0.8, "damping": 0.05}
-    orbit = periodic(symmetric(0.3, 0.08, 0.8).state(6), **conditions, symmetric=True)
+    orbit = breather(6, **conditions)
     wanted = np.log(np.abs(orbit.multipliers)) / (2 * math.pi)
     found = lyapunov(orbit.state, **conditions, periods=4000, settle=100, count=12)
     assert np.allclose(found.exponents, np.sort(wanted)[::-1], rtol=0, atol=2e-4)
@@ -124,7 +125,7 @@ def test_growth_of_a_simulated_perturbation_is_that_of_the_multiplier(a):
     The left eigenvector of the monodromy matrix singles out one mode among 40.
     """
     conditions = {"a": a, "gamma": 0.104, "k": 0.8, "damping": 0.005}
-    orbit = periodic(symmetric(a, 0.104, 0.8).state(20), **conditions, symmetric=True)
+    orbit = breather(20, **conditions)
     assert orbit.largest > 1.03
     values, left = np.linalg.eig(variation(orbit.run()).T)
     mode = left[:, np.abs(values).argmax()]
@@ -139,7 +140,7 @@ def test_growth_of_a_simulated_perturbation_is_that_of_the_multiplier(a):
 
 def test_damped_breather_becomes_a_torus_where_a_pair_leaves_the_circle():
     conditions = {"a": 0.1, "k": 0.8, "damping": 0.005}
-    start = periodic(symmetric(0.1, 0.08, 0.8).state(20), gamma=0.08, **conditions, symmetric=True)
+    start = breather(20, gamma=0.08, **conditions)
     branch = trace(start, "gamma", within={"gamma": (0.07, 0.1)}, towards="up")
     found = branch.first("NS")
     assert found["gamma"] == pytest.approx(0.0832031649, abs=1e-9)
@@ -151,7 +152,7 @@ def test_damped_breather_becomes_a_torus_where_a_pair_leaves_the_circle():
 
 def test_pitchfork_of_the_undamped_ring_is_that_of_the_closure():
     """gamma = 0.04, k = 0.8: a = 0.777632425944 on all but the shortest rings."""
-    start = periodic(symmetric(0.7, 0.04, 0.8).state(16), a=0.7, gamma=0.04, k=0.8, symmetric=True)
+    start = breather(16, a=0.7, gamma=0.04, k=0.8)
     branch = trace(start, "a", within={"a": (0.7, 0.8)}, towards="up")
     assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-10)
 

@@ -10,6 +10,7 @@ import pytest
 from contbreather.breathers import symmetric
 from contbreather.dynamics import Kind, periodic, rotation, simulate, sweep, verdict
 from contbreather.dynamics.tangent import weighted_mean
+from tests.dynamics.zoo import breather
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
@@ -187,7 +188,7 @@ def test_run_next_to_a_motion_that_repels_is_undecided(
     """Neither what returns until rounding has grown is periodic, nor its own exponent chaos."""
     conditions = {"a": a, "gamma": gamma, "k": k, "damping": damping}
     t0 = 0.5 * math.pi if k == 1.0 else 0.0  # with k = 1 it hits at t = 0
-    own = periodic(symmetric(a, gamma, k).state(sites, t0), symmetric=True, t0=t0, **conditions)
+    own = breather(sites, t0=t0, **conditions)
     assert own.largest > 1.01
     found = verdict(own.state, settle=settle, periods=periods, t0=t0, **conditions)
     assert found.kind is Kind.UNDECIDED, str(found)
@@ -198,7 +199,7 @@ def test_run_next_to_a_motion_that_repels_is_undecided(
 def test_small_torus_around_a_motion_that_repels_is_a_torus():
     """Just beyond its Neimark-Sacker bifurcation a motion repels, but what is next to it stays."""
     conditions = {"a": 0.15, "gamma": 0.0995, "k": 0.8, "damping": 0.02}
-    own = periodic(symmetric(0.15, 0.0995, 0.8).state(20), symmetric=True, **conditions)
+    own = breather(20, **conditions)
     assert own.largest > 1.0 + 1e-7
     found = verdict((0.999 * own.state.u, own.state.v), settle=30000, periods=3000, **conditions)
     assert np.abs(found.run.strobe.u - own.state.u).max() < 0.1

@@ -13,6 +13,7 @@ import contbreather as cb
 from contbreather.cli import DONE, main
 from contbreather.dynamics import Sample, periodic, simulate, simulate_smooth, sweep
 from contbreather.paper import fates, time_series
+from tests.dynamics import zoo
 
 SET = {"gamma": 0.104, "k": 0.8}
 
@@ -23,7 +24,7 @@ def breather(a):
 
 @pytest.mark.parametrize("a", [0.1, 0.15, 0.2, 0.7])
 def test_simulated_growth_is_the_largest_multiplier_to_three_digits(a):
-    own = periodic(breather(a).state(20), a=a, damping=0.005, symmetric=True, **SET)
+    own = zoo.breather(20, a=a, damping=0.005, **SET)
     rate = math.log(own.largest)
     assert math.log(fates.growth(own)) == pytest.approx(rate, rel=5e-4)
 
@@ -36,7 +37,7 @@ def test_simulated_growth_of_the_smooth_ring_is_its_largest_multiplier_to_three_
 
 
 def test_growth_below_one_is_the_decay_of_an_attractor():
-    own = periodic(breather(0.1).state(20), a=0.1, damping=0.02, symmetric=True, **SET)
+    own = zoo.breather(20, a=0.1, damping=0.02, **SET)
     assert own.largest < 1.0
     assert fates.growth(own) == pytest.approx(own.largest, abs=1e-4)
 
@@ -46,7 +47,7 @@ def test_growth_below_one_is_the_decay_of_an_attractor():
 def test_with_more_than_enough_damping_the_ring_settles_on_the_breather_and_with_less_it_leaves(a):
     enough = fates.enough_damping(breather(a), 20)
     for damping, settles in ((enough + 0.004, True), (enough - 0.004, False)):
-        own = periodic(breather(a).state(20), a=a, damping=damping, symmetric=True, **SET)
+        own = zoo.breather(20, a=a, damping=damping, **SET)
         pushed = own.state.u * 0.999, own.state.v
         run = simulate(pushed, a=a, damping=damping, periods=6000, **SET)
         away = np.abs(np.subtract(run.final, own.state)).max()
@@ -55,7 +56,7 @@ def test_with_more_than_enough_damping_the_ring_settles_on_the_breather_and_with
 
 
 def test_enough_damping_is_the_neimark_sacker_point_of_the_branch_in_damping():
-    own = periodic(breather(0.7).state(20), a=0.7, damping=0.03, symmetric=True, **SET)
+    own = zoo.breather(20, a=0.7, damping=0.03, **SET)
     branch = cb.trace(own, "damping", within={"damping": (0.01, 0.03)})
     enough = fates.enough_damping(breather(0.7), 20)
     pairs = [point for point in branch.special if point.kind == "NS"]
