@@ -252,3 +252,9 @@ def test_workers_that_never_answer_are_an_error_that_says_what_to_do(basin):
     start, x, y, conditions = basin
     with Dying(0) as pool, pytest.raises(NotConverged, match="__main__"):
         attraction(start.state, x, y, **conditions, executor=pool)
+
+
+def test_fates_are_small_numbers_without_gaps() -> None:
+    """They are kept in one byte each, and coloured by steps of one."""
+    assert sorted(int(fate) for fate in Fate) == list(range(-1, 5))
+    assert Fate.PENDING < Fate.OUTSIDE
