@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from .segment import Segment
 from .trail import ASIDE, Trail, Value, counts_apart, measure
 
 _SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
+_NARROW = 1e-14  # and half of that around a zero
 _START = (0.0, 0.5, 1.0)  # where a test is looked at first
 _POINT = 1e-6  # relative length of a piece of curve within which two zeros are one
 _ROUNDS = 20  # how often a step is looked through again, at the events found so far
@@ -92,7 +93,7 @@ def find(
     for trail in trails:
         # what has no test is looked at last, and at few places
         if trail.event.test is not None and not trail.calm:
-            trail.values[0.5] = measure(trail.event, segment.provisional(0.5))
+            trail.glance(0.5)
     tallies = [trail for trail in trails if trail.event.test is None]
     crossings = [trail for trail in trails if trail.event.crosses]
     others = [t for t in trails if t.event.test is not None and not t.event.crosses]
@@ -332,8 +333,10 @@ def _make_sure(trail: Trail) -> None:
 
 
 def _located(trail: Trail, left: float, right: float) -> Iterator[Point]:
-    finder = _jump if trail.jumps else _zero
-    for number, (low, high, point) in enumerate(finder(trail, left, right)):
+    places: Iterable[Place | None] = (
+        _jump(trail, left, right) if trail.jumps else [_zero(trail, left, right)]
+    )
+    for number, (low, high, point) in enumerate(filter(None, places)):
         if number == _MOST:
             trail.done.append((left, right))
             reason = f"more than {_MOST} changes of {trail.event.kind} within one step: no event"
@@ -420,40 +423,32 @@ def _changed(
 # --- zeros and jumps --------------------------------------------------------------------------
 
 
-def _zero(trail: Trail, left: float, right: float) -> Iterator[Place]:
-    """The zero of a float test in a bracket."""
+def _zero(trail: Trail, left: float, right: float) -> Place | None:
+    """The zero of a float test in a bracket; None where what was seen on the cubic is not there."""
     a, b = float(trail.values[left]), float(trail.values[right])
     if b == 0:
-        yield right, right, _isolated(trail, right, left, right)
-        return
-    crude = left + (right - left) * a / (a - b)
+        return right, right, _isolated(trail, right, left, right)
+    crude, size = left + (right - left) * a / (a - b), abs(a) + abs(b)
     polished = _polish(trail, crude, left, right)
     if polished is not None:
-        yield polished
-        return
-    # what was seen on the cubic may not be there
+        return polished
     if float(trail.look(left)) * float(trail.look(right)) > 0:
         trail.done.append((left, right))
-        return
+        return None
     from scipy.optimize import brentq  # dear to import, and hardly ever needed
 
     try:
         u = brentq(trail.look, left, right, xtol=1e-15, rtol=1e-14, disp=False)
     except Undefined:
-        yield _at_crossing(trail, crude, abs(a) + abs(b))
-        return
+        return _at_crossing(trail, crude, size)
     polished = _polish(trail, u, left, right)
     if polished is not None:
-        yield polished
-        return
+        return polished
     point = trail.segment.at(u)
-    if abs(measure(trail.event, point)) > 1e-6 * (abs(a) + abs(b)):
-        kind = trail.event.kind
-        reason = f"the test of {kind} changes sign without a zero: it jumps or has a pole"
-        yield u, u, replace(point, detail={"reason": reason}, located=False)
-    else:
-        width = 1e-14
-        yield u - width, u + width, _isolated(trail, u, left, right)
+    if abs(measure(trail.event, point)) <= 1e-6 * size:
+        return u - _NARROW, u + _NARROW, _isolated(trail, u, left, right)
+    reason = f"the test of {trail.event.kind} changes sign without a zero: it jumps or has a pole"
+    return u, u, replace(point, detail={"reason": reason}, located=False)
 
 
 def _isolated(trail: Trail, u: float, left: float, right: float) -> Point:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import KW_ONLY, dataclass, field, fields
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -297,11 +297,12 @@ class Event:
 
     kind: str
     test: Callable[[Point], float | int] | None
-    count: Callable[[Point], int | float] | None = field(default=None, kw_only=True)
-    locus: Callable[[Point], Locus] | None = field(default=None, kw_only=True)
-    examine: Callable[[Point], Examined] | None = field(default=None, kw_only=True)
-    ends: Literal["", "branch", "domain"] = field(default="", kw_only=True)
-    recipe: Recipe | None = field(default=None, kw_only=True)
+    _: KW_ONLY
+    count: Callable[[Point], int | float] | None = None
+    locus: Callable[[Point], Locus] | None = None
+    examine: Callable[[Point], Examined] | None = None
+    ends: Literal["", "branch", "domain"] = ""
+    recipe: Recipe | None = None
 
     def __post_init__(self) -> None:
         if self.ends not in ("", "branch", "domain"):

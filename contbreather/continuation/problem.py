@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -110,28 +110,25 @@ class Problem:
     residual: Residual
     start: Mapping[str, Any]
     params: Params
-    jacobian: Callable[[Array, Params], Matrix] | None = field(default=None, kw_only=True)
-    sensitivity: Callable[[Array, Params, str], Array] | None = field(default=None, kw_only=True)
-    events: tuple[Any, ...] = field(default=(), kw_only=True)
-    record: Mapping[str, Callable[[Any], float]] = field(default_factory=dict, kw_only=True)
-    domain: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
-    scales: Mapping[str, float] = field(default_factory=dict, kw_only=True)
-    interpret: Callable[[Any], Any] | None = field(default=None, kw_only=True)
-    images: Callable[[Array, Params], tuple[Array, ...]] | None = field(default=None, kw_only=True)
-    simpler: Callable[[Any], Problem | None] | None = field(default=None, kw_only=True)
-    lifts: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict, kw_only=True)
-    wider: Wider | None = field(default=None, kw_only=True)
-    label: str = field(default="", kw_only=True)
-    derivatives: Callable[[Array, Params, tuple[str, ...]], Matrix] | None = field(
-        default=None, kw_only=True
-    )
-    recipe: Recipe | None = field(default=None, kw_only=True)
-    sparsity: Any = field(default=None, kw_only=True)
-    beneath: Callable[[Array, Params, tuple[str, ...]], tuple[Curve, Array]] | None = field(
-        default=None, kw_only=True
-    )
-    compiled: bool = field(default=False, kw_only=True)
-    loops: Compilable | None = field(default=None, kw_only=True)
+    _: KW_ONLY
+    jacobian: Callable[[Array, Params], Matrix] | None = None
+    sensitivity: Callable[[Array, Params, str], Array] | None = None
+    events: tuple[Any, ...] = ()
+    record: Mapping[str, Callable[[Any], float]] = field(default_factory=dict)
+    domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    scales: Mapping[str, float] = field(default_factory=dict)
+    interpret: Callable[[Any], Any] | None = None
+    images: Callable[[Array, Params], tuple[Array, ...]] | None = None
+    simpler: Callable[[Any], Problem | None] | None = None
+    lifts: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
+    wider: Wider | None = None
+    label: str = ""
+    derivatives: Callable[[Array, Params, tuple[str, ...]], Matrix] | None = None
+    recipe: Recipe | None = None
+    sparsity: Any = None
+    beneath: Callable[[Array, Params, tuple[str, ...]], tuple[Curve, Array]] | None = None
+    compiled: bool = False
+    loops: Compilable | None = None
 
     def __post_init__(self) -> None:
         for what in ("residual", "jacobian"):
@@ -171,7 +168,6 @@ class Problem:
         listed = isinstance(self.events, tuple | list)
         if not (listed and all(hasattr(event, "kind") for event in self.events)):
             raise BadInput(f"events must be a list of them, got {self.events!r}")
-
         if self.sparsity is not None and not isinstance(self.sparsity, Pattern):
             object.__setattr__(self, "sparsity", self._pattern())
 

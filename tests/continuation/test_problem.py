@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contbreather.continuation import Problem, Steps, Stop, fold, trace
+from contbreather.continuation import Problem, Stop, fold, trace
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import complex_steps, differences, estimate, misfit
 from contbreather.errors import BadInput, NotConverged
 
-from .zoo import LINE, SMALL, Case, counted, scalar
+from .zoo import LINE, SMALL, Case, counted, scalar, trace_case
 
 PAIR = {"x": 0.3, "y": -0.2}
 
@@ -140,33 +140,19 @@ def test_the_shorter_a_step_the_more_of_rounding_is_doubted() -> None:
     assert doubt[0, 0] > 4 * eps / step
 
 
-def test_differences_next_to_a_rim_take_shorter_steps() -> None:
-    for distance in (1e-2, 1e-4, 1e-6):
-        (slope,) = differences(lambda z: np.array([math.sqrt(z[0])]), np.array([distance]))[0:1, 0]
-        assert slope == pytest.approx(0.5 / math.sqrt(distance), rel=1e-3)
-
-
-@pytest.mark.parametrize(("row", "column"), [(0, 0), (0, 1), (1, 0), (1, 1)])
-def test_a_wrong_entry_of_a_jacobian_is_named(row: int, column: int) -> None:
-    def wrong(u, p):
-        matrix = coupled_jacobian(u, p)
-        matrix[row, column] += 1e-3
-        return matrix
-
-    problem = Problem(coupled, PAIR, {"mu": 0.4}, jacobian=wrong)
-    with pytest.raises(BadInput, match=rf"its entry \({row}, {column}\) is .+, differences give"):
-        trace(problem, "mu")
-
-
-def test_a_wrong_sensitivity_is_named() -> None:
+@pytest.mark.parametrize("row", [0, 1])
+@pytest.mark.parametrize("column", [0, 1, 2])
+def test_a_wrong_entry_of_a_derivative_is_named(row: int, column: int) -> None:
+    off = np.zeros((2, 3))
+    off[row, column] = 1e-3
     problem = Problem(
         coupled,
         PAIR,
         {"mu": 0.4},
-        jacobian=coupled_jacobian,
-        sensitivity=lambda u, p, name: -coupled_sensitivity(u, p, name),
+        jacobian=lambda u, p: coupled_jacobian(u, p) + off[:, :2],
+        sensitivity=lambda u, p, name: coupled_sensitivity(u, p, name) + off[:, 2],
     )
-    with pytest.raises(BadInput, match=r"its entry \([01], 2\)"):
+    with pytest.raises(BadInput, match=rf"its entry \({row}, {column}\) is .+, differences give"):
         trace(problem, "mu")
 
 
@@ -206,13 +192,7 @@ def test_differences_and_complex_steps_walk_the_same_curve(case: Case) -> None:
         )
 
     exact, coarse = (
-        trace(
-            problem,
-            case.free,
-            within=case.within,
-            events=[fold()],
-            steps=Steps(first=0.1 * case.largest, largest=case.largest),
-        )
+        trace_case(case, start=problem, events=[fold()])
         for problem in (case.problem, replace(case.problem, residual=real))
     )
     assert [p.kind for p in coarse.special] == [p.kind for p in exact.special]
