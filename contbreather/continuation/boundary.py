@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from ..checks import check_kind
-from ..errors import BadInput, keeping, taking
+from ..errors import BadInput
 from ..progress import Counter
 from .branch import Branch, Settings
 from .branch_points import Crossings, branch_point_test, branches_cross
-from .checkpoint import Inner, Save, checkpoint
+from .checkpoint import Save, checkpoint, piece_of
 from .curve import Curve
 from .extended import Extended, event_of, extended, lifted
 from .newton import Undefined
@@ -99,15 +99,10 @@ def boundary(
     def born(line: Branch) -> Branch:
         return replace(line, settings=settings, origin=point)
 
-    pieces: list[Branch] = []
-    with (
-        checkpoint(save, "boundary") as kept,
-        keeping(lambda: born(pieces[0]) if pieces else None),
-        taking(pieces.append),
-    ):
+    with checkpoint(save, "boundary") as kept, piece_of(kept, born) as own:
         line = trace(
             longer, pair[0], within=within, towards=towards, steps=settings.steps,
-            progress=progress, save=Inner(kept, born),
+            progress=progress, save=own,
         )  # fmt: skip
         line = born(line)
         kept.finish(line)

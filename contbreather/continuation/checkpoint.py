@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..checks import kind_of
-from ..errors import BadInput, Interrupted
+from ..errors import BadInput, Interrupted, keeping, taking
 from .netcdf import target_of, write
 
 T = TypeVar("T")
@@ -104,6 +104,17 @@ class Nowhere(Checkpoint):
 
     def finish(self, result: Any) -> None:
         """Nothing."""
+
+
+@contextmanager
+def piece_of(
+    kept: Checkpoint | None, whole: Callable[[Any], Any], before: Any = None
+) -> Iterator[Checkpoint | None]:
+    """The file for a call within another, of whose result `whole` makes that of the outer one: on
+    disk, and where it is interrupted; `before` is what the outer one has by then without it."""
+    pieces: list[Any] = []
+    with keeping(lambda: whole(pieces[0]) if pieces else before), taking(pieces.append):
+        yield kept and Inner(kept, whole)
 
 
 Save = str | Path | Checkpoint | None

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from ..checks import check_kind, one_of
 from ..errors import BadInput, keeping, taking
 from .branch import Branch, Settings, Stop
-from .checkpoint import Checkpoint, Inner, Save, checkpoint
+from .checkpoint import Checkpoint, Save, checkpoint, piece_of
 from .extended import event_of
 from .point import Event
 from .restored import missing
@@ -144,8 +144,7 @@ def _further(
         longer = replace(line.join(piece), settings=asked)
         return longer if side == "last" else longer.reversed()
 
-    pieces: list[Branch] = []
-    with keeping(lambda: whole(pieces[0]) if pieces else branch), taking(pieces.append):
+    with piece_of(kept, whole, branch) as own:
         piece = trace(
             line[-1].problem,
             branch.free,
@@ -155,6 +154,6 @@ def _further(
             progress=progress,
             along=line[-1].direction,
             inadmissible=asked.inadmissible,
-            save=Inner(kept, whole),
+            save=own,
         )
     return whole(piece)

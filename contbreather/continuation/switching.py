@@ -17,7 +17,7 @@ from ..checks import kind_of
 from ..errors import BadInput, NotConverged, keeping, taking
 from ..progress import Counter
 from .branch import Branch, Stop, labelled
-from .checkpoint import Checkpoint, Inner, Save, checkpoint
+from .checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
 from .curve import Curve
 from .lift import Lift, Seed, across
 from .newton import OUT_OF_DOMAIN, Array
@@ -186,8 +186,7 @@ def follow(
     """One arm from a point, which is its first."""
     free = point.curve.free[0]
     start = _start(seed, free)
-    pieces: list[Branch] = []
-    with keeping(lambda: _with_parent(pieces[0], point) if pieces else None), taking(pieces.append):
+    with piece_of(save, lambda arm: _with_parent(arm, point)) as own:
         arm = trace(
             start,
             free,
@@ -197,7 +196,7 @@ def follow(
             progress=progress,
             along=seed.tangent,
             inadmissible=walls_are_lifted(point.curve.problem),
-            save=None if save is None else Inner(save, lambda arm: _with_parent(arm, point)),
+            save=own,
         )
     if len(arm) == 1 and arm.stop.failed:
         raise NotConverged(
