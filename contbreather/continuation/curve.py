@@ -280,7 +280,7 @@ class Curve:
             if problem.sparsity is not None:
                 return self._with_parameters(z, self._by_pattern(z), width)
             if problem.jacobian is None:
-                return self._by_trying(z, range(width))
+                return self._by_trying(self._raw, z, range(width), self.scales)
             own = problem.jacobian(self.unknowns(z), params)
             return self._with_parameters(z, canonical(own) if is_sparse(own) else own, width)
         except OUT_OF_DOMAIN as error:
@@ -300,7 +300,7 @@ class Curve:
             if is_sparse(own):
                 columns[:] = self._by_few(z, np.zeros(n), range(1, width - n + 1))
             else:
-                columns[:] = self._by_trying(z, range(n, width))
+                columns[:] = self._by_trying(self._raw, z, range(n, width), self.scales)
         if not is_sparse(own):
             matrix = np.empty((n, width))
             matrix[:, :n], matrix[:, n:] = own, columns
@@ -323,7 +323,7 @@ class Curve:
             return self._raw(np.concatenate([z[:n] + few[0] * way, few[1:]]))
 
         few, scales = np.append(0.0, z[n:]), np.append(1.0, self.scales[n:])
-        return self._by_trying(few, columns, moved, scales)
+        return self._by_trying(moved, few, columns, scales)
 
     def along(self, z: Array, vector: Array) -> Array:
         """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only."""
@@ -332,15 +332,10 @@ class Curve:
         return derivatives.along(self.jacobian, z, direction, self.scales)
 
     def _by_trying(
-        self,
-        z: Array,
-        columns: range,
-        function: Callable[[Array], Array] | None = None,
-        scales: Array | None = None,
+        self, function: Callable[[Array], Array], z: Array, columns: range, scales: Array
     ) -> Array:
         """Columns of the derivative by the scheme that suits the residual, chosen anew where
         complex numbers are refused after all."""
-        function = function or self._raw
         if self._scheme is derivatives.complex_steps:
             try:
                 return self._scheme(function, z, columns)
@@ -349,9 +344,7 @@ class Curve:
             except Exception:  # noqa: BLE001 - as where the scheme is chosen
                 self._scheme = None
         if self._scheme is None:
-            self._scheme = derivatives.choose(
-                function, z, self.scales if scales is None else scales
-            )
+            self._scheme = derivatives.choose(function, z, scales)
         return self._scheme(function, z, columns)
 
     def _raw(self, z: Array) -> Array:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -299,9 +300,8 @@ class _Growth:
 
     def run(self, start: Problem | Startable) -> None:
         """Grow until nothing is left to switch at, or it is enough."""
-        with taking(lambda piece: self._add(piece, Birth(0))):
-            first = self._trace(start, self.within, self.events, Birth(0))
-        self._add(first, Birth(0))
+        walk = partial(trace, start, self.free)
+        self._grow(Birth(0), walk, within=self.within, events=self.events)
         while self.queue and len(self.tree) < self.most:
             self._switch_at(self.queue[0])
             self.queue.popleft()
@@ -350,38 +350,24 @@ class _Growth:
             return
         image_of = None if known is None else known.branch
         birth = Birth(self.tree.births[place.branch].depth + 1, place, image_of)
-        small = simplest(first[-1], reach)
-        with taking(lambda piece: self._add(piece, birth)):
-            if small is not first[-1]:  # a branch of a smaller problem, which the place lies on
-                arm = self._trace(small.problem, self._within(small.problem), None, birth)
-            else:
-                arm = follow(
-                    point, seed, within=within, events=own, steps=self.steps, progress=self.shown,
-                    save=self._growing(birth),
-                )  # fmt: skip
-        self._add(arm, birth)
+        small, walk = simplest(first[-1], reach), partial(follow, point, seed)
+        if small is not first[-1]:  # a branch of a smaller problem, which the place lies on
+            walk, own = partial(trace, small.problem, self.free), None
+            within = self._within(small.problem)
+        self._grow(birth, walk, within=within, events=own)
 
-    def _trace(
-        self,
-        start: Problem | Startable,
-        within: Within,
-        events: tuple[Event, ...] | None,
-        birth: Birth,
-    ) -> Branch:
-        return trace(
-            start, self.free, within=within, events=events, steps=self.steps, progress=self.shown,
-            save=self._growing(birth),
-        )  # fmt: skip
-
-    def _growing(self, birth: Birth) -> Checkpoint:
-        """The file, while one more branch grows."""
+    def _grow(self, birth: Birth, walk: Callable[..., Branch], **how: Any) -> None:
+        """One more branch, or what there is of it where it is interrupted."""
 
         def whole(piece: Branch) -> Diagram | None:
             here = replace(self, queue=self.queue.copy())
             here._add(piece, birth)
             return here.so_far()
 
-        return Inner(self.kept, whole)
+        with taking(lambda piece: self._add(piece, birth)):
+            save = Inner(self.kept, whole)
+            branch = walk(**how, steps=self.steps, progress=self.shown, save=save)
+        self._add(branch, birth)
 
     def _within(self, problem: Problem) -> Within:
         return {name: window for name, window in self.within.items() if name in problem.names}

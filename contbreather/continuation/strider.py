@@ -117,16 +117,11 @@ class Strider:
         self.text = _Text("stride", loops, d, [*fixed, self.state, *self.moving, *scratch])
 
     def go(
-        self,
-        z: Array,
-        tangent: Array,
-        bend: Array,
-        state: tuple[float, float, float, float],
-        most: int,
+        self, moving: Sequence[Array], state: Sequence[float], most: int
     ) -> tuple[Array, Array, Array, Array]:
         """As many plain steps as come off, at most so many: their z, tangents, arclengths and
-        residuals; `state` is arclength, size, side and longest step."""
-        for mine, given in zip(self.moving, (z, tangent, bend), strict=True):
+        residuals; `moving` are z, tangent and bend, `state` arclength, size, side, longest step."""
+        for mine, given in zip(self.moving, moving, strict=True):
             mine[:] = given
         self.state[:4] = state
         most = min(most, _AT_ONCE if self.text.is_compiled() else _AS_IT_IS)

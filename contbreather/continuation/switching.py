@@ -173,31 +173,12 @@ def _nothing(point: Point) -> str:
     return ""
 
 
-def follow(
-    point: Point,
-    seed: Seed,
-    *,
-    within: Within | None = None,
-    events: Sequence[Event] | None = None,
-    steps: Steps | None = None,
-    progress: bool | Counter | None = None,
-    save: Checkpoint | None = None,
-) -> Branch:
-    """One arm from a point, which is its first."""
-    free = point.curve.free[0]
+def follow(point: Point, seed: Seed, *, save: Checkpoint | None = None, **how: Any) -> Branch:
+    """One arm from a point, which is its first; how is as for `trace`."""
+    free, lifted = point.curve.free[0], walls_are_lifted(point.curve.problem)
     start = _start(seed, free)
     with piece_of(save, lambda arm: _with_parent(arm, point)) as own:
-        arm = trace(
-            start,
-            free,
-            within=within,
-            events=events,
-            steps=steps,
-            progress=progress,
-            along=seed.tangent,
-            inadmissible=walls_are_lifted(point.curve.problem),
-            save=own,
-        )
+        arm = trace(start, free, along=seed.tangent, inadmissible=lifted, save=own, **how)
     if len(arm) == 1 and arm.stop.failed:
         raise NotConverged(
             f"no step can be made along an arm of {point!r}: {arm.stop.value}; {arm.reason}",

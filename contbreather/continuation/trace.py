@@ -397,7 +397,7 @@ class Walker:
         if strider is None or LOG.isEnabledFor(logging.DEBUG):  # each step has a line of its own
             return ()
         state = (point.arclength, self.size, float(self.side), self.longest)
-        stretch = strider.go(point.z, point.direction, self.bend, state, most)
+        stretch = strider.go((point.z, point.direction, self.bend), state, most)
         if len(stretch[0]) and strider.loops.at_once and self._strayed(stretch[0], stretch[1]):
             self.strider = None
             return ()
