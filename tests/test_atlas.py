@@ -124,25 +124,6 @@ def test_the_command_writes_data_and_a_picture(run: Callable[[str], tuple[int, s
     assert Path("atlas.csv").read_text().count("\n") == 1 + len(content["atlas"]["a"])
 
 
-@pytest.mark.parametrize(
-    ("line", "reason"),
-    [
-        ("--k 0.8:0.9", "neither a number nor LOW:HIGH:COUNT"),
-        ("--k 0.8 --over c3", "NAME=VALUE,VALUE,... was expected"),
-        ("--k 0.8 --over c3=1", "unknown forcing parameter c3"),
-        ("", "values of exactly one of k, gamma, a"),
-        ("--k 0.8 --save nowhere/a.nc", "there is no directory"),
-        ("--k 0.8 --lattice open:9", "is not an option of atlas"),
-    ],
-)
-def test_what_the_command_cannot_use_is_refused(
-    run: Callable[[str], tuple[int, str, str]], line: str, reason: str
-) -> None:
-    status, out, err = run(f"atlas {line}")
-    assert (status, out) == (2, "")
-    assert reason in err
-
-
 def test_the_command_says_how_many_diagrams_there_are_and_which_are_missing(
     run: Callable[[str], tuple[int, str, str]],
 ) -> None:

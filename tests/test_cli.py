@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
-import json
 import math
 import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -27,11 +24,11 @@ from contbreather.cli.output import to_csv
 from contbreather.errors import NotConverged
 from contbreather.stability.arc import on_arc
 
+from .typed import Run, strict, table
+
 POINT = "point --a 0.5 --gamma 0.12 --k 0.4"
 BRANCH = "branch --free a --gamma 0.1 --k 0.8"
 TWO_HARMONICS = "-cos(t) - 2.7*cos(3*t)"
-
-Run = Callable[[str], tuple[int, str, str]]
 
 
 def typed(*arguments: str, where: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -47,164 +44,12 @@ def typed(*arguments: str, where: Path | None = None) -> subprocess.CompletedPro
     )
 
 
-def strict(text: str) -> Any:
-    """Exactly one JSON value, without NaN or infinities."""
-
-    def refuse(name: str) -> None:
-        raise AssertionError(f"{name} in JSON")
-
-    return json.loads(text, parse_constant=refuse)
-
-
-def table(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="") as stream:
-        return list(csv.DictReader(stream))
-
-
 def numbers(row: dict[str, str]) -> dict[str, float]:
     names = ("k", "gamma", "a", "p", "phi", "nu")
     return {name: float(row[name]) for name in names if row[name]}
 
 
 # --- what is refused ----------------------------------------------------------------------------
-
-REFUSED = {
-    "gamma at the band's closing": ("point --a 0.5 --gamma 0.25 --k 0.8", r"0 <= gamma < 1/4"),
-    "gamma negative": ("point --a 0.5 --gamma -0.1 --k 0.8", r"0 <= gamma < 1/4"),
-    "gamma nan": ("point --a 0.5 --gamma nan --k 0.8", r"0 <= gamma < 1/4"),
-    "gamma infinite": ("branch --free a --gamma inf --k 0.8", r"0 <= gamma < 1/4"),
-    "k above one": ("point --a 0.5 --gamma 0.1 --k 1.0001", r"0 <= k <= 1"),
-    "k negative": ("point --a 0.5 --gamma 0.1 --k -0.2", r"0 <= k <= 1"),
-    "k nan": ("zones --k nan", r"0 <= k <= 1"),
-    "k of zones": ("zones --k 2", r"0 <= k <= 1"),
-    "zones at the rim of k": ("zones --k 1", r"zones need 0 < k < 1"),
-    "a below the fold": (
-        "point --a 0.05 --gamma 0.1 --k 0.8",
-        r"below the fold.*the smallest a is 0\.0570290371821",
-    ),
-    "a infinite": ("point --a inf --gamma 0.1 --k 0.8", r"a = inf: .* finite"),
-    "a nan": ("point --a nan --gamma 0.1 --k 0.8", r"a = nan: .* finite"),
-    "a zero": ("point --a 0 --gamma 0.1 --k 0.8", r"finite number > 0"),
-    "a no number": ("point --a half --gamma 0.1 --k 0.8", r'--a: unable to convert "half"'),
-    "a missing": ("point --gamma 0.1 --k 0.8", r"--a is missing: the amplitude"),
-    "k missing": ("point --gamma 0.1 --a 0.8", r"--k is missing: the restitution"),
-    "value missing": ("point --a", r"--a requires an argument"),
-    "even forcing": (
-        f"{POINT} --forcing '-cos(t)+cos(2*t)'",
-        r"even harmonic 2: it is not antisymmetric",
-    ),
-    "forcing with a mean": (f"{POINT} --forcing '1-cos(t)'", r"antisymmetric|mean"),
-    "wrong period": (f"{POINT} --forcing 'cos(t/2)'", r"antisymmetric|period"),
-    "no formula": (f"{POINT} --forcing 'cos(t'", r"is not a formula"),
-    "letter without value": (f"{POINT} --forcing '-cos(t)-c*cos(3*t)'", r"needs a value for c"),
-    "time by another name": (f"{POINT} --forcing '-cos(x)'", r"needs a value for x; the time is t"),
-    "forcing zero": (f"{POINT} --forcing 0", r"the forcing '0' is zero; a breather needs"),
-    "forcing zero by its letter": (f"{POINT} --forcing 'c*cos(t)' --set c=0", r"is zero at c = 0;"),
-    "a beyond all bounds": (
-        "point --a 1e300 --gamma 0.1 --k 0.8",
-        r"too large.*no breather is admissible beyond a = 1, where",
-    ),
-    "gamma of a boundary": (
-        "boundary PF --pair k a --gamma 0.3",
-        r"^contbreather: gamma = 0\.3: the coupling must",
-    ),
-    "root that is not there": (
-        "point --a 0.5 --gamma 0.1 --k 0.8 --root 3",
-        r"root 3: the solutions of \(11\) are 1: p = 0\.767381929, 2: p = 0\.257470095; choose",
-    ),
-    "root zero": ("point --a 0.5 --gamma 0.1 --k 0.8 --root 0", r"root 0: the solutions"),
-    "root of a branch that is not there": (
-        "branch --free gamma --a 0.5 --gamma 0.1 --k 0.8 --root 3",
-        r"root 3: the solutions",
-    ),
-    "zones without a curve": (
-        "zones --k 0.8 --gamma-window 0.02 0.03 --a-window 0.3 0.4",
-        r"no curve passes the window",
-    ),
-    "value without letter": (f"{POINT} --set c=1", r"unknown forcing parameter c"),
-    "set without a number": (f"{POINT} --set c=lots", r"NAME=VALUE was expected"),
-    "set without a name": (f"{POINT} --set =1", r"NAME=VALUE was expected"),
-    "no sites": (f"{POINT} --sites 0", r"sites = .*: a whole number, at least 1"),
-    "sites no number": (f"{POINT} --sites many", r"many is not a whole number"),
-    "threshold alone": (f"{POINT} --threshold 1.005", r"--threshold needs --sites"),
-    "threshold below one": (f"{POINT} --sites 10 --threshold 0.9", r"threshold = 0\.9"),
-    "threshold nan": (f"{POINT} --sites 10 --threshold nan", r"threshold = nan"),
-    "unknown option": (f"{POINT} --amplitude 3", r"Unknown option.*--amplitude"),
-    "unknown command": (
-        "zone",
-        r'Unknown command "zone"\. Did you mean "zones"\?; see contbreather --help',
-    ),
-    "stray word": (f"{POINT} more", r"more"),
-    "no free parameter": ("branch --gamma 0.1 --k 0.8", r"--free is missing"),
-    "unknown free parameter": (
-        "branch --free b --gamma 0.1 --k 0.8",
-        r"unknown parameter 'b'; there are a, gamma, k",
-    ),
-    "unknown direction": (f"{BRANCH} --towards left", r'"both", "up", "down"'),
-    "window above existence": (
-        f"{BRANCH} --window 0.9 0.95",
-        r"no breather .* between 0\.9 and 0\.95: .*\(15\) is broken",
-    ),
-    "window below existence": (f"{BRANCH} --window 0.01 0.05", r"no breather .* below the fold"),
-    "window the wrong way round": (f"{BRANCH} --window 0.9 0.5", r"the smaller first"),
-    "window nan": (f"{BRANCH} --window nan 0.5", r"two finite numbers"),
-    "window infinite": (f"{BRANCH} --window 0 inf", r"two finite numbers"),
-    "half a window": (f"{BRANCH} --window 0.5", r"--window requires 2"),
-    "window outside of the domain": (
-        "branch --free gamma --a 0.5 --k 0.8 --window 0.3 0.4",
-        r"contains no breather",
-    ),
-    "start outside of the window": (f"{BRANCH} --a 0.7 --window 0.1 0.6", r"outside of the window"),
-    "start that is no breather": (f"{BRANCH} --a 0.95", r"\(15\) is broken"),
-    "zones in an empty window": ("zones --gamma-window 0.3 0.4", r"contains no breather"),
-    "zones above existence": (
-        "zones --k 0.8 --gamma-window 0.2 0.24 --a-window 0.9 0.99",
-        r"no breather",
-    ),
-    "zones where nothing can be": (
-        "zones --a 2",
-        r"no breather at a = 2 for k between 0\.01 and 0\.999 and gamma between 0 and 0\.2499;",
-    ),
-    "two fixed parameters": ("zones --k 0.8 --a 0.5", r"leave one"),
-    "unknown kind": ("boundary HB --k 0.8", r"'HB' is not one of them"),
-    "threshold of arms": (
-        "boundary PD --k 0.9 --gamma 0.1 --sites 9 --threshold 1.1",
-        r"judged by the paper's 1\.005; leave it out",
-    ),
-    "no kind": ("boundary --k 0.8", r"LP, PF, PD, NS or GR; none was given"),
-    "pair of one": ("boundary PF --pair a a --k 0.8", r"two different parameters"),
-    "unknown pair": ("boundary PF --pair a b --k 0.8", r"unknown parameter 'b'"),
-    "half a pair": ("boundary PF --pair a", r"--pair requires 2"),
-    "boundary not in the window": (
-        "boundary PF --k 0.8 --window 0.1 0.2",
-        r"no PF found for gamma between 0\.1 and 0\.2",
-    ),
-    "seed outside of the window": (
-        "boundary PF --k 0.8 --gamma 0.2 --window 0 0.1",
-        r"outside of the window",
-    ),
-    "no such figure": ("figure 9", r"there are the figures 2, 3, 4, 5, 6, 7, 8"),
-    "no figure": ("figure", r"there are the figures 2, 3, 4, 5, 6, 7, 8"),
-    "empty table name": (f"{BRANCH} --csv ''", r"name of the file to write is empty"),
-    "table in a directory's place": (f"{BRANCH} --csv .", r"it is a directory"),
-    "figure in a directory's place": ("zones -o .", r"it is a directory"),
-    "table nowhere": (f"{BRANCH} --csv nowhere/b.csv", r"there is no directory nowhere"),
-    "unknown format": ("zones -o zones.jpeg", r"suffix must be one of"),
-    "one file for two": (f"{BRANCH} --csv b.png -o b.png", r"different names"),
-    "unwritable": (f"{BRANCH} --csv /proc/b.csv", r"cannot write /proc/b\.csv"),
-}
-
-
-@pytest.mark.parametrize(("line", "sentence"), REFUSED.values(), ids=REFUSED)
-def test_bad_input_is_one_sentence_and_status_2(run: Run, line: str, sentence: str) -> None:
-    status, out, err = run(line)
-    assert status == BAD_INPUT
-    assert out == ""
-    assert err.startswith("contbreather: ")
-    assert err.count("\n") == 1
-    assert "Traceback" not in err
-    assert re.search(sentence, err), err
-    assert list(Path().iterdir()) == []  # nothing half done is left
 
 
 def test_bad_input_is_refused_the_same_way_with_json(run: Run) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import re
@@ -16,14 +15,10 @@ from contbreather.cli import BAD_INPUT, DONE, seen
 from contbreather.cli.output import say, to_csv, to_json
 from contbreather.dynamics import open_recording, there_and_back
 
-Output = tuple[int, str, str]
+from .typed import table
+
 RUN = "simulate --a 0.2 --gamma 0.04 --k 0.8 --damping 0.02 --sites 4"
 ELASTIC = "simulate --a 0.2 --gamma 0.08 --k 1 --sites 3"  # sets out a quarter of a period late
-
-
-def table(path: str) -> list[dict[str, str]]:
-    with Path(path).open(newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def cells(out: str) -> dict[str, str]:

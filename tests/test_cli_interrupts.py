@@ -11,7 +11,6 @@ import subprocess
 import sys
 import time
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,8 @@ import contbreather as cb
 from contbreather.cli import DONE, INTERRUPTED, main
 from contbreather.progress import Counter
 
-Output = tuple[int, str, str]
+from .typed import Run
+
 ZONES = "zones --k 0.8 --gamma-window 0.02 0.1 --json --csv zones.csv"
 BRANCH = "branch --free a --gamma 0.08 --k 0.8 --json --csv branch.csv -o branch.svg"
 LINES = {  # and the part of its work after which it is interrupted, in the midst of the last walk
@@ -53,7 +53,7 @@ class Clock:
 
 @pytest.mark.parametrize("line", LINES, ids=lambda line: line.split()[0])
 def test_what_is_done_is_written_and_marked_as_cut_short(
-    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch, line: str
+    run: Run, monkeypatch: pytest.MonkeyPatch, line: str
 ) -> None:
     clock = Clock(monkeypatch)
     status, out, err = run(line)
@@ -75,9 +75,7 @@ def test_what_is_done_is_written_and_marked_as_cut_short(
             assert {row.count(",") for row in rows} == {names.count(",")}
 
 
-def test_tables_for_people_say_it_too(
-    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_tables_for_people_say_it_too(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock(monkeypatch)
     run(ZONES)
     clock.asked, clock.last = 0, clock.asked // 2
@@ -85,7 +83,7 @@ def test_tables_for_people_say_it_too(
 
 
 def test_before_there_is_anything_nothing_is_said_or_written(
-    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     Clock(monkeypatch, cb.InfiniteChain).last = 1
     assert run(ZONES) == (INTERRUPTED, "", "contbreather: interrupted\n")
@@ -106,9 +104,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, times: int) -> None:
     monkeypatch.setattr(plotting, "plot", interrupted)
 
 
-def test_while_it_writes_one_interruption_waits(
-    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_while_it_writes_one_interruption_waits(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn(monkeypatch, 1)
     status, out, err = run(BRANCH)
     assert (status, err) == (INTERRUPTED, "contbreather: interrupted\n")
@@ -118,14 +114,14 @@ def test_while_it_writes_one_interruption_waits(
 
 
 def test_while_it_writes_the_second_interruption_does_not_wait(
-    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn(monkeypatch, 2)
     assert run(BRANCH)[:2] == (INTERRUPTED, "")
     assert os.listdir() == ["branch.csv"]
 
 
-def test_the_handler_of_the_caller_comes_back(run: Callable[[str], Output]) -> None:
+def test_the_handler_of_the_caller_comes_back(run: Run) -> None:
     before = signal.getsignal(signal.SIGINT)
     run(BRANCH)
     assert signal.getsignal(signal.SIGINT) is before

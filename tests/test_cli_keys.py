@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-Output = tuple[int, str, str]
+from .typed import Run
 
 SAID = "forcing interrupted written"
 BREATHER, ARM = "p phi a gamma k", "p t1 t2 c a gamma k"
@@ -100,9 +100,7 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_name_in_what_a_command_leaves_is_known(
-    run: Callable[[str], Output], command: str
-) -> None:
+def test_every_name_in_what_a_command_leaves_is_known(run: Run, command: str) -> None:
     names, tables = COMMANDS[command]
     files = {option: f"{option[2:]}.csv" for option in tables}
     asked = " ".join(f"{option} {path}" for option, path in files.items())

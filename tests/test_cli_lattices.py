@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,9 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.cli import BAD_INPUT, DONE
+from contbreather.cli import DONE
+
+from .typed import write_matrix
 
 AT = "--gamma 0.05 --k 0.8"
 MATRIX = [[1.0, -1.0, 0.0], [-1.0, 3.0, -2.0], [0.0, -2.0, 2.0]]
@@ -23,10 +24,6 @@ def content(run: Any, line: str) -> dict[str, Any]:
     assert (status, err) == (DONE, "")
     found: dict[str, Any] = json.loads(out)
     return found
-
-
-def write_matrix(name: str, rows: Any) -> None:
-    Path(name).write_text("\n".join(",".join(map(str, row)) for row in rows), encoding="utf-8")
 
 
 def star() -> nx.Graph:
@@ -196,167 +193,6 @@ def test_a_run_between_far_walls_and_one_without_a_lattice(run) -> None:
     assert springs["sites"] == 20
     smooth = content(run, f"simulate --a 0.1 {AT} --lattice open:9 --smooth 6 --periods 3")
     assert smooth["lattice"] == "open chain with free ends, 9 sites"
-
-
-POINT = f"point --a 0.6 {AT}"
-REFUSED = {
-    "no such lattice": (f"{POINT} --lattice cube:3", r"--lattice cube:3: expected ring:20, open"),
-    "no size": (f"{POINT} --lattice ring", r"--lattice ring: expected ring:20"),
-    "size zero": (f"{POINT} --lattice open:0", r"--lattice open:0: expected"),
-    "size negative": (f"{POINT} --lattice open:-3", r"--lattice open:-3: expected"),
-    "size no number": (f"{POINT} --lattice grid:5xfive", r"--lattice grid:5xfive: expected"),
-    "half a grid": (f"{POINT} --lattice grid:5", r"--lattice grid:5: expected"),
-    "unknown ends": (f"{POINT} --lattice open:9:loose", r"--lattice open:9:loose: expected"),
-    "ring with ends": (f"{POINT} --lattice ring:9:fixed", r"--lattice ring:9:fixed: expected"),
-    "lattice and sites": (f"{POINT} --lattice ring:9 --sites 9", r"give one of the two"),
-    "no such file": (f"{POINT} --lattice nowhere.csv", r"cannot read nowhere\.csv: No such file"),
-    "no such graph": (f"{POINT} --lattice no.graphml", r"cannot read no\.graphml: No such file"),
-    "folder": (f"{POINT} --lattice folder.csv", r"cannot read folder\.csv: it is a directory"),
-    "words": (f"{POINT} --lattice words.csv", r"no stiffness matrix in words\.csv: could not conv"),
-    "bytes": (f"{POINT} --lattice bytes.csv", r"cannot read bytes\.csv: it is not text"),
-    "empty": (f"{POINT} --lattice empty.csv", r"no stiffness matrix in empty\.csv: 0 rows of no"),
-    "ragged": (f"{POINT} --lattice ragged.csv", r"2 rows of 1, 2 numbers; a square matrix"),
-    "not square": (f"{POINT} --lattice wide.csv", r"2 rows of 3 numbers; a square matrix"),
-    "not symmetric": (
-        f"{POINT} --lattice lopsided.csv",
-        r"stiffness\[0, 1\] = -1 but stiffness\[1, 0\] = -0\.5: .* must be symmetric",
-    ),
-    "not semidefinite": (
-        f"{POINT} --lattice falling.csv",
-        r"the stiffness matrix has the eigenvalue -1: it must be positive semidefinite",
-    ),
-    "not finite": (f"{POINT} --lattice nan.csv", r"stiffness\[0, 0\] = nan is not finite"),
-    "no graph": (f"{POINT} --lattice broken.graphml", r"no graph in broken\.graphml: "),
-    "graph of another language": (f"{POINT} --lattice page.graphml", r"no graph in page\.graphml"),
-    "graph with directions": (f"{POINT} --lattice arrows.graphml", r"an undirected networkx graph"),
-    "weights in words": (f"{POINT} --lattice stiff.graphml", r"weights 'weight' of the edges must"),
-    "negative weight": (f"{POINT} --lattice push.graphml", r"must be positive semidefinite"),
-    "negative mass": (f"{POINT} --lattice heavy.graphml", r"masses\[1\] = -2: every mass must be"),
-    "mass in words": (f"{POINT} --lattice lead.graphml", r"one number for each site is expected"),
-    "site alone": (
-        f"{POINT} --lattice apart.graphml --site 2",
-        r"site 2 of this lattice has no bond to any other",
-    ),
-    "site not there": (f"{POINT} --lattice open:9 --site 9", r"no such site on the open chain"),
-    "site not whole": (f"{POINT} --lattice open:9 --site 1.5", r"1\.5 is not a whole number"),
-    "walls of a site not there": (
-        f"{POINT} --lattice open:9 --walls 12:-1,1",
-        r"walls of site 12: there is no such site on the open chain .* sites are 0 to 8",
-    ),
-    "walls crossed": (f"{POINT} --lattice open:9 --walls 1,-1", r"two numbers low < high"),
-    "walls nan": (f"{POINT} --lattice open:9 --walls nan,1", r"two numbers low < high"),
-    "half a wall": (f"{POINT} --lattice open:9 --walls 1", r"--walls 1: LOW,HIGH is expected"),
-    "walls in words": (
-        f"{POINT} --lattice open:9 --walls=up,1",
-        r"--walls up,1: LOW,HIGH is expected",
-    ),
-    "walls of no site": (f"{POINT} --lattice open:9 --walls x:-1,1", r"SITE:LOW,HIGH is expected"),
-    "walls twice": (f"{POINT} --lattice open:9 --walls -1,1 --walls -2,2", r"one pair for all"),
-    "walls of a site twice": (
-        f"{POINT} --lattice open:9 --walls 1:-1,1 --walls 1:-2,2",
-        r"one pair for all sites, one for each of them",
-    ),
-    "one wall": (f"{POINT} --lattice open:9 --walls none,1", r"the walls are not symmetric"),
-    "damping negative": (f"{POINT} --lattice open:9 --damping -1", r"damping = -1\.0: at least 0"),
-    "damping nan": (f"{POINT} --lattice open:9 --damping nan", r"damping = nan: at least 0"),
-    "spring negative": (f"{POINT} --lattice open:9 --spring -0.1", r"spring = -0\.1: at least 0"),
-    "spring in resonance": (
-        f"{POINT} --lattice open:9 --spring 1",
-        r"frequency 1 is in resonance with the orbit: change gamma or spring",
-    ),
-    "spring above the drive on the infinite chain": (
-        f"{POINT} --spring 1.2",
-        r"spring = 1\.2: .* below the drive \(above that take a ring of 40 sites\)",
-    ),
-    "spring that closes the gap of the infinite chain": (
-        f"{POINT} --spring 0.9",
-        r"gamma = 0\.05, spring = 0\.9: the band .* must stay below 1",
-    ),
-    "threshold of the infinite chain": (f"{POINT} --threshold 1.01", r"--threshold needs --sites"),
-    "damping of the infinite chain": (f"{POINT} --damping 0.1", r"take a ring or another"),
-    "site of the infinite chain": (f"{POINT} --site 3", r"on the infinite chain site 0 impacts"),
-    "branch with a site not there": (
-        f"branch --free a {AT} --lattice open:9 --site 9",
-        r"no such site on the open chain",
-    ),
-    "boundary with walls crossed": (
-        f"boundary PF {AT} --lattice open:9 --walls 1,-1",
-        r"two numbers low < high",
-    ),
-    "damping to vary on the infinite chain": (
-        f"branch --free damping --a 0.6 {AT} --window 0.01 0.1",
-        r"on the infinite chain",
-    ),
-    "threshold of arms": (
-        f"switch --free a {AT} --lattice open:9 --threshold 1.02",
-        r"--threshold 1\.02: branches that are switched to are judged by the paper's 1\.005",
-    ),
-    "threshold of a run": (
-        f"simulate --a 0.6 {AT} --sites 9 --threshold 1.02",
-        r"--threshold: the verdict on a run has none",
-    ),
-    "run from a site not there": (
-        f"simulate --a 0.6 {AT} --lattice open:9 --site 9",
-        r"no such site on the open chain",
-    ),
-    "run between walls crossed": (
-        f"simulate --a 0.6 {AT} --lattice open:9 --walls 1,-1",
-        r"two numbers low < high",
-    ),
-    "smooth walls elsewhere": (
-        f"simulate --a 0.6 {AT} --walls -2,2 --smooth 6",
-        r"--walls goes with rigid walls only: leave out --smooth",
-    ),
-    "threshold zero": (f"{POINT} --lattice open:9 --threshold 0", r"threshold = 0"),
-    "zones": (
-        "zones --lattice open:9",
-        r"--lattice is not an option of zones: .* boundary follows",
-    ),
-    "zones with damping": ("zones --damping 0.1", r"--damping is not an option of zones"),
-    "figure": (
-        "figure 4 --walls -2,2",
-        r"--walls is not an option of figure: the figures are those",
-    ),
-}
-
-
-def plant() -> None:
-    """Files that are no lattices."""
-    write_matrix("lopsided.csv", [[1, -1], [-0.5, 1]])
-    write_matrix("falling.csv", [[0, 1], [1, 0]])
-    write_matrix("ragged.csv", [[1, -1], [1]])
-    write_matrix("wide.csv", [[1, -1, 0], [-1, 1, 0]])
-    write_matrix("nan.csv", [["nan", -1], [-1, 1]])
-    write_matrix("words.csv", [["one", "two"], [1, 2]])
-    Path("bytes.csv").write_bytes(bytes(range(128, 256)))
-    Path("empty.csv").touch()
-    Path("folder.csv").mkdir()
-    Path("broken.graphml").write_text("<graphml><graph", encoding="utf-8")
-    Path("page.graphml").write_text("<html/>", encoding="utf-8")
-    pair = nx.path_graph(2)
-    nx.write_graphml(nx.DiGraph([(0, 1)]), "arrows.graphml")
-    for name, edge in (("stiff", "very"), ("push", -1.0)):
-        nx.set_edge_attributes(pair, edge, "weight")
-        nx.write_graphml(pair, f"{name}.graphml")
-    for name, mass in (("heavy", -2.0), ("lead", "a lot")):
-        weighed = nx.path_graph(3)
-        weighed.nodes[1]["mass"] = mass
-        nx.write_graphml(weighed, f"{name}.graphml")
-    apart = nx.path_graph(2)
-    apart.add_node(2)
-    nx.write_graphml(apart, "apart.graphml")
-
-
-@pytest.mark.parametrize(("line", "sentence"), REFUSED.values(), ids=REFUSED)
-def test_what_is_refused_is_one_sentence_and_status_2(run, line: str, sentence: str) -> None:
-    plant()
-    before = sorted(Path().iterdir())
-    status, out, err = run(line)
-    assert (status, out) == (BAD_INPUT, ""), err
-    assert err.startswith("contbreather: ")
-    assert err.count("\n") == 1
-    assert re.search(sentence, err), err
-    assert sorted(Path().iterdir()) == before
 
 
 def test_masses_and_drive_of_a_graph_are_those_of_its_nodes() -> None:

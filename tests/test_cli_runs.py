@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,19 +11,20 @@ import pytest
 
 import contbreather as cb
 
-Output = tuple[int, str, str]
+from .typed import Run
+
 BRANCH = "branch --free a --gamma 0.04 --k 0.8 --window 0.7 0.76 --save b.nc"
 
 
 @pytest.fixture
-def kept(run: Callable[[str], Output]) -> Callable[[str], Output]:
+def kept(run: Run) -> Run:
     """In a folder with a branch."""
     status, out, _ = run(BRANCH)
     assert (status, "Wrote b.nc." in out) == (0, True)
     return run
 
 
-def test_branch_is_shown_as_when_it_was_computed(kept: Callable[[str], Output]) -> None:
+def test_branch_is_shown_as_when_it_was_computed(kept: Run) -> None:
     first = json.loads(kept(f"{BRANCH} --json")[1])
     status, out, _ = kept("show b.nc --json --csv b.csv")
     again = json.loads(out)
@@ -36,7 +36,7 @@ def test_branch_is_shown_as_when_it_was_computed(kept: Callable[[str], Output]) 
     assert (rows[0][:8], len(rows)) == ("label,p,", 1 + len(again["columns"]["a"]))
 
 
-def test_branch_goes_on_where_it_is_kept(kept: Callable[[str], Output]) -> None:
+def test_branch_goes_on_where_it_is_kept(kept: Run) -> None:
     short = cb.load("b.nc")
     status, out, _ = kept("extend b.nc --window 0.7 0.8 --end last")
     assert (status, "PF1" in out) == (0, True)
@@ -46,7 +46,7 @@ def test_branch_goes_on_where_it_is_kept(kept: Callable[[str], Output]) -> None:
     assert "criticality = supercritical" in kept("show b.nc PF1")[1]
 
 
-def test_one_result_of_a_file_goes_on_and_others_stay(kept: Callable[[str], Output]) -> None:
+def test_one_result_of_a_file_goes_on_and_others_stay(kept: Run) -> None:
     branch = cb.load("b.nc")
     cb.save("two.nc", one=branch, other=branch)
     Path("b.nc").unlink()
@@ -70,9 +70,7 @@ def test_one_result_of_a_file_goes_on_and_others_stay(kept: Callable[[str], Outp
         ("simulate --a 0.5 --gamma 0.04 --k 0.8 --sites 4 --periods 2", "run"),
     ],
 )
-def test_every_command_that_computes_keeps_its_results(
-    run: Callable[[str], Output], command: str, name: str
-) -> None:
+def test_every_command_that_computes_keeps_its_results(run: Run, command: str, name: str) -> None:
     status, out, _ = run(f"{command} --save kept.nc")
     assert (status, "Wrote kept.nc." in out) == (0, True)
     assert name in cb.Run("kept.nc")
@@ -104,9 +102,7 @@ def test_every_command_that_computes_keeps_its_results(
         ),
     ],
 )
-def test_what_cannot_be_is_one_sentence(
-    kept: Callable[[str], Output], command: str, sentence: str
-) -> None:
+def test_what_cannot_be_is_one_sentence(kept: Run, command: str, sentence: str) -> None:
     Path("bad.nc").write_text("nothing of the kind")
     Path("folder").mkdir()
     before = Path("b.nc").read_bytes()
@@ -124,7 +120,7 @@ def test_a_window_without_end_has_no_edge_to_stop_at() -> None:
     assert longer["a"][-1] == pytest.approx(0.77, abs=1e-12)
 
 
-def test_a_null_vector_is_shown_by_the_names_of_its_unknowns(run: Callable[[str], Output]) -> None:
+def test_a_null_vector_is_shown_by_the_names_of_its_unknowns(run: Run) -> None:
     ring = "--lattice ring:6 --gamma 0.05 --k 0.8 --damping 0.01"
     run(f"branch --free a {ring} --window 0.05 0.1 --a 0.09 --save ring.nc")
     line = next(one for one in run("show ring.nc LP1")[1].splitlines() if one.startswith("null"))

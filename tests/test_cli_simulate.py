@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import json
 import re
@@ -14,15 +13,10 @@ import pytest
 import contbreather as cb
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
 
+from .typed import table
+
 STABLE = "simulate --a 0.1 --gamma 0.08 --k 0.8 --damping 0.02"
 LOST = "simulate --a 0.2 --gamma 0.104 --k 0.8 --damping 0.005"
-
-Output = tuple[int, str, str]
-
-
-def table(path: str) -> list[dict[str, str]]:
-    with Path(path).open(newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def state_of(content) -> np.ndarray:
@@ -281,68 +275,6 @@ def test_picture_of_a_run_is_drawn(run, extra):
     assert (status, err) == (DONE, "")
     assert "Wrote p.png." in out
     assert Path("p.png").stat().st_size > 10_000
-
-
-REFUSED = {
-    "no amplitude": ("simulate --gamma 0.1 --k 0.8", r"--a is missing"),
-    "coupling": ("simulate --a 0.1 --gamma 0.3 --k 0.8", r"0 <= gamma < 1/4"),
-    "no breather": ("simulate --a 0.05 --gamma 0.1 --k 0.8", r"the smallest a is 0\.057"),
-    "through a wall": (
-        "simulate --a 0.95 --gamma 0.1 --k 0.8",
-        r"site 1 reaches .* give a state with --start",
-    ),
-    "through a wall, one stop": (
-        "simulate --a 0.99 --gamma 0.2 --k 0.8",
-        r"[^.]; give a state with --start instead\n",
-    ),
-    "half a site": (f"{LOST} --sites 2.5", r"--sites: 2\.5 is not a whole number"),
-    "half a seed": (f"{LOST} --seed 1.9", r"--seed: 1\.9 is not a whole number"),
-    "heavy damping": (f"{STABLE[:-5]} 1e12", r"damping = 1000000000000\.0: .* at most 1e4"),
-    "too long": (f"{LOST} --periods 1e13", r"periods = 10000000000000\.0: a length .* to 1e12"),
-    "too soft": (f"{LOST} --smooth 0.3", r"m = 0\.3: a hardness .* 0\.5 to 1e4 .* any real one"),
-    "too hard": (f"{LOST} --smooth 1e5", r"m = 100000\.0: a hardness .* 0\.5 to 1e4"),
-    "one place for two": (f"{LOST} --csv a.csv --impacts ./a.csv", r"give different names"),
-    "one figure for two": (f"{LOST} --final a.png -o ./a.png", r"give different names"),
-    "no sites": (f"{LOST} --sites 0", r"sites = .*: a whole number, at least 1"),
-    "negative damping": (f"{STABLE[:-5]} -0.01", r"damping = -0\.01: a damping .* at least 0"),
-    "negative length": (f"{LOST} --periods -3", r"periods = -3\.0: a length"),
-    "length nan": (f"{LOST} --periods nan", r"periods = nan"),
-    "stream of a fraction": (f"{LOST} --stream f --periods 2.5", r"whole periods"),
-    "stream of nan": (f"{LOST} --stream f --periods nan", r"whole periods"),
-    "smooth stream": (f"{LOST} --stream f --smooth 6", r"--stream goes with rigid walls"),
-    "smooth impacts": (f"{LOST} --impacts f.csv --smooth 6", r"--impacts goes with rigid walls"),
-    "soft": (f"{LOST} --smooth 0", r"m = 0\.0: a hardness"),
-    "push": (f"{LOST} --perturb -1", r"--perturb -1: a size"),
-    "push through a wall": (f"{LOST} --perturb 5", r"lies outside the walls"),
-    "seed": (f"{LOST} --perturb 0.1 --seed -1", r"--seed -1"),
-    "no file": (f"{LOST} --start nothing.json", r"cannot read nothing\.json: .*JSON with u, v"),
-    "no state": (f"{LOST} --start words.txt", r"no state in words\.txt: JSON with u, v"),
-    "half a state": (f"{LOST} --start half.json", r"no state in half\.json"),
-    "other length": (f"{LOST} --start two.csv --sites 5", r"has 2 sites; leave out --sites"),
-    "outside": (f"{LOST} --start out.csv", r"u\[0\] = 1\.5 lies outside the walls"),
-    "one name for two": (f"{LOST} --csv a.csv --impacts a.csv", r"give different names"),
-    "figure": (f"{LOST} -o run.jpeg", r"suffix must be one of"),
-    "place": (f"{LOST} --final nowhere/f.json", r"there is no directory nowhere"),
-}
-FILES = {
-    "words.txt": "to be or not\n",
-    "half.json": '{"u": [0.1]}',
-    "two.csv": "0.1,0.2\n0,0\n",
-    "out.csv": "u,v\n1.5,0\n0,0\n",
-}
-
-
-@pytest.mark.parametrize(("line", "sentence"), REFUSED.values(), ids=REFUSED)
-def test_bad_input_is_one_sentence_and_status_2(run, line, sentence):
-    run("--version")
-    for name, text in FILES.items():
-        Path(name).write_text(text)
-    status, out, err = run(line)
-    assert (status, out) == (BAD_INPUT, "")
-    assert err.startswith("contbreather: ")
-    assert err.count("\n") == 1
-    assert re.search(sentence, err), err
-    assert {path.name for path in Path().iterdir()} == set(FILES)
 
 
 def test_energy_that_blows_up_is_status_1(run, monkeypatch):

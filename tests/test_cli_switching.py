@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
-import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
@@ -13,33 +9,20 @@ from unittest.mock import MagicMock
 import pytest
 
 import contbreather as cb
-from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
+from contbreather.cli import DONE, FAILED, INTERRUPTED
 from contbreather.cli.switch import _stretches
 
-Output = tuple[int, str, str]
+from .typed import Run, strict, table
+
 SWITCH = "switch --free a --gamma 0.04 --k 0.8"
 DIAGRAM = "diagram --free a --gamma 0.04 --k 0.8"
-
-
-def strict(text: str) -> Any:
-    """Exactly one JSON value, without NaN or infinities."""
-
-    def refuse(name: str) -> None:
-        raise AssertionError(f"{name} in JSON")
-
-    return json.loads(text, parse_constant=refuse)
-
-
-def table(path: str) -> list[dict[str, str]]:
-    with Path(path).open(newline="", encoding="utf-8") as stream:
-        return list(csv.DictReader(stream))
 
 
 # --- switch ---------------------------------------------------------------------------------------
 
 
 def test_both_arms_are_told_with_normal_form_stability_and_end(
-    run: Callable[[str], Output],
+    run: Run,
 ) -> None:
     status, out, err = run(f"{SWITCH} -o arms.png")
     assert (status, err) == (DONE, "")
@@ -57,7 +40,7 @@ def test_both_arms_are_told_with_normal_form_stability_and_end(
     assert Path("arms.png").stat().st_size > 10_000
 
 
-def test_both_arms_are_told_to_be_stable_alike(run: Callable[[str], Output]) -> None:
+def test_both_arms_are_told_to_be_stable_alike(run: Run) -> None:
     """They are mirror images. At EP1, the pitchfork, and NS1 a multiplier is on the circle, so that
     no count is told there; no point of the walk lies between NS1 and EP2, and yet that piece is
     described."""
@@ -71,7 +54,7 @@ def test_both_arms_are_told_to_be_stable_alike(run: Callable[[str], Output]) -> 
             assert row.rstrip("│ ").endswith("–")
 
 
-def test_arms_in_json_are_those_of_the_library(run: Callable[[str], Output]) -> None:
+def test_arms_in_json_are_those_of_the_library(run: Run) -> None:
     content = strict(run(f"{SWITCH} --json")[1])
     branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.0, 2.0)})
     arms = cb.switch(branch.first("PF"), within={"a": (0.0, 2.0)})
@@ -86,7 +69,7 @@ def test_arms_in_json_are_those_of_the_library(run: Callable[[str], Output]) -> 
 
 
 def test_the_start_of_an_arm_has_one_label_on_the_screen_in_tables_and_in_its_file(
-    run: Callable[[str], Output],
+    run: Run,
 ) -> None:
     out = run(f"{SWITCH} --csv arms.csv --save arms.nc")[1]
     kept = cb.load("arms.nc")["arm1"]
@@ -97,7 +80,7 @@ def test_the_start_of_an_arm_has_one_label_on_the_screen_in_tables_and_in_its_fi
     assert kept.first(label)["a"] == kept[0]["a"]
 
 
-def test_arms_as_a_table_are_told_apart(run: Callable[[str], Output]) -> None:
+def test_arms_as_a_table_are_told_apart(run: Run) -> None:
     run(f"{SWITCH} --csv arms.csv")
     rows = table("arms.csv")
     assert {row["arm"] for row in rows} == {"1", "2"}
@@ -106,7 +89,7 @@ def test_arms_as_a_table_are_told_apart(run: Callable[[str], Output]) -> None:
     assert {"a", "p", "t1", "t2", "asymmetry", "unstable"} < set(rows[0])
 
 
-def test_on_a_ring_the_same_arms_are_shot(run: Callable[[str], Output]) -> None:
+def test_on_a_ring_the_same_arms_are_shot(run: Run) -> None:
     status, out, _ = run(f"{SWITCH} --sites 20 --window 0.7 0.9")
     assert status == DONE
     assert "shooting, ring of 20, period 2 pi, impacts 0+ 0- in a" in out
@@ -114,7 +97,7 @@ def test_on_a_ring_the_same_arms_are_shot(run: Callable[[str], Output]) -> None:
     assert out.count("0.877386621674") == 2
 
 
-def test_switching_goes_on_from_branch_to_branch(run: Callable[[str], Output]) -> None:
+def test_switching_goes_on_from_branch_to_branch(run: Run) -> None:
     line = "switch --free a --gamma 0 --k 0.8 --at pf --at PD1 --window 0.6 0.99"
     status, out, _ = run(f"{line} -o doubled.png")
     assert status == DONE
@@ -123,43 +106,10 @@ def test_switching_goes_on_from_branch_to_branch(run: Callable[[str], Output]) -
     assert Path("doubled.png").exists()
 
 
-REFUSED = {
-    "no free parameter": ("switch --gamma 0.04 --k 0.8", r"--free is missing"),
-    "no such point": (f"{SWITCH} --at NS", r"--at NS: there is none.* It has VI1, LP1, PF1, GR1"),
-    "none on the arm": (f"{SWITCH} --at PF --at PD", r"asymmetric breather.* It has EP1, GR1"),
-    "a fold": (f"{SWITCH} --at LP", r"LP1.*no other branch is known to leave points of kind LP"),
-    "an end": (f"{SWITCH} --window 0.5 0.9 --at EP", r"EP1.* is where a branch ends"),
-    "not in the window": (f"{SWITCH} --window 0.5 0.7", r"--at PF: there is none"),
-    "ring without coupling": (
-        "switch --free a --gamma 0 --k 0.8 --sites 20",
-        r"do not feel each other .* take sites=1",
-    ),
-    "no ring": (f"{SWITCH} --sites 0", r"sites = .*: a whole number, at least 1"),
-    "start outside of the window": (f"{SWITCH} --a 0.4 --window 0.5 0.9", r"outside of the window"),
-    "table nowhere": (f"{SWITCH} --csv nowhere/a.csv", r"there is no directory nowhere"),
-    "one file twice": (f"{SWITCH} --csv a.svg --output a.svg", r"--csv and --output both name"),
-    "negative depth": (f"{DIAGRAM} --depth -1", r"depth = -1: a whole number, at least 0"),
-    "no branches": (f"{DIAGRAM} --most 0", r"most = 0: a whole number, at least 1"),
-    "diagram of nothing": ("diagram --gamma 0.04 --k 0.8", r"--free is missing"),
-}
-
-
-@pytest.mark.parametrize(("line", "sentence"), REFUSED.values(), ids=REFUSED)
-def test_bad_input_is_one_sentence_and_status_2(
-    run: Callable[[str], Output], line: str, sentence: str
-) -> None:
-    status, out, err = run(line)
-    assert (status, out) == (BAD_INPUT, "")
-    assert err.startswith("contbreather: ")
-    assert err.count("\n") == 1
-    assert re.search(sentence, err), err
-    assert list(Path().iterdir()) == []
-
-
 # --- diagram --------------------------------------------------------------------------------------
 
 
-def test_diagram_is_printed_as_a_tree_and_drawn(run: Callable[[str], Output]) -> None:
+def test_diagram_is_printed_as_a_tree_and_drawn(run: Run) -> None:
     status, out, err = run(f"{DIAGRAM} -o tree.png --csv tree.csv")
     assert (status, err) == (DONE, "")
     assert "3 branches, 6 special points" in out
@@ -170,7 +120,7 @@ def test_diagram_is_printed_as_a_tree_and_drawn(run: Callable[[str], Output]) ->
     assert {row["t1"] == "" for row in rows if row["branch"] == "0"} == {True}
 
 
-def test_diagram_in_json_is_its_graph(run: Callable[[str], Output]) -> None:
+def test_diagram_in_json_is_its_graph(run: Run) -> None:
     content = strict(run(f"{DIAGRAM} --json")[1])
     assert [branch["depth"] for branch in content["branches"]] == [0, 1, 1]
     born = [edge for edge in content["edges"] if edge["relation"] == "born"]
@@ -182,13 +132,13 @@ def test_diagram_in_json_is_its_graph(run: Callable[[str], Output]) -> None:
     assert content["interrupted"] is False
 
 
-def test_depth_bounds_the_diagram_and_what_is_left_is_told(run: Callable[[str], Output]) -> None:
+def test_depth_bounds_the_diagram_and_what_is_left_is_told(run: Run) -> None:
     out = run(f"{DIAGRAM} --depth 0")[1]
     assert "1 branch, 4 special points; 1 point not switched at" in out
     assert "Not switched at: branch 0: PF1; raise --depth." in out
 
 
-def test_most_bounds_the_diagram_and_what_is_left_is_told(run: Callable[[str], Output]) -> None:
+def test_most_bounds_the_diagram_and_what_is_left_is_told(run: Run) -> None:
     point = "diagram --a 0.6 --gamma 0 --k 0.8 --free a --window 0.6 0.99"
     out = run(f"{point} --most 2")[1]
     assert "Not all arms followed of: branch 0: PF1; raise --most." in out
@@ -200,7 +150,7 @@ def test_most_bounds_the_diagram_and_what_is_left_is_told(run: Callable[[str], O
 
 
 def test_an_interrupted_diagram_is_shown_and_has_its_own_status(
-    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from contbreather.continuation import diagram as module
 
@@ -215,7 +165,7 @@ def test_an_interrupted_diagram_is_shown_and_has_its_own_status(
 
 
 def test_arms_that_fail_are_told_and_have_status_1(
-    run: Callable[[str], Output], monkeypatch: pytest.MonkeyPatch
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from contbreather.continuation import diagram as module
 

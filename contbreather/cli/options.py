@@ -308,6 +308,7 @@ class Start(NamedTuple):
     @property
     def shot(self) -> cb.Problem:
         """Equations that can be switched from: on finite lattices those of shooting."""
+        from contbreather.breathers.section import check_possible
         from contbreather.stability.verdict import THRESHOLD
 
         if self.on.threshold != THRESHOLD:
@@ -315,7 +316,11 @@ class Start(NamedTuple):
                 f"--threshold {self.on.threshold:g}: branches that are switched to are judged by "
                 f"the paper's {THRESHOLD}; leave it out"
             )
-        return self.problem if self.on.lattice.sites is None else cb.shooting(self.breather)
+        orbit = self.breather
+        if self.on.lattice.sites is None:
+            return self.problem
+        check_possible(orbit.section.unfolded(), orbit.conditions)  # for what leaves it
+        return cb.shooting(orbit)
 
     def entry(self) -> dict[str, Any]:
         """For JSON."""

@@ -95,23 +95,6 @@ def test_a_port_that_is_taken_is_refused(run: Run) -> None:
     assert "choose another port" in err
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ("missing.nc", "missing.nc"),
-        ("--port 70000", "port"),
-        ("--port -1", "port = -1"),
-        ("--address 203.0.113.7", "cannot listen at 203.0.113.7"),
-        ("--k 2", "k = 2.0"),
-    ],
-)
-def test_bad_input_is_a_sentence_and_status_2(run: Run, options: str, words: str) -> None:
-    status, out, err = run(f"explore --headless {options}")
-    assert (status, out) == (2, "")
-    assert words in err
-    assert err.count("\n") == 1
-
-
 def test_a_damaged_file_is_a_sentence_and_status_2(run: Run, tmp_path: Path) -> None:
     (tmp_path / "run.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
     status, out, err = run("explore --headless run.nc")
