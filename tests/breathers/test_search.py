@@ -17,17 +17,13 @@ WHERE = {"gamma": (0.0, 0.24), "a": (0.86, 0.95)}
 
 def test_search_goes_on_where_there_is_no_breather() -> None:
     # at the coupling in the middle of the window, where it looks first, there is none
-    with pytest.raises(cb.NoSolution, match=r"no breather with gamma = 0\.12"):
+    with pytest.raises(
+        cb.NoSolution, match=r"no breather with gamma = 0\.12, k = 0\.8 for a between 0\.86 and"
+    ):
         find_symmetric("a", WHERE["a"], gamma=0.12, k=0.8)
     point = find_event("GR", ("gamma", "a"), within=WHERE, k=0.8)
     assert point.solution.admissibility().margin == pytest.approx(0.0, abs=1e-12)
     assert WHERE["a"][0] < point["a"] < WHERE["a"][1]
-
-
-def test_what_is_found_of_a_kind_that_is_not_there_is_named() -> None:
-    # the pitchforks of k = 0.8 end at a = 0.8687, on the grazing curve
-    with pytest.raises(cb.NoSolution, match=r"no PF found for gamma between 0 and 0\.24"):
-        find_event("PF", ("gamma", "a"), within=WHERE, k=0.8)
 
 
 def test_nothing_is_printed_while_searching(
@@ -139,25 +135,31 @@ def test_solutions_are_chosen_by_number_from_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "words"),
+    ("kind", "given", "words"),
     [
-        ("LP", r"no LP found for gamma between 0 and 0\.2499; the branch in a at gamma = 0\.1 has"),
-        ("NS", r"the branch in a at gamma = 0\.1 has EP1, EP2$"),
+        # the pitchforks of k = 0.8 end at a = 0.8687, on the grazing curve
+        ("PF", {"within": WHERE}, r"no PF found for gamma between 0 and 0\.24"),
+        (
+            "LP",
+            {"within": {"a": (0.5, 0.6)}, "gamma": 0.1},
+            r"no LP found for gamma between 0 and 0\.2499; the branch in a at gamma = 0\.1 has",
+        ),
+        (
+            "NS",
+            {"within": {"a": (0.5, 0.6)}, "gamma": 0.1},
+            r"the branch in a at gamma = 0\.1 has EP1, EP2$",
+        ),
     ],
 )
-def test_what_the_last_branch_has_instead_is_said(kind: str, words: str) -> None:
+def test_what_is_found_of_a_kind_that_is_not_there_is_named(kind, given, words) -> None:
     with pytest.raises(cb.NoSolution, match=words):
-        find_event(kind, ("gamma", "a"), within={"a": (0.5, 0.6)}, gamma=0.1, k=0.8)
+        find_event(kind, ("gamma", "a"), k=0.8, **given)
 
 
-def test_a_window_without_any_breather_says_why() -> None:
-    with pytest.raises(
-        cb.NoSolution, match=r"with gamma = 0\.12, k = 0\.8 for a between 0\.86 and"
-    ):
-        find_symmetric("a", (0.86, 0.95), gamma=0.12, k=0.8)
-    with pytest.raises(cb.BadInput, match=r"gamma = 0\.3: the coupling"):  # nowhere in the window
+def test_out_of_range_everywhere_or_in_a_part_of_the_window_are_two_things() -> None:
+    with pytest.raises(cb.BadInput, match=r"gamma = 0\.3: the coupling"):
         find_symmetric("k", (0.0, 1.0), a=0.5, gamma=0.3)
-    found = find_symmetric("k", (-1.0, 0.9), a=0.5, gamma=0.1)  # it is, in a part of it
+    found = find_symmetric("k", (-1.0, 0.9), a=0.5, gamma=0.1)
     assert 0.0 <= found.k <= 0.9
 
 
