@@ -39,14 +39,33 @@ SAME = 1e-9  # displacements that differ by less are mirror images
 AT_IMPACT = 1e-9  # a contact this close to an impact of its site, in periods, is that impact
 
 
-class Crest(NamedTuple):
-    """One site whose crest is followed."""
+@dataclass(frozen=True)
+class Crest:
+    """One site whose crest is followed: it is on a wall, without velocity, at an unknown time."""
 
-    motion: Callable[[Orbit, float], Terms]
+    site: int
     slopes: Callable[[Curve, Orbit, float], Any]
     """Derivatives of displacement and velocity in all unknowns and free parameters, (2, n)."""
+    motion: Callable[[Orbit, float], Terms] | None = None
+    """Of the site, unless it is that on which its clearance is measured."""
     loops: Callable[[float, Loops, int], Loops | None] | None = None
     """The equations of the road with a contact at a wall, as functions that can be compiled."""
+
+    def locus(self, wall: float, t: float, **more: Any) -> Locus:
+        loops = self.loops and partial(self.loops, wall)
+        conditions = partial(self._conditions, wall)
+        return Locus({"t": t}, conditions, self._derivative, loops=loops, **more)
+
+    def _terms(self, orbit: Orbit, t: float) -> Terms:
+        return orbit.watch.at(self.site, t) if self.motion is None else self.motion(orbit, t)
+
+    def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
+        u, v, _ = self._terms(solution_at(Point(curve, z)), float(extra[0]))
+        return np.array([u - wall, v])
+
+    def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        orbit, t = solution_at(Point(curve, z)), float(extra[0])
+        return np.column_stack([self.slopes(curve, orbit, t), self._terms(orbit, t)[1:]])
 
 
 class Ends(NamedTuple):
@@ -117,35 +136,10 @@ class _Contacts:
             return self.shallow(orbit)
         there = orbit.watch.at(site, t)[0]
         place = min(orbit.walls.at(site), key=lambda wall: abs(there - wall))
-        crest, more = self.crest(orbit, site), self.ends(orbit)
-        touch, loops = _Touch(crest, place), crest.loops and partial(crest.loops, place)
+        more = self.ends(orbit)
         other = _Rival(site, _is_mirrored(orbit, site, t), more.scale, self)
         events = (*more.events, other.event())
-        return Locus(
-            {"t": t},
-            touch.conditions,
-            touch.derivative,
-            events=events,
-            meets=more.meets,
-            loops=loops,
-        )
-
-
-@dataclass(frozen=True)
-class _Touch:
-    """``u = place, u' = 0`` at an unknown time."""
-
-    crest: Crest
-    place: float
-
-    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        u, v, _ = self.crest.motion(solution_at(Point(curve, z)), float(extra[0]))
-        return np.array([u - self.place, v])
-
-    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        orbit, t = solution_at(Point(curve, z)), float(extra[0])
-        crest = self.crest
-        return np.column_stack([crest.slopes(curve, orbit, t), crest.motion(orbit, t)[1:]])
+        return self.crest(orbit, site).locus(place, t, events=events, meets=more.meets)
 
 
 @lru_cache(maxsize=4)

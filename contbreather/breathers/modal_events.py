@@ -14,7 +14,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import Terms
 from contbreather.breathers.grazing import Crest, grazing
 from contbreather.breathers.modal_flight import ModalFlight
 from contbreather.breathers.multipliers import (
@@ -140,12 +139,7 @@ _PITCHFORK = real_multiplier("PF", 1.0, _slopes)
 
 
 def _crest(orbit: Orbit, site: int) -> Crest:
-    return Crest(partial(_motion, site), partial(_slopes_at, site))
-
-
-def _motion(site: int, orbit: Orbit, t: float) -> Terms:
-    terms: Terms = orbit.flight.at(site, t)
-    return terms
+    return Crest(site, partial(_slopes_at, site))
 
 
 def _slopes_at(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers import closed_loops, pair_loops
-from contbreather.breathers.clearance import Terms, Watch
+from contbreather.breathers.clearance import Watch
 from contbreather.breathers.closed_form import SymmetricFlight, flight_slope_of
 from contbreather.breathers.grazing import ALIKE, Crest
 from contbreather.breathers.grazing import grazing as followed
@@ -468,7 +468,7 @@ class _RingWave:
 
 def _crest(orbit: Orbit, site: int) -> Crest:
     loops = partial(_with_contact, orbit.lattice, orbit.lattice.distance(site))
-    return Crest(partial(_motion, site), partial(_slopes, site), loops)
+    return Crest(site, partial(_slopes, site), loops=loops)
 
 
 def _with_contact(
@@ -481,10 +481,6 @@ def _with_contact(
     weights = response_weights().ravel()
     more = [wall, distance, *room, *lattice.moments(distance), *weights, *6 * [0.0]]
     return _lengthened(closure, pair_loops.contact, pair_loops.contact_slopes, more)
-
-
-def _motion(site: int, orbit: Orbit, t: float) -> Terms:
-    return orbit.watch.at(site, t)
 
 
 def _slopes(site: int, curve: Curve, orbit: Orbit, t: float) -> Array:

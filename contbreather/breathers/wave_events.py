@@ -187,7 +187,8 @@ def _off_the_edge(conditions: Conditions, curve: Curve, z: Array, extra: Array) 
 def _crest(orbit: Orbit, site: int) -> Crest:
     """A site with its share of the offsets as it is where the curve sets out."""
     share = _offset_share(orbit, site)
-    return Crest(partial(_motion, site, share), partial(_motion_slopes, site, share))
+    slopes, motion = partial(_motion_slopes, site, share), partial(_motion, site, share)
+    return Crest(site, slopes, motion)
 
 
 def _motion(site: int, share: Array, orbit: Orbit, t: float) -> Terms:

@@ -515,26 +515,26 @@ def _on_curve(branch: Branch, place: Place, names: tuple[str, ...], near: float)
 # --- in files -----------------------------------------------------------------------------------
 
 
+PLAIN = ("fixed", "pair", "threshold", "past_folds", "interrupted")
+
+
 def _said(zones: Zones) -> Said:
-    curves = {kind: len(zones.curves[kind]) for kind in zones.curves}
-    about = {
-        "fixed": list(zones.fixed),
-        "pair": list(zones.pair),
-        "curves": curves,
-        "threshold": zones.threshold,
-        "past_folds": zones.past_folds,
-        "interrupted": zones.interrupted,
+    about = {name: getattr(zones, name) for name in PLAIN}
+    about["curves"] = {kind: len(own) for kind, own in zones.curves.items()}
+    parts = {
+        f"{kind}{i}": branch
+        for kind, own in zones.curves.items()
+        for i, branch in enumerate(own, start=1)
     }
-    parts = {f"{kind}{i}": b for kind in curves for i, b in enumerate(zones.curves[kind], start=1)}
     return Said(about, {}, parts)
 
 
 @content(Zones, "zones", _said)
 def _made(about: Mapping[str, Any], data: object, parts: Mapping[str, Any]) -> Zones:
-    (name, value), (one, other) = about["fixed"], about["pair"]
     curves = {
         kind: tuple(parts[f"{kind}{i}"] for i in range(1, 1 + count))
         for kind, count in about["curves"].items()
     }
-    rest = about["threshold"], about["past_folds"], about["interrupted"]
-    return Zones((name, value), (one, other), curves, *rest)
+    plain = {name: about[name] for name in PLAIN}
+    plain |= {name: tuple(about[name]) for name in ("fixed", "pair")}
+    return Zones(curves=curves, **plain)
