@@ -77,7 +77,7 @@ class ClosedWatch(Watch):
             return None
         idle = tuple(_distances(b.lattice).tolist())
         impacts = ((0, b.phi, -2.0 * b.p), (0, b.phi + math.pi, 2.0 * b.p))
-        return _packed(self, b, 1, (0,), idle, impacts, 0.0)
+        return _packed(self, b, 1, (0,), idle, impacts, None)
 
     def far(self) -> tuple[float, float]:
         b = self.breather
@@ -120,15 +120,16 @@ def _packed(
     hit: tuple[int, ...],
     idle: tuple[int, ...],
     impacts: tuple[tuple[int, float, float], ...],
-    offsets: FloatArray | float,
+    offsets: FloatArray | None,
 ) -> Packed | None:
     sites, f, beside = (*hit, *idle), orbit.forcing, tuple(sorted(watch.beside))
     distances, places = _places(orbit.lattice, sites, beside, tuple(one[0] for one in impacts))
     table = wave_rows(orbit.lattice, orbit.gamma, distances, turns)
     if table is None:
         return None
-    places = places.copy()
-    places[:, 0] = offsets
+    if offsets is not None:
+        places = places.copy()
+        places[:, 0] = offsets
     head = watch.k, orbit.a, turns, watch.start, watch.length, watch.far()[1]
     flights = len(impacts) if watch.sign > 0 else len(impacts) // 2
     fine = fineness(f.highest)
