@@ -210,40 +210,26 @@ def test_disk_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
 def test_missing_permission_and_read_only_file_systems_have_their_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(os, "access", lambda place, _: place != tmp_path)  # root may do anything
-    with pytest.raises(BadInput, match=r"x: no permission; choose another place"):
-        writable(tmp_path / "x")
+    """That of the folder counts for files, and not for devices."""
+    target, pipe = tmp_path / "x", tmp_path / "pipe"
+    target.write_text("old")
+    os.mkfifo(pipe)
+
+    def lock(locked: Path) -> None:
+        monkeypatch.setattr(os, "access", lambda place, _: place != locked)  # root may do anything
+
+    for locked, place in ((tmp_path, target), (target, target), (pipe, pipe)):
+        lock(locked)
+        with pytest.raises(BadInput, match=f"{place}: no permission; choose another place"):
+            write_whole(place, saying(b"new"))
+    assert target.read_text() == "old"
+    lock(tmp_path)
+    assert writable(pipe) == pipe
     there = os.statvfs(tmp_path)
     flags = [*there[:8], there.f_flag | os.ST_RDONLY, *there[9:]]
     monkeypatch.setattr(os, "statvfs", lambda _: os.statvfs_result(flags))
     with pytest.raises(BadInput, match=r"x: the file system is read-only"):
-        writable(tmp_path / "x")
-
-
-def test_write_protected_file_is_not_replaced(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    target = tmp_path / "x"
-    target.write_text("old")
-    monkeypatch.setattr(os, "access", lambda place, _: place != target)
-    with pytest.raises(BadInput, match="no permission"):
-        write_whole(target, saying(b"new"))
-    assert target.read_text() == "old"
-
-
-def test_permission_of_the_folder_counts_for_files_and_not_for_devices(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    target, pipe = tmp_path / "x", tmp_path / "pipe"
-    target.write_text("old")
-    os.mkfifo(pipe)
-    monkeypatch.setattr(os, "access", lambda place, _: place != tmp_path)
-    with pytest.raises(BadInput, match="no permission"):
         writable(target)
-    assert writable(pipe) == pipe
-    monkeypatch.setattr(os, "access", lambda place, _: place != pipe)
-    with pytest.raises(BadInput, match="no permission"):
-        writable(pipe)
 
 
 def test_folder_that_goes_away_meanwhile_is_a_sentence(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
 from functools import cache
@@ -17,7 +16,7 @@ from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.switching import NothingToSwitch, switch
 from contbreather.errors import BadInput
 
-from .lines import PLANE, XY, at, henon, kinds, of_map
+from .lines import PLANE, XY, Params, at, henon, kinds, of_map
 from .zoo import Array
 
 
@@ -78,7 +77,7 @@ def logistic_doubling(period: int, x: float, r: float) -> tuple[float, float]:
     return float(found[0]), float(found[1])
 
 
-def logistic(x: Array, p: Mapping[str, float]) -> Array:
+def logistic(x: Array, p: Params) -> Array:
     return p["r"] * x * (1 - x)
 
 
@@ -154,25 +153,13 @@ def test_a_cycle_written_with_too_long_a_period_is_known_as_the_shorter_one() ->
 # --- other maps -------------------------------------------------------------------------------
 
 
-def test_delayed_logistic_has_neimark_sacker_at_two() -> None:
-    mine = of_map(lambda u, p: [p["r"] * u[0] * (1 - u[1]), u[0]], {"x": 0.4, "y": 0.4}, r=1.7)
-    branch = trace(mine, "r", within={"r": (1.2, 2.5)})
-    assert kinds(branch) == ["NS"]
-    point = branch.first("NS")
-    at(point, r=2.0, x=0.5)
-    assert point.detail["angle"] == pytest.approx(math.pi / 3, abs=1e-12)
-    assert point.detail["d"].real < 0
-    assert point.detail["criticality"] == "supercritical"
-
-
 @pytest.mark.parametrize(("n", "r"), [(1, 0.8), (2, 0.8), (1, 0.5), (3, 0.9)])
 def test_bouncing_ball_doubles_its_period_where_the_formula_says(n: int, r: float) -> None:
-    ball = FixedPoint(
-        lambda u, p: np.array(
-            [u[0] + u[1] - 2 * np.pi * n, p["r"] * u[1] - p["g"] * np.cos(u[0] + u[1])]
-        ),
-        start={"phi": -math.pi / 2 - 0.6, "v": 2 * math.pi * n},
-        params={"r": r, "g": 2 * math.pi * n * (1 - r) / math.cos(math.pi / 2 - 0.6)},
+    ball = of_map(
+        lambda u, p: [u[0] + u[1] - 2 * np.pi * n, p["r"] * u[1] - p["g"] * np.cos(u[0] + u[1])],
+        {"phi": -math.pi / 2 - 0.6, "v": 2 * math.pi * n},
+        r=r,
+        g=2 * math.pi * n * (1 - r) / math.cos(math.pi / 2 - 0.6),
     )
     branch = trace(ball, "g", within={"g": (0.1, 12.0), "phi": (-4.0, 0.0)})
     g = 2 * math.sqrt((n * math.pi) ** 2 * (1 - r) ** 2 + (1 + r) ** 2)
@@ -187,10 +174,10 @@ def test_bouncing_ball_doubles_its_period_where_the_formula_says(n: int, r: floa
 
 def test_determinant_of_the_bouncing_ball_is_its_restitution() -> None:
     """A second road for the multipliers: their product."""
-    ball = FixedPoint(
-        lambda u, p: np.array([u[0] + u[1], 0.8 * u[1] - p["g"] * np.cos(u[0] + u[1])]),
+    ball = of_map(
+        lambda u, p: [u[0] + u[1], 0.8 * u[1] - p["g"] * np.cos(u[0] + u[1])],
         {"phi": math.pi / 2, "v": 0.0},
-        {"g": 1.0},
+        g=1.0,
     )
     point = trace(ball, "g", within={"g": (0.5, 2.0)})[3]
     assert np.prod(point.solution.multipliers) == pytest.approx(0.8, abs=1e-12)
@@ -220,11 +207,11 @@ def test_without_a_multiplier_one_no_fold_or_branch_point_of_a_map_is_verified(k
 
 def test_strong_resonances_are_named_where_the_coefficient_would_be() -> None:
     c, s = math.cos(2 * math.pi / 3), math.sin(2 * math.pi / 3)
-    mine = FixedPoint(
-        lambda u, p: p["s"] * np.array([c * u[0] - s * u[1] + u[0] ** 2, s * u[0] + c * u[1]]),
-        {"x": 0.0, "y": 0.0},
-        {"s": 0.8},
-    )
+
+    def image(u: Array, p: Params) -> Array:
+        return p["s"] * np.array([c * u[0] - s * u[1] + u[0] ** 2, s * u[0] + c * u[1]])
+
+    mine = of_map(image, XY, s=0.8)
     point = trace(mine, "s", within={"s": (0.7, 1.2)}).first("NS")
     assert "d" not in point.detail
     assert "strong resonance" in point.detail["criticality"]
@@ -234,7 +221,7 @@ def test_strong_resonances_are_named_where_the_coefficient_would_be() -> None:
 def test_an_analytic_jacobian_is_chained_over_the_period() -> None:
     calls = []
 
-    def slope(x: Array, p: Mapping[str, float]) -> Array:
+    def slope(x: Array, p: Params) -> Array:
         calls.append(1)
         return np.array([[p["r"] * (1 - 2 * x[0])]])
 

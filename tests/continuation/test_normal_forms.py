@@ -17,158 +17,96 @@ import pytest
 import sympy
 from scipy.integrate import solve_ivp
 
-from contbreather.continuation import Problem, fold, hopf, trace
+from contbreather.continuation import Problem, hopf, trace
 from contbreather.continuation import normal_forms as forms
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import Point
 
+from .lines import at, kinds
 from .zoo import BRUSSELATOR, LORENZ, Array, takens, trace_case
-
-Polynomial = dict[tuple[int, ...], Any]
-
 
 # --- the other road ---------------------------------------------------------------------------
 
-
-class Expansion:
-    """Vector fields and maps written in w and w*, up to the third order."""
-
-    def __init__(self, equations: Callable[[Sequence[Any]], Sequence[Any]], x0: Sequence[Any]):
-        mpmath.mp.dps = 30
-        names = sympy.symbols(f"y0:{len(x0)}")
-        at = [exactly(value) + name for value, name in zip(x0, names, strict=True)]
-        self.names = names
-        self.parts = [self._taylor(sympy.sympify(one)) for one in equations(at)]
-        self.A = mpmath.matrix(
-            [[self._linear(p, i) for i in range(len(names))] for p in self.parts]
-        )
-
-    def _taylor(self, expression: Any) -> Polynomial:
-        size = sympy.Symbol("size")
-        scaled = expression.subs({name: size * name for name in self.names}, simultaneous=True)
-        terms: Polynomial = {}
-        for order in range(4):
-            part = sympy.diff(scaled, size, order).subs(size, 0) / math.factorial(order)
-            poly = sympy.Poly(sympy.expand(part), *self.names)
-            for powers, value in poly.terms():
-                if sum(powers) == order:
-                    terms[powers] = terms.get(powers, 0) + mpmath.mpf(str(value.evalf(30)))
-        return terms
-
-    def _linear(self, part: Polynomial, i: int) -> Any:
-        return part.get(tuple(int(j == i) for j in range(len(self.names))), mpmath.mpf(0))
-
-    def of(self, series: Sequence[Polynomial]) -> list[Polynomial]:
-        """The equations with a series in (w, w*) for each unknown."""
-        results = []
-        for part in self.parts:
-            total: Polynomial = {}
-            for powers, factor in part.items():
-                if sum(powers) == 0:
-                    continue
-                product: Polynomial = {(0, 0): factor}
-                for one, power in zip(series, powers, strict=True):
-                    for _ in range(power):
-                        product = times(product, one)
-                for key, value in product.items():
-                    total[key] = total.get(key, 0) + value
-            results.append(total)
-        return results
+W, V = sympy.symbols("w v")  # w and w*
 
 
 def exactly(value: Any) -> Any:
-    return (
-        sympy.Float(mpmath.nstr(value, 30), 30)
-        if isinstance(value, mpmath.mpf)
-        else (sympy.sympify(value))
+    """A number of mpmath, or a vector of them, for sympy with all its digits."""
+    if isinstance(value, mpmath.matrix):
+        return [exactly(one) for one in value]
+    if not isinstance(value, mpmath.mpf | mpmath.mpc):
+        return sympy.sympify(value)
+    real, imaginary = (mpmath.nstr(part, 30) for part in (value.real, value.imag))
+    return sympy.Float(real, 30) + sympy.I * sympy.Float(imaginary, 30)
+
+
+def numbers(values: Any) -> Any:
+    """A vector, or a matrix, of sympy's numbers for mpmath."""
+    found = sympy.Matrix(values).applyfunc(lambda one: sympy.N(one, 30))
+    return mpmath.matrix(
+        [[mpmath.mpc(*map(str, one.as_real_imag())) for one in row] for row in found.tolist()]
     )
 
 
-def times(one: Polynomial, other: Polynomial) -> Polynomial:
-    product: Polynomial = {}
-    for (a, b), x in one.items():
-        for (c, d), y in other.items():
-            if a + b + c + d <= 3:
-                product[a + c, b + d] = product.get((a + c, b + d), 0) + x * y
-    return product
+def cubic(
+    equations: Callable[[Sequence[Any]], Sequence[Any]],
+    x0: Sequence[Any],
+    value: Any,
+    rate: Callable[[int, int], Any],
+    below: Sequence[tuple[int, int]] = ((2, 0), (1, 1), (0, 2)),
+    third: tuple[int, int] = (2, 1),
+) -> Any:
+    """The coefficient of ``w^2 w*``, or another `third` one, in the normal form of an eigenvalue;
+    `rate` says what w^j w*^k is multiplied with by the linear dynamics."""
+    mpmath.mp.dps = 30
+    n, origin = len(x0), [exactly(one) for one in x0]
+    names = sympy.symbols(f"y0:{n}")
+    linear = sympy.Matrix(equations(names)).jacobian(names)
+    A, one = numbers(linear.subs(dict(zip(names, origin, strict=True)))), mpmath.eye(n)
+    q = unit_null(A - value * one)
+    series = [x + part * W for x, part in zip(origin, exactly(q), strict=True)]
+    if third[1]:
+        series = [x + part * V for x, part in zip(series, exactly(q.H.T), strict=True)]
 
+    def of_order(j: int, k: int) -> Any:
+        expanded = (sympy.Poly(sympy.expand(one), W, V) for one in equations(series))
+        return numbers([poly.coeff_monomial(W**j * V**k) for poly in expanded])
 
-def cubic(expansion: Expansion, value: Any, rate: Callable[[int, int], Any]) -> Any:
-    """The coefficient of ``w^2 w*`` in the normal form of an eigenvalue; `rate` says what w^j w*^k
-    is multiplied with by the linear dynamics."""
-    A, n = expansion.A, len(expansion.names)
-    q = unit_null(A - value * mpmath.eye(n))
-    series: list[Polynomial] = [{(1, 0): q[i], (0, 1): mpmath.conj(q[i])} for i in range(n)]
-    for j, k in ((2, 0), (1, 1), (0, 2)):
-        right = mpmath.matrix([part.get((j, k), 0) for part in expansion.of(series)])
-        h = mpmath.lu_solve(rate(j, k) * mpmath.eye(n) - A, right)
-        for i in range(n):
-            series[i][j, k] = h[i]
-    right = mpmath.matrix([part.get((2, 1), 0) for part in expansion.of(series)])
-    # (rate - A) h21 + c q = right, and h21 across q: n + 1 equations
+    for j, k in below:
+        h = mpmath.lu_solve(rate(j, k) * one - A, of_order(j, k))
+        series = [x + part * W**j * V**k for x, part in zip(series, exactly(h), strict=True)]
+    # (rate - A) h + c q = right, and h across q: n + 1 equations
     border = mpmath.zeros(n + 1)
-    for i in range(n):
-        for j in range(n):
-            border[i, j] = (rate(2, 1) if i == j else 0) - A[i, j]
-        border[i, n], border[n, i] = q[i], mpmath.conj(q[i])
-    return mpmath.lu_solve(border, mpmath.matrix([*right, 0]))[n]
+    border[:n, :n], border[:n, n], border[n, :n] = rate(*third) * one - A, q, q.H
+    return mpmath.lu_solve(border, mpmath.matrix([*of_order(*third), 0]))[n]
 
 
 def unit_null(matrix: Any) -> Any:
+    """Its largest entry is real: the null vector of a real matrix is."""
+    _, sizes, right = mpmath.svd_c(matrix)
     n = matrix.rows
-    best = None
-    for i in range(n):  # fix one entry, solve for the others in the least-squares sense
-        others = [j for j in range(n) if j != i]
-        column = mpmath.matrix([[matrix[r, j] for j in others] for r in range(n)])
-        right = mpmath.matrix([-matrix[r, i] for r in range(n)])
-        try:
-            rest = mpmath.lu_solve(column, right) if n > 1 else mpmath.matrix(0, 1)
-        except ZeroDivisionError:
-            continue
-        vector = mpmath.matrix(n, 1)
-        vector[i] = 1
-        for j, value in zip(others, rest, strict=True):
-            vector[j] = value
-        off = mpmath.norm(matrix * vector)
-        if best is None or off < best[0]:
-            best = off, vector / mpmath.norm(vector)
-    assert best is not None
-    assert best[0] < 1e-10
-    return best[1]
+    assert sizes[n - 1] < 1e-10
+    q = right[n - 1, :].H
+    largest = max(q, key=abs)
+    return q * (abs(largest) / largest)
 
 
 def lyapunov_by_series(equations: Any, x0: Sequence[float], omega: Any) -> float:
     value = mpmath.mpc(0, omega)
-    c = cubic(Expansion(equations, x0), value, lambda j, k: (j - k) * value)
-    return float(mpmath.re(c) / omega)
+    return float(mpmath.re(cubic(equations, x0, value, lambda j, k: (j - k) * value)) / omega)
 
 
 def rotation_by_series(equations: Any, x0: Sequence[float], angle: Any) -> complex:
     mu = mpmath.expj(angle)
-    expansion = Expansion(equations, x0)
-    c = cubic(expansion, mu, lambda j, k: mu**j * mpmath.conj(mu) ** k)
-    return complex(c / mu)
+    return complex(cubic(equations, x0, mu, lambda j, k: mu**j * mpmath.conj(mu) ** k) / mu)
 
 
 def flip_by_series(equations: Any, x0: Sequence[float]) -> float:
     """``u -> -u + c u^3``: by the same powers, with ``w* = 0``."""
-    expansion = Expansion(equations, x0)
-    A, n = expansion.A, len(x0)
-    q = unit_null(A + mpmath.eye(n))
-    series: list[Polynomial] = [{(1, 0): q[i]} for i in range(n)]
-    right = mpmath.matrix([part.get((2, 0), 0) for part in expansion.of(series)])
-    h = mpmath.lu_solve(mpmath.eye(n) - A, right)
-    for i in range(n):
-        series[i][2, 0] = h[i]
-    right = mpmath.matrix([part.get((3, 0), 0) for part in expansion.of(series)])
-    border = mpmath.zeros(n + 1)
-    for i in range(n):
-        for j in range(n):
-            border[i, j] = -int(i == j) - A[i, j]
-        border[i, n], border[n, i] = q[i], q[i]
-    return float(mpmath.lu_solve(border, mpmath.matrix([*right, 0]))[n])
+    c = cubic(equations, x0, -1, lambda j, k: (-1) ** j, below=[(2, 0)], third=(3, 0))
+    return float(c.real)
 
 
 # --- systems ----------------------------------------------------------------------------------
@@ -250,13 +188,16 @@ def delayed_logistic(u: Sequence[Any], r: Any = 2) -> list[Any]:
 def test_coefficient_of_neimark_sacker_in_the_delayed_logistic_map() -> None:
     mine = FixedPoint(lambda u, p: np.array(delayed_logistic(u, p["r"])), {"x": 0.4, "y": 0.4},
                       {"r": 1.7})  # fmt: skip
-    point = trace(mine, "r", within={"r": (1.2, 2.5)}).first("NS")
+    branch = trace(mine, "r", within={"r": (1.2, 2.5)})
+    assert kinds(branch) == ["NS"]
+    point = branch.first("NS")
     half = sympy.Rational(1, 2)
     wanted = rotation_by_series(delayed_logistic, [half, half], mpmath.pi / 3)
     assert point.detail["d"] == pytest.approx(wanted, rel=1e-9)
     assert point.detail["d"].real == pytest.approx(-1.0, rel=1e-9)
     assert point.detail["criticality"] == "supercritical"
     assert point.detail["angle"] == pytest.approx(math.pi / 3, abs=1e-12)
+    at(point, r=2.0, x=0.5)
 
 
 def coupled(u: Sequence[Any], a: Any) -> list[Any]:
@@ -435,8 +376,3 @@ def test_the_cost_is_a_few_jacobians_whatever_the_size() -> None:
     l1 = forms.lyapunov(Point(curve, curve.start), 1.0)
     assert l1.value == pytest.approx(-0.75, rel=1e-9)  # -3/8 a^3 of the cubic, |q|^2 = 1
     assert calls <= 65
-
-
-def test_folds_need_no_normal_form_to_be_found() -> None:
-    branch = trace(takens(), "b1", within={"b1": (-1, 1)}, events=[fold()])
-    assert [point.kind for point in branch.special] == ["EP", "LP", "EP"]
