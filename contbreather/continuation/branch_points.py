@@ -19,7 +19,7 @@ from .loci import Singular, signed_smallest
 from .newton import Solution, Undefined, solve
 from .point import Event, Locus, Point
 from .rank import Bordered, Weak, weakest
-from .sparse import Factors, Matrix, beside, is_sparse
+from .sparse import Factors, Matrix, above, beside, is_sparse
 
 Array = NDArray[np.float64]
 
@@ -216,11 +216,12 @@ class _LostRank:
         """The last two columns of the inverse of A with borders, and its last row but for two."""
         A, n = _columns(curve.jacobian(z), self.direction), curve.size
         below, unit = np.hstack([self.null, np.zeros((2, 1))]), np.eye(n + 2)[:, -2:]
+        wider = beside(A, self.b[:, None])
         if is_sparse(A):
-            factors = Factors(beside(A, self.b[:, None]))
+            factors = Factors(wider)
             columns = np.stack([factors.solve(right, below) for right in unit.T], axis=1)
             return columns, factors.transposed(unit[:, 1], below)[:n]
-        matrix = np.block([[A, self.b[:, None]], [below]])
+        matrix = above(wider, below)
         return _solved(matrix, unit), _solved(matrix.T, unit[:, 1])[:n]
 
     def unfolding(self, extra: Array) -> tuple[Array, Array]:
@@ -244,7 +245,7 @@ def _columns(rows: Matrix, direction: Array) -> Matrix:
     if rows.shape[1] != n + 2:
         raise Undefined("a branch point is followed in two parameters")
     last = (rows[:, n:] @ direction)[:, None]
-    return beside(rows[:, :n], last) if is_sparse(rows) else np.hstack([rows[:, :n], last])
+    return beside(rows[:, :n], last)
 
 
 def _solved(matrix: Array, right: Array) -> Array:

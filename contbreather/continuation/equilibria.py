@@ -303,12 +303,6 @@ def _hopf_beside_zero(point: Point) -> float:
     return _off_axis(point, loci.without(_eigenvalues(point), 0.0))
 
 
-def _overlap(point: Point) -> float:
-    """The test of BT where one eigenvalue is zero all along the curve."""
-    ground = point.ground
-    return loci.oriented_overlap(ground.jacobian()[:, : ground.curve.size])
-
-
 def _examine_takens(point: Point) -> Examined:
     found = _examine_double_zero(point)
     return found if isinstance(found, str) else found.get("degenerate", found)
@@ -414,7 +408,7 @@ _DOUBLE_HOPF = Event("HH", _second_pair, examine=_examine_second_pair)
 _BT_ON_HOPF = Meeting(
     "BT", itemgetter("omega2"), examine=_examine_double_zero, ends="domain", base=_FOLD
 )
-_BT = Meeting("BT", _overlap, examine=_examine_takens, base=_HOPF)
+_BT = Meeting("BT", partial(loci.overlap, 0.0), examine=_examine_takens, base=_HOPF)
 
 
 def _zero_hopf(on: str, event: Event, test: Callable[[Point], float]) -> Meeting:

@@ -12,7 +12,7 @@ from . import derivatives
 from .curve import Curve, Params
 from .point import Event, Locus
 from .problem import Problem
-from .sparse import Matrix, above, beside, is_sparse
+from .sparse import Matrix, above, beside
 from .strider import Loops
 
 Array = NDArray[np.float64]
@@ -71,28 +71,11 @@ class Extended:
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         """Columns in the order: unknowns, extra, released, free."""
         (curve, z), extra = self.beneath(x, params, free), x[self.n : -1]
-        n, m = self.n, self.extra
-        own = curve.jacobian(z)
-        rows = self._of_conditions(curve, z, extra)
-        if is_sparse(own):
-            return self._sparse(own, rows, extra)
-        whole = np.zeros((n + m + 1, z.size + m))
-        whole[:n, :n], whole[:n, n + m :] = own[:, :n], own[:, n:]
-        whole[n:, :n], whole[n:, n + m :] = rows[:, :n], rows[:, n : z.size]
-        whole[n:, n : n + m] = rows[:, z.size :]
-        if self.locus.unfolding is not None:
-            whole[:n, n : n + m] = self.locus.unfolding(extra)[1]
-        return whole
-
-    def _sparse(self, own: Matrix, rows: Array, extra: Array) -> Matrix:
-        """The same of a large problem, with few conditions."""
-        n, m = self.n, self.extra
-        unfolded = self.locus.unfolding
-        middle = np.zeros((n, m)) if unfolded is None else unfolded(extra)[1]
-        top = beside(beside(own[:, :n], middle), own[:, n:].toarray())
-        return above(
-            top, np.hstack([rows[:, :n], rows[:, own.shape[1] :], rows[:, n : own.shape[1]]])
-        )
+        n, unfolding = self.n, self.locus.unfolding
+        own, rows = curve.jacobian(z), self._of_conditions(curve, z, extra)
+        middle = np.zeros((n, self.extra)) if unfolding is None else unfolding(extra)[1]
+        below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
+        return above(beside(beside(own[:, :n], middle), own[:, n:]), below)
 
     def _of_conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         if self.locus.derivative is not None:

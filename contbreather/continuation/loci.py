@@ -16,7 +16,7 @@ from .curve import Curve
 from .newton import Undefined, solve
 from .point import Locus, Point
 from .rank import Bordered, Weak, inverses_between, weakest
-from .sparse import Matrix, is_sparse
+from .sparse import Matrix, is_sparse, shifted
 from .strider import Loops
 
 Array = NDArray[np.float64]
@@ -109,6 +109,11 @@ def oriented_overlap(matrix: Matrix) -> float:
         return math.nan
     weak = weakest(matrix)
     return float(weak.sign * weak.left @ weak.right)
+
+
+def overlap(shift: float, point: Point) -> float:
+    """The test of a double eigenvalue where one of ``F_x + shift`` is zero all along a curve."""
+    return oriented_overlap(shifted(point.ground.jacobian()[:, : point.ground.curve.size], shift))
 
 
 def null_vector(matrix: Array, scales: Array) -> Array:

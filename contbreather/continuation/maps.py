@@ -215,12 +215,6 @@ def _fold_locus(point: Point) -> Locus:
     return replace(_PLAIN_FOLD.locus(point), events=(cusp(), _R1_ON_FOLD), meets=MEETINGS["LP"])
 
 
-def _overlap(sign: int, point: Point) -> float:
-    """Zero where the multiplier of a curve of folds (1) or doublings (-1) is double."""
-    matrix = multiplier_matrix(point.ground)
-    return loci.oriented_overlap(matrix - sign * np.eye(len(matrix)))
-
-
 def _examine_double(sign: int, point: Point) -> Examined:
     """Two multipliers there, with one eigenvector."""
     matrix = units(point.ground)
@@ -255,7 +249,7 @@ def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
 def _flip_coefficient(point: Point) -> float:
     """c without its poles, at R2 and fold-flips."""
     ground = point.ground
-    poles = _overlap(-1, point) if ground.curve.size > 1 else 1.0
+    poles = loci.overlap(2.0, point) if ground.curve.size > 1 else 1.0
     c = normal_forms.value_or_nan(lambda: normal_forms.flip(point))
     return c * poles * loci.signed_smallest(units(ground) - np.eye(ground.curve.size))
 
@@ -304,8 +298,8 @@ _FOLD = replace(_PLAIN_FOLD, locus=_fold_locus, examine=partial(_examine_one, _P
 _FLIP = Event("PD", loci.Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
 _ROTATION = Event("NS", partial(_off_circle, ()), locus=_rotation_locus, examine=_examine_rotation)
 _DOUBLE_ONE, _DOUBLE_MINUS_ONE = (partial(_examine_double, sign) for sign in (1, -1))
-_R1_ON_FOLD = Meeting("R1", partial(_overlap, 1), examine=_DOUBLE_ONE, base=_ROTATION)
-_R2_ON_FLIP = Meeting("R2", partial(_overlap, -1), examine=_DOUBLE_MINUS_ONE, base=_ROTATION)
+_R1_ON_FOLD = Meeting("R1", partial(loci.overlap, 0.0), examine=_DOUBLE_ONE, base=_ROTATION)
+_R2_ON_FLIP = Meeting("R2", partial(loci.overlap, 2.0), examine=_DOUBLE_MINUS_ONE, base=_ROTATION)
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
 _ON_ROTATION = (
     # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Point
 from .rank import weakest
-from .sparse import Factors, Matrix, beside, is_sparse, null_vectors, scaled, shifted, solved
+from .sparse import Factors, Matrix, above, beside, is_sparse, null_vectors, scaled, shifted, solved
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -250,10 +250,10 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
 
 def _bordered(matrix: Matrix, q: Array, p: Array, right: Array) -> Array:
     """``M h = right`` but for a multiple of q, with ``<p, h> = 0``."""
-    both = np.append(right, 0.0)
+    wider, row, both = beside(matrix, q[:, None]), np.append(p, 0.0)[None, :], np.append(right, 0.0)
     if is_sparse(matrix):
-        return Factors(beside(matrix, q[:, None])).solve(both, np.append(p, 0.0)[None, :])[:-1]
-    return solve(np.block([[matrix, q[:, None]], [p[None, :], np.zeros((1, 1))]]), both)[:-1]
+        return Factors(wider).solve(both, row)[:-1]
+    return solve(above(wider, row), both)[:-1]
 
 
 def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:

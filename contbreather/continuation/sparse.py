@@ -40,10 +40,13 @@ def canonical(given: Any) -> Matrix:
     return matrix
 
 
-def beside(matrix: Matrix, columns: Array) -> Matrix:
-    """A sparse matrix with a few dense columns to its right."""
+def beside(matrix: Matrix, columns: Matrix) -> Matrix:
+    """A matrix, dense or sparse, with a few columns to its right."""
+    if not is_sparse(matrix):
+        return np.hstack([matrix, columns])
     from scipy.sparse import csc_array
 
+    columns = columns.toarray() if is_sparse(columns) else columns
     n, width = columns.shape
     rows = np.tile(np.arange(n, dtype=matrix.indices.dtype), width)
     ends = matrix.indptr[-1] + n * np.arange(1, width + 1, dtype=matrix.indptr.dtype)
@@ -53,7 +56,9 @@ def beside(matrix: Matrix, columns: Array) -> Matrix:
 
 
 def above(matrix: Matrix, rows: Any) -> Matrix:
-    """A sparse matrix with a few rows below, dense or sparse."""
+    """A matrix with a few rows below, both dense or sparse."""
+    if not is_sparse(matrix):
+        return np.vstack([matrix, rows])
     from scipy.sparse import csc_array, vstack
 
     return vstack([matrix, csc_array(rows)], format="csc")
