@@ -247,7 +247,7 @@ def advance(
     """`simulate`, of a state and conditions that have been checked."""
     check_sample(sample, state.u.size)
     machine = Machine(within(state, conditions.walls), conditions, reduced(t0), sample)
-    left, pieces = driven(machine, periods=periods, t0=t0, progress=progress)
+    left, pieces = gathered(machine, periods=periods, t0=t0, progress=progress)
     impacts = np.concatenate([np.empty(0, IMPACT), *(one.impacts for one in pieces)])
     rests = np.concatenate([np.empty(0, REST), *(one.rests for one in pieces)])
     for table in (impacts, rests):
@@ -255,7 +255,7 @@ def advance(
     return Run(impacts=impacts, rests=rests, **left)
 
 
-def driven(
+def gathered(
     machine: Propagator, *, periods: float, t0: float, progress: bool | Bar | None
 ) -> tuple[dict[str, Any], list[Stretch]]:
     """Let it go: what `States` has of the run, with times counted from t0, and its pieces."""

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import number
 from contbreather.dynamics.held import held
-from contbreather.dynamics.impacting import States, advance, driven
+from contbreather.dynamics.impacting import States, advance, gathered
 from contbreather.dynamics.states import (
     PERIOD,
     RANGES,
@@ -354,7 +354,7 @@ def advance_smooth(
     check_sample(sample, start.u.size)
     solver = Explicit() if solver is None else solver
     flight = SmoothFlight(start, conditions, reduced(t0), sample, solver)
-    return SmoothRun(**driven(flight, periods=periods, t0=t0, progress=progress)[0])
+    return SmoothRun(**gathered(flight, periods=periods, t0=t0, progress=progress)[0])
 
 
 def let_go(state: State, on: Conditions | SmoothConditions, **settings: Any) -> Any:

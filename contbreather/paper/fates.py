@@ -16,11 +16,11 @@ from contbreather.dynamics import PeriodicMotion, Run, SmoothRun, State, periodi
 from contbreather.dynamics.energy import localised
 from contbreather.dynamics.impacting import completed
 from contbreather.dynamics.smooth import let_go
+from contbreather.dynamics.verdicts import BROAD
 from contbreather.errors import NotConverged, keeping
 
 Array = NDArray[Any]
 
-BROAD = 3.0  # participation ratio beyond which a state is no breather
 MISSED = 0.6  # |u| that site 0 exceeds on both sides in every period of a breather
 REACHED = 0.93  # |u| that no other site comes to
 SMALL = 1e-6  # of a perturbation: what follows is linear
