@@ -79,6 +79,12 @@ OF_THE_CHAIN = {
     "no sites": (f"{POINT} --sites 0", r"sites = .*: a whole number, at least 1"),
     "sites no number": (f"{POINT} --sites many", r"many is not a whole number"),
     "threshold alone": (f"{POINT} --threshold 1.005", r"--threshold needs --sites"),
+    "threshold alone on a branch": (f"{BRANCH} --threshold 1.01", r"--threshold needs --sites"),
+    "threshold alone on a line": (
+        "boundary LP --k 0.8 --threshold 1.01",
+        r"--threshold needs --sites",
+    ),
+    "threshold alone in a plane": ("zones --k 0.8 --threshold 1.01", r"--threshold needs --sites"),
     "threshold below one": (f"{POINT} --sites 10 --threshold 0.9", r"threshold = 0\.9"),
     "threshold nan": (f"{POINT} --sites 10 --threshold nan", r"threshold = nan"),
     "unknown option": (f"{POINT} --amplitude 3", r"Unknown option.*--amplitude"),

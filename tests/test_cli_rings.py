@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.cli import BAD_INPUT, DONE, main
+from contbreather.cli import DONE
 
 RING = "--sites 20 --threshold 1.02"
 
@@ -63,9 +63,3 @@ def test_zones_are_of_the_ring(run) -> None:
         middle = len(line["a"]) // 2
         largest = on_ring(line["a"][middle], line["gamma"][middle]).stability().largest
         assert largest == pytest.approx(1.02, abs=1e-9)
-
-
-@pytest.mark.parametrize("command", ["branch --free a --gamma 0.1", "boundary LP", "zones"])
-def test_a_threshold_without_a_ring_is_refused(command: str, capsys) -> None:
-    assert main([*command.split(), "--k", "0.8", "--threshold", "1.01"]) == BAD_INPUT
-    assert "--threshold needs --sites" in capsys.readouterr().err

@@ -18,8 +18,6 @@ from contbreather.errors import BadInput
 if TYPE_CHECKING:
     from cyclopts import Token
 
-    from contbreather.lattice import Forcing
-
 HARMONIC = "-cos(t)"
 ROUND = 1e-6  # a window that is wider than its parameter's by less is as good as the same
 PARAMETERS = ("a", "gamma", "k")
@@ -108,7 +106,7 @@ class Where:
                 raise BadInput(f"--{name} is missing: {MEANING[name]}")
         return self.given
 
-    def drive(self, free: Iterable[str] = ()) -> Forcing:
+    def drive(self, free: Iterable[str] = ()) -> cb.lattice.Forcing:
         """The forcing; letters that are free and have no value begin at 1."""
         letters = dict(_assignment(text) for text in self.set)
         if self.forcing.replace(" ", "") == HARMONIC and not letters:
@@ -190,7 +188,7 @@ class On(NamedTuple):
 
     lattice: Any
     threshold: float
-    forcing: Forcing
+    forcing: cb.lattice.Forcing
     more: dict[str, Any]
 
     @property
@@ -228,7 +226,7 @@ def _assignment(text: str) -> tuple[str, float]:
     return normalize("NFKC", name.strip()), number  # as Python reads the names in a formula
 
 
-def _check_name(name: str, forcing: Forcing) -> None:
+def _check_name(name: str, forcing: cb.lattice.Forcing) -> None:
     names = (*NAMES, *forcing.params)
     if name not in names:
         raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")

@@ -13,7 +13,7 @@ import contbreather as cb
 from contbreather.cli.interrupts import computing
 
 if TYPE_CHECKING:
-    from contbreather.dynamics import Recording, Run, SmoothRun
+    from contbreather.dynamics import SmoothRun
     from contbreather.dynamics.stretches import Stretch
 
 JUDGED = 4096  # periods that a verdict looks at, at most
@@ -24,11 +24,11 @@ ENOUGH = 50  # and at least
 class Seen:
     """A run (of a stream its last periods), what it is in the end, and how it ended."""
 
-    run: Run | SmoothRun
+    run: cb.dynamics.Run | SmoothRun
     periods: int
     interrupted: bool
     stop: str
-    stream: Recording | None = None
+    stream: cb.dynamics.Recording | None = None
     site: int = 0
     by_site: dict[int, int] | None = None
     lost: int | None = None
@@ -52,13 +52,13 @@ class Seen:
             yield one
 
 
-def seen_of(run: Run | SmoothRun, site: int = 0) -> Seen:
+def seen_of(run: cb.dynamics.Run | SmoothRun, site: int = 0) -> Seen:
     """A whole run and how it ended, not judged yet."""
     stop = getattr(run, "reason", "") or run.stop.value
     return Seen(run, run.periods, run.stop is cb.dynamics.RunStop.INTERRUPTED, stop, site=site)
 
 
-def seen_in(kept: Recording, wanted: int, site: int = 0) -> Seen:
+def seen_in(kept: cb.dynamics.Recording, wanted: int, site: int = 0) -> Seen:
     """A run on disk, not judged yet: it is read piece by piece, only its end is held."""
     run = _end_of(kept, 2 * JUDGED)
     interrupted = kept.interrupted
@@ -108,11 +108,11 @@ def _lost_in(seen: Seen) -> int | None:
     return None
 
 
-def _end_of(kept: Recording, count: int) -> Run:
+def _end_of(kept: cb.dynamics.Recording, count: int) -> cb.dynamics.Run:
     """The last periods of a stream as a run."""
     import numpy as np
 
-    from contbreather.dynamics import Run, RunStop, State
+    from contbreather.dynamics import RunStop
     from contbreather.dynamics.states import PERIOD
     from contbreather.dynamics.stretches import IMPACT, REST
 
@@ -126,18 +126,18 @@ def _end_of(kept: Recording, count: int) -> Run:
         u, v = [*u, one.u], [*v, one.v]
         impacts, rests = [*impacts, one.impacts], [*rests, one.rests]
     whole = kept.periods - first + 1
-    states = State(np.concatenate(u)[-whole:], np.concatenate(v)[-whole:])
+    states = cb.dynamics.State(np.concatenate(u)[-whole:], np.concatenate(v)[-whole:])
     hits, held = (_since(np.concatenate(rows), first) for rows in (impacts, rests))
     for table in (hits, held):
         table["time"] += kept.t0
     times = kept.t0 + PERIOD * (first + np.arange(len(states.u)))
-    return Run(
+    return cb.dynamics.Run(
         impacts=hits, rests=held, times=times, strobe=states, final=kept.final, end=kept.end,
         record=None, conditions=kept.conditions, stop=stop, reason=reason,
     )  # fmt: skip
 
 
-def length_of(run: Run | SmoothRun) -> float:
+def length_of(run: cb.dynamics.Run | SmoothRun) -> float:
     """How many periods it went, the fraction at its end included."""
     from contbreather.dynamics.states import PERIOD
 
@@ -149,7 +149,7 @@ def periods_in_words(count: float) -> str:
     return "1 period" if count == 1 else f"{count:.12g} periods"
 
 
-def _judged(run: Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
+def _judged(run: cb.dynamics.Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
     """Kind, sentence and evidence from the later half of a run."""
     from contbreather.dynamics.verdicts import Kind, judge
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import contbreather as cb
 from contbreather.errors import BadInput
 from contbreather.files import read_text, write_whole
-
-if TYPE_CHECKING:
-    from contbreather.dynamics import State
 
 WANTED = "JSON with u, v and t, or two columns u and v were expected"
 
@@ -38,7 +36,7 @@ def read_state(path: str) -> tuple[tuple[Any, Any], float]:
     return (u, v), 0.0
 
 
-def write_state(path: str, state: State, t: float) -> Path:
+def write_state(path: str, state: cb.dynamics.State, t: float) -> Path:
     """JSON with u, v and t, all digits."""
     content = {"t": float(t), "u": state.u.tolist(), "v": state.v.tolist()}
     text = json.dumps(content, allow_nan=False) + "\n"
