@@ -122,7 +122,7 @@ def _packed(
     impacts: tuple[tuple[int, float, float], ...],
     offsets: FloatArray | None,
 ) -> Packed | None:
-    sites, f, beside = (*hit, *idle), orbit.forcing, tuple(sorted(watch.beside))
+    sites, f, beside = (*hit, *idle), orbit.forcing, tuple(watch.beside)
     distances, places = _places(orbit.lattice, sites, beside, tuple(one[0] for one in impacts))
     table = wave_rows(orbit.lattice, orbit.gamma, distances, turns)
     if table is None:

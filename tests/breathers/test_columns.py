@@ -124,17 +124,6 @@ def test_acceleration_of_a_shot_orbit_is_the_slope_of_its_velocity() -> None:
             )
 
 
-@pytest.mark.parametrize(("a", "gamma", "k"), [(0.5, 0.05, 0.8), (0.4, 0.1, 0.2), (0.9, 0.0, 0.5)])
-def test_the_margin_of_the_site_itself_is_in_units_of_mid_flight(a, gamma, k) -> None:
-    """The least of ``(1 - u^2)/((s + k) s (pi - s))``, times its denominator at s = pi/2."""
-    b = cb.symmetric(a, gamma, k)
-    s = np.linspace(1e-3, math.pi - 1e-3, 4001)
-    u = b.displacement(0, b.phi + s)
-    ratio = (1 - u**2) / ((s + k) * s * (math.pi - s))
-    middle = (math.pi / 2 + k) * (math.pi / 2) ** 2
-    assert b.admissibility().centre == pytest.approx(ratio.min() * middle, rel=2e-3)
-
-
 def test_what_is_followed_from_where_two_crests_graze_is_grazing() -> None:
     start = cb.symmetric(0.6, 0.1, 0.05)
     point = cb.trace(start, "a", towards="up", within={"a": (0.0, 1.2)}).first("GR")
