@@ -300,7 +300,8 @@ def _pair_of_large(point: Point) -> str | dict[str, float]:
 
 def _hopf_beside_zero(point: Point) -> float:
     """The test of a Hopf point for all eigenvalues but the one that is zero."""
-    return _off_axis(point, loci.without(_eigenvalues(point), 0.0))
+    values = _eigenvalues(point)
+    return _off_axis(point, values if _large(point) else loci.without(values, 0.0))
 
 
 def _examine_takens(point: Point) -> Examined:

@@ -212,13 +212,14 @@ def test_the_norm_of_an_array_is_a_column_a_window_and_an_event() -> None:
 
 
 def test_a_curve_of_folds_meets_the_cusp_of_the_dense_road() -> None:
-    events, within = [cb.fold()], {"lam": (4, 7)}
-    branch = cb.trace(ignition(15), "lam", within=within, towards="up", events=events)
+    """Its derivative is symmetric: no eigenvalue is looked for beside the axis."""
+    branch = cb.trace(ignition(15), "lam", within={"lam": (4, 7)}, towards="up", events=FEW)
     line = cb.boundary(
         branch.first("LP"),
         ("eps", "lam"),
         within={"lam": (5.1, 6)},
         towards="up",
+        events=FEW,
         steps=cb.Steps(first=0.1),
     )
     cusp = line.first("CP")
