@@ -287,17 +287,6 @@ def split(nu: Array, k: float, b: float, value: Regular, slope: Regular) -> Spli
     )
 
 
-def continued_slope(
-    gamma: float, nu: Array, k: float, b: float, spring: float = 0.0
-) -> tuple[Array, Array]:
-    """D of the infinite chain and dD/dnu, continued from the outside through the band.
-
-    For |Im nu| <= 1. Equal to `D_slope` outside and on the circle; a zero just inside is a
-    resonance, a multiplier-to-be. Neither finite nor checked at the poles.
-    """
-    return near_slope(gamma, nu, k, b, None, spring, continued=True)
-
-
 def near_slope(
     gamma: float,
     nu: Array,
@@ -307,7 +296,11 @@ def near_slope(
     spring: float = 0.0,
     continued: bool = False,
 ) -> tuple[Array, Array]:
-    """D and dD/dnu by aliases, for |Im nu| <= 1; neither finite nor checked at the poles."""
+    """D and dD/dnu by aliases, for |Im nu| <= 1; neither finite nor checked at the poles.
+
+    ``continued`` from the outside through the band of the infinite chain it has zeros just inside:
+    resonances, multipliers-to-be.
+    """
     g, g_nu, _ = _alias0(gamma, nu, sites, spring, continued)
     value, slope, _ = regular_slopes(gamma, nu, sites, spring)
     part = split(nu, k, b, value, slope)

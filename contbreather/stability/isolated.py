@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring, check_gamma
 from contbreather.stability.arc import angle, curve, sample
-from contbreather.stability.characteristic import NEAR, D_slope, checked, continued_slope
+from contbreather.stability.characteristic import NEAR, D_slope, checked, near_slope
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.saltation import check_kb
 from contbreather.stability.winding import check_radius, resolved_arc, unstable_count
@@ -60,12 +60,10 @@ def _fold_in(nu: Array) -> Array:
 
 def _slopes(gamma: float, k: float, b: float, spring: float, nu: Array) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
-        if np.all(np.abs(nu.imag) <= NEAR):
-            return continued_slope(gamma, nu, k, b, spring)
-        value, slope = np.empty_like(nu), np.empty_like(nu)
+        value, slope = near_slope(gamma, nu, k, b, None, spring, continued=True)
         far = nu.imag < -NEAR
-        value[far], slope[far] = D_slope(gamma, nu[far], k, b, InfiniteChain().held(spring))
-        value[~far], slope[~far] = continued_slope(gamma, nu[~far], k, b, spring)
+        if np.any(far):
+            value[far], slope[far] = D_slope(gamma, nu[far], k, b, InfiniteChain().held(spring))
     return value, slope
 
 
