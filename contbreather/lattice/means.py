@@ -120,12 +120,9 @@ def q_moments(sites: int | None, n: int) -> FloatArray:
     ``(2 - 2 cos theta)^j`` has the Fourier coefficients ``(-1)^n binomial(2j, j + n)``; on a
     ring the ones N apart fall together.
     """
-    values = np.empty(TERMS + 1)
+    values, apart = np.empty(TERMS + 1), sites or 2**60
     for j in range(TERMS + 1):
-        if sites is None:
-            orders = range(n, n + 1) if abs(n) <= j else range(0)
-        else:
-            orders = range(-j + (n + j) % sites, j + 1, sites)
+        orders = range(-j + (n + j) % apart, j + 1, apart)
         total = sum((-1) ** (m % 2) * math.comb(2 * j, j + m) for m in orders)
         values[j] = total / 4**j  # whole numbers up to the last division
     values.setflags(write=False)
