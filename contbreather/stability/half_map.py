@@ -223,18 +223,14 @@ def _even_roots(gamma: float, k: float, b: float, ring: Ring) -> Array | None:
 
 def _dense_even_roots(gamma: float, k: float, b: float, ring: Ring) -> Array:
     """The even sector in its modes, about N x N, by a dense eigenvalue solver."""
-    all_modes = modes(gamma, ring.sites)
-    at_impact = np.sqrt(all_modes.weight)
-    size = at_impact.size
-    half = np.zeros((2 * size, 2 * size))
-    own = np.arange(size)
-    half[own, own] = half[size + own, size + own] = all_modes.cosine
-    half[own, size + own] = all_modes.sine_over_w
-    half[size + own, own] = -all_modes.w_sine
-    columns = np.zeros((2 * size, 2))
-    columns[:size, 0] = columns[size:, 1] = at_impact
-    kick = columns @ (saltation(k, b) - np.eye(2)) @ columns.T
-    return np.linalg.eigvals(half + half @ kick)
+    from contbreather.flows.modes import turn
+    from contbreather.stability.section_map import Blow, ModalMap
+
+    basis = ring.basis((0,))
+    z, (shape,) = gamma * basis.lam, basis.at(np.zeros(1, dtype=int))
+    turns, blow = (turn(z, 0.0), turn(z, math.pi)), Blow(shape, shape, saltation(k, b))
+    half = ModalMap(ring, gamma, 0.0, z, gamma * basis.unseen, turns, (blow,), math.pi, -1)
+    return half.coupled
 
 
 def even_multipliers(ring: Ring, gamma: float, k: float, b: float) -> Array:
