@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from contbreather.breathers.orbit import Orbit
-from contbreather.breathers.section import Impact, Section, Sequenced
+from contbreather.breathers.section import Impact, Section
 from contbreather.errors import BadInput
 
 SAME = 1e-7  # descriptions whose equations are off by less are right
@@ -157,10 +157,5 @@ def _parts(orbit: Orbit) -> Iterator[Section]:
         m = len(own) // parts
         if m and turns % parts == 0 and own == own[:m] * parts:
             yield Section(own[:m], turns // parts)
-    m = len(own) // 2
-    if turns % 2 and orbit.walls.symmetric and own == own[:m] + _mirrored(own[:m]):
-        yield Section(own[:m], turns, -1)
-
-
-def _mirrored(sequence: Sequenced) -> Sequenced:
-    return tuple((site, -wall) for site, wall in sequence)
+    if orbit.section.mirrored and orbit.walls.symmetric:
+        yield Section(own[: len(own) // 2], turns, -1)

@@ -8,17 +8,23 @@ at first.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.orbit import Orbit, checked, orbit_at
 from contbreather.checks import check_kind
-from contbreather.continuation import Lift, Point, Problem
+from contbreather.continuation import Event, Lift, Point, Problem
 from contbreather.continuation.curve import Curve
+from contbreather.continuation.point import Examined
 from contbreather.errors import BadInput, NotConverged
 
 FloatArray = NDArray[np.float64]
 
+EQUAL = 1e-5  # flights that differ by less, where a branch point is located, are equal
+ALONG = 1e-3  # by how much they change along an arm there, and not along symmetric orbits
 SINGULAR = 1e-6  # how far off the equations of the longer orbit may be
 
 
@@ -74,6 +80,20 @@ def lift(point: Point) -> OrbitLift:
             residual=off,
         )
     return found
+
+
+def from_arms(event: Event) -> Event:
+    """BP of the whole period, which is PF where an arm comes to the symmetric orbit it left."""
+    return replace(event, examine=partial(_examine_crossing, event))
+
+
+def _examine_crossing(event: Event, point: Point) -> Examined:
+    why, orbit = event.examine(point) if event.examine else "", point.solution
+    if why or point.tangent is None or not orbit.section.mirrored:
+        return why
+    first, second = point.tangent[: orbit.section.count].reshape(2, -1)
+    leaves = abs(second - first).max() > ALONG and abs(orbit.asymmetry) < EQUAL
+    return {"kind": "PF"} if leaves else ""
 
 
 def _orbit_at(point: Point) -> Orbit:

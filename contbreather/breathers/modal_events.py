@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.grazing import Crest, grazing
+from contbreather.breathers.lifts import from_arms
 from contbreather.breathers.modal_flight import ModalFlight
 from contbreather.breathers.multipliers import (
     Conditions,
@@ -73,7 +74,7 @@ def branching() -> Event:
     """BP: another curve of solutions of the same equations crosses; as the engine's own, but with
     a determinant for its test, which large rings can afford."""
     test = Singular(bordered, _branching_test)
-    return replace(branch_point(), test=test, count=_beyond_closing)
+    return from_arms(replace(branch_point(), test=test, count=_beyond_closing))
 
 
 def _branching_test(point: Point) -> float:

@@ -151,10 +151,10 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The shooting equations with an orbit as their start, and all its events.
 
     Columns: ``t1, t2, ...`` and the arrays ``q, r`` of unknowns; a, gamma, k, damping, spring and
-    the parameters of the forcing; ``p``, half the momentum (``p1, p2, ...`` unless all are the
-    same), the offset ``c``, for two impacts ``asymmetry``, t2 - t1 less half a period;
-    ``unstable``, the number of multipliers beyond the threshold over the whole period, and the
-    condition number ``condition``: computed when asked for.
+    the parameters of the forcing; half the momenta, ``p1, p2, ...``, and ``p``, the first, where
+    one site has one impact or two; the offset ``c``; where half a symmetric orbit may do, its
+    ``asymmetry``; ``unstable``, the number of multipliers beyond the threshold over the whole
+    period, and the condition number ``condition``: computed when asked for.
     """
     flight = orbit.flight
     section, on = orbit.section, orbit.conditions
@@ -188,19 +188,17 @@ def _columns(section: Section, threshold: float) -> dict[str, Any]:
     """What is recorded besides the unknowns."""
     count = section.count
     same = count == 1 or (count == 2 and section.local and not section.symmetric)
-    names = {"p": 0} if same else {f"p{j + 1}": j for j in range(count)}
+    names = {"p": 0} if same else {}
+    if count > 1:
+        names |= {f"p{j + 1}": j for j in range(count)}
     columns: dict[str, Any] = {name: partial(_momentum, j) for name, j in names.items()}
     if not section.symmetric:
         columns["c"] = attrgetter("solution.c")
-    if same and count == 2:
-        columns["asymmetry"] = partial(_asymmetry, section.period)
+    if section.mirrored:
+        columns["asymmetry"] = attrgetter("solution.asymmetry")
     columns["unstable"] = unstable_by(threshold)
     return {**columns, "condition": attrgetter("solution.flight.condition")}
 
 
 def _momentum(j: int, point: Point) -> float:
     return 0.5 * abs(float(point.solution.impulses[j]))
-
-
-def _asymmetry(period: float, point: Point) -> float:
-    return float(point["t2"] - point["t1"] - 0.5 * period)

@@ -231,10 +231,13 @@ class Orbit(Shown):
 
     @property
     def asymmetry(self) -> float:
-        """Of an orbit with two impacts ``t2 - t1 - pi``: 0 where both flights are equal."""
-        if not self.section.two_impacts:
-            raise self._lacks("asymmetry", "orbits with two impacts, on +1 and then on -1")
-        return (self.impacts[1].time - self.impacts[0].time) % self.period - math.pi
+        """Of an orbit with two impacts ``t2 - t1 - pi``: 0 where both flights are equal. Of more
+        that of the impact and its mirror image, half the impacts later, that are farthest off."""
+        if not self.section.mirrored:
+            raise self._lacks("asymmetry", "orbits whose second half hits the opposite walls")
+        first, second = self.times.reshape(2, -1)
+        late = (second - first) % self.period - 0.5 * self.period
+        return float(late[abs(late).argmax()])
 
     def _need_one(self, name: str) -> None:
         if not self.symmetric or self.section.count > 1:

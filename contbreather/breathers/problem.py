@@ -48,7 +48,7 @@ def orbit_problem(kind: str, at: At, orbit: Orbit, threshold: float, **equations
         "interpret": partial(_interpreted, at),
         "images": partial(_images, at),
         "simpler": _simpler,
-        "lifts": {"PF": lift, "PD": lift},
+        "lifts": {"PF" if orbit.symmetric else "PD": lift},
         "wider": partial(with_parameters, threshold),
         "recipe": Recipe(kind, made_of, plain),
     }

@@ -111,6 +111,13 @@ class Section:
         walls = [wall for _, wall in self.impacts]
         return self.sign > 0 and self.turns == 1 and walls == [1, -1] and self.local
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether the second half hits the opposite walls: half a symmetric orbit may do for it."""
+        half = self.impacts[: self.count // 2]
+        opposite = tuple((n, -wall) for n, wall in half)
+        return self.sign > 0 and self.turns % 2 == 1 and self.impacts == half + opposite
+
     def unfolded(self) -> Section:
         """The impacts of the full period, without use of the symmetry."""
         if not self.symmetric:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
-from contbreather.breathers.lifts import lift
+from contbreather.breathers.lifts import from_arms, lift
 from contbreather.breathers.orbit import Orbit, orbit_of
 from contbreather.breathers.problem import made_again, orbit_problem, unstable_by
 from contbreather.breathers.road import Impacts, Offsets, Road, road
@@ -113,15 +113,14 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
 
     Columns: t1..tm, J1..Jm and c (c1, c2, ... where several sites take impacts); a, gamma, k and
     the parameters of the forcing; ``unstable``, the number of multipliers outside; for two impacts
-    ``p`` and ``asymmetry``. Every branch point of the equations is BP: on a branch of symmetric
-    breathers that is their pitchfork.
+    ``p``, and ``asymmetry`` where half a symmetric orbit may do. Every branch point of the
+    equations is BP, on a branch of symmetric breathers their pitchfork, too; from an arm it is PF.
     """
     motion = orbit.flight
     equations: OrbitEquations = motion.equations
     record: dict[str, Any] = {"unstable": unstable_by(threshold)}
-    if orbit.section.two_impacts:
-        names = "p", "asymmetry"
-        record |= {name: attrgetter(f"solution.{name}") for name in names}
+    own = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
+    record |= {name: attrgetter(f"solution.{name}") for name, there in own.items() if there}
     return orbit_problem(
         "orbit with impacts",
         partial(Waves.of, orbit.conditions, orbit.section),
@@ -132,10 +131,9 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         params=_params(orbit),
         jacobian=equations.jacobian,
         sensitivity=equations.sensitivity,
-        events=(fold(), branch_point(), *events_on(orbit.lattice, threshold)),
+        events=(fold(), from_arms(branch_point()), *events_on(orbit.lattice, threshold)),
         record=record,
         domain=domain_of(equations),
-        lifts={"PD": lift},
         label="orbit with impacts",
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -245,10 +246,13 @@ def _event(said: Mapping[str, Any], known: Iterable[Event]) -> Event | None:
 
 def _happened(point: Point, events: Sequence[Event]) -> Event | None:
     """The event of a special point: of its kind and, if there are several, the one whose test is
-    closest to zero."""
+    closest to zero; so where it has another name, as a vanishing impact among grazings."""
     alike = {id(event): event for event in events if event.kind == point.kind}
+    if not alike and point.kind not in ("", "EP", "MX"):
+        alike = {id(event): event for event in events if event.examine is not None}
     if len(alike) > 1:
-        return min(alike.values(), key=lambda event: abs(measure(event, point)))
+        off = {key: abs(measure(event, point)) for key, event in alike.items()}
+        return alike[min(off, key=lambda key: off[key] if off[key] >= 0.0 else math.inf)]
     return next(iter(alike.values()), None)
 
 

@@ -41,7 +41,10 @@ CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
         lambda: shooting(cb.symmetric(0.5, 0.05, 0.8), sites=8),
         {"t1", "p", "q", "r", "condition"},
     ),
-    "shot, open": (unfolded_arm, {"t1", "t2", "p", "q", "r", "c", "asymmetry", "condition"}),
+    "shot, open": (
+        unfolded_arm,
+        {"t1", "t2", "p", "p1", "p2", "q", "r", "c", "asymmetry", "condition"},
+    ),
 }
 
 
@@ -106,9 +109,45 @@ def test_two_impacts_are_one_on_each_wall_in_a_period_of_the_forcing() -> None:
     assert not Section(((0, 1), (0, -1)), 3, -1).two_impacts
 
 
+FIXED = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2, spring=0.05, damping=0.02)
+TWO = cb.multibreather([0, 3], a=0.6, gamma=0.02, k=0.8, lattice=cb.Ring(9), damping=0.01)
+
+
+@pytest.mark.parametrize("start", [FIXED, TWO], ids=["springs", "two sites"])
+def test_arms_of_finite_lattices_have_asymmetry_and_all_momenta_and_come_back_to_pf(start) -> None:
+    within = {"a": (0.5, 1.0)}
+    fork = cb.trace(start, "a", within=within).first("PF")
+    arm = cb.switch(fork, within=within)[0]
+    orbit, m = arm[-1].solution, start.section.count
+    lags = (orbit.times[m:] - orbit.times[:m]) % orbit.period - math.pi
+    assert arm[-1]["asymmetry"] == orbit.asymmetry
+    assert abs(orbit.asymmetry) == abs(lags).max()
+    halves = [arm[-1][f"p{j + 1}"] for j in range(2 * m)]
+    assert halves == pytest.approx(0.5 * abs(orbit.impulses), abs=1e-15)
+    assert (abs(halves[0] - halves[m]) > 1e-3) == (start.spring > 0.0)  # else one pays the other
+    back = cb.trace(arm[len(arm) // 2], "a", within=within, towards="down")
+    there = back.first("PF")
+    assert there["a"] == pytest.approx(fork["a"], abs=1e-12)
+    assert abs(there["asymmetry"]) < 1e-9
+    assert back["asymmetry"][0] * back["asymmetry"][-1] < 0.0  # on along the other arm
+    for other in cb.switch(there, within=within):
+        assert abs(other["asymmetry"]).max() < 1e-6
+
+
+def test_a_pitchfork_from_an_arm_is_one_in_files_too(tmp_path) -> None:
+    within = {"a": (0.5, 1.0)}
+    arm = cb.switch(cb.trace(FIXED, "a", within=within).first("PF"), within=within)[0]
+    back = cb.trace(arm[len(arm) // 2], "a", within=within, towards="down")
+    cb.save(tmp_path / "back.nc", back)
+    again = cb.load(tmp_path / "back.nc")
+    assert [point.label for point in again.special] == [point.label for point in back.special]
+    (one, *_) = cb.switch(again.first("PF"), within=within)
+    assert abs(one["asymmetry"]).max() < 1e-6
+
+
 def test_what_belongs_to_two_impacts_is_refused_for_more() -> None:
     four = cb.symmetric(0.5, 0.05, 0.8).unfolded().doubled()
-    with pytest.raises(cb.BadInput, match="asymmetry belongs to orbits with two impacts"):
+    with pytest.raises(cb.BadInput, match="asymmetry belongs to orbits whose second half"):
         _ = four.asymmetry
     assert four.p == pytest.approx(cb.symmetric(0.5, 0.05, 0.8).p, abs=1e-15)
 
