@@ -325,11 +325,7 @@ def _make_sure(trail: Trail) -> None:
     """Replace values seen on the cubic by those on the curve, wherever a change depends on them."""
     while unsure := {u for pair in trail.changes() for u in pair} - trail.sure:
         for u in unsure:
-            try:
-                trail.values[u] = trail.look(u)
-            except Undefined:
-                trail.values[u] = math.nan
-        trail.sure |= unsure
+            trail.known(u)
 
 
 def _located(trail: Trail, left: float, right: float) -> Iterator[Point]:
@@ -399,25 +395,16 @@ def _changed(
     trail: Trail, low: float, high: float
 ) -> tuple[tuple[float, float], Value, Value] | None:
     """Where a tally changes on a piece of the step, and from what to what."""
-
-    def at(u: float) -> Value:
-        if u not in trail.values:
-            try:
-                trail.values[u] = measure(trail.event, trail.segment.at(u))
-            except Undefined:
-                trail.values[u] = math.nan
-        return trail.values[u]
-
-    before, after = at(low), at(high)
+    before, after = trail.known(low), trail.known(high)
     if math.isnan(before) or math.isnan(after) or before == after:
         return None
     while high - low > _TALLIED:
         middle = 0.5 * (low + high)
-        value = at(middle)
+        value = trail.known(middle)
         if math.isnan(value):
             break
         low, high = (middle, high) if value == before else (low, middle)
-    return (low, high), before, at(high)
+    return (low, high), before, trail.known(high)
 
 
 # --- zeros and jumps --------------------------------------------------------------------------

@@ -87,6 +87,16 @@ class Trail:
             raise Undefined("the test has no value between two points of the curve")
         return value
 
+    def known(self, u: float) -> Value:
+        """The same, looked at once; NaN where it has no value."""
+        if u not in self.sure:
+            try:
+                self.values[u] = self.look(u)
+            except Undefined:
+                self.values[u] = math.nan
+            self.sure.add(u)
+        return self.values[u]
+
     def glance(self, u: float) -> Value:
         """The test on the cubic, close enough to see its sign."""
         self.values[u] = measure(self.event, self.segment.provisional(u))

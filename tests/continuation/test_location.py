@@ -242,6 +242,14 @@ def test_every_jump_of_a_count_is_found(steps: Steps) -> None:
         assert high - low < 1e-12
 
 
+def test_a_count_that_changes_where_no_event_is_is_doubtful() -> None:
+    count = Event("N", None, count=lambda point: int(point["mu"] > 0.3))
+    (point,) = on_line(count).doubtful
+    assert point["mu"] == pytest.approx(0.3, abs=1e-4)
+    assert point.detail["reason"] == "a count changes from 0 to 1, and no event here explains it"
+    assert on_line(count, user("mu", 0.3)).doubtful == ()
+
+
 def test_a_jump_with_a_locus_is_as_sharp_as_the_locus() -> None:
     calls = 0
 
