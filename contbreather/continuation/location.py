@@ -90,13 +90,12 @@ def find(
         trail.calm = trail.calm and not trail.foresee()
     if all(trail.calm for trail in trails):
         return Found((), (), after)
-    for trail in trails:
-        # what has no test is looked at last, and at few places
-        if trail.event.test is not None and not trail.calm:
-            trail.glance(0.5)
     tallies = [trail for trail in trails if trail.event.test is None]
     crossings = [trail for trail in trails if trail.event.crosses]
     others = [t for t in trails if t.event.test is not None and not t.event.crosses]
+    for trail in (*crossings, *others):  # what has no test is looked at last, and at few places
+        if not trail.calm:
+            trail.glance(0.5)
     located = list(_events_on(crossings, ends))
     cuts = [p for p in located if "tangents" in p.detail] or ([crossing] if crossing else [])
     if cuts and others:
