@@ -97,7 +97,7 @@ def _flight(
     state = State(*np.frombuffer(x).reshape(2, -1))
     if isinstance(on, SmoothConditions):
         return flown(on, state, t0, span)[0], None
-    run = completed(advance(state, on, periods=span, t0=t0))
+    run = completed(advance(state, on, periods=span, t0=t0, progress=False))
     if run.stop is not RunStop.DONE:
         raise ArithmeticError(run.reason)
     return np.concatenate(run.final), run
