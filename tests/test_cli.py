@@ -8,9 +8,11 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -31,13 +33,14 @@ BRANCH = "branch --free a --gamma 0.1 --k 0.8"
 TWO_HARMONICS = "-cos(t) - 2.7*cos(3*t)"
 
 
-def typed(*arguments: str, where: Path | None = None) -> subprocess.CompletedProcess[str]:
+def typed(
+    *arguments: str, where: Path | None = None, **settings: str
+) -> subprocess.CompletedProcess[str]:
     """The command in a process of its own."""
-    package = Path(cb.__file__).parents[1]
     return subprocess.run(
         [sys.executable, "-m", "contbreather", *arguments],
         cwd=where,
-        env={**os.environ, "PYTHONPATH": str(package)},
+        env={**os.environ, "PYTHONPATH": str(Path(cb.__file__).parents[1]), **settings},
         capture_output=True,
         text=True,
         check=False,
@@ -61,60 +64,32 @@ def test_bad_input_is_refused_the_same_way_with_json(run: Run) -> None:
 def test_bad_places_are_refused_before_anything_is_computed(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def never(**kwargs: object) -> None:
-        raise AssertionError("computed first")
-
-    monkeypatch.setattr(import_module("contbreather.breathers.zones"), "zones", never)
+    computed = Mock()
+    monkeypatch.setattr(import_module("contbreather.breathers.zones_many"), "zones_many", computed)
     assert run("zones -o nowhere/z.png")[0] == BAD_INPUT
+    assert not computed.called
 
 
-def test_numerics_that_fail_are_one_sentence_and_status_1(
-    run: Run, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("error", "status", "words"),
+    [
+        (
+            NotConverged("Newton's iteration went nowhere"),
+            FAILED,
+            "Newton's iteration went nowhere",
+        ),
+        (KeyboardInterrupt(), INTERRUPTED, "interrupted"),
+    ],
+)
+def test_what_the_library_raises_has_its_sentence_and_status(
+    run: Run, monkeypatch: pytest.MonkeyPatch, error: BaseException, status: int, words: str
 ) -> None:
-    def fails(*args: object, **kwargs: object) -> None:
-        raise NotConverged("Newton's iteration went nowhere", residual=1.0)
-
-    monkeypatch.setattr("contbreather.breathers.symmetric_roots", fails)
-    status, out, err = run(POINT)
-    assert (status, out) == (FAILED, "")
-    assert err == "contbreather: Newton's iteration went nowhere\n"
-
-
-def test_branch_that_breaks_off_is_shown_and_has_status_1(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from dataclasses import replace
-
-    from contbreather import continuation
-
-    whole = continuation.trace
-
-    def broken(*args: Any, **kwargs: Any) -> Any:
-        return replace(
-            whole(*args, **kwargs), stop=cb.continuation.Stop.NO_CONVERGENCE, reason="too sharp"
-        )
-
-    monkeypatch.setattr(continuation, "trace", broken)
-    status, out, err = run(f"{BRANCH} --json")
-    assert status == FAILED
-    assert strict(out)["columns"]["a"]
-    assert "broke off" in err
-    assert "too sharp" in err
-
-
-def test_interruption_has_its_own_status(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped(*args: object, **kwargs: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("contbreather.breathers.symmetric_roots", stopped)
-    assert run(POINT)[0] == INTERRUPTED
+    monkeypatch.setattr("contbreather.breathers.symmetric_roots", Mock(side_effect=error))
+    assert run(POINT) == (status, "", f"contbreather: {words}\n")
 
 
 def test_bugs_are_not_hidden(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    def bug(*args: object, **kwargs: object) -> None:
-        raise KeyError("bug")
-
-    monkeypatch.setattr("contbreather.breathers.symmetric_roots", bug)
+    monkeypatch.setattr("contbreather.breathers.symmetric_roots", Mock(side_effect=KeyError("bug")))
     with pytest.raises(KeyError):
         run(POINT)
 
@@ -419,28 +394,27 @@ def test_boundary_passes_the_fold_as_the_library_does(run: Run) -> None:
 
 
 @pytest.mark.parametrize("stop", [cb.continuation.Stop.NO_CONVERGENCE, cb.continuation.Stop.RIM])
-@pytest.mark.parametrize("line", [BRANCH, "boundary PF --k 0.8"], ids=["branch", "boundary"])
+@pytest.mark.parametrize(
+    ("walk", "line", "shown"),
+    [
+        ("trace", BRANCH, "label"),
+        ("trace", f"{BRANCH} --json", '"columns": {"p": ['),
+        ("boundary", "boundary PF --k 0.8", "label"),
+    ],
+)
 def test_what_ends_in_mx_is_shown_and_has_status_1(
-    run: Run,
-    monkeypatch: pytest.MonkeyPatch,
-    line: str,
-    stop: cb.continuation.Stop,
-) -> None:
-    from dataclasses import replace
-
-    from contbreather import continuation
-
-    name = "trace" if line is BRANCH else "boundary"
-    whole = getattr(continuation, name)
+    run: Run, monkeypatch: pytest.MonkeyPatch,
+    walk: str, line: str, shown: str, stop: cb.continuation.Stop,
+) -> None:  # fmt: skip
+    whole = getattr(cb.continuation, walk)
 
     def broken(*args: Any, **kwargs: Any) -> Any:
         return replace(whole(*args, **kwargs), stop=stop, reason="too sharp")
 
-    monkeypatch.setattr(continuation, name, broken)
+    monkeypatch.setattr(cb.continuation, walk, broken)
     status, out, err = run(line)
-    assert status == FAILED
-    assert "label" in out
-    assert "too sharp" in err
+    assert (status, shown in out) == (FAILED, True)
+    assert re.search("broke off.*too sharp", err)
 
 
 def test_boundary_shows_where_it_meets_others(run: Run) -> None:
@@ -643,13 +617,10 @@ def test_without_meetings_there_is_a_sentence_and_no_empty_table(
 
 
 @pytest.mark.parametrize("command", ["boundary", "zones", "branch", "figure", "point"])
-def test_help_fills_its_lines(command: str, tmp_path: Path) -> None:
+def test_help_fills_its_lines(command: str) -> None:
     """No line of prose is broken where the source breaks it: the next word would not fit."""
-    done = subprocess.run(
-        [sys.executable, "-m", "contbreather", command, "--help"],
-        env={**os.environ, "PYTHONPATH": str(Path(cb.__file__).parents[1]), "COLUMNS": "80"},
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    done = typed(command, "--help", COLUMNS="80")
+    assert done.returncode == DONE
     prose = done.stdout.split("╭")[0].splitlines()
     for line, following in itertools.pairwise(prose):
         if line.strip() and following.strip():
