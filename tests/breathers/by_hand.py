@@ -1,9 +1,9 @@
 """Orbits put together from their impacts; how well a ring repeats one; breathers whose neighbour
-just touches a wall."""
+just touches a wall; derivatives by differences."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -59,3 +59,22 @@ def repeats(orbit: Orbit, sites: int, t0: float = 0.3) -> tuple[float, float]:
     assert len(run.impacts) == len(own.impacts)
     end = max(np.abs(run.final.u - u).max(), np.abs(run.final.v - v).max())
     return end, np.abs(run.strobe.u[turns // 2] - u).max()
+
+
+def derivatives(
+    equations: Any, x: np.ndarray, params: Mapping[str, float], h: float
+) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Each column of the Jacobian (named "") and each sensitivity, and what differences make of
+    the residual in its place."""
+
+    def slope(unit: np.ndarray, shift: Mapping[str, float]) -> np.ndarray:
+        def at(e: float) -> np.ndarray:
+            moved = {name: value + e * shift.get(name, 0.0) for name, value in params.items()}
+            return equations.residual(x + e * unit, moved)
+
+        return (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h)
+
+    for column, unit in zip(equations.jacobian(x, params).T, np.eye(x.size), strict=True):
+        yield "", column, slope(unit, {})
+    for name in params:
+        yield name, equations.sensitivity(x, params, name), slope(np.zeros(x.size), {name: 1.0})

@@ -11,7 +11,6 @@ import networkx as nx
 import numpy as np
 import pytest
 from scipy import sparse
-from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.breathers.arms import asymmetric
@@ -326,27 +325,6 @@ def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
 
 
 # --- flights ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("damping", [0.0, 1e-9, 0.3, 2.0, 5.0])
-def test_flight_and_its_slopes_solve_their_equation(damping: float) -> None:
-    z, t, h = np.array([0.0, 1e-9, 0.04, 1.0, 1.0 + 1e-9, 9.0]), 1.7, 1e-5
-    fly = turn(z, t, damping)
-    for i, zi in enumerate(z):
-        road = solve_ivp(
-            lambda _, y, zi=zi: [y[1], -zi * y[0] - damping * y[1]], (0, t), [0.3, -0.7],
-            "DOP853", rtol=1e-12, atol=1e-13,
-        ).y[:, -1]  # fmt: skip
-        q, r = fly(np.full(z.size, 0.3), np.full(z.size, -0.7))
-        assert (q[i], r[i]) == pytest.approx(road, abs=1e-10)
-    near = [turn(z + 1.0 + s, t, damping) for s in (h, -h)]
-    slope = turn_slope(z + 1.0, t, turn(z + 1.0, t, damping), damping)
-    for own, up, down in zip(slope, *near, strict=True):
-        assert own == pytest.approx((up - down) / (2 * h), abs=1e-8)
-    near = [turn(z, t, damping + 1e-4 + s) for s in (h, -h)]
-    slope = turn_slope_in_damping(z, t, turn(z, t, damping + 1e-4), damping + 1e-4)
-    for own, up, down in zip(slope, *near, strict=True):
-        assert own == pytest.approx((up - down) / (2 * h), abs=1e-8)
 
 
 def test_forced_motion_solves_its_equation() -> None:

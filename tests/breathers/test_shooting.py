@@ -468,51 +468,33 @@ def test_whole_period_sees_the_pitchfork_as_a_branch_point() -> None:
     assert branch.first("BP")["a"] == pytest.approx(0.777632425944, abs=1e-10)
 
 
-def test_arms_of_the_pitchfork_are_mirror_images() -> None:
-    """u -> -u, half a period later: the same orbit seen from the other wall."""
-    lifted = lift(symmetric_branch().first("PF"))
-    orbits = []
-    for side in (0.05, -0.05):
-        problem = lifted.arm(side)
-        branch = cb.trace(problem, "a", within={"a": (0, 0.8)}, towards="up", events=())
-        orbits.append(branch[-1].solution)
-    one, other = orbits
-    assert one.a == other.a == 0.8
-    assert one.c == pytest.approx(-other.c, abs=1e-12)
-    assert abs(one.c) > 1e-3
-    t = np.linspace(0, 7, 30)
-    mirrored = -other.displacement(3, t + math.pi)
-    assert one.displacement(3, t) == pytest.approx(mirrored, abs=1e-10)
-
-
 def test_branch_that_is_left_is_tangent_to_its_lift() -> None:
     for point in (symmetric_branch().first("PF"), arm(1, 0.0).first("PD")):
         for seed in seeds_at(point):
             matrix = Curve(seed.problem, ("a",)).jacobian(seed.z)
+            assert abs(seed.problem.evaluate(seed.z[:-1], {**seed.problem.params})).max() < 1e-12
             assert seed.parent is not None
             assert matrix @ seed.parent == pytest.approx(np.zeros(len(matrix)), abs=1e-8)
             assert matrix @ seed.tangent == pytest.approx(np.zeros(len(matrix)), abs=1e-8)
             assert abs(seed.parent[-1]) > 1e-3
 
 
-def test_seeds_of_the_pitchfork_lead_to_both_arms() -> None:
-    point = symmetric_branch().first("PF")
-    ends = []
-    for seed in seeds_at(point):
-        assert abs(seed.problem.evaluate(seed.z[:-1], {**seed.problem.params})).max() < 1e-12
-        branch = cb.trace(seed.problem, "a", along=seed.tangent, within={"a": (0, 0.8)}, events=())
-        ends.append(branch[-1]["c"])
-    assert ends[0] == pytest.approx(-ends[1], abs=1e-10)
-    assert abs(ends[0]) > 1e-3
-
-
 def test_switching_follows_both_arms_and_knows_them_for_images() -> None:
     arms = switch(symmetric_branch().first("PF"), within={"a": (0.5, 0.85)})
     assert [arm[-1]["a"] for arm in arms] == [0.85, 0.85]
     assert arms[1].image_of == 0
+    one, other = (arm[-1].solution for arm in arms)
+    assert one.c == pytest.approx(-other.c, abs=1e-10)
+    assert abs(one.c) > 1e-3
+    t = np.linspace(0, 7, 30)  # u -> -u, half a period later: the same seen from the other wall
+    mirrored = -other.displacement(3, t + math.pi)
+    assert one.displacement(3, t) == pytest.approx(mirrored, abs=1e-10)
     lone = switch(arm(1, 0.0).first("PD"), within={"a": (0.9, 0.95)})
     assert len(lone) == 1
     assert lone[0].problem.label.startswith("shooting, ring of 1, period 4 pi")
+    orbit = lone[0][-1].solution
+    assert (orbit.a, orbit.period) == (0.95, 4 * math.pi)
+    assert abs(orbit.times[2] - orbit.times[0] - 2 * math.pi) > 1e-2
 
 
 def test_images_of_an_orbit_solve_the_same_equations() -> None:
@@ -662,16 +644,6 @@ def test_doubled_orbit_grows_with_the_root_of_the_parameter(
         assert float(abs(orbit.displacement(0, np.linspace(0, 1, 9)) - late).max()) > 1e-3
     assert curvature[0] == pytest.approx(curvature[1], rel=0.02)
     assert curvature[0] > 0
-
-
-def test_seed_of_the_doubling_leads_to_the_doubled_orbit() -> None:
-    point = arm(1, 0.0).first("PD")
-    (seed,) = seeds_at(point)
-    branch = cb.trace(seed.problem, "a", along=seed.tangent, within={"a": (0.9, 0.95)}, events=())
-    orbit = branch[-1].solution
-    assert orbit.a == 0.95
-    assert orbit.period == 4 * math.pi
-    assert abs(orbit.times[2] - orbit.times[0] - 2 * math.pi) > 1e-2
 
 
 # --- boundaries ---------------------------------------------------------------------------------
