@@ -17,7 +17,7 @@ from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.problem import unstable_by
 from contbreather.checks import shown
-from contbreather.continuation import Event, Locus, Point, Problem
+from contbreather.continuation import Event, Point, Problem
 from contbreather.continuation.point import Judged
 from contbreather.continuation.recipes import Recipe, maker
 from contbreather.errors import BadInput
@@ -42,21 +42,9 @@ class OfProblem(Event):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "test", self._test)
-        object.__setattr__(self, "locus", self._locus)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return partial(OfProblem, self.kind, choose=self.choose, recipe=self.recipe), ()
 
     def _test(self, point: Point) -> float | int:
-        return self._at(point).value(point)
-
-    def _at(self, point: Point) -> Event:
-        return self.of(point.ground.curve.problem)
-
-    def _locus(self, point: Point) -> Locus:
-        own = self._at(point).locus
-        assert own is not None  # each of these events has one
-        return own(point)
+        return self.of(point.ground.curve.problem).value(point)
 
     def of(self, problem: Problem) -> Event:
         found = self.choose(problem)
