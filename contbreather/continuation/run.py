@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..display import Shown
 from ..errors import BadInput
-from ..files import named, writable
+from ..files import named
 from . import diagram  # noqa: F401 - enters diagrams
 from .contents import made_of
 from .groups import about_in, check_names
@@ -83,18 +83,18 @@ class Run(Shown, Mapping[str, Any]):
     def keep(self, **results: Any) -> None:
         """Write results to files of their names, each whole or not at all."""
         for name, result in results.items():
-            write(writable(self.file(name)), {name: result}, alone=True)
+            write(self.file(name), {name: result}, alone=True)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._all())
+        return iter(self._entries())
 
     def __len__(self) -> int:
-        return len(self._all())
+        return len(self._entries())
 
     def __getitem__(self, key: str) -> Any:
-        found = self._all()
+        found = self._entries()
         if key in found:
-            return found[key]
+            return found[key][0]
         on, _, label = key.rpartition("/")
         places = [(name, p) for name, p in self.points() if p.label == label and on in ("", name)]
         if len(places) == 1:
@@ -110,29 +110,26 @@ class Run(Shown, Mapping[str, Any]):
 
     def place(self, name: str) -> tuple[Path, str]:
         """The file that a result is in, and its name there."""
-        return self._places()[name]
+        return self._entries()[name][1:]
 
     def points(self) -> Iterator[tuple[str, Point]]:
         """Special points of everything that has any, with the names of what they are on."""
-        for name, result in self._all().items():
+        for name, (result, *_) in self._entries().items():
             for point in getattr(result, "special", ()):
                 yield name, point
 
-    def _places(self) -> dict[str, tuple[Path, str]]:
-        """All names of results, with the file of each and its name there."""
-        found: dict[str, tuple[Path, str]] = {}
+    def _entries(self) -> dict[str, tuple[Any, Path, str]]:
+        """All results by their names, with the file of each and its name there."""
+        found: dict[str, tuple[Any, Path, str]] = {}
         for path in self.files:
             inside, alone = self.inside(path)
-            for own in inside:
+            for own, result in inside.items():
                 name = own
                 if path != self.path:
                     stem = path.relative_to(self.path).with_suffix("").as_posix()
                     name = stem if alone else f"{stem}/{own}"
-                found[name] = path, own
+                found[name] = result, path, own
         return found
-
-    def _all(self) -> dict[str, Any]:
-        return {name: self.inside(path)[0][own] for name, (path, own) in self._places().items()}
 
     def inside(self, path: Path) -> Found:
         """What is in a file, read once as long as it stays the same."""
