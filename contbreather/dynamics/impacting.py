@@ -261,7 +261,9 @@ def gathered(
     """Let it go: what `States` has of the run, with times counted from t0, and its pieces."""
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     count, rest = int(length), length - int(length)
-    start, pieces, parts = State(*map(np.copy, machine.state)), list[Stretch](), list[Stretch]()
+    start = State(machine.state.u.copy(), machine.state.v.copy())
+    pieces: list[Stretch] = []
+    parts: list[Stretch] = []
     stop, reason = RunStop.DONE, ""
     try:
         for one in walk(machine, periods=count, progress=progress):

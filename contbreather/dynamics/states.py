@@ -43,8 +43,6 @@ class Moved(Protocol):
     @property
     def spring(self) -> float: ...
     @property
-    def params(self) -> dict[str, float]: ...
-    @property
     def forcing(self) -> Forcing: ...
     @property
     def lattice(self) -> Finite: ...
@@ -110,9 +108,9 @@ def conditions_of(
 
 def ranged(on: C) -> C:
     """The same conditions, with numbers that a simulation can have."""
-    known = on.params
-    for name in [name for name in RANGES if name in known]:
-        number(name, getattr(on, name), *RANGES[name])
+    for name, allowed in RANGES.items():
+        if hasattr(on, name):
+            number(name, getattr(on, name), *allowed)
     number("gamma", on.gamma, -math.inf, math.inf, "a coupling")
     if isinstance(on.lattice, Ring):
         check_gamma(on.gamma)
