@@ -65,7 +65,7 @@ def test_bad_places_are_refused_before_anything_is_computed(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     computed = Mock()
-    monkeypatch.setattr(import_module("contbreather.breathers.zones_many"), "zones_many", computed)
+    monkeypatch.setattr(cb, "zones_many", computed)
     assert run("zones -o nowhere/z.png")[0] == BAD_INPUT
     assert not computed.called
 
