@@ -30,11 +30,12 @@ def images_of(orbit: Orbit) -> Iterator[Orbit]:
     # by odd multiples of pi the walls change places
     stride = 1 if orbit.walls.symmetric else 2
     shifts = range(0, 1 if orbit.symmetric else 2 * orbit.section.turns, stride)
-    hit = orbit.section.hit
+    hit, walls = orbit.section.hit, orbit.walls
+    others = any(site not in hit for site, _ in walls.own)  # of idle sites, which may be exchanged
     for order, shift in product(_exchanges(_answers(orbit)), shifts):
         places = {site: hit[i] for site, i in zip(hit, order, strict=True)}
-        same = all(orbit.walls.at(site) == orbit.walls.at(other) for site, other in places.items())
-        if not same or (shift == 0 and order == tuple(range(len(hit)))):
+        moved = [(walls.at(one), walls.at(to)) for one, to in places.items() if one != to]
+        if (not moved and not shift) or (moved and (others or any(a != b for a, b in moved))):
             continue
         image = shifted(orbit, shift, places)
         if image is not None:
@@ -80,12 +81,17 @@ def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -
         Impact(places.get(n, n), sign * wall, t - shift * math.pi, sign * J)
         for n, wall, t, J in sorted(orbit.impacts, key=lambda one: one.time)
     ]
-    found = [again for window in _windows(moved, section) if (again := _named(window, orbit))]
+    found: list[tuple[float, int, Any, list[Impact]]] = []
+    for window in _windows(moved, section):
+        if impacts := _named(window, section):
+            times = np.array([one.time for one in impacts])
+            times -= orbit.period * round((times[0] - orbit.times[0]) / orbit.period)
+            found.append((float(abs(times - orbit.times).sum()), len(found), times, impacts))
     if not found:
         return None
-    impacts = min(found, key=lambda again: _off(again, orbit))
+    _, _, times, impacts = min(found)
+    impulses = [one.impulse for one in impacts]
     at = {places.get(n, n): sign * c for n, c in zip(section.hit, orbit.offsets, strict=False)}
-    times, impulses = [one.time for one in impacts], [one.impulse for one in impacts]
     offsets = [at[n] for n in section.hit if at]
     try:
         road = type(orbit.road).through(orbit.conditions, section, times, impulses, offsets)
@@ -104,23 +110,14 @@ def _windows(impacts: list[Impact], section: Section) -> Iterator[list[Impact]]:
         yield course[start : start + m]
 
 
-def _named(window: Sequence[Impact], orbit: Orbit) -> tuple[Impact, ...]:
+def _named(window: Sequence[Impact], section: Section) -> list[Impact]:
     """Its impacts in the order of a section, in which those of different sites may overtake each
-    other; close to those of an orbit in time. Empty if it has others."""
-    of_site: dict[int, deque[Impact]] = {n: deque() for n in orbit.section.hit}
+    other. Empty if it has others."""
+    of_site: dict[int, deque[Impact]] = {n: deque() for n in section.hit}
     for one in window:
         of_site[one.site].append(one)
-    impacts = [of_site[n].popleft() for n, _ in orbit.section.impacts if of_site[n]]
-    if tuple((one.site, one.wall) for one in impacts) != orbit.section.impacts:
-        return ()
-    T = orbit.period
-    back = T * round((impacts[0].time - orbit.impacts[0].time) / T)
-    return tuple(one._replace(time=one.time - back) for one in impacts)
-
-
-def _off(impacts: Sequence[Impact], orbit: Orbit) -> float:
-    times = zip(impacts, orbit.impacts, strict=True)
-    return sum(abs(one.time - other.time) for one, other in times)
+    impacts = [of_site[n].popleft() for n, _ in section.impacts if of_site[n]]
+    return impacts if tuple(one[:2] for one in impacts) == section.impacts else []
 
 
 def simpler_than(orbit: Orbit) -> Orbit | None:

@@ -110,6 +110,7 @@ def test_sites_that_are_alike_are_exchanged_and_others_are_not() -> None:
         ([0, 3, 6], cb.Ring(9), None, 5),
         ([0, 8], cb.OpenChain(9), None, 1),
         ([0, 8], cb.OpenChain(9), {8: (-1.01, 1.01)}, 0),
+        ([0, 8], cb.OpenChain(9), {1: (-1.01, 1.01)}, 0),  # ends one arm before its image
         ([0, 3], cb.OpenChain(9), None, 0),
         ([0, 8], cb.Lattice(np.diag([1.0] * 8, 1) @ np.diag([-1.0] * 9) + np.diag([-1.0] * 8, -1)
          + np.diag([1.0, *[2.0] * 7, 1.0]), masses=[2.0, *[1.0] * 8]), None, 0),
