@@ -17,7 +17,7 @@ from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.problem import unstable_by
 from contbreather.checks import shown
-from contbreather.continuation import Event, Point, Problem
+from contbreather.continuation import Event, Locus, Point, Problem
 from contbreather.continuation.point import Judged
 from contbreather.continuation.recipes import Recipe, maker
 from contbreather.errors import BadInput
@@ -42,9 +42,15 @@ class OfProblem(Event):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "test", self._test)
+        object.__setattr__(self, "locus", self._locus)
 
     def _test(self, point: Point) -> float | int:
         return self.of(point.ground.curve.problem).value(point)
+
+    def _locus(self, point: Point) -> Locus:
+        own = self.of(point.ground.curve.problem).locus
+        assert own is not None  # each of these events has one
+        return own(point)
 
     def of(self, problem: Problem) -> Event:
         found = self.choose(problem)
