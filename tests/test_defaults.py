@@ -34,7 +34,7 @@ MEANS: dict[str, set[str]] = {
     "depth": {"2"},
     "digits": {"3", "4", "DIGITS"},
     "double": {"False"},
-    "ends": {"'free'"},
+    "ends": {"''", "'free'"},
     "factor": {"1.0"},
     "finer": {"1.0"},
     "flight": {"-1"},

@@ -171,7 +171,7 @@ CASES += [
     (lambda: pair().c, "this orbit has an offset for each of 2 sites"),
     (
         lambda: alone().unfolded().road.equations.sensitivity(np.ones(5), HERE, "nu"),
-        "unknown parameter 'nu': this orbit has a, gamma, k",
+        "unknown forcing parameter 'nu': this forcing",
     ),
     (
         lambda: alone().unfolded().problem.residual(np.full(5, math.nan), HERE),

@@ -52,16 +52,16 @@ def _answers(orbit: Orbit) -> Any:
     return (shapes / (1.0 + basis.lam)) @ shapes.T * lattice.masses[hit]
 
 
-def _exchanges(answers: Any, order: tuple[int, ...] = ()) -> Iterator[tuple[int, ...]]:
-    """Orders in which they are the same."""
-    n = len(order)
+def _exchanges(answers: Any, first: tuple[int, ...] = ()) -> Iterator[tuple[int, ...]]:
+    """Orders in which they are the same, of those that begin so."""
+    n = len(first)
     if n == len(answers):
-        yield order
+        yield first
         return
-    for i in sorted({*range(len(answers))} - {*order}):
-        off = answers[i, [*order, i]] - answers[n, : n + 1]
+    for i in sorted({*range(len(answers))} - {*first}):
+        off = answers[i, [*first, i]] - answers[n, : n + 1]
         if abs(off).max() <= ALIKE * abs(answers).max():
-            yield from _exchanges(answers, (*order, i))
+            yield from _exchanges(answers, (*first, i))
 
 
 def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -> Orbit | None:
