@@ -19,7 +19,7 @@ from .display import Shown
 
 __version__ = "0.1.0"
 _fetch, _, _names = attach_stub(__name__, __file__)
-__all__ = ["__version__", *_names]
+__all__ = [*_names]
 
 
 def __getattr__(name: str) -> object:
