@@ -18,6 +18,7 @@ import numpy as np
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.section import Impact, Section
 from contbreather.errors import BadInput
+from contbreather.lattice.finite import Lattice
 
 SAME = 1e-7  # descriptions whose equations are off by less are right
 ALIKE = 1e-9  # answers of sites to each other that differ by less, relative to the largest
@@ -32,7 +33,8 @@ def images_of(orbit: Orbit) -> Iterator[Orbit]:
     shifts = range(0, 1 if orbit.symmetric else 2 * orbit.section.turns, stride)
     hit, walls = orbit.section.hit, orbit.walls
     others = any(site not in hit for site, _ in walls.own)  # of idle sites, which may be exchanged
-    for order, shift in product(_exchanges(_answers(orbit)), shifts):
+    orders = [one for one in _exchanges(_answers(orbit)) if _idle_alike(orbit, one)]
+    for order, shift in product(orders, shifts):
         places = {site: hit[i] for site, i in zip(hit, order, strict=True)}
         moved = [(walls.at(one), walls.at(to)) for one, to in places.items() if one != to]
         if (not moved and not shift) or (moved and (others or any(a != b for a, b in moved))):
@@ -62,6 +64,21 @@ def _exchanges(answers: Any, first: tuple[int, ...] = ()) -> Iterator[tuple[int,
         off = answers[i, [*first, i]] - answers[n, : n + 1]
         if abs(off).max() <= ALIKE * abs(answers).max():
             yield from _exchanges(answers, (*first, i))
+
+
+def _idle_alike(orbit: Orbit, order: tuple[int, ...]) -> bool:
+    """Whether the others cannot tell that order from the first: on some trees two sites answer each
+    other alike that no symmetry exchanges."""
+    lattice, hit = orbit.lattice, orbit.section.hit
+    if not isinstance(lattice, Lattice) or order == (*range(len(order)),):
+        return True  # of a chain or a ring every exchange is a symmetry
+    basis = lattice.basis(hit)
+    answers = (basis.shapes / (1.0 + basis.lam)) @ basis.at(hit).T
+    own = np.pi * lattice.masses + np.e * lattice.drive
+    # one number for each site, of all that it is and does
+    weights = np.sqrt(2.0 + np.arange(len(order)))
+    before, after = np.sort([answers @ weights + own, answers[:, list(order)] @ weights + own])
+    return bool(abs(before - after).max() <= ALIKE * abs(before).max())
 
 
 def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -> Orbit | None:

@@ -477,6 +477,21 @@ def test_between_unequal_walls_only_shifts_by_whole_periods_make_images() -> Non
     assert image.times == pytest.approx(twice.times, abs=1e-12)
 
 
+def test_sites_that_answer_alike_are_exchanged_only_where_the_idle_ones_cannot_tell() -> None:
+    bonds = [(0, 1), (0, 2), (1, 5), (2, 3), (3, 4), (5, 6), (5, 8), (6, 7)]
+    tree = nx.to_numpy_array(nx.Graph(bonds), nodelist=range(9))  # 0 and 6 are cospectral
+    drive = np.isin(np.arange(9), (0, 6)).astype(float)
+    on = {"a": 0.5, "gamma": 0.03, "k": 0.8, "damping": 0.01}
+    lattice = cb.Lattice(4 * np.eye(9) - tree, drive=drive)
+    mixed = cb.multibreather({0: "upper", 6: "lower"}, lattice=lattice, **on)
+    assert list(images_of(mixed)) == []
+    path = cb.multibreather({0: "upper", 4: "lower"}, lattice=cb.OpenChain(5), **on)
+    (image,) = images_of(path)
+    t = np.linspace(0, 2 * math.pi, 50)
+    for n in range(5):
+        assert image.displacement(n, t) == pytest.approx(path.displacement(4 - n, t), abs=1e-12)
+
+
 def test_one_wall_ends_where_the_other_is_touched() -> None:
     start = settled({0: (-1.2, 0.6), 1: (-2, 2), 2: (-2, 2)}, 0.9)
     assert start.section.impacts == ((0, 1),)
