@@ -31,6 +31,7 @@ Slopes = Callable[[Conditions, Curve, Array, Array], Array]
 EPS = float(np.finfo(float).eps)
 STEP = 1e-4  # of unknowns of the order of one, and of parameters
 DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it is located
+AT_ONCE = 1e-6  # impacts less apart than this are at once: mirror images of each other
 VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding
 
 
@@ -42,14 +43,25 @@ def by_differences(
     columns: Sequence[int] | None = None,
     step: float = STEP,
 ) -> Array:
-    """To one side where a parameter is at the end of its domain: curves set out from gamma = 0."""
+    """To one side where a parameter is at the end of its domain: curves set out from gamma = 0. The
+    first unknowns are the times of impacts, which stay in their order: where sites that are
+    coupled change it there is a kink."""
 
     def near(both: Array) -> Array:
         return conditions(curve, both[: z.size], both[z.size :])
 
     both, scales = np.append(z, extra), np.append(curve.scales, np.ones(extra.size))
-    finer = float(RELATIVE / step)
+    orbit = Point(curve, z).solution
+    finer = np.full(both.size, RELATIVE / step)
+    finer[: orbit.times.size] = RELATIVE / min(step, _in_order(orbit))
     return differences(near, both, columns, scales=scales, finer=finer, one_sided=True)
+
+
+def _in_order(orbit: Any) -> float:
+    """A relative step of times that keeps impacts in their order, but for those at once."""
+    times = np.sort(orbit.times)
+    gaps = np.diff(times, append=times[0] + orbit.section.length)
+    return float(gaps[gaps > AT_ONCE].min() / (4.0 * max(1.0, abs(times).max())))
 
 
 @dataclass(frozen=True)

@@ -179,3 +179,20 @@ def test_where_there_is_one_root_the_lower_one_is_it() -> None:
     alone = {"a": 1.1, "gamma": 0.0, "k": 0.8, "lattice": cb.Ring(1)}
     assert len(cb.breathers.symmetric_roots(**alone)) == 1
     assert cb.multibreather({0: "lower"}, **alone).p == pytest.approx(cb.symmetric(**alone).p)
+
+
+@pytest.mark.parametrize(
+    ("lattice", "sites"), [(cb.OpenChain(5), [0, 1]), (cb.Ring(9), [0, 1, 3])], ids=str
+)
+def test_pitchforks_of_neighbours_are_followed_where_their_impacts_are_close(lattice, sites):
+    """Differences in the times must not reverse the order of impacts 0.003 apart: a kink."""
+
+    def fork(gamma):
+        start = cb.multibreather(sites, a=0.6, gamma=gamma, k=0.85, lattice=lattice, damping=0.005)
+        return cb.trace(start, "a", within={"a": (0.6, 0.67)}).first("PF")
+
+    first = fork(0.04)
+    assert 0.0 < np.diff(np.sort(first.solution.times)).min() < 4e-3
+    line = cb.boundary(first, ("gamma", "a"), within={"gamma": (0.04, 0.045)})
+    assert line[-1]["gamma"] == 0.045
+    assert line[-1]["a"] == pytest.approx(fork(0.045)["a"], abs=1e-10)
