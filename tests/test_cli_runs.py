@@ -113,6 +113,24 @@ def test_what_cannot_be_is_one_sentence(kept: Run, command: str, sentence: str) 
     assert Path("b.nc").read_bytes() == before
 
 
+def test_branches_of_a_diagram_have_numbers(run: Run) -> None:
+    run("diagram --free a --gamma 0.04 --k 0.8 --window 0.76 0.8 --depth 1 --save tree.nc")
+    tree = cb.Run("tree.nc")
+    for i, branch in enumerate(tree["diagram"]):
+        assert repr(tree[f"diagram/{i}"]) == repr(branch)
+        for point in branch.special:
+            assert tree[f"diagram/{i}/{point.label}"]["a"] == point["a"]
+    status, out, _ = run("show tree.nc diagram/1")
+    assert (status, "asymmetric breather" in out) == (0, True)
+    for words in ("extend tree.nc", "extend tree.nc diagram/1"):
+        status, _, err = run(words)
+        assert (status, "no branch or boundary to extend, only diagram" in err) == (2, True)
+    with pytest.raises(cb.BadInput, match=r"'EP1' is a point of several: diagram/0, diagram/1"):
+        tree["EP1"]
+    with pytest.raises(cb.BadInput, match="no 'diagram/3' in"):
+        tree["diagram/3"]
+
+
 def test_a_window_without_end_has_no_edge_to_stop_at() -> None:
     open_ = {"p": (0.0, np.inf)}
     short = cb.trace(cb.symmetric(0.75, 0.04, 0.8), "a", within={"a": (0.74, 0.76), **open_})

@@ -178,12 +178,15 @@ def find_event(
         )
     checked = windows(within)
     span, reach = (checked.get(name) or window_of(name) for name in pair)
-    reason = ""
+    reason, refusal = "", None
     for value in _combed(first, given.get(first), span):
         try:
             start = find_symmetric(free, reach, **_with(given, first, value))
         except NoSolution as error:
             reason = str(error)
+            continue
+        except BadInput as error:  # out of range here, perhaps not elsewhere in the window
+            refusal = refusal or error
             continue
         problem = problem_with(start, *pair, threshold=threshold)
         events = tuple(map(up_to_the_fold, problem.events))
@@ -194,6 +197,8 @@ def find_event(
                     return point
         labels = ", ".join(point.label for point in followed.special) or "not a special point"
         reason = f"the branch in {free} at {first} = {value:.6g} has {labels}"
+    if refusal is not None and not reason:
+        raise refusal
     raise NoSolution(f"no {kind} found for {first} between {span[0]:g} and {span[1]:g}; {reason}")
 
 
@@ -206,7 +211,10 @@ def _with_arms(branch: Branch, within: Mapping[str, Window]) -> Iterator[Branch]
 
 
 def _combed(name: str, given: float | None, span: Window) -> Iterator[float]:
-    """Where to look for a first point: evenly spread, the middle first."""
+    """Where to look for a first point: evenly spread, the middle first; damping and springs, which
+    need not be there, without them before that."""
+    if given is None and name in SMALL and span[0] == 0.0:
+        yield 0.0
     if given is not None:
         if not span[0] <= given <= span[1]:
             raise BadInput(
@@ -214,6 +222,6 @@ def _combed(name: str, given: float | None, span: Window) -> Iterator[float]:
             )
         yield given
         return
-    low, high = max(span[0], -REACH), min(span[1], 1.0 if name == "a" else REACH)
+    low, high = max(span[0], -REACH), min(span[1], 1.0 if name in ("a", *SMALL) else REACH)
     for fraction in (0.5, 0.25, 0.75, 0.1, 0.9, 0.4, 0.6, 0.02, 0.98):
         yield low + fraction * (high - low)

@@ -60,11 +60,13 @@ def extend(
 def _chosen(found: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
     """The branch, the file it is in, and its name there."""
     branches = [own for own, result in found.items() if isinstance(result, cb.Branch)]
-    if name is None and len(branches) != 1:
-        there = ", ".join(branches) or "none"
+    if not branches:
+        raise BadInput(f"{found.path} has no branch or boundary to extend, only {', '.join(found)}")
+    if name is None and len(branches) > 1:
+        there = ", ".join(branches)
         raise BadInput(f"which branch of {found.path}? There are {there}; give the name of one")
     name = name or branches[0]
     branch = found[name]
-    if not isinstance(branch, cb.Branch):
+    if name not in branches:
         raise BadInput(f"{name!r} is not a branch or a boundary; there are {', '.join(branches)}")
     return branch, *found.place(name)

@@ -33,8 +33,9 @@ class Run(Shown, Mapping[str, Any]):
 
     ``run["arms"]`` is a result: of a folder by the name of its file, ``"arms/arm2"`` one of several
     in a file. ``run["PF2"]`` is a special point, if it is on one of the branches only, and
-    ``run["arms/arm2/PF2"]`` that on a branch. ``run.keep`` adds results to a folder,
-    ``run.file("arms")`` is the path of one, as ``save=`` of `trace` takes it.
+    ``run["arms/arm2/PF2"]`` that on a branch; those of a diagram have numbers, ``"tree/1/GR1"``.
+    ``run.keep`` adds results to a folder, ``run.file("arms")`` is the path of one, as ``save=`` of
+    `trace` takes it.
 
     Parameters
     ----------
@@ -96,6 +97,9 @@ class Run(Shown, Mapping[str, Any]):
         if key in found:
             return found[key][0]
         on, _, label = key.rpartition("/")
+        inside = getattr(found[on][0], "branches", ()) if on in found else ()
+        if label.isdecimal() and int(label) < len(inside):
+            return inside[int(label)]
         places = [(name, p) for name, p in self.points() if p.label == label and on in ("", name)]
         if len(places) == 1:
             return places[0][1]
@@ -113,10 +117,13 @@ class Run(Shown, Mapping[str, Any]):
         return self._entries()[name][1:]
 
     def points(self) -> Iterator[tuple[str, Point]]:
-        """Special points of everything that has any, with the names of what they are on."""
+        """Special points of everything that has any, with the names of what they are on: of a
+        diagram its branches, by number."""
         for name, (result, *_) in self._entries().items():
-            for point in getattr(result, "special", ()):
-                yield name, point
+            inside = enumerate(getattr(result, "branches", ()))
+            for on, one in [(f"{name}/{i}", one) for i, one in inside] or [(name, result)]:
+                for point in getattr(one, "special", ()):
+                    yield on, point
 
     def _entries(self) -> dict[str, tuple[Any, Path, str]]:
         """All results by their names, with the file of each and its name there."""

@@ -176,3 +176,18 @@ def test_on_a_ring_damping_and_springs_are_where_orbits_are_shot(lattice) -> Non
 def test_arms_are_judged_by_the_threshold_of_the_paper_alone() -> None:
     with pytest.raises(cb.BadInput, match=r"threshold = 1\.01: PD is found on arms"):
         find_event("PD", ("gamma", "a"), gamma=0.1, k=0.8, threshold=1.01)
+
+
+@pytest.mark.parametrize(("kind", "other"), [("PF", "spring"), ("NS", "damping")])
+def test_what_need_not_be_there_is_left_out_first(kind: str, other: str) -> None:
+    """With a spring of half the window, 5, a mode of the ring is in resonance."""
+    found = find_event(kind, (other, "a"), gamma=0.05, k=0.8, lattice=cb.Ring(12))
+    assert found[other] == 0.0
+    ring = cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Ring(12))
+    wanted = cb.trace(ring, "a", towards="both").first(kind)
+    assert found["a"] == pytest.approx(wanted["a"], abs=1e-10)
+
+
+def test_where_nothing_can_be_the_first_refusal_says_why() -> None:
+    with pytest.raises(cb.BadInput, match=r"k = 2.0: the restitution coefficient"):
+        find_event("PF", ("gamma", "a"), k=2.0)
