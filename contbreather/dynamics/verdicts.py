@@ -353,7 +353,7 @@ def _repels(run: Ran, evidence: dict[str, float], found: PeriodicMotion) -> str:
     after = "a period" if found.periods == 1 else f"{found.periods} periods"
     return (
         f"{_distance(run, found):.1g} from a motion that repeats after {after}, largest multiplier "
-        f"{found.largest:.6g}: it repels"
+        f"{found.largest:.6g}: it repels, and the run has not left it yet"
     )
 
 
