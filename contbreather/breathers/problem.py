@@ -55,6 +55,12 @@ def orbit_problem(kind: str, at: At, orbit: Orbit, threshold: float, **equations
     return Problem(**{**shared, **equations})
 
 
+def on_ring(lattice: Any, threshold: float) -> str:
+    """The ring in a label; nothing for the infinite chain, whose counts have no threshold."""
+    sites = lattice.sites
+    return "" if sites is None else f" (ring of {sites}, threshold {threshold:g})"
+
+
 def made_again(kind: str, of: Callable[..., Road]) -> Callable[[Make], Make]:
     """Enter what makes a problem of a kind again from a file: conditions, a section, unknowns and
     parameters are a road by `of`, and that is a problem."""

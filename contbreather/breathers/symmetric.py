@@ -13,6 +13,7 @@ from contbreather.breathers.closure import Closure, roots, sprung
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.one_site import symmetric_orbits
 from contbreather.breathers.orbit import Orbit, orbit_at, orbit_of, with_parameters
+from contbreather.breathers.problem import on_ring
 from contbreather.breathers.road import Impacts, Offsets, Road, road
 from contbreather.breathers.section import Section
 from contbreather.breathers.symmetric_events import grazing, neimark_sacker, pitchfork, saddle_node
@@ -99,8 +100,6 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     forcing, lattice = breather.flight.forcing, breather.lattice
     closure = Closure(forcing, lattice)
     events = events_on(lattice, threshold)
-    ring = isinstance(lattice, Ring)
-    where = f" (ring of {lattice.sites}, threshold {threshold:g})" if ring else ""
     flight = breather.flight
     return Problem(
         closure.residual,
@@ -115,7 +114,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         interpret=partial(_interpreted, forcing, lattice),
         lifts={"PF": lift},
         wider=partial(_wider, threshold),
-        label=f"symmetric breather{where}",
+        label=f"symmetric breather{on_ring(lattice, threshold)}",
         recipe=Recipe(
             "symmetric breather",
             {"forcing": forcing, "lattice": lattice, "threshold": threshold},

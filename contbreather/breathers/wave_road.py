@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
 from contbreather.breathers.lifts import from_arms, lift
 from contbreather.breathers.orbit import Orbit, orbit_of
-from contbreather.breathers.problem import made_again, orbit_problem, unstable_by
+from contbreather.breathers.problem import made_again, on_ring, orbit_problem, unstable_by
 from contbreather.breathers.road import Impacts, Offsets, Road, road
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.breathers.watched import GreenWatch
@@ -186,7 +186,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         },
         images=_mirror_image,
         lifts={"PF": symmetric_again, "PD": lift},
-        label="asymmetric breather",
+        label=f"asymmetric breather{on_ring(orbit.lattice, threshold)}",
     )
 
 

@@ -36,6 +36,18 @@ def test_the_label_names_what_differs_from_the_plain_problem(
     assert again.problem.label == branch.problem.label  # once, not once more each time
 
 
+@pytest.mark.parametrize(
+    ("lattice", "end"),
+    [(cb.InfiniteChain(), ""), (cb.Ring(8), " (ring of 8, threshold 1.005)")],
+    ids=str,
+)
+def test_arms_say_which_ring_they_are_on(lattice, end: str) -> None:
+    branch = cb.trace(cb.symmetric(0.75, 0.04, 0.8, lattice=lattice), "a", towards="up")
+    assert branch.problem.label == f"symmetric breather{end}"
+    for arm in cb.switch(branch.first("PF")):
+        assert arm.problem.label == f"asymmetric breather{end}"
+
+
 def test_on_another_chain_the_label_of_the_first_one_is_replaced() -> None:
     b = cb.symmetric(**HERE)
     first = cb.trace(b, "a", within=WITHIN, events=[cb.neimark_sacker(on=cb.Ring(50))])
