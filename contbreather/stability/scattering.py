@@ -70,14 +70,13 @@ def _log_gain(arc: Arc, k: float, b: float) -> Array:
 
 
 def scattering(gamma: float, nu: ArrayLike, k: float, b: float, spring: float = 0.0) -> Array:
-    """S at the angles nu (times pi) of the band, 0 < nu < 2 sqrt(gamma).
-    Parameters and errors as of
-       `on_arc`; an array for many angles.
+    """S at the angles nu (times pi) of the band, 0 < nu < 2 sqrt(gamma): complex, an array for many
+    angles. Parameters and errors as of `on_arc`.
 
-       Examples
-       --------
-       >>> bool(abs(abs(scattering(0.1, 0.3, 1.0, 0.2)) - 1) < 1e-14)  # nothing is lost at k = 1
-       True
+    Examples
+    --------
+    >>> bool(abs(abs(scattering(0.1, 0.3, 1.0, 0.2)) - 1) < 1e-14)  # nothing is lost at k = 1
+    True
     """
     gamma = check_gamma(gamma, spring)
     k, b = check_kb(k, b)
