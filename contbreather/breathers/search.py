@@ -213,8 +213,6 @@ def _with_arms(branch: Branch, within: Mapping[str, Window]) -> Iterator[Branch]
 def _combed(name: str, given: float | None, span: Window) -> Iterator[float]:
     """Where to look for a first point: evenly spread, the middle first; damping and springs, which
     need not be there, without them before that."""
-    if given is None and name in SMALL and span[0] == 0.0:
-        yield 0.0
     if given is not None:
         if not span[0] <= given <= span[1]:
             raise BadInput(
@@ -222,6 +220,10 @@ def _combed(name: str, given: float | None, span: Window) -> Iterator[float]:
             )
         yield given
         return
-    low, high = max(span[0], -REACH), min(span[1], 1.0 if name in ("a", *SMALL) else REACH)
+    if name in SMALL and span[0] == 0.0:
+        yield 0.0
+    open_ = math.isinf(span[1]) and name in SMALL
+    low, reach = max(span[0], -REACH), 1.0 if open_ or name == "a" else REACH
+    high = min(span[1], max(reach, 2.0 * low))
     for fraction in (0.5, 0.25, 0.75, 0.1, 0.9, 0.4, 0.6, 0.02, 0.98):
         yield low + fraction * (high - low)

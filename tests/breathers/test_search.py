@@ -115,6 +115,11 @@ def test_a_first_point_is_looked_for_in_the_middle_then_all_over_the_window() ->
     for name, high in (("a", 1.0), ("c3", 10.0)):
         assert next(search._combed(name, None, (0.0, math.inf))) == 0.5 * high
     assert next(search._combed("c3", None, (-math.inf, 4.0))) == -3.0
+    assert list(search._combed("spring", None, (0.0, math.inf)))[:2] == [0.0, 0.5]
+    assert list(search._combed("spring", None, (0.0, 3.0)))[:2] == [0.0, 1.5]
+    for name in ("a", "damping"):  # all beyond where one would look otherwise
+        assert min(search._combed(name, None, (2.0, 3.0))) > 2.0
+        assert max(search._combed(name, None, (2.0, 3.0))) < 3.0
     for end in (0.0, 0.2, 0.07):
         assert list(search._combed("gamma", end, (0.0, 0.2))) == [end]
     for beyond in (-1e-9, 0.2 + 1e-9):
