@@ -14,8 +14,8 @@ from .branch_points import crossing
 from .curve import Curve
 from .newton import Array, Solution, Undefined, correction
 from .point import Point
-from .segment import Segment, tangent_at
-from .starts import Bound
+from .segment import LEVEL, Segment, tangent_at
+from .starts import Bound, rounding
 from .steps import Steps
 from .stride import ITERATIONS, STRAY, TURN, next_size
 from .strider import WIDEST
@@ -25,6 +25,7 @@ LOG = logging.getLogger(__name__)
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
 _LANDINGS = 6  # how often a step is landed on a curved bound; its error is squared each time
 EXACT = 1e-14  # a landing this close, relative to 1 + |z|, is exact
+_ALONG = 1e-14  # how far, relative to that, rounding may leave a bound that a curve goes along
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
 
 
@@ -89,10 +90,11 @@ class Stepper:
     def _attempt(self, point: Point, bend: Array, size: float, side: int) -> Step:
         curve = self.curve
         predicted = point.z + size * point.direction + (0.5 * size * size) * bend
-        landing = self._crossed(point.z, predicted)
+        landing = self._crossed(point.z, predicted, LEVEL * size)
         if landing is None:
-            found = self.correct(predicted, curve.dual(point.direction))
-            landing = self._crossed(point.z, found.z)
+            found = self.correct(self._within(predicted), curve.dual(point.direction))
+            landing = self._crossed(point.z, found.z, _ALONG * (1 + curve.length(point.z)))
+            found = replace(found, z=self._within(found.z)) if landing is None else found
         if landing is not None:
             found = self._land(point, predicted, *landing)
         last, side, crossing = self._accepted(point, found, size, side)
@@ -118,15 +120,22 @@ class Stepper:
             raise Failed(Stop.NO_CONVERGENCE, f"residual {found.residual:.2g}")
         return found
 
-    def _crossed(self, before: Array, after: Array) -> tuple[Bound, float] | None:
-        """The first bound that a step crosses, and its value there."""
+    def _within(self, z: Array) -> Array:
+        """z, which crosses no bound, without what rounding may have put beyond one."""
+        for bound in self.bounds:
+            z = bound.within(z)
+        return z
+
+    def _crossed(self, before: Array, after: Array, along: float) -> tuple[Bound, float] | None:
+        """The first bound that a step crosses, and its value there; one that begins on a bound goes
+        along it, or touches it there, unless it ends farther than `along` behind it."""
         first, nearest = None, math.inf
         for bound in self.bounds:
             start, end = bound.value(before), bound.value(after)
             for value, beyond in ((bound.low, bound.low - end), (bound.high, end - bound.high)):
                 on_it = abs(start - value) <= rounding(value)
                 # a step that ends short of it by rounding ends on it, unless it goes along it
-                if beyond <= (0 if on_it else -rounding(value)):
+                if beyond <= (along if on_it else -rounding(value)):
                     continue
                 if on_it:
                     raise Failed(Stop.BOUND)
@@ -227,11 +236,6 @@ class Stepper:
             if not bound.low - slack <= value <= bound.high + slack:
                 return True
         return False
-
-
-def rounding(value: float) -> float:
-    """How far from a bound rounding may end a step that should end on it."""
-    return 4 * math.ulp(value or 1e-16)
 
 
 def angle(curve: Curve, one: Array, other: Array) -> float:

@@ -18,7 +18,7 @@ from .curve import Curve
 from .loci import Singular, signed_smallest
 from .newton import Solution, Undefined, solve
 from .point import Event, Locus, Point
-from .rank import Bordered, Weak, weakest
+from .rank import Bordered, Weak, sense, weakest
 from .sparse import Factors, Matrix, above, beside, is_sparse
 
 Array = NDArray[np.float64]
@@ -97,9 +97,9 @@ def _resolved(curve: Curve, found: Solution, w: Array, null: Array, form: Array)
     if gap > GAP * (1 + curve.length(z)):
         raise Undefined(f"the curves pass each other at a distance of {gap:.2g}")
     c = axes @ np.array([[math.sqrt(high)] * 2, [math.sqrt(-low), -math.sqrt(-low)]])
-    one, other = c.T @ null
+    one, other = (curve.normalised(way) / sense(way) for way in c.T @ null)
     solution = replace(found, residual=float(abs(value).max()))
-    return Crossing(solution, (curve.normalised(one), curve.normalised(other)))
+    return Crossing(solution, (one, other) if sense(one - other) > 0 else (other, one))
 
 
 # --- the event --------------------------------------------------------------------------------

@@ -139,7 +139,7 @@ def across(point: Point) -> tuple[Seed, ...]:
     other = min(point.detail["tangents"], key=lambda tangent: abs(float(tangent.dot(row))))
     return tuple(
         Seed(point.problem, point.z, _beside(point, side * other), point.tangent)
-        for side in (1, -1)
+        for side in (-1, 1)  # the leading unknown of a tangent grows along it: first where it falls
     )
 
 

@@ -15,7 +15,7 @@ from . import null_loops
 from .curve import Curve
 from .newton import Undefined, solve
 from .point import Locus, Point
-from .rank import Bordered, Weak, inverses_between, weakest
+from .rank import Bordered, Weak, inverses_between, sense, weakest
 from .sparse import Matrix, is_sparse, shifted
 from .strider import Loops
 
@@ -119,7 +119,7 @@ def overlap(shift: float, point: Point) -> float:
 def null_vector(matrix: Array, scales: Array) -> Array:
     """Unit null vector, or nearly so, of a matrix between unknowns in their scales."""
     vector = np.linalg.svd(matrix)[2][-1] * scales
-    return np.asarray(vector / np.linalg.norm(vector))
+    return np.asarray(vector / (sense(vector) * np.linalg.norm(vector)))
 
 
 def null_locus(null: Array, shift: float = 0.0) -> Locus:
@@ -218,13 +218,14 @@ def critical_plane(
     for value in double:
         if np.count_nonzero(abs(values - value) < small) == 2:
             shifted = matrix - value * np.eye(len(matrix))
-            null = np.linalg.svd(shifted)[2][-1]
+            null = null_vector(shifted, np.ones(len(matrix)))
             return value, np.linalg.lstsq(shifted, null)[0], null
     upper = np.flatnonzero(values.imag > 0)
     if not upper.size:
         raise Undefined("no complex pair of eigenvalues is there: a neutral saddle")
     nearest = upper[off(values[upper]).argmin()]
-    return complex(values[nearest]), vectors[:, nearest].real, vectors[:, nearest].imag
+    vector = vectors[:, nearest] / sense(vectors[:, nearest])
+    return complex(values[nearest]), vector.real, vector.imag
 
 
 def pair_locus(

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Point
-from .rank import weakest
+from .rank import sense, weakest
 from .sparse import Factors, Matrix, above, beside, is_sparse, null_vectors, scaled, shifted, solved
 
 Array = NDArray[np.float64]
@@ -152,6 +152,7 @@ def eigenvectors(matrix: Matrix) -> tuple[Any, Any]:
     else:
         left, _, right = np.linalg.svd(matrix)
         q, p = right[-1].conj(), left[:, -1]
+    q = q / sense(q)
     overlap = np.vdot(p, q)
     if abs(overlap) < _DEFECTIVE:
         raise Undefined("a double eigenvalue with one eigenvector: no normal form of this kind")

@@ -16,6 +16,7 @@ from .sparse import Factors, Matrix, any_vector, beside, is_sparse
 Array = NDArray[np.float64]
 
 _FEW = 8  # sparse matrices of fewer rows are taken as dense ones
+_LEADS = 0.37  # no fraction of small numbers: entries of vectors are often those of each other
 _AT_ONCE = 60  # branch points that are looked for on one step
 
 
@@ -60,6 +61,14 @@ class Weak:
         return np.vstack([self.right, self.null])
 
 
+def sense(vector: NDArray[Any]) -> Any:
+    """The sign, of a complex vector the phase, of its first entry that is not much smaller than the
+    largest: what a vector that is known up to it is divided by, so that rounding has no say."""
+    size = abs(vector)
+    entry = vector[int((size >= _LEADS * size.max()).argmax())]
+    return entry / abs(entry) if entry else 1.0
+
+
 def weakest(matrix: Matrix) -> Weak:
     """Least singular values and vectors of a matrix with at least as many columns as rows."""
     if not is_sparse(matrix):
@@ -72,9 +81,10 @@ def weakest(matrix: Matrix) -> Weak:
 def _dense(matrix: Array) -> Weak:
     left, sizes, right = np.linalg.svd(matrix)
     n = sizes.size - 1
+    side = sense(right[n])
     return Weak(
-        left[:, -1],
-        right[n],
+        side * left[:, -1],
+        side * right[n],
         right[n + 1 :],
         float(sizes[-1]),
         float(sizes[-2]) if n else math.inf,
@@ -100,6 +110,8 @@ def _sparse(factors: Factors) -> Weak:
     size = float(left @ (matrix @ right))
     right /= math.copysign(math.sqrt(right @ right), size)
     size = float(left @ (matrix @ right))
+    side = sense(right)
+    left, right = side * left, side * right
 
     def rest(value: Array) -> Array:
         x = factors.least(value - (left @ value) * left)

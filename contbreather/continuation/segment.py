@@ -11,10 +11,11 @@ import numpy as np
 from .curve import Curve
 from .newton import Array, Dense, Solution, Undefined
 from .point import Point
-from .rank import weakest
+from .rank import sense, weakest
 from .sparse import Matrix
 
 _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
+LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
 
 
 class Segment:
@@ -125,10 +126,15 @@ def _null_vector(matrix: Matrix, row: Array, curve: Curve) -> Array:
     weak = weakest(matrix)
     null = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
     nearest = (null @ row) @ null
-    return curve.normalised(nearest if curve.length(nearest) > 1e-10 else null[-1])
+    if curve.length(nearest) > LEVEL:
+        return curve.normalised(nearest)
+    return curve.normalised(null[-1] * sense(null[-1]))
 
 
 def closest(tangents: Sequence[Array], row: Array) -> Array:
-    """The tangent that makes the smallest angle with a direction, turned to its side."""
-    nearest = max(tangents, key=lambda tangent: abs(float(tangent.dot(row))))
-    return nearest if nearest.dot(row) >= 0 else -nearest
+    """The tangent that makes the smallest angle with a direction, turned to its side: the first one
+    of those that are as close, and as it is if it is at a right angle."""
+    along = [float(tangent.dot(row)) for tangent in tangents]
+    most = max(map(abs, along))
+    i = next(i for i, part in enumerate(along) if abs(part) >= most - LEVEL)
+    return -tangents[i] if along[i] < -LEVEL else tangents[i]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +17,8 @@ from .curve import Curve
 from .newton import Array, Undefined, approach
 from .point import Event, Point
 from .problem import Problem
-from .rank import weakest
-from .segment import closest, tangent_at
+from .rank import sense, weakest
+from .segment import LEVEL, closest, tangent_at
 from .sparse import is_sparse, scaled
 
 Within = Mapping[str, tuple[float, float]]
@@ -26,7 +26,7 @@ Within = Mapping[str, tuple[float, float]]
 _GAP = 1e-6  # what is closer than this, relative to 1 + |z|, is at the start
 _REACH = 0.5  # how far, relative to 1 + |z|, the nearest solution may be
 _AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
-_LEVEL = 1e-9  # a parameter that changes by less, of the length of a tangent, does not
+_STEEP = 1e-3  # a curve along which a parameter changes by less, of its length, is nearly a fold
 _SKEW = 1e-3  # how far a direction that was given may be off the tangent
 _ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
@@ -118,10 +118,12 @@ def given(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, 
     return curve, float(abs(value * curve.rows).max()), tangent
 
 
-def first_tangent(curve: Curve) -> tuple[Array, int]:
+def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     """The tangent at the start, upwards in the free parameter, and the sign of the determinant.
 
-    At a branch point it is that of the curve closest to the direction of the parameter.
+    At a branch point it is that of the curve closest to the direction of the parameter. At a fold,
+    where that does not change at first, the curve leads away from the bound that it starts at, and
+    else to where the leading unknown grows: neither is left to the sign of what rounding leaves.
     """
     z = curve.start
     along = np.eye(1, z.size, z.size - 1)[0]
@@ -133,17 +135,21 @@ def first_tangent(curve: Curve) -> tuple[Array, int]:
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
     tangent, side = tangent_at(curve, z, along)
-    return (tangent if abs(tangent[-1]) > _LEVEL else _inward(curve, tangent)), side
+    if abs(tangent[-1]) > _STEEP:
+        return tangent, side
+    level = abs(tangent[-1]) <= LEVEL
+    # across the parameter that determinant is the less certain the less it changes
+    return tangent_at(curve, z, _inward(curve, bounds, tangent) if level else tangent)
 
 
-def _inward(curve: Curve, tangent: Array) -> Array:
-    """Where the parameter does not change at first: towards the side on which the domain goes on,
-    if it ends at the start."""
-    for bound in bounds_of(curve, None):
-        end = {bound.low: -1.0, bound.high: 1.0}.get(bound.value(curve.start), 0.0)
-        if end * bound.slope(curve.start, tangent) > _LEVEL:
-            return -tangent
-    return tangent
+def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
+    """A tangent turned away from the first bound that the curve starts at and does not go along."""
+    for bound in bounds:
+        end = bound.end(bound.value(curve.start))
+        slope = end and end * bound.slope(curve.start, tangent)
+        if abs(slope) > LEVEL:
+            return -math.copysign(1.0, slope) * tangent
+    return tangent * sense(tangent)
 
 
 def _nearly_singular(curve: Curve, z: Array, along: Array) -> bool:
@@ -179,6 +185,11 @@ def _pair(name: str, window: tuple[float, float]) -> tuple[float, float]:
     return low, high
 
 
+def rounding(value: float) -> float:
+    """How far from a bound rounding may end a step that should end on it."""
+    return 4 * math.ulp(value or 1e-16) if math.isfinite(value) else 0.0
+
+
 @dataclass(frozen=True)
 class Bound:
     """The window of what can change: an unknown, a parameter, the norm of an array."""
@@ -191,6 +202,17 @@ class Bound:
     def value(self, z: Array) -> float:
         entries = z[self.slot]
         return float(entries if isinstance(self.slot, int) else np.linalg.norm(entries))
+
+    def end(self, value: float) -> int:
+        """Which end a value is at, but for rounding: -1 or 1, 0 for neither."""
+        ends = ((-1, self.low), (1, self.high))
+        return next((side for side, end in ends if abs(value - end) <= rounding(end)), 0)
+
+    def within(self, z: Array) -> Array:
+        """z, or the place next to it that is not beyond either end."""
+        value = self.value(z)
+        inside = min(max(value, self.low), self.high)
+        return z if inside == value else self.moved(z, inside)
 
     def row(self, z: Array) -> Array:
         """The derivative of the value."""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..checks import one_of
 from ..errors import BadInput, keeping
 from ..progress import Counter, line_of
-from .advance import EXACT, Failed, Step, Stepper, angle, rounding
+from .advance import EXACT, Failed, Step, Stepper, angle
 from .branch import Branch, Settings, Stop, labelled
 from .checkpoint import Save, checkpoint
 from .curve import Curve
@@ -29,7 +29,17 @@ from .points import Points
 from .problem import Problem, problem_in
 from .scope import scope
 from .segment import Segment
-from .starts import Bound, Within, all_of, bounds_of, first_tangent, given, settled, windows
+from .starts import (
+    Bound,
+    Within,
+    all_of,
+    bounds_of,
+    first_tangent,
+    given,
+    rounding,
+    settled,
+    windows,
+)
 from .steps import Steps, steps_of
 from .stride import TINY
 from .strider import WIDEST, Strider
@@ -258,7 +268,7 @@ class Walker:
         with _quiet():
             if along is None:
                 self.curve, residual = settled(problem, free, steps.tolerance)
-                tangent, self.side = first_tangent(self.curve)
+                tangent, self.side = first_tangent(self.curve, bounds_of(self.curve, within))
                 if towards == "down":
                     tangent, self.side = -tangent, -self.side
             else:

@@ -1,0 +1,114 @@
+"""What rounding must not decide: equations mixed at random round otherwise each time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.continuation import Branch, Problem
+
+SEEDS = range(24)
+Equations = Callable[[Any, Mapping[str, float]], list[Any]]
+
+
+def mixed(equations: Equations, start: Mapping[str, float], seed: int, **domain: Any) -> Problem:
+    """The same solutions, of combinations of the equations: nothing but rounding differs."""
+    weights = np.random.default_rng(seed).normal(size=(len(start), len(start)))
+    return Problem(
+        lambda x, p: weights @ np.array(equations(x, p)),
+        start,
+        {"mu": 0.0, "nu": 0.0},
+        domain=domain,
+    )
+
+
+def parabola(x: Any, p: Mapping[str, float]) -> list[Any]:
+    """mu = x^2, and two unknowns that follow."""
+    return [x[0] ** 2 - p["mu"], x[1] - 0.3 * x[0] - p["nu"], x[2] + 0.7 * x[0] * x[1]]
+
+
+def first_step(problem: Problem, towards: str, **more: Any) -> Branch:
+    return cb.trace(problem, "mu", towards=towards, events=(), steps=cb.Steps(most=2), **more)
+
+
+START = {"x": 0.0, "y": 0.0, "z": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("domain", "towards", "side"),
+    [
+        ({}, "up", 1.0),  # the leading unknown grows
+        ({}, "down", -1.0),
+        ({"x": (0.0, 9.0)}, "up", 1.0),
+        ({"x": (-9.0, 0.0)}, "up", -1.0),
+        ({"mu": (0.0, 9.0)}, "up", 1.0),  # the curve touches the end of this domain
+    ],
+)
+def test_where_a_walk_sets_out_at_a_fold(domain, towards: str, side: float) -> None:
+    for seed in SEEDS:
+        branch = first_step(mixed(parabola, START, seed, **domain), towards)
+        assert len(branch) == 3, (seed, branch.stop, branch.reason)
+        assert side * branch[1]["x"] > 0, seed
+        assert branch[1]["mu"] == pytest.approx(branch[1]["x"] ** 2)
+
+
+def test_where_a_walk_sets_out_at_a_fold_on_the_edge_of_a_window() -> None:
+    for seed in SEEDS:
+        inside = first_step(mixed(parabola, START, seed), "up", within={"x": (-0.5, 0.0)})
+        assert inside[1]["x"] < 0, seed
+
+
+@pytest.mark.parametrize("edge", [0.0, 1.0])
+def test_a_curve_along_the_edge_of_a_domain_stays_on_it(edge: float) -> None:
+    """y = edge all along, but for rounding, which must end nothing and leave nothing outside."""
+
+    def along(x: Any, p: Mapping[str, float]) -> list[Any]:
+        return [
+            x[0] - 0.3 * p["mu"],
+            x[1] - edge + 0.1 * (x[0] - 0.3 * p["mu"]),
+            x[2] - x[0] * x[1],
+        ]
+
+    for seed in SEEDS:
+        problem = mixed(along, {"x": 0.0, "y": edge, "z": 0.0}, seed, y=(edge, 9.0))
+        branch = cb.trace(problem, "mu", within={"mu": (0.0, 2.0)}, events=())
+        assert branch[-1]["mu"] == 2.0, (seed, branch.stop, branch.reason)
+        assert (branch["y"] >= edge).all()
+
+
+def crossed(x: Any, p: Mapping[str, float]) -> list[Any]:
+    """Two branches, x = mu and x = -mu, as steep as each other."""
+    return [(x[0] - p["mu"]) * (x[0] + p["mu"]) + p["nu"], x[1] - 0.3 * x[0], x[2] + x[0] - x[1]]
+
+
+@pytest.mark.parametrize("towards", ["up", "down"])
+def test_which_of_two_branches_is_followed_from_where_they_cross(towards: str) -> None:
+    ways = [first_step(mixed(crossed, START, seed), towards)[1]["x"] for seed in SEEDS]
+    assert len(set(np.sign(ways))) == 1
+
+
+def test_in_which_order_branches_leave_a_branch_point() -> None:
+    orders = set()
+    for seed in SEEDS:
+        problem = mixed(crossed, {"x": -0.4, "y": -0.12, "z": 0.28}, seed).at(mu=-0.4)
+        events = [cb.branch_point(), cb.fold()]
+        branch = cb.trace(problem, "mu", within={"mu": (-0.4, 0.4)}, events=events)
+        assert [point.kind for point in branch.special] == ["EP", "BP", "EP"]
+        arms = cb.switch(branch.first("BP"), within={"mu": (-0.4, 0.4)})
+        orders.add(tuple(tuple(np.sign([arm[-1]["x"], arm[-1]["mu"]])) for arm in arms))
+    assert len(orders) == 1
+
+
+def test_null_vectors_on_a_curve_of_folds_have_one_sign() -> None:
+    signs = set()
+    for seed in SEEDS:
+        problem = mixed(parabola, START | {"x": 0.5, "y": 0.15, "z": -0.0525}, seed).at(mu=0.25)
+        fold = cb.trace(problem, "mu", within={"x": (-1, 1)}, events=[cb.fold()]).first("LP")
+        line = cb.boundary(fold, ("nu", "mu"), within={"nu": (-1, 1)}, events=())
+        assert [point.kind for point in line.special] == ["EP", "EP"]
+        signs.add(tuple(np.sign(line[len(line) // 2]["null"][:2])))
+    assert len(signs) == 1
