@@ -104,7 +104,7 @@ def find(
         located += _events_on(others, ends)
     for trail in tallies:
         located += _explained(trail, others, located)
-    located.sort(key=lambda point: point.arclength)
+    located = _in_order(located, events)
     end = segment.last.arclength * (1 - 1e-15)
     at_end = {id(p.event) for p in located if p.located and p.arclength >= end}
     after = tuple(0 if id(t.event) in at_end and not t.jumps else t.values[1.0] for t in trails)
@@ -113,6 +113,21 @@ def find(
     good = tuple(point for point in located if point.located)
     doubtful = _at_one_place([point for point in located if not point.located])
     return Found(good, doubtful, after)
+
+
+def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
+    """Along the curve; what happens at one place, as far as rounding can tell, in the order of the
+    events that were asked for."""
+    order = {id(event): i for i, event in enumerate(events)}
+    places: list[list[Point]] = []
+    for point in sorted(points, key=lambda point: point.arclength):
+        near = places and point.arclength - places[-1][-1].arclength
+        if places and near <= _AT_END * (1 + point.curve.length(point.z)):
+            places[-1].append(point)
+        else:
+            places.append([point])
+    # a branch point that the walk found by itself has no event among them
+    return [p for place in places for p in sorted(place, key=lambda p: order.get(id(p.event), -1))]
 
 
 def calm(

@@ -136,7 +136,7 @@ def of_zones(rng: Any) -> Iterator[Said]:
     lattice = [cb.InfiniteChain(), cb.Ring(int(rng.integers(8, 40)))][rng.integers(2)]
     drawn = cb.zones(k=rng.uniform(0.3, 0.98), lattice=lattice, forcing=forcing_of(rng))
     yield [entry for kind, curve in drawn for entry in of_branch(f"{kind}: ", curve)]
-    yield [(_NUMBER.sub("#", str(region)), [*region.point]) for region in drawn.regions]
+    yield [(_NUMBER.sub("#", str(region)), [region.x, region.y]) for region in drawn.regions]
 
 
 def of_diagram(rng: Any) -> Iterator[Said]:

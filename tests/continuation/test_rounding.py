@@ -11,7 +11,7 @@ import pytest
 import contbreather as cb
 from contbreather.continuation import Branch, Problem
 
-SEEDS = range(24)
+SEEDS = range(10)
 Equations = Callable[[Any, Mapping[str, float]], list[Any]]
 
 
