@@ -251,9 +251,7 @@ def main(count: int = 300, first: int = 0) -> None:
     entries = sum(len(entry["said"]) for entry in found[reference].values())
     for work in WORK:
         spent = [e["spent"] for e in found[reference].values() if e["work"] == work.__name__]
-        print(
-            f"{work.__name__}: {len(spent)} in {sum(spent):.0f} s, longest {max(spent, default=0):.0f} s"
-        )
+        print(f"{work.__name__}: {sum(spent):.0f} s, at most {max(spent, default=0):.0f} s")
     print(f"{count} pieces of work, {entries} entries, under {list(KINDS)}: {differ} differ")
 
 
