@@ -20,7 +20,7 @@ from typing import Any
 import contbreather
 
 HOME = Path(contbreather.__file__).parents[1]
-HUNG = 600.0  # seconds, for what will never happen
+HUNG = 600  # seconds, for what will never happen
 
 
 @contextmanager
@@ -47,10 +47,13 @@ def begun(*arguments: str | Path, **options: Any) -> Iterator[subprocess.Popen[s
             end()
 
 
-def ended(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
-    """What a fresh interpreter with these arguments comes to."""
-    with begun(*arguments, **options) as child:
-        out, err = child.communicate()
+def ended(
+    *arguments: str | Path, given: str | None = None, **options: Any
+) -> subprocess.CompletedProcess[str]:
+    """What a fresh interpreter with these arguments, and this to read, comes to."""
+    stdin = subprocess.DEVNULL if given is None else subprocess.PIPE
+    with begun(*arguments, stdin=stdin, **options) as child:
+        out, err = child.communicate(given)
     return subprocess.CompletedProcess(child.args, child.returncode, out, err)
 
 
