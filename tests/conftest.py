@@ -59,13 +59,13 @@ def in_its_own_process(item: pytest.Item) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
-def one_test_only() -> Generator[None, Any, Any]:
+def one_test_only(item: pytest.Item) -> Generator[None, Any, Any]:
     """Let an interruption fail the test that it hits. In a worker of xdist it is never the user's,
     which the process that began the workers hears."""
     try:
         return (yield)
     except KeyboardInterrupt as stray:
-        if "PYTEST_XDIST_WORKER" not in os.environ:
+        if not hasattr(item.config, "workerinput"):
             raise
         raise RuntimeError("an interruption from elsewhere") from stray
 
