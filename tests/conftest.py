@@ -6,20 +6,71 @@ import os
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Iterator
+import tempfile
+from collections.abc import Callable, Generator, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from contbreather import native
 from contbreather.cli import main
 
+from .apart import ended
 
-def pytest_configure() -> None:
+# a machine that is slow fails no test
+settings.register_profile("tests", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("tests")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--here", action="store_true", help="tests marked `apart` in this process")
+
+
+def pytest_configure(config: pytest.Config) -> None:
     """A shell that starts the tests in the background has them ignore Ctrl-C, children included."""
+    config.addinivalue_line("markers", "apart: in a process of its own, for what it does to it")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.get_closest_marker("apart") and not config.getoption("here"):
+            item.setup, item.runtest = lambda: None, partial(in_its_own_process, item)  # type: ignore[method-assign]
+
+
+def in_its_own_process(item: pytest.Item) -> None:
+    """Run a test by another pytest, with nothing of it here."""
+    config = item.config
+    with tempfile.TemporaryDirectory() as folder:
+        done = ended(
+            "-m", "pytest", "--here", "-n0", "-q", "-rs", "-p", "no:cacheprovider",
+            f"--basetemp={folder}/pytest", f"--rootdir={config.rootpath}",
+            config.rootpath / item.nodeid, cwd=config.invocation_params.dir,
+        )  # fmt: skip
+    if done.returncode != pytest.ExitCode.OK:
+        pytest.fail(f"it ends with {done.returncode}\n{done.stdout}{done.stderr}", pytrace=False)
+    if "\n1 skipped" in done.stdout:
+        pytest.skip(done.stdout)
+
+
+@pytest.hookimpl(wrapper=True)
+def one_test_only(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Let an interruption fail the test that it hits. In a worker of xdist it is never the user's,
+    which the process that began the workers hears."""
+    try:
+        return (yield)
+    except KeyboardInterrupt as stray:
+        if not hasattr(item.config, "workerinput"):
+            raise
+        raise RuntimeError("an interruption from elsewhere") from stray
+
+
+pytest_runtest_setup = pytest_runtest_call = pytest_runtest_teardown = one_test_only
 
 
 @pytest.fixture(autouse=True, scope="session")

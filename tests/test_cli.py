@@ -26,6 +26,7 @@ from contbreather.cli.output import to_csv
 from contbreather.errors import NotConverged
 from contbreather.stability.arc import on_arc
 
+from .apart import ended
 from .typed import Run, strict, table
 
 POINT = "point --a 0.5 --gamma 0.12 --k 0.4"
@@ -37,14 +38,7 @@ def typed(
     *arguments: str, where: Path | None = None, **settings: str
 ) -> subprocess.CompletedProcess[str]:
     """The command in a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "contbreather", *arguments],
-        cwd=where,
-        env={**os.environ, "PYTHONPATH": str(Path(cb.__file__).parents[1]), **settings},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return ended("-m", "contbreather", *arguments, cwd=where, env=settings)
 
 
 def numbers(row: dict[str, str]) -> dict[str, float]:

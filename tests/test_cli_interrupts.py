@@ -8,8 +8,6 @@ import os
 import shlex
 import signal
 import subprocess
-import sys
-import time
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -20,6 +18,7 @@ import contbreather as cb
 from contbreather.cli import DONE, INTERRUPTED, main
 from contbreather.progress import Counter
 
+from .apart import begun, ended
 from .typed import Run
 
 ZONES = "zones --k 0.8 --gamma-window 0.02 0.1 --json --csv zones.csv"
@@ -51,6 +50,7 @@ class Clock:
         monkeypatch.setattr(owner, name, counted)
 
 
+@pytest.mark.apart
 @pytest.mark.parametrize("line", LINES, ids=lambda line: line.split()[0])
 def test_what_is_done_is_written_and_marked_as_cut_short(
     run: Run, monkeypatch: pytest.MonkeyPatch, line: str
@@ -75,6 +75,7 @@ def test_what_is_done_is_written_and_marked_as_cut_short(
             assert {row.count(",") for row in rows} == {names.count(",")}
 
 
+@pytest.mark.apart
 def test_tables_for_people_say_it_too(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock(monkeypatch)
     run(ZONES)
@@ -82,6 +83,7 @@ def test_tables_for_people_say_it_too(run: Run, monkeypatch: pytest.MonkeyPatch)
     assert "interrupted, curves may be missing." in run(ZONES.replace("--json ", ""))[1]
 
 
+@pytest.mark.apart
 def test_before_there_is_anything_nothing_is_said_or_written(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -104,6 +106,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, times: int) -> None:
     monkeypatch.setattr(plotting, "plot", interrupted)
 
 
+@pytest.mark.apart
 def test_while_it_writes_one_interruption_waits(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn(monkeypatch, 1)
     status, out, err = run(BRANCH)
@@ -113,6 +116,7 @@ def test_while_it_writes_one_interruption_waits(run: Run, monkeypatch: pytest.Mo
     assert sorted(content["written"]) == sorted(os.listdir()) == ["branch.csv", "branch.svg"]
 
 
+@pytest.mark.apart
 def test_while_it_writes_the_second_interruption_does_not_wait(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -130,28 +134,43 @@ def test_the_handler_of_the_caller_comes_back(run: Run) -> None:
 # --- a process of its own -------------------------------------------------------------------------
 
 
-def process(line: str, where: Path, **options: Any) -> subprocess.Popen[str]:
-    package = str(Path(cb.__file__).parents[1])
-    environment = {**os.environ, "PYTHONPATH": package, **options.pop("env", {})}
-    return subprocess.Popen(
-        [sys.executable, *options.pop("script", ["-m", "contbreather"]), *shlex.split(line)],
-        cwd=where, env=environment, text=True,
-        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options},
-    )  # fmt: skip
+def process(line: str, where: Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    script = options.pop("script", ["-m", "contbreather"])
+    return ended(*script, *shlex.split(line), cwd=where, **options)
 
 
-def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path) -> None:
-    one = process("zones --k 0.8 --k 0.4 --k 0.9 --json --csv zones.csv", tmp_path)
-    time.sleep(2.0)
-    one.send_signal(signal.SIGINT)
-    out, err = one.communicate(timeout=60)
+# In the midst of its work it says so, and waits for Ctrl-C.
+AT_WORK = """
+import sys, time
+from contbreather.__main__ import main
+from contbreather.progress import Counter
+advance, left = Counter.advance, int(sys.argv.pop(1))
+
+def counted(*given):
+    global left
+    left -= 1
+    if left == 0:
+        print("at work", file=sys.stderr, flush=True)
+        time.sleep(600)
+    return advance(*given)
+
+Counter.advance = counted
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("after", [1, 20])
+def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path, after: int) -> None:
+    line = "zones --k 0.8 --k 0.4 --k 0.9 --json --csv zones.csv"
+    with begun("-c", AT_WORK, str(after), *line.split(), cwd=tmp_path) as one:
+        assert one.stderr.readline() == "at work\n"
+        one.send_signal(signal.SIGINT)
+        out, err = one.communicate()
     assert one.returncode == INTERRUPTED
     assert err.startswith("contbreather: interrupted")
     assert "Traceback" not in err
-    if out:
-        assert json.loads(out)["written"] == os.listdir(tmp_path)
-    else:
-        assert os.listdir(tmp_path) == []
+    assert (json.loads(out)["written"] if out else []) == os.listdir(tmp_path)
+    assert bool(out) is (after > 1)  # one piece is nothing yet
 
 
 # When Ctrl-C comes a module is imported that makes any exception an ImportError, as those written
@@ -199,8 +218,8 @@ def test_during_an_import_it_waits_until_that_is_over(
     tmp_path: Path, line: str, module: str
 ) -> None:
     one = process(line, tmp_path, script=["-c", AMID_IMPORT, module])
-    out, err = one.communicate(timeout=60)
     assert one.returncode == INTERRUPTED
+    out, err = one.stdout, one.stderr
     first, *_ = err.splitlines()
     assert first.startswith("contbreather: interrupted")
     assert "Error" not in err
@@ -219,8 +238,7 @@ POINT = "point --a 0.5 --gamma 0.04 --k 0.8"
 def test_a_full_standard_output_is_a_sentence(tmp_path: Path, line: str) -> None:
     with open("/dev/full", "w") as full:
         one = process(line, tmp_path, stdout=full)
-        err = one.communicate(timeout=60)[1]
-    assert (one.returncode, err) == (
+    assert (one.returncode, one.stderr) == (
         1,
         "contbreather: cannot write to standard output: No space left on device\n",
     )
@@ -228,8 +246,7 @@ def test_a_full_standard_output_is_a_sentence(tmp_path: Path, line: str) -> None
 
 def test_a_closed_standard_output_is_a_sentence(tmp_path: Path) -> None:
     one = process(POINT, tmp_path, stdout=None, preexec_fn=lambda: os.close(1))
-    err = one.communicate(timeout=60)[1]
-    assert (one.returncode, err) == (
+    assert (one.returncode, one.stderr) == (
         1,
         "contbreather: cannot write to standard output: it is closed\n",
     )
@@ -238,11 +255,9 @@ def test_a_closed_standard_output_is_a_sentence(tmp_path: Path) -> None:
 def test_a_full_standard_error_keeps_the_status(tmp_path: Path) -> None:
     with open("/dev/full", "w") as full:
         one = process(POINT + "0", tmp_path, stderr=full)
-        one.communicate(timeout=60)
     assert one.returncode == DONE
     with open("/dev/full", "w") as full:
         one = process("point --a 1 --gamma 1 --k 1", tmp_path, stderr=full)
-        one.communicate(timeout=60)
     assert one.returncode == 2
 
 
@@ -259,17 +274,15 @@ def test_odd_terminals_and_settings_do_no_harm(
     tmp_path: Path, line: str, env: dict[str, str]
 ) -> None:
     one = process(line, tmp_path, env=env)
-    out, err = one.communicate(timeout=60)
-    assert (one.returncode, err) == (DONE, "")
-    assert out
+    assert (one.returncode, one.stderr) == (DONE, "")
+    assert one.stdout
 
 
 def test_json_is_right_in_any_encoding(tmp_path: Path) -> None:
     line = f"{POINT} --json --forcing '-cos(t) - \u00b5*cos(3*t)' --set \u00b5=0.1"
     one = process(line, tmp_path, env={"PYTHONIOENCODING": "ascii"})
-    out, err = one.communicate(timeout=60)
-    assert (one.returncode, err) == (DONE, "")
-    assert "\u03bc" in json.loads(out)["forcing"]  # Python's own normal form of the letter
+    assert (one.returncode, one.stderr) == (DONE, "")
+    assert "\u03bc" in json.loads(one.stdout)["forcing"]  # Python's own normal form of the letter
 
 
 def test_a_directory_that_is_gone_is_said_to_be(tmp_path: Path) -> None:
@@ -279,10 +292,9 @@ def test_a_directory_that_is_gone_is_said_to_be(tmp_path: Path) -> None:
         tmp_path / "gone",
         preexec_fn=lambda: os.rmdir(os.getcwd()),
     )
-    out, err = one.communicate(timeout=60)
     assert one.returncode in (1, 2)
-    assert (out, err.count("\n")) == ("", 1)
-    assert err.startswith("contbreather: ")
+    assert (one.stdout, one.stderr.count("\n")) == ("", 1)
+    assert one.stderr.startswith("contbreather: ")
 
 
 def test_json_nested_too_deep_is_no_state(tmp_path: Path) -> None:

@@ -157,6 +157,7 @@ def test_statuses_are_those_that_scripts_know() -> None:
     assert entry.INTERRUPTED == 130
 
 
+@pytest.mark.apart
 def test_a_process_of_its_own_reads_its_arguments_and_ignores_ctrl_c_at_its_end(
     monkeypatch, capsys
 ) -> None:
@@ -170,6 +171,7 @@ def test_a_process_of_its_own_reads_its_arguments_and_ignores_ctrl_c_at_its_end(
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
+@pytest.mark.apart
 def test_before_anything_is_imported_ctrl_c_ends_the_process(monkeypatch) -> None:
     heard: dict[str, Any] = {}
 
@@ -209,6 +211,7 @@ def leaving(monkeypatch) -> None:
     monkeypatch.setattr(os, "_exit", left)
 
 
+@pytest.mark.apart
 def test_until_something_is_computed_a_process_of_its_own_ends_at_once(spoken, leaving) -> None:
     with watched(alone=True), pytest.raises(Left, match="130"):
         signal.raise_signal(signal.SIGINT)
@@ -216,6 +219,7 @@ def test_until_something_is_computed_a_process_of_its_own_ends_at_once(spoken, l
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
+@pytest.mark.apart
 def test_in_somebody_elses_process_it_is_an_exception_from_the_start(spoken, leaving) -> None:
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt), watched(alone=False):
@@ -233,6 +237,7 @@ def interrupted_after_computing(*then: Callable[[], Any], alone: bool = True) ->
             step()
 
 
+@pytest.mark.apart
 def test_after_a_computation_it_waits_and_is_heard_at_the_end(spoken, leaving) -> None:
     done: list[str] = []
     with pytest.raises(KeyboardInterrupt):
@@ -243,6 +248,7 @@ def test_after_a_computation_it_waits_and_is_heard_at_the_end(spoken, leaving) -
     ]
 
 
+@pytest.mark.apart
 def test_the_second_one_does_not_wait(spoken, leaving) -> None:
     done: list[str] = []
     again = lambda: signal.raise_signal(signal.SIGINT)  # noqa: E731
@@ -252,6 +258,7 @@ def test_the_second_one_does_not_wait(spoken, leaving) -> None:
     assert len(spoken) == 1
 
 
+@pytest.mark.apart
 def test_one_that_waits_stops_the_next_computation(spoken, leaving) -> None:
     done: list[str] = []
 
@@ -264,6 +271,7 @@ def test_one_that_waits_stops_the_next_computation(spoken, leaving) -> None:
     assert done == []
 
 
+@pytest.mark.apart
 def test_a_new_command_line_knows_nothing_of_the_last_one(spoken, leaving) -> None:
     for _ in range(2):
         with pytest.raises(KeyboardInterrupt):
@@ -280,6 +288,7 @@ def frames(name: str, depth: int) -> Any:
     return own["dive"](depth)
 
 
+@pytest.mark.apart
 @pytest.mark.parametrize("name", ["numba.core.dispatcher", "llvmlite.binding.ffi"])
 def test_what_would_make_another_error_of_it_is_left_alone_for_a_while(
     spoken, leaving, monkeypatch, name: str
@@ -301,6 +310,7 @@ def test_what_would_make_another_error_of_it_is_left_alone_for_a_while(
     assert spoken == ["contbreather: interrupted\n"]
 
 
+@pytest.mark.apart
 def test_the_same_ctrl_c_is_not_counted_twice(spoken, leaving) -> None:
     watch = _Watch()
     watch.begin(alone=False)
@@ -393,6 +403,7 @@ def test_an_interruption_says_what_it_brings() -> None:
     assert (failed.iterations, failed.last) == (None, None)
 
 
+@pytest.mark.apart
 @pytest.mark.parametrize("what", ["a table", "JSON"])
 def test_what_a_full_standard_output_cannot_take_is_noticed_before_the_end(
     monkeypatch, capsys, what: str

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import re
 from pathlib import Path
@@ -179,13 +178,15 @@ def test_stream_of_another_run_is_refused(run):
     assert "folder holds another run: a is 0.2 there and 0.1 here" in err
 
 
-def interrupt(monkeypatch, module, stretches):
-    """Have Ctrl-C come after so many stretches of a run."""
+def interrupt(monkeypatch, module, periods):
+    """Have Ctrl-C come after so many periods of a run."""
     walk = module.walk
 
     def stopped(*args, **kwargs):
-        yield from itertools.islice(walk(*args, **kwargs), stretches)
-        raise KeyboardInterrupt
+        for one in walk(*args, **kwargs):
+            yield one
+            if one.first + one.periods >= periods:
+                raise KeyboardInterrupt
 
     monkeypatch.setattr(module, "walk", stopped)
 
@@ -194,7 +195,7 @@ def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(r
     from contbreather.dynamics import recording
 
     walk = recording.walk
-    interrupt(monkeypatch, recording, 2)
+    interrupt(monkeypatch, recording, 10)
     status, out, _ = run(f"{STABLE} --stream folder --periods 150 --final f.json")
     assert status == INTERRUPTED
     assert re.search(r"Interrupted after \d+ of 150 periods; the same command goes on", out)
@@ -209,7 +210,7 @@ def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(r
 def test_interrupted_run_writes_what_it_has(run, monkeypatch):
     from contbreather.dynamics import impacting
 
-    interrupt(monkeypatch, impacting, 2)
+    interrupt(monkeypatch, impacting, 10)
     status, out, _ = run(f"{STABLE} --periods 1000 --csv s.csv --json")
     content = json.loads(out)
     assert status == INTERRUPTED
@@ -224,7 +225,7 @@ def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monke
     def again(_):
         raise KeyboardInterrupt
 
-    interrupt(monkeypatch, impacting, 6)
+    interrupt(monkeypatch, impacting, 120)
     monkeypatch.setattr(verdicts, "judge", again)
     line = f"{STABLE} --sites 4 --periods 100000 --csv s.csv --final f.json"
     status, out, err = run(line)

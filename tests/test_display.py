@@ -31,6 +31,8 @@ from contbreather.errors import BadInput
 from contbreather.plotting import cards, plot_orbit, style
 from contbreather.plotting.canvas import CYCLE, GREY
 
+from .apart import HUNG
+
 ON: dict[str, Any] = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 LINE: dict[str, Any] = {"residual": lambda x, p: x - p["mu"] * np.arange(1, x.size + 1)}
 
@@ -288,7 +290,7 @@ def test_a_fresh_notebook_shows_progress_the_first_plot_and_values(monkeypatch) 
             seen.append(str(msg["content"].get("data", {}).get("text/html", "")))
             return super().process_message(msg, cell, cell_index)
 
-    Watching(book, timeout=60, kernel_name="python3").execute()
+    Watching(book, timeout=HUNG, startup_timeout=HUNG, kernel_name="python3").execute()
     shown = [[out.get("data", {}) for out in cell.outputs] for cell in book.cells]
     assert any("points, a = " in html for html in seen)
     assert [data["text/html"] for data in shown[1]] == [""]  # and is gone when it is done

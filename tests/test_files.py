@@ -122,9 +122,9 @@ def test_standard_output_takes_a_file_between_what_is_printed(tmp_path: Path, in
 )
 def test_standard_output_that_is_closed_is_told(closing: str, said: str) -> None:
     script = (
-        "import time; from contbreather.files import write_whole\n"
+        "from contbreather.files import write_whole\n"
         "try:\n"
-        "    time.sleep(0.2); write_whole('/dev/stdout', lambda file: file.write(bytes(10**6)))\n"
+        "    write_whole('/dev/stdout', lambda file: file.write(bytes(10**6)))\n"
         "except Exception as error:\n"
         "    import sys, os; os.write(2, f'{type(error).__name__} {error}'.encode()); os._exit(0)\n"
     )

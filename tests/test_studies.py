@@ -24,6 +24,8 @@ from contbreather.studies import run as conduct
 from contbreather.studies.cluster import cluster
 from contbreather.studies.parts import Worker, parts_of
 
+from .apart import HUNG
+
 Command = Callable[[str], tuple[int, str, str]]
 
 SMALL = """
@@ -489,11 +491,15 @@ class Killing(Executor):
 
 
 @pytest.mark.slow
+@pytest.mark.apart
 def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(
-    study: Path, done: Report, tmp_path: Path
+    study: Path, done: Report, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two local workers, one of them killed in the middle: the same results to the last digit."""
     distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr("contbreather.studies.cluster.PATIENCE", HUNG)
+    waiting = ("connect", "tcp")
+    distributed.dask.config.set({f"distributed.comm.timeouts.{one}": HUNG for one in waiting})
     local = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
     with distributed.LocalCluster(**local) as two, cluster(two.scheduler_address) as executor:
         with distributed.Client(two) as client:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import doctest
 import os
 import signal
-import subprocess
 import sys
-import time
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, CancelledError, Future, ThreadPoolExecutor
 from functools import partial
 from importlib import import_module
+from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,8 @@ import contbreather as cb
 from contbreather import workers
 from contbreather.native import workers_process
 from contbreather.workers import Failed, processes
+
+from .apart import begun, ended, until
 
 each = partial(workers.each, unit="items")
 
@@ -74,24 +76,37 @@ def test_an_error_of_this_package_is_a_result_and_any_other_is_raised() -> None:
         list(each(lambda number: 1 // number, [1, 0], executor=1))
 
 
-def test_what_is_short_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def lasting(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """Have each item take so many seconds, by the clock of a machine with two cores."""
+
+    def last(seconds: float) -> None:
+        times = count()
+        clock = SimpleNamespace(monotonic=lambda: seconds * next(times))
+        monkeypatch.setattr(workers, "time", clock)
+        monkeypatch.setattr(os, "cpu_count", lambda: 2)
+
+    return last
+
+
+def test_what_is_short_starts_no_process(monkeypatch: pytest.MonkeyPatch, lasting: Any) -> None:
     monkeypatch.setattr(workers, "processes", None)
+    lasting(0.0009)
     assert list(each(lambda number: -number, range(1000))) == [-i for i in range(1000)]
 
 
-def test_what_is_long_is_done_by_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(workers, "GLANCE", -1.0)
-    monkeypatch.setattr(workers, "WORTH", -1.0)
+def test_what_is_long_is_done_by_processes(lasting: Any) -> None:
+    lasting(0.3)
     found = list(each(process_of, range(9)))
     assert found[0] == os.getpid()
     assert os.getpid() not in found[1:]
 
 
-def test_what_cannot_be_sent_is_refused_in_a_sentence() -> None:
+def test_what_cannot_be_sent_is_refused_in_a_sentence(lasting: Any) -> None:
     for executor in (2, None):
+        lasting(0.3)
         with pytest.raises(cb.BadInput, match=r"cannot be sent to another process: .*lambda"):
-            list(each(lambda number: time.sleep(0.3), range(9), executor=executor))
+            list(each(lambda number: number, range(9), executor=executor))
     with pytest.raises(cb.BadInput, match="a number of processes was expected"):
         each(refuses_odd, [1], executor="two")  # type: ignore[arg-type]
     with pytest.raises(cb.BadInput, match="executor = 0"):
@@ -139,19 +154,18 @@ def test_short_items_are_sent_together() -> None:
 SCRIPT = """
 import time
 import contbreather as cb
-from contbreather.workers import each
+from contbreather.workers import Bar, each
 
 
 def slow(number):
-    time.sleep(0.01 if number < 20 else 60)
+    time.sleep(0 if number < 30 else 600)
     return number
 
 
 if __name__ == "__main__":
+    Bar.advance = lambda _, done: print(done, flush=True)
     try:
-        for one in each(slow, range(60), unit="naps", executor=2):
-            if one == 12:
-                print("begun", flush=True)
+        list(each(slow, range(60), unit="naps", executor=2))  # interrupted within, never beside it
     except cb.errors.Interrupted as stop:
         print(stop.partial == tuple(range(len(stop.partial))), len(stop.partial) > 12)
 """
@@ -160,21 +174,13 @@ if __name__ == "__main__":
 def test_ctrl_c_ends_workers_in_the_middle_and_keeps_what_is_done(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
-    path = {"PYTHONPATH": str(Path(cb.__file__).parents[1])}
-    with subprocess.Popen(
-        [sys.executable, script], env={**os.environ, **path},
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-    ) as child:  # fmt: skip
-        try:
-            assert child.stdout is not None
-            assert child.stdout.readline() == "begun\n"
-            time.sleep(0.3)  # until it waits for the next one
-            os.killpg(child.pid, signal.SIGINT)  # a terminal sends it to all of them
-            out, err = child.communicate(timeout=30)
-        finally:
-            if child.poll() is None:
-                os.killpg(child.pid, signal.SIGKILL)
-    assert (out, err, child.returncode) == ("True True\n", "", 0)
+    with begun(script) as child:
+        assert child.stdout is not None
+        while int(child.stdout.readline()) < 20:
+            pass
+        os.killpg(child.pid, signal.SIGINT)  # a terminal sends it to all of them
+        out, err = child.communicate()
+    assert (out.splitlines()[-1], err, child.returncode) == ("True True", "", 0)
 
 
 def test_functions_that_a_fresh_process_lacks_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -191,11 +197,7 @@ def test_functions_that_a_fresh_process_lacks_are_named(monkeypatch: pytest.Monk
 def test_a_loop_that_is_left_leaves_no_worker_behind() -> None:
     with processes(1) as pool:
         worker = pool.submit(os.getpid).result()
-    for _ in range(100):
-        if not Path(f"/proc/{worker}").exists():
-            return
-        time.sleep(0.05)
-    pytest.fail("the worker is still there")
+    until(lambda: not Path(f"/proc/{worker}").exists())
 
 
 # --- branches and zones ---------------------------------------------------------------------------
@@ -274,11 +276,7 @@ def test_a_script_that_calls_without_a_guard_is_one_sentence_that_says_where_to_
         "starts = [cb.symmetric(0.5, gamma, 0.8) for gamma in (0.04, 0.03)]\n"
         "list(cb.trace_many(starts, 'a', within={'a': (0.5, 0.9)}, executor=2))\n"
     )
-    path = {"PYTHONPATH": str(Path(cb.__file__).parents[1])}
-    found = subprocess.run(
-        [sys.executable, script], env={**os.environ, **path}, capture_output=True, text=True,
-        timeout=60, check=False,
-    )  # fmt: skip
+    found = ended(script)
     assert found.returncode == 1
     assert found.stderr.count("Traceback") == 1
     last = found.stderr.splitlines()[-1]

@@ -77,7 +77,7 @@ def test_peak_of_the_neighbour_is_that_of_the_paper_s_series(paper, gamma, k):
         assert abs(t - (phi + s + (mp.pi if late else 0))) < 1e-14
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(breathers())
 def test_every_peak_is_the_top_of_the_motion_and_has_no_velocity(b):
     assume(b.lattice.sites != 1)
@@ -94,7 +94,7 @@ def test_every_peak_is_the_top_of_the_motion_and_has_no_velocity(b):
         assert b.phi <= at < b.phi + 2 * math.pi + 1e-14
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(breathers(lattices=[CHAIN, Ring(3), Ring(40), Ring(41)]))
 def test_no_site_however_far_climbs_higher_than_the_verdict_says(b):
     verdict = b.admissibility()
@@ -116,7 +116,7 @@ def test_on_the_lower_branch_it_is_the_second_neighbour_that_comes_closest():
     assert lower.admissibility().neighbours == 1.0 - neighbour_peak(lower, 2)[1]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.floats(0.001, 0.2499), st.floats(0.1, 1.0))
 def test_on_the_upper_limit_of_the_upper_branch_it_is_the_first(gamma, k):
     """The paper's (B2), at the grazing it was proved for."""
@@ -159,7 +159,7 @@ def test_upper_limit_of_the_theory_notes():
 # ------------------------------------------------------------------------------------- centre
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(breathers())
 def test_centre_margin_is_positive_exactly_where_site_0_stays_between_its_walls(b):
     assume(b.k > 1e-3)
@@ -365,7 +365,7 @@ def test_a_ring_has_no_far_field_and_a_single_oscillator_no_neighbours():
 # ----------------------------------------------------------------------------------- verdicts
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(breathers())
 def test_the_verdict_is_the_worst_margin_at_the_place_it_names(b):
     verdict = b.admissibility()

@@ -77,7 +77,7 @@ def test_the_phase_printed_in_13_is_a_solution_only_for_weak_forcing():
         assert b.residual < 1e-15
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.floats(0.0, 0.2499), st.floats(0.0, 1.0), st.floats(0.0, 1.5))
 def test_both_signs_of_13_solve_the_closure_and_meet_at_the_fold(gamma, k, above):
     a = fold(gamma, k) + above
@@ -126,7 +126,7 @@ def test_shapes_follow_the_arguments():
         assert [b.velocity(n, float(x)) for x in t] == pytest.approx(b.velocity(n, t), abs=4e-16)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.floats(0.0, 0.2499), st.floats(0.0, 1.0), st.integers(-40, 40), st.floats(-50.0, 50.0))
 def test_every_site_is_antisymmetric_and_the_breather_even_in_space(gamma, k, n, t):
     b = symmetric(max(0.9, fold(gamma, k)), gamma, k)
@@ -229,7 +229,7 @@ def test_two_harmonics_have_four_roots_right_to_thirty_digits(paper):
     assert best.phi == pytest.approx(-3.03379882172877, abs=1e-14)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.floats(0.0, 0.24),
     st.floats(0.02, 0.98),
@@ -300,7 +300,7 @@ def test_the_fold_is_the_smallest_amplitude_and_a_double_root(forcing, gamma, k)
     assert repr(lowest) in str(refusal.value)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.floats(0.0, 0.2499),
     st.floats(0.0, 1.0),
@@ -332,7 +332,7 @@ def test_forcing_with_many_harmonics_is_solved_too():
 # ------------------------------------------------------------------------------------ lattices
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(0.0, 0.22), st.floats(0.1, 1.0), st.sampled_from([60, 61, 200]))
 def test_a_long_ring_has_the_breather_of_the_chain(gamma, k, sites):
     """chi of the two differs by what goes once round the ring."""

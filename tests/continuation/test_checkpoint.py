@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,6 +30,7 @@ from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, Interrupted
 
+from ..apart import begun
 from .zoo import CUSP
 
 FEW = Steps(first=0.1, largest=0.3)
@@ -210,12 +209,11 @@ trace(circle, "mu", within={"mu": (0.5, 1e6)}, towards="up", steps=steps, save=s
 def test_killed_process_leaves_a_file_that_loads(tmp_path: Path) -> None:
     """Fifty times and with more work: tests/campaigns/killed.py."""
     path = tmp_path / "run.nc"
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-    sizes, command = set[int](), [sys.executable, "-c", KILLED, str(path)]
-    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as process:
+    sizes = set[int]()
+    with begun("-c", KILLED, path) as process:
         while len(sizes) < 4 and process.poll() is None:
             sizes |= {path.stat().st_size} if path.exists() else set()
-        os.kill(process.pid, signal.SIGKILL)
+        process.send_signal(signal.SIGKILL)
     branch = load(path, problem=parabola())
     assert isinstance(branch, Branch)
     assert np.abs(branch["x"] ** 2 - branch["mu"]).max() < 1e-12

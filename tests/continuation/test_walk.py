@@ -111,7 +111,7 @@ def test_every_walk_from_a_fold_goes_the_other_way_when_told() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 @given(st.floats(-1.9, -1.0), st.floats(1.0, 1.9), st.floats(0.02, 2.0))
 def test_a_branch_ends_exactly_at_its_bounds(low: float, high: float, largest: float) -> None:
     steps = Steps(first=0.01, largest=largest)

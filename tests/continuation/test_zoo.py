@@ -47,7 +47,7 @@ def test_all_events_are_found_and_no_false_one_whatever_the_steps(case: Case, sc
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(st.sampled_from(SMALL), st.floats(0.25, 40.0), st.floats(1e-4, 1.0))
 @example(crowded(1e-6), 10.0, 0.1)
 @example(crowded(1e-8), 3.0, 0.1)

@@ -248,7 +248,7 @@ def test_near_miss_is_no_impact(excess):
     assert not simulate(state, a=a, gamma=0.1, k=0.5, periods=0.2).impacts.size
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 10**6),
     sites=st.integers(1, 9) | st.integers(60, 90),

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import contbreather
 from contbreather.breathers import symmetric
 from contbreather.cli import INTERRUPTED, main
 from contbreather.dynamics import (
@@ -34,6 +28,8 @@ from contbreather.dynamics.held import held
 from contbreather.dynamics.verdicts import judge
 from contbreather.paper import figure6, figure7, figure8
 from contbreather.paper.fates import growth
+
+from ..apart import begun
 
 SET = {"a": 0.2, "gamma": 0.08, "k": 0.8, "damping": 0.02}
 STATE = symmetric(0.2, 0.08, 0.8).state(6)
@@ -135,36 +131,37 @@ def test_start_that_was_interrupted_has_no_fate(ctrl_c):
     assert Fate.SPREAD not in basin.fate
 
 
-def test_ctrl_c_ends_a_basin_with_workers_that_are_in_the_middle_of_a_row():
-    script = """
-import sys
+BASIN = """
+import os
 import numpy as np
 from contbreather.breathers import symmetric
-from contbreather.dynamics import Axis, attraction
+from contbreather.dynamics import Axis, attraction, basin
 if __name__ == "__main__":
     state = symmetric(0.2, 0.08, 0.8).state(40)
     u, v = (Axis(name, 0, np.linspace(-0.9, 0.9, 2000)) for name in "uv")
-    print("begun", flush=True)
-    basin = attraction(state, u, v, periods=2000, a=0.2, gamma=0.08, k=0.8, executor=2)
-    print(basin.complete, (basin.fate == -1).any())
+    found = attraction(state, u, v, periods=2000, a=0.2, gamma=0.08, k=0.8, executor=2)
+    print(found.complete, (found.fate == -1).any())
+else:  # a worker, which says when it goes to work
+    advance = basin.advance
+    def begins(*given, **more):
+        basin.advance = advance
+        os.write(1, b"begun\\n")
+        return advance(*given, **more)
+    basin.advance = begins
 """
-    path = Path(contbreather.__file__).parents[1]
-    child = subprocess.Popen(
-        [sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": str(path)},
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-    )  # fmt: skip
-    try:
-        assert child.stdout is not None
-        child.stdout.readline()
-        time.sleep(2.0)
+
+
+def test_ctrl_c_ends_a_basin_with_workers_that_are_in_the_middle_of_a_row(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(BASIN)
+    with begun(script) as child:
+        assert [child.stdout.readline() for _ in range(2)] == 2 * ["begun\n"]
         child.send_signal(signal.SIGINT)
-        out, err = child.communicate(timeout=60)
-    finally:
-        if child.poll() is None:
-            os.killpg(child.pid, signal.SIGKILL)
+        out, err = child.communicate()
     assert (out, child.returncode) == ("False True\n", 0), err
 
 
+@pytest.mark.apart
 def test_ctrl_c_waits_for_the_end_of_compiled_code_and_is_not_lost():
     done = []
 
@@ -179,15 +176,19 @@ def test_ctrl_c_waits_for_the_end_of_compiled_code_and_is_not_lost():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_ctrl_c_in_a_smooth_run_is_what_it_is_whatever_it_hits():
+@pytest.mark.apart
+def test_ctrl_c_in_a_smooth_run_is_what_it_is_whatever_it_hits(monkeypatch):
     """A real signal, at any moment of the compiled solver and what it calls."""
+    advance = smooth.SmoothFlight.advance
+    signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
     for delay in np.linspace(0.005, 0.06, 12):
-        old = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
-        signal.setitimer(signal.ITIMER_REAL, delay)
-        try:
-            run = simulate_smooth(STATE, m=6, periods=2000, **SET)
-        finally:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-            signal.signal(signal.SIGALRM, old)
+
+        def winds_the_alarm(flight, periods, first, delay=delay, **more):
+            if first == 0:  # before that there is nothing to interrupt
+                signal.setitimer(signal.ITIMER_REAL, delay)
+            return advance(flight, periods, first, **more)
+
+        monkeypatch.setattr(smooth.SmoothFlight, "advance", winds_the_alarm)
+        run = simulate_smooth(STATE, m=6, periods=10**9, **SET)  # as long as it takes to come
         assert run.stop is RunStop.INTERRUPTED
         assert np.array_equal(run.final.u, run.strobe.u[-1])

@@ -138,7 +138,7 @@ def test_a_site_at_rest_is_let_go_when_spring_and_drive_of_its_own_pull_it_off()
     assert run.rests["time"][0] == pytest.approx(2 * PI - wanted, abs=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 10**6),
     gamma=st.floats(0.0, 1.0),

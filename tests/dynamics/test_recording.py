@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import signal
-import subprocess
-import sys
-import time
 import tracemalloc
 from pathlib import Path
 
@@ -20,7 +18,8 @@ from contbreather.dynamics import RunStop, Sample, open_recording, record, recor
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier
 
-ROOT = Path(contbreather.__file__).parents[1]
+from ..apart import begun, until
+
 CONDITIONS = {"a": 0.2, "gamma": 0.11, "k": 0.8, "damping": 0.005}
 
 
@@ -51,7 +50,9 @@ def test_run_on_disk_is_the_run_in_memory(tmp_path, state):
 
 def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path, monkeypatch):
     monkeypatch.setattr(recording, "LARGEST", 50_000)
+    monkeypatch.setattr(recording, "EVERY", math.inf)  # seconds
     monkeypatch.setattr(contbreather.dynamics.stretches, "ROOM", 2**14)
+    monkeypatch.setattr(contbreather.dynamics.stretches, "MOMENT", math.inf)
     state = symmetric(0.7, 0.06, 0.2).state(20)
     peaks = []
     for name, periods in (("warm", 10), ("short", 3000), ("long", 30000)):
@@ -65,7 +66,8 @@ def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path, monkeypat
 
 
 @pytest.mark.parametrize("forcing", [None, Fourier(cos={1: -1.0, 3: 0.1}, sin={5: 0.3})])
-def test_run_goes_on_where_it_stopped_with_the_same_bits(tmp_path, state, forcing):
+def test_run_goes_on_where_it_stopped_with_the_same_bits(tmp_path, state, forcing, monkeypatch):
+    monkeypatch.setattr(recording, "EVERY", math.inf)  # seconds
     on = {**CONDITIONS, "forcing": forcing}
     for periods in (13, 13, 40, 100):
         recorded = record(tmp_path / "run", state, **on, periods=periods)
@@ -93,7 +95,7 @@ def test_interrupted_recording_keeps_every_finished_period(tmp_path, state, monk
     assert_same(second, simulate(state, **CONDITIONS, periods=1000))
 
 
-def recording_elsewhere(tmp_path: Path, state) -> subprocess.Popen[bytes]:
+def recording_elsewhere(tmp_path: Path, state):
     """Another process that records into ``run``, a file every 0.02 s, until it is killed."""
     np.savez(tmp_path / "state.npz", u=state[0], v=state[1])
     script = (
@@ -103,9 +105,7 @@ def recording_elsewhere(tmp_path: Path, state) -> subprocess.Popen[bytes]:
         f"state = tuple(np.load(r'{tmp_path}/state.npz')[x] for x in 'uv')\n"
         f"recording.record(r'{tmp_path}/run', state, **{CONDITIONS!r}, periods=10**6)\n"
     )
-    return subprocess.Popen(
-        [sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": str(ROOT)}
-    )
+    return begun("-c", script)
 
 
 @pytest.mark.parametrize(
@@ -216,10 +216,8 @@ def test_damaged_recording_is_refused_in_a_sentence(sound, tmp_path, which):
             which
         ]
         damage(path, rng)
-        began = time.monotonic()
         with pytest.raises(BadInput, match=r"is damaged: |no run in"):
             _ = open_recording(path.parent).impacts
-        assert time.monotonic() - began < 1.0, damage
 
 
 def test_missing_inner_file_is_noticed_before_anything_is_read(sound, tmp_path):
@@ -243,18 +241,13 @@ def test_run_goes_on_after_what_is_damaged_was_taken_away(sound, tmp_path):
 
 
 def test_two_processes_do_not_write_to_one_folder_and_a_killed_one_lets_go(tmp_path, state):
-    child = recording_elsewhere(tmp_path, state)
-    try:
-        while len(list((tmp_path / "run").glob("0*.npz"))) < 3:
-            assert child.poll() is None
-            time.sleep(0.02)
+    with recording_elsewhere(tmp_path, state) as child:
+        until(lambda: child.poll() is not None or len([*(tmp_path / "run").glob("0*.npz")]) > 2)
         with pytest.raises(BadInput, match="is being written to by another run"):
             record(tmp_path / "run", state, **CONDITIONS, periods=10**6)
         assert open_recording(tmp_path / "run").periods > 0  # reading is free
         assert child.poll() is None
-    finally:
         child.send_signal(signal.SIGKILL)
-        child.wait()
     done = open_recording(tmp_path / "run").periods
     recorded = record(tmp_path / "run", state, **CONDITIONS, periods=done + 10)
     assert_same(recorded, simulate(state, **CONDITIONS, periods=done + 10))

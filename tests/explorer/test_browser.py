@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,12 +14,13 @@ import pytest
 
 import contbreather as cb
 
+from ..apart import HUNG, begun
+
 pytestmark = pytest.mark.slow
 FLAGS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
     "--disable-background-networking", "--disable-component-update",
 ]  # fmt: skip
-PATIENCE = 20_000  # milliseconds: the machine may have other things to do
 
 
 def chromium() -> str:
@@ -37,13 +36,12 @@ def chromium() -> str:
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A server of its own."""
     chromium()
-    command = [sys.executable, "-m", "contbreather", "explore", "--headless"]
     folder = tmp_path_factory.mktemp("explored")
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder) as process:
+    with begun("-m", "contbreather", "explore", "--headless", cwd=folder) as process:
         assert process.stdout is not None
         yield process.stdout.readline().split()[4]
         process.send_signal(signal.SIGINT)
-        assert process.wait(60) == 130
+        assert process.wait() == 130
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +50,7 @@ def browser() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as play:
-        one = play.chromium.launch(executable_path=path, args=FLAGS)
+        one = play.chromium.launch(executable_path=path, args=FLAGS, timeout=1e3 * HUNG)
         yield one
         one.close()
 
@@ -79,7 +77,7 @@ class Tab:
 
     def __init__(self, browser: Any, address: str, **more: Any) -> None:
         self.page = browser.new_page(**more)
-        self.page.set_default_timeout(PATIENCE)
+        self.page.set_default_timeout(1e3 * HUNG)
         self.asked: list[str] = []
         self.complaints: list[str] = []
         self.page.on("request", lambda request: self.asked.append(request.url))

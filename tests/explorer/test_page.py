@@ -15,7 +15,7 @@ from contbreather.explorer import Explorer
 from contbreather.explorer.page import Page
 from contbreather.explorer.style import GRID
 
-LONG = 60.0
+from ..apart import HUNG
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def press(page: Page, name: str) -> None:
     button = page.forms.buttons[name]
     assert not button.disabled
     button.clicks += 1
-    assert page.explorer.wait(LONG)
+    assert page.explorer.wait(HUNG)
 
 
 def sentence(trouble: Any) -> str:

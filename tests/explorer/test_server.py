@@ -18,6 +18,8 @@ import pytest
 from contbreather.errors import BadInput
 from contbreather.explorer.server import server_for
 
+from ..apart import HUNG, begun
+
 Run = Callable[[str], tuple[int, str, str]]
 
 
@@ -30,19 +32,14 @@ def port_of(url: str) -> int:
 @pytest.fixture(scope="module")
 def served() -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The command itself, and where it says that it is."""
-    command = [sys.executable, "-m", "contbreather", "explore", "--headless"]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    with begun("-m", "contbreather", "explore", "--headless") as process:
         assert process.stdout is not None
-        line = process.stdout.readline()
-        yield process, line.split()[4]
-        process.kill()
+        yield process, process.stdout.readline().split()[4]
 
 
 def answer(url: str, request: str) -> str:
     """The first line that a server answers to a request."""
-    with socket.create_connection(("127.0.0.1", port_of(url)), timeout=30) as line:
+    with socket.create_connection(("127.0.0.1", port_of(url)), timeout=HUNG) as line:
         line.sendall(request.replace("\n", "\r\n").encode() + b"\r\n\r\n")
         return line.recv(100).decode(errors="replace").splitlines()[0]
 
@@ -79,7 +76,7 @@ def test_pages_from_elsewhere_may_not_talk_to_it(served: Any) -> None:
 def test_ctrl_c_ends_it_with_130_and_one_line(served: Any) -> None:
     process, _ = served
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate()
     assert process.returncode == 130
     assert errors.splitlines()[-1] == "contbreather: interrupted"
     assert "KeyboardInterrupt" not in errors

@@ -18,14 +18,15 @@ from contbreather.explorer.background import Background, Progress
 from contbreather.explorer.sketch import LADDER, _mixed, between
 from contbreather.explorer.work import Work
 
+from ..apart import HUNG
+
 WINDOWS = {"gamma": (0.02, 0.06), "a": (0.5, 1.2)}
-LONG = 60.0  # seconds: no test should ever wait as long
 
 
 def do(explorer: Explorer, one: Work) -> None:
     """Begin work and wait for its end."""
     explorer.begin(one)
-    assert explorer.wait(LONG)
+    assert explorer.wait(HUNG)
     assert explorer.message == ""
 
 
@@ -124,7 +125,7 @@ def test_stopped_work_keeps_what_is_done_and_says_so() -> None:
         return one.job(progress)
 
     explorer.begin(Work(one.title, one.name, one.code, early))
-    assert explorer.wait(LONG)
+    assert explorer.wait(HUNG)
     branch = explorer.state.curves[0].branch
     assert branch.stop is cb.continuation.Stop.INTERRUPTED
     assert 9 <= len(branch) < len(whole)
@@ -138,7 +139,7 @@ def test_a_simulation_stops_with_the_periods_that_are_done() -> None:
     explorer.choose_at(a=0.5, gamma=0.08)
     explorer.listen(lambda _: explorer.stop() if " of " in explorer.progress else None)
     explorer.begin(work.simulated(explorer.chosen, 10, 100_000, 0.0, (0,)))
-    assert explorer.wait(LONG)
+    assert explorer.wait(HUNG)
     assert explorer.state.run is not None
     assert 0 < explorer.state.run[1].periods < 100_000
 
@@ -146,7 +147,7 @@ def test_a_simulation_stops_with_the_periods_that_are_done() -> None:
 @pytest.fixture
 def busy() -> Iterator[Explorer]:
     explorer, end = Explorer(), threading.Event()
-    explorer.begin(Work("waiting", "it", "it", lambda _: end.wait(LONG)))
+    explorer.begin(Work("waiting", "it", "it", lambda _: end.wait(HUNG)))
     yield explorer
     end.set()
 
@@ -165,7 +166,7 @@ def test_an_error_of_the_numerics_is_a_sentence_and_the_next_work_goes_on() -> N
         (Work("x", "x", "x", lambda _: 1 / 0), "an error of the program: ZeroDivisionError"),
     ):
         explorer.begin(wrong)
-        assert explorer.wait(LONG)
+        assert explorer.wait(HUNG)
         assert words in explorer.message
         assert not explorer.busy
     do(explorer, work.traced(explorer.chosen, "a", (0.4, 0.6)))
@@ -175,12 +176,12 @@ def test_a_slider_that_moves_has_the_last_diagram_computed_and_not_every_one() -
     queue, seen, go = Background(), list[int](), threading.Event()
 
     def job(i: int) -> Any:
-        return lambda _: (go.wait(LONG), i)[1]
+        return lambda _: (go.wait(HUNG), i)[1]
 
     for i in range(20):
         queue.begin(job(i), say=lambda _: None, done=lambda value, *_: seen.append(value))
     go.set()
-    assert queue.join(LONG)
+    assert queue.join(HUNG)
     assert seen[-1] == 19
     assert len(seen) <= 2
 
@@ -188,13 +189,13 @@ def test_a_slider_that_moves_has_the_last_diagram_computed_and_not_every_one() -
 def test_a_diagram_that_is_known_comes_back_at_once() -> None:
     explorer = Explorer(k=0.7)
     explorer.look_at(0.7)
-    assert explorer.wait(LONG)
+    assert explorer.wait(HUNG)
     known = explorer.state.plane
     assert known is not None
     assert known.fixed == ("k", 0.7)
     assert {"S", "US"} <= {one.verdict for one in known.regions}
     explorer.look_at(0.0)  # no diagram there, and that is said
-    assert explorer.wait(LONG)
+    assert explorer.wait(HUNG)
     assert "zones need 0 < k < 1" in explorer.message
     assert explorer.state.plane is known
     explorer.look_at(0.7)
@@ -210,7 +211,7 @@ def test_between_neighbours_a_diagram_is_drawn_at_once_and_says_that_it_is_no_ex
     rough = explorer.state.sketch
     assert rough is not None
     assert (rough.k, rough.exact) == (0.77, False)
-    assert explorer.wait(LONG)
+    assert explorer.wait(HUNG)
     exact = explorer.state.sketch
     assert exact is not None
     assert (exact.k, exact.exact) == (0.77, True)
@@ -235,7 +236,7 @@ def test_looking_ahead_gives_way_to_what_is_asked_for() -> None:
     explorer.look_at(0.81)
     arrived = threading.Event()
     explorer.listen(lambda state: arrived.set() if state.plane else None)
-    assert arrived.wait(LONG)
+    assert arrived.wait(HUNG)
     assert explorer.state.plane is not None
     assert explorer.state.plane.fixed[1] == 0.81
     assert next(iter(explorer._planes)) == (0.81, "")

@@ -91,6 +91,7 @@ def main(checkout: str, only: list[str]) -> None:
         "no:cacheprovider",
         "-p",
         "cover_plugin",
+        "--here",  # coverage sees no other process
         *only,
     ]
     part.unlink(missing_ok=True)

@@ -143,7 +143,7 @@ def test_a_sympy_expression_is_as_good_as_its_text():
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.dictionaries(
         st.integers(0, 4).map(lambda i: 2 * i + 1), st.floats(-2, 2), min_size=1, max_size=4

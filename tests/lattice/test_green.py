@@ -54,7 +54,7 @@ def test_response_of_the_chain_is_that_of_a_ring_too_long_to_go_round(gamma, n):
         assert max(abs(float(x) - y) for x, y in zip(got, exact, strict=True)) < 1e-15 / r
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(0.0, 0.2499), st.integers(1, 30), st.floats(0.0, math.pi))
 def test_response_obeys_the_equation_of_motion_between_impacts(gamma, n, s):
     for lattice in (CHAIN, Ring(7)):

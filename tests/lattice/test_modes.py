@@ -79,7 +79,7 @@ def test_chi_is_the_paper_s_sum():
     assert CHAIN.chi(0.12) == pytest.approx(2.06787397039377, abs=5e-15)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(couplings, st.integers(1, 40))
 def test_every_mean_of_a_ring_tends_to_the_chain_s_exponentially(gamma, sites):
     r = math.sqrt(1 - 4 * gamma)
@@ -111,7 +111,7 @@ def test_resolvent_of_the_chain_is_the_branch_that_falls_like_minus_one_over_s_s
     np.testing.assert_allclose(CHAIN.resolvent(0.2, s) * s**2, -1.0, atol=1e-8)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(couplings, st.floats(-3, 3), st.floats(0.01, 2))
 def test_resolvent_of_the_chain_solves_its_quadratic_and_is_hermitian(gamma, x, y):
     s = complex(x, y)

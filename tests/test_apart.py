@@ -1,0 +1,83 @@
+"""What one test does to its process is no matter of the others."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from .apart import ended
+
+HERE = Path(__file__).parent
+STRAY = """
+import os, signal
+import pytest
+
+@pytest.fixture
+def before():
+    raise KeyboardInterrupt
+
+@pytest.fixture
+def after():
+    yield
+    raise KeyboardInterrupt
+
+def test_interrupted(): raise KeyboardInterrupt
+def test_signal(): os.kill(os.getpid(), signal.SIGINT)
+def test_before(before): pass
+def test_after(after): pass
+def test_other(): pass
+"""
+APART = """
+import os, signal, sys
+import pytest
+
+def process(): return os.environ.setdefault("FIRST", str(os.getpid()))
+
+@pytest.mark.parametrize("how", ["odd [one]::", "killed", "wrong"])
+@pytest.mark.apart
+def test_apart(how, tmp_path, pytestconfig):
+    assert process() == os.environ["FIRST"]
+    if how == "killed":
+        os.kill(0, signal.SIGKILL)
+    assert how != "wrong", "it is said why"
+
+@pytest.mark.apart
+def test_left_out(): pytest.skip("for a reason")
+
+def test_other(): assert "FIRST" not in os.environ
+"""
+
+
+def what_pytest_says(folder: Path, text: str, *options: str) -> str:
+    """What pytest says of these tests, among those that it finds here."""
+    (folder / "tests").mkdir()
+    for name in ("conftest.py", "apart.py"):
+        shutil.copy(HERE / name, folder / "tests")
+    (folder / "pytest.ini").write_text("[pytest]\naddopts = --import-mode=importlib\n")
+    (folder / "tests" / "test_these.py").write_text(text)
+    done = ended("-m", "pytest", "-q", "-rfEs", *options, cwd=folder)
+    return done.stdout + done.stderr
+
+
+def test_an_interruption_in_a_worker_fails_the_test_it_hits_and_no_other(tmp_path: Path) -> None:
+    said = what_pytest_says(tmp_path, STRAY, "-n", "1")
+    assert re.search(r"^2 failed, 2 passed, 2 errors in", said, flags=re.MULTILINE), said
+    assert said.count("an interruption from elsewhere") >= 4
+
+
+def test_ctrl_c_in_the_only_process_ends_the_tests(tmp_path: Path) -> None:
+    said = what_pytest_says(tmp_path, STRAY, "-n", "0")
+    assert "no tests ran" in said
+    assert "KeyboardInterrupt" in said
+
+
+@pytest.mark.parametrize("processes", ["0", "1"])
+def test_what_a_test_apart_does_to_its_process_is_its_own(tmp_path: Path, processes: str) -> None:
+    said = what_pytest_says(tmp_path, APART, "-n", processes)
+    assert re.search(r"^2 failed, 2 passed, 1 skipped in", said, flags=re.MULTILINE), said
+    assert "test_apart[killed]" in said
+    assert "it is said why" in said
+    assert "for a reason" in said
