@@ -158,9 +158,15 @@ def boundary_problem(
         longer,
         events=(*own, *others),
         record={name: _beside(event, column) for name, column in base.record.items()},
-        label=titled(f"{event.kind} boundary", base),
+        label=titled(f"{_named(ground, event)} boundary", base),
         wider=base.wider and partial(_wider, event, asked, inadmissible),
     )
+
+
+def _named(ground: Point, event: Event) -> str:
+    """The kind that a point was found to be, which may be another than its event's: PF for BP."""
+    own = ground.event is not None and ground.event.kind == event.kind
+    return ground.kind if own and ground.kind else event.kind
 
 
 def _wider(
