@@ -210,6 +210,10 @@ OF_LATTICES = {
     ),
     "one wall": (f"{HERE} --lattice open:9 --walls none,1", r"the walls are not symmetric"),
     "damping negative": (f"{HERE} --lattice open:9 --damping -1", r"damping = -1\.0: at least 0"),
+    "damping negative beside a ring": (
+        f"{HERE} --sites 10 --damping -1",
+        r"damping = -1\.0: at least 0",
+    ),
     "damping nan": (f"{HERE} --lattice open:9 --damping nan", r"damping = nan: at least 0"),
     "spring negative": (f"{HERE} --lattice open:9 --spring -0.1", r"spring = -0\.1: at least 0"),
     "spring in resonance": (

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers import clearance_loops
+from contbreather.breathers.clearance_loops import SHORT, scale_of
 from contbreather.checks import kind_of, whole
 from contbreather.errors import BadInput
 from contbreather.kernel import Kernel
@@ -361,10 +362,13 @@ def gaps_of_flights(orbit: Watch) -> Iterator[Gap]:
             yield Gap(own.length, own.site, own.end, i)
             continue
         room, s, ends = seen(orbit, own)
-        ratio = room.of(orbit.path(own.site, own.start + s)) / denominator(orbit.k, own.length, s)
-        inner = least_ratio(partial(flown, orbit, own, room), s, ratio, ends)
-        least, when = min(inner, *_limits(orbit.k, own, room.width))
-        scale = 0.25 * own.length * own.length * (0.5 * own.length + orbit.k)
+        least, when = min(_limits(orbit.k, own, room.width))
+        if own.length > SHORT:
+            path = orbit.path(own.site, own.start + s)
+            ratio = room.of(path) / denominator(orbit.k, own.length, s)
+            inner = least_ratio(partial(flown, orbit, own, room), s, ratio, ends)
+            least, when = min(inner, (least, when))
+        scale = scale_of(own.length, orbit.k)
         yield Gap(least * scale, own.site, _named(own, when), i)
 
 

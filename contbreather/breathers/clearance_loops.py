@@ -24,6 +24,7 @@ ROUNDING = 1e-15  # of a margin
 CLOSE = 1e-4  # crests this close to the highest, by a parabola on the grid, are all polished
 BESIDE = 1e-4  # so close to a crest the distance over ``1 - cos`` is 0/0
 STEEP = 12  # points of a grid that lie closer together, at the start of a flight
+SHORT = 1e-2  # a flight this short, from a wall back to it, is a cubic: rounding would be all else
 TWO_PI = 2.0 * math.pi
 
 
@@ -138,14 +139,15 @@ def between(data: Any, table: Any, grid: Any, out: Any, i: int) -> float:
             length, then = ahead, j
     if length <= 0.0:
         return float(length)
-    points = looks(data, length)
+    least, points = math.inf, looks(data, length)
     size = STEEP + points - 1
-    for p in range(size):
-        s = length * share(p, points)
-        u = displacement(data, table, int(site), start + s)
-        grid[p], grid[size + p] = s, (1.0 - u * u) / ((s + k) * s * (length - s))
-    low, high = 0.1 * grid[0], length * (1.0 - 1e-3 / points)
-    least = deepest(data, table, grid, out, 0, size, low, high, int(site), start, 0.0, length)
+    if length > SHORT:
+        for p in range(size):
+            s = length * share(p, points)
+            u = displacement(data, table, int(site), start + s)
+            grid[p], grid[size + p] = s, (1.0 - u * u) / ((s + k) * s * (length - s))
+        low, high = 0.1 * grid[0], length * (1.0 - 1e-3 / points)
+        least = deepest(data, table, grid, out, 0, size, low, high, int(site), start, 0.0, length)
     speed = abs(data[impact(data, i) + 1]) / (1.0 + k)
     left = 2.0 * speed / length
     if k == 0.0:
@@ -153,7 +155,13 @@ def between(data: Any, table: Any, grid: Any, out: Any, i: int) -> float:
         left = out[3] / length * (1.0 if data[impact(data, i) + 1] > 0.0 else -1.0)
     right = 2.0 * abs(data[impact(data, then) + 1]) / (1.0 + k) / (length * (length + k))
     least = min(least, left, right)
-    return float(least * 0.25 * length * length * (0.5 * length + k))
+    return float(least * scale_of(length, k))
+
+
+def scale_of(length: float, k: float) -> float:
+    """The denominator at mid flight, of short ones large enough for a zero to be simple."""
+    length = max(length, SHORT)
+    return 0.25 * length * length * (0.5 * length + k)
 
 
 def share(p: int, points: int) -> float:

@@ -7,7 +7,7 @@ site that is closest. A road says how the motion of that site depends on its unk
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -25,6 +25,7 @@ from contbreather.breathers.clearance import (
 )
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.rivals import least_rival, rivals
+from contbreather.breathers.section import Section
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
@@ -36,6 +37,7 @@ Array = NDArray[np.float64]
 VANISHED = 1e-8  # an impact at a smaller velocity is none
 ALIKE = 1e-5  # a coupling below which sites are told apart as they would be there
 SAME = 1e-9  # displacements that differ by less are mirror images
+ONE = 1e-4  # impacts of a site at a wall less apart than this are one
 AT_IMPACT = 1e-9  # a contact this close to an impact of its site, in periods, is that impact
 
 
@@ -202,3 +204,48 @@ class _Rival:
     def locus(self, point: Point) -> Locus:
         where = point.detail
         return self.contacts.follow(solution_at(point), where["site"], where["time"])
+
+
+# --- two impacts that become one ----------------------------------------------------------------
+
+
+def merging(section: Section) -> tuple[Event, ...]:
+    """VI where two impacts of one site at one wall become one, whether walls are lifted or not:
+    with them come to an end the equations, too."""
+    if not section.repeats:
+        return ()
+    return (Event("VI", _apart, ends="branch", locus=_together, examine=_which),)
+
+
+def _closest(orbit: Orbit) -> tuple[float, int, int]:
+    """How far apart the closest impacts of one site at one wall are, and which these are."""
+    times = orbit.times.tolist()
+    return min((times[j] - times[i], i, j) for i, j in orbit.section.repeats)
+
+
+def _apart(point: Point) -> float:
+    return _closest(solution_at(point.ground))[0] - ONE
+
+
+def _which(point: Point) -> dict[str, str]:
+    orbit = solution_at(point.ground)
+    _, i, j = _closest(orbit)
+    site, wall = orbit.section.impacts[i]
+    return {"impacts": f"{i + 1} and {j + 1}, of site {site} at its wall {wall:+d}, become one"}
+
+
+def _together(point: Point) -> Locus:
+    _, *both = _closest(solution_at(point.ground))
+    names = [f"t{j + 1}" for j in both]
+    return Locus({}, partial(_gap, names), partial(_gap_slope, names))
+
+
+def _gap(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Array:
+    early, late = (z[curve.slots[name]] for name in names)
+    return np.array([late - early - ONE])
+
+
+def _gap_slope(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Array:
+    row = np.zeros((1, z.size))
+    row[0, [curve.slots[name] for name in names]] = -1.0, 1.0
+    return row

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.grazing import Crest, grazing
+from contbreather.breathers.grazing import Crest, grazing, merging
 from contbreather.breathers.lifts import from_arms
 from contbreather.breathers.modal_flight import ModalFlight
 from contbreather.breathers.multipliers import (
@@ -45,7 +45,8 @@ ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
 def events_of(section: Section, threshold: float = THRESHOLD) -> tuple[Event, ...]:
     """All events of an orbit with these impacts."""
     own = symmetry_breaking() if section.symmetric else real_multiplier("PD", -1.0, _slopes)
-    return (fold(), branching(), own, pair_beyond(threshold, _slopes), contact())
+    pair = pair_beyond(threshold, _slopes)
+    return (fold(), branching(), own, pair, contact(), *merging(section))
 
 
 def symmetry_breaking() -> Event:
@@ -152,10 +153,26 @@ def _shallow_locus(orbit: Orbit) -> Locus:
     """An impact whose incoming velocity vanishes."""
     if orbit.k == 0.0:
         raise Undefined("with k = 0 a site rests on its wall: no orbit of impacts continues")
-    velocities = [abs(one.velocity) for one in orbit.flight.arrivals]
-    # a single number: differences of it cost little
-    return Locus({}, partial(_velocity, int(np.argmin(velocities))))
+    j = int(abs(orbit.incoming).argmin())
+    # of multipliers there are none at velocity 0
+    meets: dict[str, tuple[Event, ...]] = dict.fromkeys(("BP", "PF", "PD", "NS"), ())
+    other = Event("VI-VI", partial(_others_last, j), ends="domain")
+    conditions, slope = partial(_velocity, j), partial(_velocity_slope, j)
+    return Locus({}, conditions, slope, events=(other,), meets=meets)
 
 
 def _velocity(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-    return np.array([_flight(Point(curve, z)).arrivals[j].velocity])
+    velocity: FloatArray = Point(curve, z).solution.incoming[j : j + 1]
+    return velocity
+
+
+def _velocity_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    slopes: FloatArray = _flight(Point(curve, z)).tangents(curve.free).speeds[j : j + 1]
+    return slopes
+
+
+def _others_last(j: int, point: Point) -> float:
+    """Where one impact vanishes, the least velocity of another."""
+    orbit: Orbit = point.ground.solution
+    walls = [wall for _, wall in orbit.section.impacts]
+    return float(np.delete(walls * orbit.incoming, j).min(initial=1.0))

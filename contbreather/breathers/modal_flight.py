@@ -18,7 +18,13 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.section import Impact, Section
+from contbreather.breathers.section import (
+    Impact,
+    Section,
+    in_turn,
+    told_apart,
+    told_apart_slopes,
+)
 from contbreather.errors import BadInput
 from contbreather.flows.modes import (
     Driven,
@@ -79,6 +85,7 @@ class Tangents(NamedTuple):
     """Derivatives along a section, each with one column for every variable."""
 
     walls: FloatArray  # of the wall conditions, (m, ...)
+    speeds: FloatArray  # of the velocities before the impacts
     starts: list[tuple[FloatArray, FloatArray]]  # of the modes at the start of each leg
     Y: FloatArray  # of their displacements at the end of the section, (K, ...)
     R: FloatArray  # of their velocities
@@ -147,8 +154,7 @@ class ModalFlight:
     def legs(self) -> tuple[Leg, ...]:
         """The free flights, one more than there are impacts."""
         start = float(self.t[0])
-        # in order of time: impacts of different sites may overtake each other
-        lags = sorted((float(time) - start, j) for j, time in enumerate(self.t))
+        lags = [(float(self.t[j]) - start, j) for j in in_turn(self.section, self.t)]
         legs: list[Leg] = []
         at, now, q, r = 0, 0.0, self.q, self.r
         for lag, j in [*lags, (self.section.length, 0)]:
@@ -303,24 +309,39 @@ class ModalFlight:
 
     def residual(self) -> FloatArray:
         """Every impact is on its wall, and the section closes: m + 2K numbers."""
-        m, K = self.t.size, self.q.size
         sign, last = self.section.sign, self.legs[-1]
-        value = np.empty(m + 2 * K)
+        closing = last.q_end - sign * self.q, last.r_end - sign * self.r
+        return np.concatenate([self._walls, *closing])
+
+    def _speed_between(self, i: int, j: int, since: FloatArray) -> FloatArray | None:
+        """Of a site from one impact to the next one, at times since then; None where another site
+        impacts in between."""
+        leg = next(leg for leg in self.legs[1:] if leg.start == i)
+        if leg.stop != j:
+            return None
+        fly = turn(self.z, since[:, None], self.conditions.damping)
+        forced = self.forced.everywhere(leg.since + since, 1)  # of all sites alike, or of each
+        own = forced[:, self.section.impacts[i][0] if forced.shape[-1] > 1 else 0]
+        free = fly.swing * leg.r - fly.pull * leg.q
+        return np.asarray(free @ self.shapes[i] + self.conditions.a * own)
+
+    @cached_property
+    def _walls(self) -> FloatArray:
+        """How far sites are beyond their walls at their impacts."""
+        value = np.empty(self.t.size)
         for leg in self.legs[:-1]:
             one: Any = leg.arrival
             own = float(self.shapes[one.which].dot(leg.q_end))
             forced = self.conditions.a * self.forced.at(one.site, one.time)[0]
             wall = self.conditions.walls.position(one.site, one.wall)
             value[one.which] = own + forced - wall
-        value[m : m + K] = last.q_end - sign * self.q
-        value[m + K :] = last.r_end - sign * self.r
-        return value
+        return told_apart(self.section, self.t, value, self._speed_between)
 
     def tangents(self, names: Sequence[str] = ()) -> Tangents:
         """Derivatives along the flight, in t, q, r, then in `names`."""
         m, K, own = self.t.size, self.q.size, np.arange(self.q.size)
         width = m + 2 * K
-        walls = np.zeros((m, width + len(names)))
+        walls, speeds = np.zeros((2, m, width + len(names)))
         Y, R = np.zeros((2, K, width + len(names)))
         Y[own, m + own] = R[own, m + K + own] = 1.0
         starts = []
@@ -341,9 +362,9 @@ class ModalFlight:
             speed[one.which] += self.conditions.a * bend
             loss = (1.0 + self.conditions.k) * speed
             loss[width:] += [one.velocity if name == "k" else 0.0 for name in names]
-            walls[one.which] = wall
+            walls[one.which], speeds[one.which] = wall, speed
             R = R - np.multiply.outer(self.kicks[one.which], loss)
-        return Tangents(walls, starts, Y, R)
+        return Tangents(walls, speeds, starts, Y, R)
 
     def _carried(self, leg: Leg, Y: Array, R: Array, names: Sequence[str]) -> tuple[Array, Array]:
         """Derivatives at the end of a leg from those at its start; its ends in time move."""
@@ -373,7 +394,8 @@ class ModalFlight:
         """Derivative of `residual` in (t, q, r) and `names`, shape ``(m + 2K, m + 2K + ...)``."""
         m, K, own = self.t.size, self.q.size, np.arange(self.q.size)
         found, sign = self.tangents(names), self.section.sign
-        matrix = np.vstack([found.walls, found.Y, found.R])
+        walls = told_apart_slopes(self.section, self.t, self._walls, found.walls)
+        matrix = np.vstack([walls, found.Y, found.R])
         matrix[m + own, m + own] -= sign
         matrix[m + K + own, m + K + own] -= sign
         return matrix

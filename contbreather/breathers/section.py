@@ -7,12 +7,13 @@ An orbit of period 2 pi n is a list of impacts ``(site, wall)``. A symmetric one
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contbreather.breathers.refusals import ImpossibleSequence
 from contbreather.checks import one_of
@@ -20,7 +21,12 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Ring, check_gamma
 from contbreather.lattice.conditions import Conditions
 
+FloatArray = NDArray[np.float64]
 Sequenced = tuple[tuple[int, int], ...]
+
+SHORT = 1e-2  # from one impact to the next: the site flies on a cubic
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+Speed = Callable[[int, int, FloatArray], FloatArray | None]
 
 WEAK = 1e-9  # below this coupling sites do not feel each other: they may rest anywhere
 
@@ -117,6 +123,18 @@ class Section:
         half = self.impacts[: self.count // 2]
         opposite = tuple((n, -wall) for n, wall in half)
         return self.sign > 0 and self.turns % 2 == 1 and self.impacts == half + opposite
+
+    @cached_property
+    def repeats(self) -> tuple[tuple[int, int], ...]:
+        """Impacts of one site at one wall that follow each other, by index."""
+        last: dict[int, int] = {}
+        found = []
+        for j, (site, wall) in enumerate(self.impacts):
+            i = last.get(site)
+            if i is not None and self.impacts[i][1] == wall:
+                found.append((i, j))
+            last[site] = j
+        return tuple(found)
 
     def unfolded(self) -> Section:
         """The impacts of the full period, without use of the symmetry."""
@@ -271,3 +289,49 @@ def check_order(section: Section, times: Any) -> None:
                     f"before {after} = {times[j] + length:.9g}; times of a site rise within one "
                     f"section of length {section.length:.6g}."
                 )
+
+
+# --- impacts of one site at one wall -----------------------------------------------------------
+
+
+def in_turn(section: Section, times: FloatArray) -> list[int]:
+    """The impacts by time, by index: those of different sites may overtake each other, those of one
+    keep their order, so that what is flown is smooth where two become one."""
+    latest: dict[int, float] = {}
+    keys = []
+    for j, (site, _) in enumerate(section.impacts):
+        latest[site] = max(float(times[j]), latest.get(site, -math.inf))
+        keys.append((latest[site], j))
+    return [j for _, j in sorted(keys)]
+
+
+# Two impacts at once would solve the conditions that both are on their wall, whatever the velocity:
+# along there Newton's iteration is singular, and walks get lost. The mean velocity between them,
+# which takes the place of the second condition, vanishes there with that of the impact alone.
+
+
+def told_apart(
+    section: Section, times: FloatArray, walls: FloatArray, speed: Speed | None = None
+) -> FloatArray:
+    """Conditions that impacts are on their walls, those of impacts that repeat at a wall per time
+    since the one before: a mean velocity, from `speed` where a quotient would be all rounding."""
+    found = walls.copy()
+    for i, j in section.repeats:
+        gap = times[j] - times[i]
+        near = speed is not None and abs(gap) < SHORT
+        mean = speed(i, j, 0.5 * gap * (1.0 + _NODES)) if near and speed else None
+        found[j] = (walls[j] - walls[i]) / gap if mean is None else 0.5 * _WEIGHTS @ mean
+    return found
+
+
+def told_apart_slopes(
+    section: Section, times: FloatArray, told: FloatArray, slopes: FloatArray
+) -> FloatArray:
+    """Derivatives of what is told apart, from those of the conditions; unknowns begin with the
+    times."""
+    found = told_apart(section, times, slopes)
+    for i, j in section.repeats:
+        own = told[j] / (times[j] - times[i])
+        found[j, i] += own
+        found[j, j] -= own
+    return found

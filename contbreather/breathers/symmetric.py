@@ -18,7 +18,7 @@ from contbreather.breathers.road import Impacts, Offsets, Road, road
 from contbreather.breathers.section import Section
 from contbreather.breathers.symmetric_events import grazing, neimark_sacker, pitchfork, saddle_node
 from contbreather.breathers.wave_road import asymmetric_problem
-from contbreather.checks import real
+from contbreather.checks import number, real
 from contbreather.continuation import Event, Point, Problem
 from contbreather.continuation.point import Judged
 from contbreather.continuation.recipes import Recipe, maker
@@ -253,6 +253,7 @@ def symmetric_roots(
         return symmetric_orbits(site, on)
     chain = lattice_of(lattice)
     if more:
+        number("damping", damping, 0.0, 1e300, "at least 0")
         raise BadInput(
             f"site = {site!r}, damping = {damping!r}, walls = {walls!r}: on the infinite chain "
             "site 0 impacts, between walls at -1 and 1, without damping; take a ring or another "

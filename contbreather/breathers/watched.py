@@ -200,16 +200,22 @@ class OrbitWatch(Watch):
     @cached_property
     def flights(self) -> tuple[Between, ...]:
         """Of each impact of a section until the next one of the same site; times count modulo the
-        period."""
+        period, but for a flight that is none because two impacts have changed places."""
         orbit, found = self.orbit, []
-        order = sorted(orbit.hits, key=lambda one: (one.time - self.start) % orbit.period)
+        T = orbit.period
+        order = sorted(orbit.hits, key=lambda one: (one.time - self.start) % T)
         for i, own in enumerate(order[: orbit.section.count]):
             later = (one for one in (*order[i + 1 :], *order[:i]) if one.site == own.site)
             again = next(later, own)
-            length = orbit.period if again is own else (again.time - own.time) % orbit.period
+            length = T if again is own else (again.time - own.time) % T
             speed, next_speed = own.wall * own.before, again.wall * again.before
             push = -own.wall * own.acceleration
             found.append(Between(own.site, own.time, again.time, length, speed, next_speed, push))
+        for i, j in orbit.section.repeats:
+            length = orbit.times[j] - orbit.times[i]
+            if length <= 0.0:
+                site = orbit.section.impacts[j][0]
+                found.append(Between(site, orbit.times[i], orbit.times[j], length, 0.0, 0.0, 0.0))
         return tuple(found)
 
     @property

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
+from contbreather.breathers.grazing import merging
 from contbreather.breathers.lifts import from_arms, lift
 from contbreather.breathers.orbit import Orbit, orbit_of
 from contbreather.breathers.problem import made_again, on_ring, orbit_problem, unstable_by
@@ -131,7 +132,12 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         params=_params(orbit),
         jacobian=equations.jacobian,
         sensitivity=equations.sensitivity,
-        events=(fold(), from_arms(branch_point()), *events_on(orbit.lattice, threshold)),
+        events=(
+            fold(),
+            from_arms(branch_point()),
+            *events_on(orbit.lattice, threshold),
+            *merging(orbit.section),
+        ),
         record=record,
         domain=domain_of(equations),
         label="orbit with impacts",

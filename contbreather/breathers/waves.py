@@ -27,7 +27,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.breathers.closure import EPS, forcing_with
-from contbreather.breathers.section import Impact, Section, check_both_walls
+from contbreather.breathers.section import (
+    Impact,
+    Section,
+    check_both_walls,
+    told_apart,
+    told_apart_slopes,
+)
 from contbreather.errors import BadInput
 from contbreather.kernel import Kernel
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, wave_loops
@@ -155,6 +161,15 @@ class OrbitEquations:
             out[:, j, i] = four * _EVEN_ODD  # h is even
         return out
 
+    def _in_turn(self, h: FloatArray, times: FloatArray) -> FloatArray:
+        """As if impacts of one site at one wall kept their order: smooth where they become one."""
+        for i, j in self.section.repeats:
+            late = times[j] - times[i]
+            if late < 0.0:
+                h[:2, j, i] += late, 1.0
+                h[:2, i, j] += late, -1.0
+        return h
+
     def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Times, impulses, offsets."""
         m = self.section.count
@@ -164,15 +179,31 @@ class OrbitEquations:
         """All equations, shape (2m + sites,): walls, reset laws, balance of mean impulses."""
         a, gamma, k, f = self._unpack(x, params)
         times, impulses, offsets = self.split(x)
-        h = self.meetings(gamma, times)
+        h = self._in_turn(self.meetings(gamma, times), times)
         q = (1.0 - k) / (1.0 + k)
         return np.concatenate(
             [
-                a * f.f(times) + offsets[self.own] + h[0] @ impulses - self.walls,
+                self._told(x, params, h),
                 a * f.df(times) + h[1] @ impulses + 0.5 * q * impulses,
                 self._balance(impulses, offsets, gamma),
             ]
         )
+
+    def _told(self, x: FloatArray, params: Params, h: FloatArray) -> FloatArray:
+        """How far sites are beyond their walls at their impacts."""
+        a, gamma, _, f = self._unpack(x, params)
+        times, impulses, offsets = self.split(x)
+
+        def speed(i: int, j: int, since: FloatArray) -> FloatArray:
+            own, late = a * f.df(times[i] + since), times[j] - times[i]
+            for time, J, (site, _) in zip(times, impulses, self.section.impacts, strict=True):
+                apart = self.lattice.distance(site - self.section.impacts[i][0])
+                answer = wave(self.lattice, gamma, apart, self.section.turns)
+                own = own + J * np.array(answer.at(times[i] + since - time)[1])
+            return np.asarray(own + (impulses[i] - impulses[j] if late < 0.0 else 0.0))
+
+        walls = a * f.f(times) + offsets[self.own] + h[0] @ impulses - self.walls
+        return told_apart(self.section, times, walls, speed)
 
     def _balance(self, impulses: FloatArray, offsets: FloatArray, gamma: float) -> FloatArray:
         mean = np.zeros(len(self.section.hit))
@@ -183,7 +214,7 @@ class OrbitEquations:
         """Derivatives with respect to x."""
         a, gamma, k, f = self._unpack(x, params)
         times, impulses, _ = self.split(x)
-        h = self.meetings(gamma, times)
+        h = self._in_turn(self.meetings(gamma, times), times)
         m, r = self.section.count, len(self.section.hit)
         own = np.arange(m)
         out = np.zeros((2 * m + r, 2 * m + r))
@@ -199,6 +230,9 @@ class OrbitEquations:
         out[own, 2 * m + self.own] = 1.0
         out[2 * m + self.own, m + own] = 1.0
         out[balance, balance] = (self.section.period * gamma) * self.links
+        if self.section.repeats:
+            told = self._told(x, params, h)
+            out[walls] = told_apart_slopes(self.section, times, told, out[walls])
         return out
 
     def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
@@ -217,7 +251,7 @@ class OrbitEquations:
         else:  # a parameter of the forcing
             moved = ([f.f_param(name, float(t), order) for t in times] for order in (0, 1))
             walls, resets = (a * np.array(row) for row in moved)
-        return np.concatenate([walls, resets, balance])
+        return np.concatenate([told_apart(self.section, times, walls), resets, balance])
 
     def _unpack(self, x: FloatArray, params: Params) -> tuple[float, float, float, Forcing]:
         a, gamma, k = float(params["a"]), float(params["gamma"]), float(params["k"])

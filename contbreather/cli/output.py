@@ -202,6 +202,8 @@ def _grazed(point: cb.continuation.Point) -> str:
     kinds = point.kind.split("-")
     if not {"GR", "VI"} & set(kinds):
         return ""
+    if "impacts" in point.detail:
+        return f"impacts {point.detail['impacts']}"
     margins = point.solution.admissibility()
     known = getattr(margins, "places", {})  # orbits with any impacts tell the worst place only
     places = [known[name] for name in known if getattr(margins, name) < BOTH]

@@ -20,7 +20,7 @@ from .checkpoint import Save, checkpoint, piece_of
 from .curve import Curve
 from .extended import Extended, event_of, extended, lifted
 from .newton import Undefined
-from .point import Counting, Event, Locus, Meeting, Point
+from .point import Counting, Event, Examined, Locus, Meeting, Point
 from .problem import Problem
 from .recipes import remade
 from .scope import scope, titled, walls_are_lifted
@@ -158,9 +158,15 @@ def boundary_problem(
         longer,
         events=(*own, *others),
         record={name: _beside(event, column) for name, column in base.record.items()},
-        label=titled(f"{event.kind} boundary", base),
+        label=titled(f"{_named(ground, event)} boundary", base),
         wider=base.wider and partial(_wider, event, asked, inadmissible),
     )
+
+
+def _named(ground: Point, event: Event) -> str:
+    """The kind that a point was found to be, which may be another than its event's: PF for BP."""
+    own = ground.event is not None and ground.event.kind == event.kind
+    return ground.kind if own and ground.kind else event.kind
 
 
 def _wider(
@@ -248,7 +254,7 @@ def meeting(kind: str, event: Event) -> Meeting:
         f"{kind}-{event.kind}",
         partial(_value_beneath, event),
         locus=partial(_locus_beneath, event) if event.locus else None,
-        examine=partial(_examine_beneath, event) if event.examine else None,
+        examine=partial(_examine_beneath, kind, event) if event.examine else None,
         ends=event.ends,
         base=event,
     )
@@ -265,12 +271,16 @@ def _locus_beneath(event: Event, point: Point) -> Locus:
     return lifted(event.locus(point.ground), together, f" of {event.kind}")
 
 
-def _examine_beneath(event: Event, point: Point) -> str:
+def _examine_beneath(kind: str, event: Event, point: Point) -> Examined:
     assert event.examine is not None
     suffix = f" of {event.kind}"
     detail = {name.removesuffix(suffix): value for name, value in point.detail.items()}
     found = event.examine(replace(point.ground, detail=detail))
-    return found if isinstance(found, str) else ""  # its normal form is that of a branch
+    if isinstance(found, str):
+        return found
+    # its normal form is that of a branch, what is said of it is not
+    said = {name: value for name, value in found.items() if isinstance(value, str)}
+    return {**said, "kind": f"{kind}-{found['kind']}"} if "kind" in found else said
 
 
 def _examine_crossing(point: Point) -> str:

@@ -149,10 +149,14 @@ class _Kept:
         born = {} if origin is None else origin.values
         if set(problem.names) <= set(born):
             curve = Curve(problem.at(**{name: born[name] for name in problem.names}), curve.free)
+        event = event.of(problem)
+        near = Point(curve, curve.start)
+        if origin is not None:
+            near = replace(near, kind=origin.ground.kind, event=event)
         make = partial(
             boundary_problem,
-            Point(curve, curve.start),
-            event.of(problem),
+            near,
+            event,
             (free, released),
             inadmissible=asked.inadmissible,
         )

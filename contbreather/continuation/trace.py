@@ -326,7 +326,8 @@ class Walker:
             except Failed as failed:
                 end = failed
                 break
-            doubtful += found.doubtful
+            last = line[-1].arclength if stop is Stop.EVENT else math.inf
+            doubtful += [point for point in found.doubtful if point.arclength <= last]
             yield line
             if stop is not None:
                 self.end = End(stop, self._rim(line[-1], stop), tuple(doubtful))

@@ -711,3 +711,15 @@ def test_slopes_of_the_forced_motion_are_its_difference_quotients(name, lattice,
     assert own == pytest.approx((at(1e-6) - at(-1e-6)) / 2e-6, rel=1e-6, abs=1e-8)
     if name == "a" or (name == "gamma" and lattice.uniform):
         assert own == (0.0, 0.0)
+
+
+def test_the_boundary_of_an_arm_where_it_comes_back_is_one_of_pitchforks(tmp_path) -> None:
+    start = cb.symmetric(0.7, 0.02, 0.8, lattice=cb.OpenChain(5), site=2)
+    fork = cb.trace(start, "a", within={"a": (0.7, 0.75)}).first("PF")
+    arm = cb.switch(fork, within={"a": (0.72, 0.75)})[0]
+    back = cb.trace(arm[2], "a", within={"a": (0.72, 0.75)}).first("PF")
+    steps = cb.Steps(most=2)
+    line = cb.boundary(back, ("gamma", "a"), steps=steps)
+    assert line.problem.label == "PF boundary"
+    cb.save(tmp_path / "line.nc", line)
+    assert cb.load(tmp_path / "line.nc").problem.label == "PF boundary"
