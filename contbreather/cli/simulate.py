@@ -26,6 +26,7 @@ from contbreather.cli.output import (
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
 from contbreather.cli.starts import read_state, write_state
 from contbreather.errors import BadInput
+from contbreather.progress import Bar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,12 +97,20 @@ class Asked:
     @computing()
     def simulate(self, where: Where) -> Seen:
         """Run it."""
+        from contbreather.dynamics.impacting import length_of
+
+        # also before the first period: on long rings and dense lattices the breather takes a while
+        with Bar(None, int(length_of(self.periods))) as bar:
+            return self._simulate(where, bar)
+
+    def _simulate(self, where: Where, bar: Bar) -> Seen:
         values, on = where.need(*PARAMETERS), where.on()
         lattice = None if on.lattice.sites is None else on.lattice
         state, t0 = (
             self._read(where, lattice) if self.start is not None else _breather(where, on, lattice)
         )
         shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on.forcing, "t0": t0}
+        shared["progress"] = bar
         if self.smooth is not None:
             smooth: dict[str, Any] = {"m": self.smooth, "periods": self.periods}
             return seen_of(cb.dynamics.simulate_smooth(self._pushed(state), **smooth, **shared))

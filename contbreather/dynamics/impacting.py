@@ -255,11 +255,16 @@ def advance(
     return Run(impacts=impacts, rests=rests, **left)
 
 
+def length_of(periods: float) -> float:
+    """The length of a run, or a sentence."""
+    return number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
+
+
 def gathered(
     machine: Propagator, *, periods: float, t0: float, progress: bool | Bar | None
 ) -> tuple[dict[str, Any], list[Stretch]]:
     """Let it go: what `States` has of the run, with times counted from t0, and its pieces."""
-    length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
+    length = length_of(periods)
     count, rest = int(length), length - int(length)
     start = State(machine.state.u.copy(), machine.state.v.copy())
     pieces: list[Stretch] = []
