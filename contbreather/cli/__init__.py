@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 VERBOSE = "--verbose"  # of every command
+STDOUT = "/dev/stdout"
 COMMANDS = (  # each a module with a function of its name
     "point", "branch", "boundary", "switch", "diagram", "zones", "atlas", "simulate", "figure",
     "explore", "show", "extend", "run", "warm",
@@ -46,9 +47,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         prepare()
     given = list(sys.argv[1:] if arguments is None else arguments)
-    tokens = [token for token in given if token != VERBOSE]
+    # the parser takes a lone hyphen for an option
+    tokens = [STDOUT if token == "-" else token for token in given if token != VERBOSE]
     try:
-        with watched(alone=arguments is None), heard(tokens != given):
+        with watched(alone=arguments is None), heard(VERBOSE in given):
             status = _run(tokens)
             sys.stdout.flush()
     except BadInput as error:

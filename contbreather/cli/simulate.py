@@ -15,8 +15,8 @@ from contbreather.cli.interrupts import STATUS as INTERRUPTED
 from contbreather.cli.interrupts import computing
 from contbreather.cli.options import PARAMETERS, KeepRun, On, Where, Whole
 from contbreather.cli.output import (
-    check_places,
     note,
+    printed,
     say,
     sentences,
     to_csv,
@@ -76,8 +76,8 @@ class Asked:
 
     def check(self, where: Where, into: KeepRun) -> None:
         """Refuse what cannot be, before anything is computed."""
-        tables = {"--csv": into.csv, "--impacts": self.impacts, "--final": self.final}
-        check_places({**tables, "--save": into.save}, into.output)
+        read = where.read | {"--start": self.start if self.start != self.final else None}
+        into.check(read, impacts=self.impacts, final=self.final)
         if self.smooth is not None and (self.impacts or self.stream):
             which = "--impacts" if self.impacts else "--stream"
             raise BadInput(f"{which} goes with rigid walls only: leave out --smooth")
@@ -172,6 +172,7 @@ def simulate(
         note("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     made = [str(path) for path in _files(seen, asked, into)]
     seen = judged(seen)
+    aside = printed(into.csv, asked.impacts, asked.final)
     if into.json:
         to_json({**_content(seen, where, asked), "written": made})
     else:
@@ -179,11 +180,11 @@ def simulate(
         walls = "rigid walls" if rigid else f"smooth walls, m = {asked.smooth:g}"
         length = seen.periods if seen.stream else length_of(seen.run)
         lattice = seen.run.conditions.lattice.describe()
-        say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}")
+        say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}", aside=aside)
         table = _table(seen, asked)
         if table.row_count:
-            say(table)
-        say(*_sentences(seen), *(f"Wrote {path}." for path in made))
+            say(table, aside=aside)
+        say(*_sentences(seen), *(f"Wrote {path}." for path in made), aside=aside)
     return INTERRUPTED if seen.interrupted else None
 
 
