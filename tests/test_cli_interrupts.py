@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -152,6 +153,44 @@ def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path) -> None:
         assert json.loads(out)["written"] == os.listdir(tmp_path)
     else:
         assert os.listdir(tmp_path) == []
+
+
+def workers_of(number: int) -> set[int]:
+    """The processes that compute for this one."""
+    found = set()
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            if parent == number and "spawn_main" in (folder / "cmdline").read_text():
+                found.add(int(folder.name))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up there")
+@pytest.mark.parametrize("line", ["atlas --k 0.3:0.9:400 --workers 2", "run study.toml"])
+@pytest.mark.parametrize("to_all", [False, True])
+def test_sigterm_ends_workers_too_and_leaves_nothing_to_clean_up(
+    tmp_path: Path, line: str, to_all: bool
+) -> None:
+    (tmp_path / "study.toml").write_text("[zones.z]\nk = {from = 0.3, to = 0.9, count = 400}\n")
+    with process(line, tmp_path, start_new_session=True) as one:
+        try:
+            while not (workers := workers_of(one.pid)):
+                assert one.poll() is None, one.communicate()
+                time.sleep(0.02)
+            os.killpg(one.pid, signal.SIGTERM) if to_all else one.terminate()
+            _, err = one.communicate()  # until nobody has its streams open any more
+        finally:
+            if one.poll() is None:
+                os.killpg(one.pid, signal.SIGKILL)
+    assert one.returncode == 143
+    assert err.startswith("contbreather: interrupted")
+    assert set(err.splitlines()) <= {
+        "contbreather: interrupted",
+        "contbreather: interrupted: the result is cut short",
+        "contbreather: interrupted: writing what is done; Ctrl-C once more to leave it",
+    }
+    assert not any(Path(f"/proc/{number}").exists() for number in workers)
 
 
 # When Ctrl-C comes a module is imported that makes any exception an ImportError, as those written

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import Parameter
 
 import contbreather as cb
-from contbreather.cli.interrupts import STATUS as INTERRUPTED
-from contbreather.cli.interrupts import computing
+from contbreather.cli.interrupts import computing, end
 from contbreather.cli.options import PARAMETERS, KeepRun, On, Where, Whole
 from contbreather.cli.output import (
     note,
@@ -156,9 +155,7 @@ def _breather(where: Where, on: On, lattice: Any) -> tuple[Any, float]:
     return found.state(t=t0), t0
 
 
-def simulate(
-    where: Where = Where(), asked: Asked = Asked(), into: KeepRun = KeepRun()
-) -> int | None:
+def simulate(where: Where = Where(), asked: Asked = Asked(), into: KeepRun = KeepRun()) -> None:
     """A lattice in motion, impact by impact, and a verdict on it.
 
     It is a ring of 20 unless a lattice or a state is given. It starts on the exact breather at
@@ -185,7 +182,7 @@ def simulate(
         if table.row_count:
             say(table, aside=aside)
         say(*_sentences(seen), *(f"Wrote {path}." for path in made), aside=aside)
-    return INTERRUPTED if seen.interrupted else None
+    end(seen.interrupted)
 
 
 # --- what is left ---------------------------------------------------------------------------------
