@@ -305,6 +305,12 @@ OF_RUNS = {
     "half a seed": (f"{LOST} --seed 1.9", r"--seed: 1\.9 is not a whole number"),
     "heavy damping": (f"{DAMPED} 1e12", r"damping = 1000000000000\.0: .* at most 1e4"),
     "too long": (f"{LOST} --periods 1e13", r"periods = 10000000000000\.0: a length .* to 1e12"),
+    "longer than memory": (
+        f"{LOST} --periods 1e11",
+        r"the states of 20 sites once in each would be 3\.2e\+04 GB.* 1\.07; .* --stream",
+    ),
+    "smooth and longer than memory": (f"{LOST} --smooth 6 --periods 1e9", r"shorten it, or keep"),
+    "push beyond all doubles": (f"{LOST} --perturb 1e308", r"inf of the state is not finite"),
     "too soft": (f"{LOST} --smooth 0.3", r"m = 0\.3: a hardness .* 0\.5 to 1e4 .* any real one"),
     "too hard": (f"{LOST} --smooth 1e5", r"m = 100000\.0: a hardness .* 0\.5 to 1e4"),
     "one place for two": (f"{LOST} --csv a.csv --impacts ./a.csv", r"give different names"),

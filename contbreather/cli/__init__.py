@@ -68,6 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         abandon(sys.stdout)
         return _refused(trouble(error), FAILED)
+    except MemoryError as error:
+        return _refused(f"the memory is too small for that: {str(error) or 'it is full'}", FAILED)
     return status
 
 

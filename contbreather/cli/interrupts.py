@@ -1,12 +1,13 @@
-"""Ctrl-C at the command line, and SIGTERM, which is the same but for its status.
+"""Ctrl-C at the command line, and SIGTERM.
 
 Until anything is computed there is nothing to keep, and the process ends at once. While something
 is computed Ctrl-C is a `KeyboardInterrupt`, and the library hands over what it has. While results
 are written it waits, so that nothing is half written or half said; the second one does not wait.
 An import and a compilation are not interrupted, for the exception would come out as another one or
 be lost: Ctrl-C is heard again when they are over, or the process ends where that takes seconds.
-SIGTERM left to the system would end this process alone: its workers and their semaphores would be
-somebody else's to clean up, who complains.
+SIGTERM stops a computation just so, but nothing is shown or written after it: who sends it does not
+wait. Left to the system it would end this process alone, and its workers and their semaphores would
+be for others to clean up, who complain.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class _Watch:
     def __call__(self, number: int, frame: FrameType | None) -> None:
         self.count += 1
         self.number = number
-        if self.act is Act.WAIT and self.count == 1:
+        if self.act is Act.WAIT and self.count == 1 and number == signal.SIGINT:
             self.waiting = True
             _tell("interrupted: writing what is done; Ctrl-C once more to leave it")
             return
@@ -144,6 +145,8 @@ def computing() -> Iterator[None]:
         yield
     finally:
         _watch.act = _watch.rest
+        if _watch.number == signal.SIGTERM:
+            raise KeyboardInterrupt
 
 
 def kept(work: Callable[P, T], *args: P.args, **asked: P.kwargs) -> tuple[T, bool]:

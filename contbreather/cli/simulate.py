@@ -138,7 +138,9 @@ class Asked:
 
         if not self.perturb:
             return state
-        push = self.perturb * np.random.default_rng(self.seed).normal(size=(2, len(state[0])))
+        push = np.random.default_rng(self.seed).normal(size=(2, len(state[0])))
+        with np.errstate(over="ignore"):  # what is not finite is refused as a state
+            push *= self.perturb
         return state[0] + push[0], state[1] + push[1]
 
 
