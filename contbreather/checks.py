@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from numbers import Complex, Real
 from typing import Any
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from .errors import BadInput
 
 MOST = 2**53  # what a double still counts one by one
+MANY = 100_000  # values of a parameter, and combinations of values: with zones a day of work
 _LONG = 200  # characters of a value in a sentence
 
 
@@ -112,6 +114,64 @@ def row(name: str, value: object, wanted: str) -> NDArray[np.float64]:
     if found.ndim != 1 or not found.size:
         raise BadInput(f"{name} = {shown(value)}: {wanted}, a row of finite numbers, was expected.")
     return found
+
+
+def spread(name: str, low: object, high: object, count: object) -> list[float]:
+    """So many numbers from one to another, as one would write them, or a sentence before any is
+    made.
+
+    Examples
+    --------
+    >>> spread("k", 0.3, 0.4, 3)
+    [0.3, 0.35, 0.4]
+    """
+    ends = [number(name, end, -1e300, 1e300, "a value") for end in (low, high)]
+    known = isinstance(count, int | np.integer) and not isinstance(count, bool)
+    if not known or not 1 <= count <= MANY:  # type: ignore[operator]
+        raise BadInput(
+            f"{name}: {shown(count)} values from {ends[0]:g} to {ends[1]:g}: a whole number from "
+            f"1 to {MANY} was expected."
+        )
+    found = [float(f"{one:.12g}") for one in np.linspace(*ends, count)]  # type: ignore[call-overload]
+    found[-1], found[0] = reversed(ends)
+    steps = np.diff(found) * math.copysign(1.0, ends[1] - ends[0])
+    if not (steps > 0.0).all():
+        raise BadInput(
+            f"{name}: there are no {count} different values from {ends[0]:g} to {ends[1]:g}."
+        )
+    return found
+
+
+def values_by(name: str, typed: str) -> list[float]:
+    """Numbers as they are typed: with commas between them, or LOW:HIGH:COUNT.
+
+    Examples
+    --------
+    >>> values_by("k", "0.8,0.3:0.4:3")
+    [0.8, 0.3, 0.35, 0.4]
+    """
+    found: list[float] = []
+    for text in typed.split(","):
+        try:
+            low, high, count = text.split(":") if ":" in text else (text, text, "1")
+            asked = float(low), float(high), int(count)
+        except ValueError:
+            raise BadInput(
+                f"{name}: {shown(text)} is neither a number nor LOW:HIGH:COUNT, 0.5:0.9:5 for "
+                "instance"
+            ) from None
+        found += spread(name, *asked)
+    return found
+
+
+def combinations(grid: Mapping[str, Sequence[float]]) -> Iterator[dict[str, float]]:
+    """Each of several values with each of the others, the last ones fastest, or a sentence before
+    any is made."""
+    count = math.prod(map(len, grid.values()))
+    if count > MANY:
+        sizes = " times ".join(f"{len(values)} of {name}" for name, values in grid.items())
+        raise BadInput(f"{sizes} are {count} combinations: at most {MANY} were expected.")
+    return (dict(zip(grid, values, strict=True)) for values in product(*grid.values()))
 
 
 def state_rows(given: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

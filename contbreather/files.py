@@ -16,7 +16,8 @@ from typing import Any, BinaryIO
 
 from contbreather.errors import BadInput
 
-STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
+STREAMS = {"-": 1, "/dev/stdout": 1, "/dev/stderr": 2}
+STREAMS |= {f"{folder}/{n}": n for folder in ("/dev/fd", "/proc/self/fd") for n in (1, 2)}
 
 
 def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
@@ -24,7 +25,7 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
 
     Whoever reads `path` sees the old file or the new one, never half of it, even after a loss of
     power. A symbolic link stays one, and a file keeps its mode. What is not an ordinary file
-    (``/dev/stdout``, a named pipe) is written to directly.
+    (``/dev/stdout``, for which ``-`` is short, a named pipe) is written to directly.
 
     Raises
     ------
@@ -41,10 +42,11 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
     """
     target = writable(path)
     try:
-        if str(target) in STREAMS:
+        number = stream_of(target)
+        if number is not None:
             if sys.stdout is not None:  # as it is where there is none
                 sys.stdout.flush()  # what was printed before comes before
-            with os.fdopen(os.dup(STREAMS[str(target)]), "wb") as stream:
+            with os.fdopen(os.dup(number), "wb") as stream:
                 write(stream)
         elif target.exists() and not target.is_file():
             with target.open("wb") as stream:
@@ -52,7 +54,7 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
         else:
             _replace(Path(os.path.realpath(target)), write)
     except OSError as error:
-        if isinstance(error, BrokenPipeError) and str(target) in STREAMS:
+        if isinstance(error, BrokenPipeError) and stream_of(target):
             raise  # the reader has seen enough, as with anything printed
         raise _refused("write", target, error) from error
     return target
@@ -102,7 +104,7 @@ def _replace(target: Path, write: Callable[[BinaryIO], object]) -> None:
 def writable(path: str | Path) -> Path:
     """The path, or what is wrong with it: better before a long computation than after it."""
     target = named("write", path)
-    if str(target) in STREAMS:
+    if stream_of(target):
         return target
     mode = _mode("write", target)
     if stat.S_ISDIR(mode):
@@ -120,6 +122,23 @@ def writable(path: str | Path) -> Path:
         reason = _forbidden(folder)
         raise BadInput(f"cannot write {target}: {reason}; choose another place")
     return target
+
+
+def stream_of(path: str | Path) -> int | None:
+    """The number of the standard stream that a name stands for, if it is one."""
+    return STREAMS.get(str(path))
+
+
+def identity(path: str | Path | int) -> Any:
+    """Equal for two names, or numbers of open streams, of the same place; nowhere is no place."""
+    real = path if isinstance(path, int) else os.path.realpath(path)
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):  # nothing is there yet, or ever
+        return real
+    if stat.S_ISCHR(found.st_mode):
+        return object() if os.devnull == real else real
+    return found.st_dev, found.st_ino
 
 
 @contextmanager

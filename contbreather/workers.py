@@ -95,8 +95,8 @@ def each(
         ``work(item)``; a function of a module, unless it is to stay in this process.
     items : iterable
     executor : concurrent.futures.Executor or int, optional
-        Who computes: an executor, or a number of processes, 1 for this one. All cores unless given,
-        where there is more than a second of work.
+        Who computes: an executor, or a number of processes, 1 for this one, at most as many as
+        there are cores. All cores unless given, where there is more than a second of work.
     progress : bool, optional
         Show how many are done; by default at a terminal or in a notebook only.
     unit : str
@@ -178,7 +178,7 @@ class _Work:
             yield from self._here(WORTH)
             yield from self._by_processes(cores)
         elif isinstance(executor, int):
-            yield from self._by_processes(executor)
+            yield from self._by_processes(min(executor, cores))
         else:
             yield from self._by(executor)
 
@@ -342,11 +342,11 @@ def processes(most: int) -> Iterator[Executor]:
 @contextmanager
 def _begun_quietly() -> Iterator[None]:
     """What is started within has one thread, and leaves Ctrl-C, which reaches all processes of a
-    terminal, to the one that waits for it."""
+    terminal, to the one that waits for it; nothing is half started when a signal comes."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     masking = getattr(signal, "pthread_sigmask", None)  # not on Windows
-    mask = masking and masking(signal.SIG_BLOCK, {signal.SIGINT})
+    mask = masking and masking(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:
@@ -361,6 +361,8 @@ def _begun_quietly() -> Iterator[None]:
 def _begin(told: Any) -> None:
     """In a worker: leave when told."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):  # a pool ends its workers by SIGTERM
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     threading.Thread(target=_leave, args=(told,), daemon=True).start()
 
 

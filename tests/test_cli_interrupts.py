@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -171,6 +172,50 @@ def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path, after: in
     assert "Traceback" not in err
     assert (json.loads(out)["written"] if out else []) == os.listdir(tmp_path)
     assert bool(out) is (after > 1)  # one piece is nothing yet
+
+
+def workers_of(number: int) -> set[int]:
+    """The processes that compute for this one."""
+    found = set()
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            if parent == number and "spawn_main" in (folder / "cmdline").read_text():
+                found.add(int(folder.name))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up there")
+@pytest.mark.parametrize("line", ["atlas --k 0.3:0.9:400 --workers 2", "run study.toml"])
+@pytest.mark.parametrize("to_all", [False, True])
+def test_sigterm_ends_workers_too_and_leaves_nothing_to_clean_up(
+    tmp_path: Path, line: str, to_all: bool
+) -> None:
+    (tmp_path / "study.toml").write_text("[zones.z]\nk = {from = 0.3, to = 0.9, count = 400}\n")
+    with process(line, tmp_path, start_new_session=True) as one:
+        try:
+            while not (workers := workers_of(one.pid)):
+                assert one.poll() is None, one.communicate()
+                time.sleep(0.02)
+            os.killpg(one.pid, signal.SIGTERM) if to_all else one.terminate()
+            _, err = one.communicate()  # until nobody has its streams open any more
+        finally:
+            if one.poll() is None:
+                os.killpg(one.pid, signal.SIGKILL)
+    assert (one.returncode, err) == (143, "contbreather: interrupted\n")
+    assert not any(Path(f"/proc/{number}").exists() for number in workers)
+
+
+def test_after_sigterm_nothing_is_shown_but_a_stream_keeps_what_there_was(tmp_path: Path) -> None:
+    line = "simulate --a 0.1 --gamma 0.04 --k 0.8 --sites 4 --periods 1000000000 --stream kept"
+    with process(f"{line} --final f.json", tmp_path) as one:
+        while len(list(tmp_path.glob("kept/[!.]*.npz"))) < 2:
+            assert one.poll() is None, one.communicate()
+            time.sleep(0.02)
+        one.terminate()
+        assert one.communicate() == ("", "contbreather: interrupted\n")
+    assert (one.returncode, os.listdir(tmp_path)) == (143, ["kept"])
+    assert cb.dynamics.open_recording(tmp_path / "kept").periods > 0
 
 
 # When Ctrl-C comes a module is imported that makes any exception an ImportError, as those written

@@ -8,6 +8,7 @@ import json
 import math
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -139,10 +140,12 @@ def ending(monkeypatch: pytest.MonkeyPatch, capsys, how: Any) -> tuple[int, str,
         (BadInput("a is missing"), BAD_INPUT, "contbreather: a is missing\n"),
         (NotConverged("no way"), FAILED, "contbreather: no way\n"),
         (CutShort(), INTERRUPTED, "contbreather: interrupted: the result is cut short\n"),
-        (INTERRUPTED, INTERRUPTED, "contbreather: interrupted: the result is cut short\n"),
         (KeyboardInterrupt(), INTERRUPTED, "contbreather: interrupted\n"),
         (Interrupted(), INTERRUPTED, "contbreather: interrupted\n"),
         (BrokenPipeError(), FAILED, ""),
+        (MemoryError("Unable to allocate 9 TiB"), FAILED,
+         "contbreather: the memory is too small for that: Unable to allocate 9 TiB\n"),
+        (MemoryError(), FAILED, "contbreather: the memory is too small for that: it is full\n"),
         (OSError(errno.ENOSPC, "No space left"), FAILED,
          "contbreather: cannot write to standard output: No space left\n"),
         (7, 7, ""),
@@ -357,6 +360,29 @@ def test_what_a_computation_gives_is_kept_with_whether_it_was_cut_short() -> Non
 
 
 # --- what is written ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["-", "/dev/stdout", "/dev/fd/1"])
+def test_a_table_on_standard_output_has_it_to_itself(name: str) -> None:
+    line = ["branch", "--free", "a", "--gamma", "0.08", "--k", "0.8", "--window", "0.5", "0.55"]
+    command = [sys.executable, "-m", "contbreather", *line, "--csv", name]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    header, *rows = done.stdout.splitlines()
+    assert header == "p,phi,a,gamma,k,unstable,arclength,residual,label"
+    assert all(row.count(",") == 8 for row in rows)
+    assert "6 points; reached the edge of the window" in " ".join(done.stderr.split())
+
+
+def test_a_table_into_the_file_that_standard_output_is_is_refused(tmp_path) -> None:
+    line = ["zones", "--k", "0.8", "--csv", "zones.csv"]
+    with (tmp_path / "zones.csv").open("w") as out:
+        done = subprocess.run(
+            [sys.executable, "-m", "contbreather", *line],
+            stdout=out, stderr=subprocess.PIPE, text=True, check=False, cwd=tmp_path,
+        )  # fmt: skip
+    said = "contbreather: --csv zones.csv: standard output goes there; give --csv another file\n"
+    assert (done.returncode, done.stderr) == (BAD_INPUT, said)
+    assert (tmp_path / "zones.csv").read_text() == ""
 
 
 def test_a_table_that_was_cut_short_says_so_in_its_last_line(tmp_path) -> None:

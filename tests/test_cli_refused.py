@@ -309,6 +309,12 @@ OF_RUNS = {
     "half a seed": (f"{LOST} --seed 1.9", r"--seed: 1\.9 is not a whole number"),
     "heavy damping": (f"{DAMPED} 1e12", r"damping = 1000000000000\.0: .* at most 1e4"),
     "too long": (f"{LOST} --periods 1e13", r"periods = 10000000000000\.0: a length .* to 1e12"),
+    "longer than memory": (
+        f"{LOST} --periods 1e11",
+        r"the states of 20 sites once in each would be 3\.2e\+04 GB.* 1\.07; .* --stream",
+    ),
+    "smooth and longer than memory": (f"{LOST} --smooth 6 --periods 1e9", r"shorten it, or keep"),
+    "push beyond all doubles": (f"{LOST} --perturb 1e308", r"inf of the state is not finite"),
     "too soft": (f"{LOST} --smooth 0.3", r"m = 0\.3: a hardness .* 0\.5 to 1e4 .* any real one"),
     "too hard": (f"{LOST} --smooth 1e5", r"m = 100000\.0: a hardness .* 0\.5 to 1e4"),
     "one place for two": (f"{LOST} --csv a.csv --impacts ./a.csv", r"give different names"),
@@ -340,7 +346,69 @@ OF_ATLASES = {
     "unknown letter": ("atlas --k 0.8 --over c3=1", r"unknown forcing parameter c3"),
     "nothing fixed": ("atlas", r"values of exactly one of k, gamma, a"),
     "nowhere": ("atlas --k 0.8 --save nowhere/a.nc", r"there is no directory"),
+    "no table": ("atlas --k 0.8 --save a.csv", r"a netCDF-4 file, call it a\.nc"),
+    "too many": (
+        "atlas --k 0.1:0.9:1000000000",
+        r"--k: 1000000000 values from 0\.1 to 0\.9: a whole number from 1 to 100000 was",
+    ),
+    "too many of a letter": (
+        "atlas --k 0.8 --over c=0:1:100000000000",
+        r"--over c: 100000000000 values .* 1 to 100000",
+    ),
+    "too many together": (
+        "atlas --k 0.1:0.9:1000 --over c=0:1:101 --forcing 'cos(t)+c*cos(3*t)'",
+        r"1000 of k times 101 of c are 101000 combinations: at most 100000",
+    ),
+    "none": ("atlas --k 0.1:0.9:0", r"--k: 0 values from 0\.1 to 0\.9: a whole number"),
+    "less than none": ("atlas --k 0.1:0.9:-3", r"--k: -3 values from 0\.1 to 0\.9"),
+    "half a value": ("atlas --k 0.1:0.9:2.5", r"'0\.1:0\.9:2\.5' is neither a number nor"),
+    "to infinity": ("atlas --k 0.1:inf:3", r"--k = inf: .* a finite number"),
+    "from nan": ("atlas --k nan:0.9:3", r"--k = nan: .* a finite number"),
+    "beyond all doubles": ("atlas --a=-1e308:1e308:3", r"--a = -1e\+308: .* a finite number"),
+    "one value thrice": ("atlas --k 0.8:0.8:3", r"no 3 different values from 0\.8 to 0\.8"),
+    "nothing": ("atlas --k ''", r"--k: '' is neither a number nor LOW:HIGH:COUNT"),
+    "a letter twice": (
+        "atlas --k 0.8 --over c=0:1:3 --over c=2 --forcing 'cos(t)+c*cos(3*t)'",
+        r"--over: c is given twice, \[0\.0, 0\.5, 1\.0\] and \[2\.0\]; leave one",
+    ),
+    "a letter set and varied": (
+        "atlas --k 0.8 --over c=0:1:3 --set c=2 --forcing 'cos(t)+c*cos(3*t)'",
+        r"c is given twice",
+    ),
+    "a letter of another meaning": (
+        "atlas --k 0.8 --over lattice=0:1:3 --forcing 'cos(t)+lattice*cos(3*t)'",
+        r"--over lattice: this name is taken; rename it in the formula",
+    ),
     "other lattices": ("atlas --k 0.8 --lattice open:9", r"is not an option of atlas"),
+}
+OF_PLACES = {
+    **{
+        f"a table and JSON at {name}": (f"{BRANCH} --csv {name} --json", r"--json goes there; give")
+        for name in ("-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
+    },
+    "impacts and JSON": (f"{LOST} --impacts - --json", r"--impacts /dev/stdout: --json goes there"),
+    "a state and JSON": (f"{LOST} --final=- --json", r"--final -: --json goes there"),
+    "an atlas and JSON": ("atlas --k 0.8 --csv - --json", r"--csv /dev/stdout: --json goes there"),
+    "two tables": (
+        f"{LOST} --impacts - --csv /dev/fd/1",
+        r"--csv goes there; give",
+    ),
+    "what is kept": (f"{BRANCH} --save -", r"cannot keep results in /dev/stdout: .* name a file"),
+    "an atlas twice": ("atlas --k 0.8 --save a.nc --csv ./a.nc", r"--csv and --save both name"),
+    "the first state": (
+        f"{LOST} --start two.csv --csv ./two.csv",
+        r"--start and --csv both name \./two\.csv; give different names",
+    ),
+    "the lattice": (
+        f"{BRANCH} --lattice falling.csv --csv falling.csv",
+        r"--lattice and --csv both name falling\.csv",
+    ),
+    "the file that is shown": ("show words.txt --csv words.txt", r"RUN and --csv both name"),
+    "a hard link": (f"{LOST} --csv words.txt --impacts same.txt", r"give different names"),
+    "a letter twice": (
+        f"{BRANCH} --forcing 'c*cos(t)' --set c=1 --set c=2",
+        r"--set: c is given twice, 1\.0 and 2\.0",
+    ),
 }
 OF_THE_EXPLORER = {
     "no file": ("explore --headless missing.nc", r"missing\.nc"),
@@ -356,7 +424,8 @@ REFUSED = {
     f"{family}: {name}": case
     for family, cases in (
         ("chain", OF_THE_CHAIN), ("lattice", OF_LATTICES), ("switch", OF_SWITCHING),
-        ("run", OF_RUNS), ("atlas", OF_ATLASES), ("explorer", OF_THE_EXPLORER),
+        ("run", OF_RUNS), ("atlas", OF_ATLASES), ("place", OF_PLACES),
+        ("explorer", OF_THE_EXPLORER),
     )
     for name, case in cases.items()
 }  # fmt: skip
@@ -373,6 +442,7 @@ def plant() -> None:
     """Files that are no lattices, and no states."""
     for name, text in FILES.items():
         Path(name).write_text(text)
+    Path("same.txt").hardlink_to("words.txt")
     write_matrix("lopsided.csv", [[1, -1], [-0.5, 1]])
     write_matrix("falling.csv", [[0, 1], [1, 0]])
     write_matrix("ragged.csv", [[1, -1], [1]])

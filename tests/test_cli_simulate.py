@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import re
+import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather import progress
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
 
 from .typed import table
@@ -298,3 +301,29 @@ def test_help_says_that_a_run_is_kept_at_its_end_and_not_that_it_can_be_extended
     assert "Keep the run in this file when it has ended, for show and load" in words
     assert "extend" not in words
     assert "extend follows branches" in " ".join(run("branch --help")[1].replace("│", " ").split())
+
+
+def test_progress_is_shown_while_the_first_state_is_computed(run, monkeypatch) -> None:
+    shown, lines = threading.Event(), []
+
+    class Line:
+        def __init__(self, total: int | None, unit: str) -> None:
+            lines.append((total, unit))
+
+        def show(self, text: str, done: int | None) -> None:
+            lines.append((text, done))
+            shown.set()
+
+        def stop(self) -> None: ...
+
+    def slow(**_: object) -> None:
+        shown.wait(60.0)
+        raise cb.NotConverged("it took too long")
+
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "_Terminal", Line)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(cb, "symmetric", slow)
+    status, out, err = run(f"{LOST} --periods 7")
+    assert (status, out, err) == (FAILED, "", "contbreather: it took too long\n")
+    assert lines[:2] == [(7, "periods"), ("0/7 periods", 0)]

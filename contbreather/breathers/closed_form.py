@@ -8,6 +8,7 @@ of (9) or (12) is summed anywhere.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -22,7 +23,7 @@ from contbreather.checks import real
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, check_amplitude, restitution_ratio
-from contbreather.lattice.green import Flight, flight
+from contbreather.lattice.green import TERMS, Flight, flight
 from contbreather.lattice.held import Held
 from contbreather.stability.half_period import HalfMap
 
@@ -46,6 +47,11 @@ def flight_slope_of(lattice: Any, gamma: float, distance: int, name: str = "gamm
     else:
         first, powers = lattice.dfirst_harmonic, lattice.dpowers
     return flight(float(first(gamma, distance)), powers(gamma, distance))
+
+
+def _derivatives(own: Flight) -> tuple[Callable[[Any], Any], ...]:
+    """Displacement, velocity and acceleration as functions of time."""
+    return own.value, own.slope, own.curvature
 
 
 @dataclass(frozen=True)
@@ -139,19 +145,19 @@ class SymmetricFlight:
 
     def flight(self, n: int) -> Flight:
         """Site n between two impacts per unit p, as a function of ``t - phi - pi/2``."""
-        return flight_of(self.lattice, self.gamma, self.lattice.distance(n))
+        return flight_of(self.lattice, self.gamma, self.lattice.distance(int(n)))
 
     def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
         """Eq. (12) in closed form, and its derivatives."""
         n, t = np.broadcast_arrays(n, t)
         y, sign = self._phase(t)
-        own = np.empty(t.shape)
-        # one closed form for each distance from the impacting site
-        near = np.abs(n)
-        for m in np.unique(near):
-            at = near == m
-            answer = self.flight(int(m))
-            own[at] = (answer.value, answer.slope, answer.curvature)[order](y[at])
+        # beyond as many bonds as there are powers of w^2 nothing but the first harmonic is left
+        first = 4.0 / math.pi * self.lattice.first_harmonic(self.gamma, n)
+        own = np.asarray(_derivatives(Flight(first, ()))[order](y))
+        away = self.lattice.distance(n)
+        for m in np.unique(away[away <= TERMS]):
+            at = away == m
+            own[at] = _derivatives(self.flight(int(m)))[order](y[at])
         f = self.forcing
         return np.asarray(self.a * (f.f, f.df, f.d2f)[order](t) + self.p * sign * own)
 

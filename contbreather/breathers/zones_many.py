@@ -6,11 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
 from typing import Any
 
 from contbreather.breathers.zones import PAIRS, Zones, zones
-from contbreather.checks import check_kind, row
+from contbreather.checks import check_kind, combinations, row
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Lattice, forcing_of
 from contbreather.stability.verdict import THRESHOLD
@@ -109,8 +108,6 @@ def slices_of(
         if other not in drive.params:
             have = ", ".join(drive.params) or "none"
             raise BadInput(f"no parameter {other!r} of the forcing {drive!r}; it has {have}")
-    grid = [row(one, of, "values of it").tolist() for one, of in {name: values, **over}.items()]
-    return [
-        Slice(name, first, drive.at(**dict(zip(over, others, strict=True))) if over else drive)
-        for first, *others in product(*grid)
-    ]
+    asked = {name: values, **over}
+    grid = {one: row(one, of, "values of it").tolist() for one, of in asked.items()}
+    return [Slice(name, at.pop(name), drive.at(**at) if at else drive) for at in combinations(grid)]

@@ -1,6 +1,7 @@
 """The command `contbreather`: what a person types.
 
-Exit status: 0 done, 1 the numerics (or the system) failed, 2 bad input, 130 interrupted. Whatever
+Exit status: 0 done, 1 the numerics (or the system) failed, 2 bad input, 130 interrupted, 143
+ended by SIGTERM. Whatever
 goes wrong is one sentence on standard error, never a traceback.
 """
 
@@ -12,16 +13,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from contbreather import __version__
-from contbreather.cli.interrupts import STATUS as INTERRUPTED
 from contbreather.cli.interrupts import CutShort, watched
+from contbreather.cli.interrupts import status as interrupted
 from contbreather.cli.streams import abandon, heard, prepare, trouble
 from contbreather.errors import BadInput, ContbreatherError
 
 if TYPE_CHECKING:
     from cyclopts import App
 
-DONE, FAILED, BAD_INPUT = 0, 1, 2
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 VERBOSE = "--verbose"  # of every command
+STDOUT = "/dev/stdout"
 COMMANDS = (  # each a module with a function of its name
     "point", "branch", "boundary", "switch", "diagram", "zones", "atlas", "simulate", "figure",
     "explore", "show", "extend", "run", "warm",
@@ -46,9 +48,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         prepare()
     given = list(sys.argv[1:] if arguments is None else arguments)
-    tokens = [token for token in given if token != VERBOSE]
+    # the parser takes a lone hyphen for an option
+    tokens = [STDOUT if token == "-" else token for token in given if token != VERBOSE]
     try:
-        with watched(alone=arguments is None), heard(tokens != given):
+        with watched(alone=arguments is None), heard(VERBOSE in given):
             status = _run(tokens)
             sys.stdout.flush()
     except BadInput as error:
@@ -56,17 +59,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ContbreatherError as error:
         return _refused(error, FAILED)
     except CutShort:
-        return _refused("interrupted: the result is cut short", INTERRUPTED)
+        return _refused("interrupted: the result is cut short", interrupted())
     except KeyboardInterrupt:
-        return _refused("interrupted", INTERRUPTED)
+        return _refused("interrupted", interrupted())
     except BrokenPipeError:  # the reader has seen enough, as `head` does
         abandon(sys.stdout)
         return FAILED
     except OSError as error:
         abandon(sys.stdout)
         return _refused(trouble(error), FAILED)
-    if status == INTERRUPTED:
-        return _refused("interrupted: the result is cut short", status)
+    except MemoryError as error:
+        return _refused(f"the memory is too small for that: {str(error) or 'it is full'}", FAILED)
     return status
 
 

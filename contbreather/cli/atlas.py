@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
+from contbreather.checks import values_by
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Into, Plane, Whole
+from contbreather.cli.options import Into, Plane, Whole, letter, once
 from contbreather.cli.output import table_of
 from contbreather.errors import BadInput
-from contbreather.files import writable
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -53,11 +53,10 @@ def atlas(
 
     if into == Into() and save is None:
         into, save = Into(output=FIGURE), DATA
-    into.check()
-    if save is not None:
-        writable(save)
-    fixed = {n: _values(f"--{n}", v) for n, v in {"k": k, "gamma": gamma, "a": a}.items() if v}
-    further = dict(_assigned(text) for text in over)
+    into.check(save=save)
+    typed = {"k": k, "gamma": gamma, "a": a}
+    fixed = {n: values_by(f"--{n}", ",".join(texts)) for n, texts in typed.items() if texts}
+    further = once("--over", map(_assigned, over))
     begin = tuple(f"{name}={values[0]!r}" for name, values in further.items())
     on = plane.on(*begin)
     asked: dict[str, Any] = {
@@ -67,9 +66,11 @@ def atlas(
         "within": plane.within,
         "executor": workers,
         **fixed,
-        **further,
     }
-    found, cut = kept(cb.atlas, **asked)
+    for name in further:
+        if name in asked:
+            raise BadInput(f"--over {name}: this name is taken; rename it in the formula")
+    found, cut = kept(cb.atlas, **{**asked, **further})
     made = [] if save is None else [str(save_atlas(save, found))]
     into.leave(
         lambda: {**on.entry(), "atlas": _columns(found), "failed": _failed(found)},
@@ -80,31 +81,11 @@ def atlas(
     )
 
 
-def _values(name: str, texts: tuple[str, ...]) -> list[float]:
-    """Numbers, and LOW:HIGH:COUNT."""
-    import numpy as np
-
-    found: list[float] = []
-    for text in (one for given in texts for one in given.split(",")):
-        try:
-            low, *more = text.split(":")
-            if not more:
-                found.append(float(low))
-                continue
-            high, count = more
-            found += np.linspace(float(low), float(high), int(count)).tolist()
-        except ValueError:
-            raise BadInput(
-                f"{name}: {text!r} is neither a number nor LOW:HIGH:COUNT, 0.5:0.9:5 for instance"
-            ) from None
-    return found
-
-
 def _assigned(text: str) -> tuple[str, list[float]]:
     name, equals, values = text.partition("=")
     if not equals:
         raise BadInput(f"--over {text!r}: NAME=VALUE,VALUE,... was expected, c3=0,0.1 for instance")
-    return name.strip(), _values(f"--over {name}", (values,))
+    return letter(name), values_by(f"--over {name}", values)
 
 
 def _columns(found: Dataset) -> dict[str, Any]:

@@ -38,7 +38,7 @@ def boundary(
         Lowest and highest value of the first; 0 to 0.2499 for gamma, 0.01 to 0.999 for k unless
         given.
     """
-    into.check()
+    into.check(where.read)
     wanted = _kind(kind)
     on = where.on(*pair)
     first, second = pair

@@ -31,7 +31,7 @@ def branch(
     root
         Which solution of (11), in order of decreasing p, where there are several.
     """
-    into.check()
+    into.check(where.read)
     start = along.start(where, root)
     asked: dict[str, Any] = {"within": start.within, "towards": towards, "save": into.save}
     found, cut = kept(cb.continuation.trace, start.problem, start.free, **asked)

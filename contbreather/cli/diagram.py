@@ -31,7 +31,7 @@ def diagram(
     most
         Number of branches after which no others are followed.
     """
-    into.check()
+    into.check(where.read)
     start = along.start(where)
     asked: dict[str, Any] = {"within": start.within, "depth": depth, "most": most}
     tree, cut = kept(cb.diagram, start.shot, start.free, **asked, save=into.save)

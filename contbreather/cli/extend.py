@@ -11,6 +11,7 @@ from contbreather.cli.interrupts import kept
 from contbreather.cli.options import Keep, Span, Whole
 from contbreather.cli.show import opened
 from contbreather.errors import BadInput
+from contbreather.files import identity
 
 
 def extend(
@@ -44,12 +45,13 @@ def extend(
 
     found = opened(run)
     branch, place, own = _chosen(found, name)
-    into = replace(into, save=into.save or str(place))
-    into.check()
+    here = into.save is None or identity(into.save) == identity(place)
+    into = replace(into, save=str(place) if here else into.save)
+    into.check({} if here else {"RUN": str(place)})
     settings = branch.settings or cb.continuation.branch.Settings()
     within = settings.within if window is None else {**settings.within, branch.free: window}
     steps = settings.steps if most is None else replace(settings.steps, most=most)
-    others = dict(cb.Run(place)) if into.save == str(place) else {}
+    others = dict(cb.Run(place)) if here else {}
     file = Checkpoint(into.save or place, own)
     inner = Inner(file, lambda longer: {**others, own: longer})
     longer, cut = kept(cb.extend, branch, end=end, within=within, steps=steps, save=inner)

@@ -5,14 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 from unicodedata import normalize
 
 from cyclopts import Parameter
 
 import contbreather as cb
 from contbreather.cli.interrupts import end
-from contbreather.cli.output import Table, check_places, note, say, to_csv, to_figure, to_json
+from contbreather.cli.output import (
+    Table,
+    check_places,
+    note,
+    printed,
+    say,
+    to_csv,
+    to_figure,
+    to_json,
+)
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
@@ -30,6 +39,7 @@ MEANING = {
     "spring": "at least 0",
 }
 Span = tuple[float, float]
+T = TypeVar("T")
 
 
 def whole_number(_: Any, tokens: Sequence[Token]) -> int:
@@ -94,6 +104,11 @@ class Where:
     set: tuple[str, ...] = ()
 
     @property
+    def read(self) -> dict[str, str | None]:
+        """The file that the lattice is in."""
+        return {"--lattice": self.lattice}
+
+    @property
     def given(self) -> dict[str, float]:
         """The parameters as far as they were given."""
         values = {name: getattr(self, name) for name in NAMES}
@@ -108,7 +123,7 @@ class Where:
 
     def drive(self, free: Iterable[str] = ()) -> cb.lattice.Forcing:
         """The forcing; letters that are free and have no value begin at 1."""
-        letters = dict(_assignment(text) for text in self.set)
+        letters = once("--set", map(_assignment, self.set))
         if self.forcing.replace(" ", "") == HARMONIC and not letters:
             return cb.Harmonic()
         for name in free:
@@ -223,7 +238,24 @@ def _assignment(text: str) -> tuple[str, float]:
         number = None
     if not equals or not name.strip().isidentifier() or number is None:
         raise BadInput(f"--set {text!r}: NAME=VALUE was expected, for instance --set c=2.7")
-    return normalize("NFKC", name.strip()), number  # as Python reads the names in a formula
+    return letter(name), number
+
+
+def letter(name: str) -> str:
+    """The name of a parameter as Python reads those in a formula."""
+    return normalize("NFKC", name.strip())
+
+
+def once(option: str, pairs: Iterable[tuple[str, T]]) -> dict[str, T]:
+    """Names with what was given of each."""
+    found: dict[str, T] = {}
+    for name, value in pairs:
+        if name in found:
+            raise BadInput(
+                f"{option}: {name} is given twice, {found[name]} and {value}; leave one of them"
+            )
+        found[name] = value
+    return found
 
 
 def _check_name(name: str, forcing: cb.lattice.Forcing) -> None:
@@ -346,9 +378,16 @@ class Into:
 
     kept = None  # a file that the library has written
 
-    def check(self) -> None:
-        """Refuse files that cannot be written before anything is computed."""
-        check_places({"--csv": self.csv, "--save": self.kept}, self.output)
+    def check(
+        self,
+        read: Mapping[str, str | None] | None = None,
+        **more: str | None,
+    ) -> None:
+        """Refuse files that cannot be written before anything is computed, `more` by their options
+        among them, and those that are `read`."""
+        tables = {"--csv": self.csv, "--save": self.kept}
+        tables |= {f"--{name}": path for name, path in more.items()}
+        check_places(tables, self.output, json=self.json, read=read)
 
     def leave(
         self,
@@ -368,7 +407,7 @@ class Into:
         if self.json:
             to_json({**content(), "interrupted": cut, "written": made})
         else:
-            say(*lines, *(f"Wrote {path}." for path in made))
+            say(*lines, *(f"Wrote {path}." for path in made), aside=printed(self.csv))
         end(cut)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
 from contbreather.errors import BadInput, NotConverged
-from contbreather.files import writable, write_csv
+from contbreather.files import identity, stream_of, writable, write_csv
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,39 +23,69 @@ CUT = "interrupted: cut short"
 BOTH = 1e-6  # of two margins that vanish together
 
 
-def console() -> Console:
-    """Standard output for tables."""
+def console(aside: bool = False) -> Console:
+    """Standard output for tables, or standard error."""
     from rich.console import Console
 
-    width = None if sys.stdout.isatty() else PIPE_WIDTH
-    return Console(highlight=False, width=width, soft_wrap=False)
+    width = None if (sys.stderr if aside else sys.stdout).isatty() else PIPE_WIDTH
+    return Console(highlight=False, width=width, soft_wrap=False, stderr=aside)
 
 
-def check_places(tables: Mapping[str, str | None], figure: str | None) -> None:
-    """Refuse files that cannot be written before anything is computed, and one file under two
-    options, however its name is written."""
-    for path in tables.values():
+def check_places(
+    tables: Mapping[str, str | None],
+    figure: str | None,
+    *,
+    json: bool = False,
+    read: Mapping[str, str | None] | None = None,
+) -> None:
+    """Refuse files that cannot be written before anything is computed, and one place for two
+    things, however its name is written: two files, a file and what is read, or what is printed."""
+    written = {**tables, "--output": figure}
+    for option, path in written.items():
         if path is not None:
-            writable(path)
-    if figure is not None:
-        cb.plotting.canvas.figure_path(figure)
-    taken: dict[str, str] = {}
-    for option, path in {**tables, "--output": figure}.items():
+            _CHECKS.get(option, writable)(path)
+    taken = {identity(path): name for name, path in (read or {}).items() if path is not None}
+    taken[identity(1)] = "standard output"
+    if json:
+        taken[1] = "--json"
+    for option, path in written.items():
         if path is None:
             continue
-        real = os.path.realpath(path)
-        if real in taken:
-            raise BadInput(f"{taken[real]} and {option} both name {path}; give different names")
-        taken[real] = option
+        place = stream_of(path) or identity(path)
+        if place in taken:
+            if place in (1, identity(1)):
+                raise BadInput(
+                    f"{option} {path}: {taken[place]} goes there; give {option} another file"
+                )
+            raise BadInput(f"{taken[place]} and {option} both name {path}; give different names")
+        taken[place] = option
 
 
-def say(*lines: object, quiet: bool = False) -> None:
-    """Print for people, unless a program reads; into a pipe tables go as wide as they are."""
-    if not quiet:
-        shown = console()
-        for line in lines:
-            free = not isinstance(line, str) and not shown.is_terminal
-            shown.print(line, markup=False, width=ENDLESS if free else None)
+def _check_kept(path: str) -> None:
+    from contbreather.continuation.netcdf import target_of
+
+    target_of(path)
+
+
+def _check_figure(path: str) -> None:
+    cb.plotting.canvas.figure_path(path)
+
+
+_CHECKS: dict[str, Callable[[str], object]] = {"--save": _check_kept, "--output": _check_figure}
+
+
+def printed(*paths: str | None) -> bool:
+    """Whether one of these has standard output to itself."""
+    return any(path is not None and stream_of(path) == 1 for path in paths)
+
+
+def say(*lines: object, aside: bool = False) -> None:
+    """Print for people; into a pipe tables go as wide as they are. Where a table for programs has
+    standard output to itself it is said on standard error."""
+    shown = console(aside)
+    for line in lines:
+        free = not isinstance(line, str) and not shown.is_terminal
+        shown.print(line, markup=False, width=ENDLESS if free else None)
 
 
 def note(line: str) -> None:

@@ -22,7 +22,7 @@ def show(run: str | None = None, name: str | None = None, /, *, into: Into = Int
         One of its results, or a special point by its label, PF1 or branch/PF1; all results, in
         brief, unless given.
     """
-    into.check()
+    into.check({"RUN": run})
     found = opened(run)
     if name is None and len(found) > 1:
         into.leave(

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import Parameter
 
 import contbreather as cb
-from contbreather.cli.interrupts import STATUS as INTERRUPTED
-from contbreather.cli.interrupts import computing
+from contbreather.cli.interrupts import computing, end
 from contbreather.cli.options import PARAMETERS, KeepRun, On, Where, Whole
 from contbreather.cli.output import (
-    check_places,
     note,
+    printed,
     say,
     sentences,
     to_csv,
@@ -26,6 +25,7 @@ from contbreather.cli.output import (
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
 from contbreather.cli.starts import read_state, write_state
 from contbreather.errors import BadInput
+from contbreather.progress import Bar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -75,8 +75,8 @@ class Asked:
 
     def check(self, where: Where, into: KeepRun) -> None:
         """Refuse what cannot be, before anything is computed."""
-        tables = {"--csv": into.csv, "--impacts": self.impacts, "--final": self.final}
-        check_places({**tables, "--save": into.save}, into.output)
+        read = where.read | {"--start": self.start if self.start != self.final else None}
+        into.check(read, impacts=self.impacts, final=self.final)
         if self.smooth is not None and (self.impacts or self.stream):
             which = "--impacts" if self.impacts else "--stream"
             raise BadInput(f"{which} goes with rigid walls only: leave out --smooth")
@@ -96,12 +96,20 @@ class Asked:
     @computing()
     def simulate(self, where: Where) -> Seen:
         """Run it."""
+        from contbreather.dynamics.impacting import length_of
+
+        # also before the first period: on long rings and dense lattices the breather takes a while
+        with Bar(None, int(length_of(self.periods))) as bar:
+            return self._simulate(where, bar)
+
+    def _simulate(self, where: Where, bar: Bar) -> Seen:
         values, on = where.need(*PARAMETERS), where.on()
         lattice = None if on.lattice.sites is None else on.lattice
         state, t0 = (
             self._read(where, lattice) if self.start is not None else _breather(where, on, lattice)
         )
         shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on.forcing, "t0": t0}
+        shared["progress"] = bar
         if self.smooth is not None:
             smooth: dict[str, Any] = {"m": self.smooth, "periods": self.periods}
             return seen_of(cb.dynamics.simulate_smooth(self._pushed(state), **smooth, **shared))
@@ -130,7 +138,9 @@ class Asked:
 
         if not self.perturb:
             return state
-        push = self.perturb * np.random.default_rng(self.seed).normal(size=(2, len(state[0])))
+        push = np.random.default_rng(self.seed).normal(size=(2, len(state[0])))
+        with np.errstate(over="ignore"):  # what is not finite is refused as a state
+            push *= self.perturb
         return state[0] + push[0], state[1] + push[1]
 
 
@@ -147,9 +157,7 @@ def _breather(where: Where, on: On, lattice: Any) -> tuple[Any, float]:
     return found.state(t=t0), t0
 
 
-def simulate(
-    where: Where = Where(), asked: Asked = Asked(), into: KeepRun = KeepRun()
-) -> int | None:
+def simulate(where: Where = Where(), asked: Asked = Asked(), into: KeepRun = KeepRun()) -> None:
     """A lattice in motion, impact by impact, and a verdict on it.
 
     It is a ring of 20 unless a lattice or a state is given. It starts on the exact breather at
@@ -163,6 +171,7 @@ def simulate(
         note("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     made = [str(path) for path in _files(seen, asked, into)]
     seen = judged(seen)
+    aside = printed(into.csv, asked.impacts, asked.final)
     if into.json:
         to_json({**_content(seen, where, asked), "written": made})
     else:
@@ -170,12 +179,12 @@ def simulate(
         walls = "rigid walls" if rigid else f"smooth walls, m = {asked.smooth:g}"
         length = seen.periods if seen.stream else length_of(seen.run)
         lattice = seen.run.conditions.lattice.describe()
-        say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}")
+        say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}", aside=aside)
         table = _table(seen, asked)
         if table.row_count:
-            say(table)
-        say(*_sentences(seen), *(f"Wrote {path}." for path in made))
-    return INTERRUPTED if seen.interrupted else None
+            say(table, aside=aside)
+        say(*_sentences(seen), *(f"Wrote {path}." for path in made), aside=aside)
+    end(seen.interrupted)
 
 
 # --- what is left ---------------------------------------------------------------------------------

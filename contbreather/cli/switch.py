@@ -46,7 +46,7 @@ def switch(
     at
         Where to switch, a kind or a label; once more for the branch found there: --at PF --at PD.
     """
-    into.check()
+    into.check(where.read)
     start = along.start(where)
     within = start.within
     branch = parent = cb.continuation.trace(start.shot, start.free, within=within)

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import BadInput
-from ..files import opened, writable, write_whole
+from ..files import opened, stream_of, writable, write_whole
 from .contents import groups_of
 from .groups import check_names, text
 
@@ -35,6 +35,10 @@ _SEALED = len(_SEAL % bytes(64))
 def target_of(path: str | Path) -> Path:
     """Where a file is to be, or what is wrong with that: a table is something else."""
     target = writable(path)
+    if stream_of(target):
+        raise BadInput(
+            f"cannot keep results in {target}: they are written again and again; name a file"
+        )
     if target.suffix.lower() == ".csv":
         raise BadInput(
             f"cannot write {target}: what is kept is a netCDF-4 file, call it {target.stem}.nc; "

@@ -1,4 +1,5 @@
-"""Ctrl-C held back for a moment: while compiled code runs that would make another error of it."""
+"""Ctrl-C held back for a moment, and SIGTERM where Python hears it: while compiled code runs that
+would make another error of it."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Let Ctrl-C wait for the end of the block, and then do what it does.
+    """Let signals wait for the end of the block, and then do what it does.
 
     A signal that arrives while numba looks up the types of its arguments, or in a function that a
     compiled solver calls, comes out as an AttributeError or is lost: neither passes exceptions on
@@ -20,11 +21,15 @@ def held() -> Iterator[None]:
         yield  # signals are the business of the main thread
         return
     came: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    numbers = [signal.SIGINT]
+    if callable(signal.getsignal(signal.SIGTERM)):
+        numbers.append(signal.SIGTERM)
+    before = {n: signal.signal(n, lambda number, frame: came.append(number)) for n in numbers}
     try:
         yield
     finally:
-        # None: a handler that is not Python's, which cannot be put back from here
-        signal.signal(signal.SIGINT, signal.default_int_handler if before is None else before)
+        for number, handler in before.items():
+            # None: a handler that is not Python's, which cannot be put back from here
+            signal.signal(number, signal.default_int_handler if handler is None else handler)
         if came:
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(came[0])

@@ -36,6 +36,7 @@ from contbreather.dynamics.stretches import (
     check_sample,
     walk,
 )
+from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.progress import Bar
 
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
+HELD = 2**27  # numbers of a run in memory, 1 GB, twice that while it is put together
 LONGEST = 1e12  # periods; beyond, not even their number is exact enough to keep time
 
 
@@ -255,11 +257,23 @@ def advance(
     return Run(impacts=impacts, rests=rests, **left)
 
 
+def length_of(periods: float, sites: int = 0) -> float:
+    """The length of a run, or a sentence where its states would not fit into memory."""
+    length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
+    if 2 * sites * (length + 1.0) > HELD:
+        raise BadInput(
+            f"periods = {periods:.12g}: the states of {sites} sites once in each would be "
+            f"{16e-9 * sites * (length + 1.0):.3g} GB, and a run in memory may have "
+            f"{8e-9 * HELD:.3g}; shorten it, or keep it on disk: record(...), --stream"
+        )
+    return length
+
+
 def gathered(
     machine: Propagator, *, periods: float, t0: float, progress: bool | Bar | None
 ) -> tuple[dict[str, Any], list[Stretch]]:
     """Let it go: what `States` has of the run, with times counted from t0, and its pieces."""
-    length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
+    length = length_of(periods, machine.state.u.size)
     count, rest = int(length), length - int(length)
     start = State(machine.state.u.copy(), machine.state.v.copy())
     pieces: list[Stretch] = []

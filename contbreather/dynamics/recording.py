@@ -55,7 +55,7 @@ from contbreather.files import named, write_whole
 from contbreather.lattice import Forcing, Fourier, Harmonic, Ring
 from contbreather.lattice.conditions import OWN, Conditions, Walls
 from contbreather.lattice.finite import Finite, Lattice
-from contbreather.progress import Bar
+from contbreather.progress import Bar, line_of
 
 EVERY = 5.0  # seconds between two files: what a crash may cost
 LARGEST = 4_000_000  # numbers in one file
@@ -157,7 +157,7 @@ def record(
     periods: int,
     t0: float = 0.0,
     sample: Sample | None = None,
-    progress: bool | None = None,
+    progress: bool | Bar | None = None,
     **on: Unpack[On],
 ) -> Recording:
     """`simulate` into a folder: for runs longer than memory or patience.
@@ -215,13 +215,13 @@ def record(
     return wanted
 
 
-def _go_on(run: Recording, done: int, count: int, progress: bool | None) -> bool:
+def _go_on(run: Recording, done: int, count: int, progress: bool | Bar | None) -> bool:
     """Simulate and write; whether Ctrl-C ended it. What is on disk is a run: only shorter."""
     pending: list[Stretch] = []
     began = time.monotonic()
     machine = Machine(run.final, run.conditions, reduced(run.t0), run.sample)
     ahead = walk(machine, periods=count - done, first=done, progress=False)
-    with Bar(progress, count) as bar:
+    with line_of(progress, lambda own: Bar(own, count)) as bar:
         try:
             for one in ahead:
                 pending.append(one)

@@ -43,6 +43,7 @@ from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.plain import plain
+from contbreather.progress import Bar
 
 Array = NDArray[Any]
 
@@ -301,7 +302,7 @@ def simulate_smooth(
     t0: float = 0.0,
     sample: Sample | None = None,
     solver: Solver | None = None,
-    progress: bool | None = None,
+    progress: bool | Bar | None = None,
     **on: Unpack[OnSmooth],
 ) -> SmoothRun:
     """Let a lattice with smooth walls (21) go from any state.
@@ -348,7 +349,7 @@ def advance_smooth(
     t0: float = 0.0,
     sample: Sample | None = None,
     solver: Solver | None = None,
-    progress: bool | None = None,
+    progress: bool | Bar | None = None,
 ) -> SmoothRun:
     """`simulate_smooth`, of a state and conditions that have been checked."""
     check_sample(sample, start.u.size)

@@ -54,7 +54,7 @@ class Flight:
     for floats and for arrays alike; floats never touch numpy.
     """
 
-    first: float
+    first: Any  # a float, or one for each of many sites with the same powers
     powers: tuple[float, ...]
 
     def value(self, y: Any) -> Any:

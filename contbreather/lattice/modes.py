@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -79,9 +79,9 @@ class InfiniteChain(Lattice):
         rr = 1.0 - z
         return 0.5 / (rr * math.sqrt(rr))
 
-    def distance(self, n: int) -> int:
-        """How many bonds from site n to the impacting site 0."""
-        return abs(int(n))
+    def distance(self, n: Any) -> Any:
+        """How many bonds from site n to the impacting site 0; of an array for each."""
+        return abs(n)
 
     def beside(self, n: int) -> tuple[int, ...]:
         """The sites coupled to site n."""
@@ -268,10 +268,11 @@ class Ring(Lattice):
 
     # ------------------------------------------------------------------ as a chain of period N
 
-    def distance(self, n: int) -> int:
-        """How many bonds from site n to the impacting site 0, the shorter way round."""
-        n = int(n) % self.sites
-        return min(n, self.sites - n)
+    def distance(self, n: Any) -> Any:
+        """How many bonds from site n to the impacting site 0, the shorter way round; of an array
+        for each."""
+        half = self.sites // 2
+        return abs((n + half) % self.sites - half)
 
     def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
         """``(1/N) sum of cos(n theta)/(1 - w^2)``: the chain's, from both sides and all laps."""

@@ -6,12 +6,12 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 from contbreather.breathers.search import find_symmetric, problem_with, window_of
 from contbreather.breathers.zones_many import Slice, drawn
+from contbreather.checks import combinations
 from contbreather.continuation import Branch, Point, Steps, boundary, trace
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, ContbreatherError
@@ -97,8 +97,7 @@ def _over(
     # a result depends on its own values only, so that more of them may be asked for later
     alike = {key: value for key, value in asked.items() if key not in (*grid, "over")}
     family = []
-    for combination in product(*grid.values()):
-        at = dict(zip(grid, combination, strict=True))
+    for at in combinations(grid):
         label = ",".join(f"{one}={at[one]!r}" for one in several)
         family.append(Part(name, label, kind, {**alike, "at": at}))
     return family

@@ -6,11 +6,10 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
-import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, model_validator
 
 from contbreather.breathers.zones import PAIRS
-from contbreather.checks import number
+from contbreather.checks import number, spread
 from contbreather.lattice import Forcing, Harmonic, Symbolic, check_gamma
 from contbreather.lattice.conditions import check_amplitude, restitution_ratio
 from contbreather.lattice.typed import lattice_by, walls_by
@@ -24,13 +23,11 @@ WANTED = "a value"
 def values(given: Any) -> list[float]:
     """A number, a list of numbers, or so many from one to another."""
     if isinstance(given, Mapping):
-        if set(given) != SPREAD or not isinstance(given["count"], int) or given["count"] < 1:
+        if set(given) != SPREAD:
             raise ValueError(
                 f"{given}: from, to and count were expected, {{from=0.3, to=0.9, count=7}}"
             )
-        low, high = (number(name, given[name], -1e300, 1e300, WANTED) for name in ("from", "to"))
-        several = np.linspace(low, high, given["count"]).tolist()
-        return [float(f"{one:.12g}") for one in several]  # as one would write them: 0.05
+        return spread("values", given["from"], given["to"], given["count"])
     several = given if isinstance(given, list) else [given]
     if not several:
         raise ValueError("an empty list: at least one number was expected")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from contbreather.breathers import Closure, smallest_amplitude, symmetric, symmetric_roots
-from contbreather.breathers.closed_form import SymmetricFlight
+from contbreather.breathers.closed_form import SymmetricFlight, flight_of
 from contbreather.breathers.orbit import Orbit
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples, Symbolic
@@ -464,3 +464,15 @@ def test_the_kernels_refuse_what_is_not_finite_or_unknown():
         closure.residual(np.array([math.nan, 0.0]), params)
     with pytest.raises(BadInput, match=r"unknown parameter 'c9'.*a, gamma, k, c1, c3"):
         closure.sensitivity(np.array([0.6, 0.0]), params, "c9")
+
+
+def test_a_state_of_many_sites_asks_for_few_closed_forms():
+    """Beyond 18 bonds only the first harmonic is left, and that is taken of all sites at once."""
+    b = symmetric(0.2, 0.2, 0.8, lattice=Ring(1501))
+    flight_of.cache_clear()
+    state = b.state(t=0.3)
+    assert flight_of.cache_info().misses <= 19
+    own = [np.array([one(n, 0.3) for n in range(1501)]) for one in (b.displacement, b.velocity)]
+    np.testing.assert_array_equal(state, own)
+    far = 0.2 * np.array([Harmonic().f(0.3), Harmonic().df(0.3)])
+    np.testing.assert_allclose([row[750] for row in state], far, rtol=1e-15)
