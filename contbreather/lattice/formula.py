@@ -342,18 +342,20 @@ def _check_names(formula: Formula, params: Mapping[str, float]) -> None:
         raise BadInput(f"unknown forcing parameter {listed(unknown)}: {text} has {have}.")
 
 
-def forcing_of(given: Forcing | str | sympy.Expr | None) -> Forcing:
-    """A forcing from what was given: itself, a formula in t, or nothing for the harmonic one.
+def forcing_of(given: Forcing | str | sympy.Expr | None, /, **params: float) -> Forcing:
+    """A forcing from what was given: itself, a formula in t with values of the parameters in it, or
+    nothing for the harmonic one.
 
     Examples
     --------
     >>> forcing_of("-cos(t) - 2.7*cos(3*t)").highest
     3
     """
-    if given is None or (isinstance(given, str) and given.replace(" ", "") == HARMONIC):
+    given = HARMONIC if given is None else given
+    if isinstance(given, str) and given.replace(" ", "") == HARMONIC and not params:
         return Harmonic()
     if isinstance(given, str) or hasattr(given, "free_symbols"):
-        return Symbolic(given)
+        return Symbolic(given, **params)
     if isinstance(given, type) or not hasattr(given, "harmonics"):
         raise BadInput(
             f"forcing = {given!r}: F/a was expected, a formula in t such as '-cos(t)', or a "
