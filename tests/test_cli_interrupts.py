@@ -19,7 +19,7 @@ import contbreather as cb
 from contbreather.cli import DONE, INTERRUPTED, main
 from contbreather.progress import Counter
 
-from .apart import begun, ended
+from .apart import begun, ended, until
 from .typed import Run
 
 ZONES = "zones --k 0.8 --gamma-window 0.02 0.1 --json --csv zones.csv"
@@ -192,26 +192,21 @@ def test_sigterm_ends_workers_too_and_leaves_nothing_to_clean_up(
     tmp_path: Path, line: str, to_all: bool
 ) -> None:
     (tmp_path / "study.toml").write_text("[zones.z]\nk = {from = 0.3, to = 0.9, count = 400}\n")
-    with process(line, tmp_path, start_new_session=True) as one:
-        try:
-            while not (workers := workers_of(one.pid)):
-                assert one.poll() is None, one.communicate()
-                time.sleep(0.02)
-            os.killpg(one.pid, signal.SIGTERM) if to_all else one.terminate()
-            _, err = one.communicate()  # until nobody has its streams open any more
-        finally:
-            if one.poll() is None:
-                os.killpg(one.pid, signal.SIGKILL)
+    with process(line, tmp_path) as one:
+        until(lambda: workers_of(one.pid) or one.poll() is not None)
+        workers = workers_of(one.pid)
+        os.killpg(one.pid, signal.SIGTERM) if to_all else one.terminate()
+        _, err = one.communicate()  # until nobody has its streams open any more
     assert (one.returncode, err) == (143, "contbreather: interrupted\n")
+    assert workers
     assert not any(Path(f"/proc/{number}").exists() for number in workers)
 
 
 def test_after_sigterm_nothing_is_shown_but_a_stream_keeps_what_there_was(tmp_path: Path) -> None:
     line = "simulate --a 0.1 --gamma 0.04 --k 0.8 --sites 4 --periods 1000000000 --stream kept"
     with process(f"{line} --final f.json", tmp_path) as one:
-        while len(list(tmp_path.glob("kept/[!.]*.npz"))) < 2:
-            assert one.poll() is None, one.communicate()
-            time.sleep(0.02)
+        parts = tmp_path / "kept"
+        until(lambda: len(list(parts.glob("[!.]*.npz"))) > 1 or one.poll() is not None)
         one.terminate()
         assert one.communicate() == ("", "contbreather: interrupted\n")
     assert (one.returncode, os.listdir(tmp_path)) == (143, ["kept"])

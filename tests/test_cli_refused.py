@@ -43,7 +43,7 @@ OF_THE_CHAIN = {
     "value missing": ("point --a", r"--a requires an argument"),
     "even forcing": (
         f"{POINT} --forcing '-cos(t)+cos(2*t)'",
-        r"even harmonic 2: it is not antisymmetric",
+        r"is not antisymmetric: over a period it has the even harmonic 2",
     ),
     "forcing with a mean": (f"{POINT} --forcing '1-cos(t)'", r"antisymmetric|mean"),
     "wrong period": (f"{POINT} --forcing 'cos(t/2)'", r"antisymmetric|period"),

@@ -121,8 +121,8 @@ def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
     order = {id(event): i for i, event in enumerate(events)}
     places: list[list[Point]] = []
     for point in sorted(points, key=lambda point: point.arclength):
-        near = places and point.arclength - places[-1][-1].arclength
-        if places and near <= _AT_END * (1 + point.curve.length(point.z)):
+        since = point.arclength - places[-1][-1].arclength if places else math.inf
+        if since <= _AT_END * (1 + point.curve.length(point.z)):
             places[-1].append(point)
         else:
             places.append([point])

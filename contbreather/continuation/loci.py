@@ -219,7 +219,7 @@ def critical_plane(
         if np.count_nonzero(abs(values - value) < small) == 2:
             shifted = matrix - value * np.eye(len(matrix))
             null = null_vector(shifted, np.ones(len(matrix)))
-            return value, np.linalg.lstsq(shifted, null)[0], null
+            return value, np.asarray(np.linalg.lstsq(shifted, null)[0]), null
     upper = np.flatnonzero(values.imag > 0)
     if not upper.size:
         raise Undefined("no complex pair of eigenvalues is there: a neutral saddle")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from contbreather.lattice.expression import Symbolic, forcing_of
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, Samples
+from contbreather.lattice.formula import Symbolic, forcing_of
 from contbreather.lattice.means import Lattice, check_gamma
 from contbreather.lattice.modes import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.typed import lattice_by

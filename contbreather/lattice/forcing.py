@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -21,6 +22,7 @@ from contbreather.checks import real, shown
 from contbreather.errors import BadInput
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 HIGHEST = 1001  # harmonic; sixteen points to its period are looked at
 LARGEST = 1e100  # coefficient; sums of their squares stay finite
 LONG = 12  # from so many harmonics on numpy beats a loop, even for one time
@@ -111,10 +113,12 @@ class Periodic:
     """Shared by every forcing that is a series: evaluation, and the largest |f|."""
 
     _series: Series
+    _slopes: Mapping[str, Series] = MappingProxyType({})  # by parameter
 
     if TYPE_CHECKING:
 
         def describe(self) -> str: ...
+        def _with(self, params: dict[str, float]) -> Any: ...
 
     def f(self, t: Any) -> Any:
         return self._series.at(t, 0)
@@ -144,11 +148,13 @@ class Periodic:
     def params(self) -> dict[str, float]:
         return {}
 
-    def at(self, **params: float) -> Any:
+    def at(self, /, **params: float) -> Any:
         """The same forcing with some parameters changed."""
-        if params:
-            raise self._unknown(list(params))
-        return self
+        have = self.params
+        if unknown := [name for name in params if name not in have]:
+            raise self._unknown(unknown)
+        changed = have | params
+        return self if changed == have else self._with(changed)
 
     def f_param(self, name: str, t: float, order: int = 0) -> float:
         """Derivative of the order-th derivative of f with respect to one parameter."""
@@ -159,7 +165,9 @@ class Periodic:
         return self._slope(name).harmonics
 
     def _slope(self, name: str) -> Series:
-        raise self._unknown([name])
+        if name not in self._slopes:
+            raise self._unknown([name])
+        return self._slopes[name]
 
     def peak(self) -> float:
         """Largest |f| at unit amplitude; ``a * peak() <= 1`` keeps the far field off its walls."""
@@ -275,7 +283,7 @@ class Fourier(Periodic):
         orders = sorted({*c, *s})
         f = tuple((m, -c.get(m, 0.0) / m**2, -s.get(m, 0.0) / m**2) for m in orders)
         object.__setattr__(self, "_series", Series(f))
-        object.__setattr__(self, "_names", frozenset(self.params))
+        object.__setattr__(self, "_slopes", {name: _unit(name) for name in self.params})
 
     @classmethod
     def from_response(
@@ -291,19 +299,10 @@ class Fourier(Periodic):
     def params(self) -> dict[str, float]:
         return {f"c{m}": v for m, v in self.cos} | {f"s{m}": v for m, v in self.sin}
 
-    def at(self, **params: float) -> Fourier:
-        """The same forcing with some coefficients changed."""
-        if unknown := [name for name in params if name not in self.params]:
-            raise self._unknown(unknown)
+    def _with(self, params: dict[str, float]) -> Fourier:
         return Fourier(
-            {m: params.get(f"c{m}", v) for m, v in self.cos},
-            {m: params.get(f"s{m}", v) for m, v in self.sin},
+            {m: params[f"c{m}"] for m, _ in self.cos}, {m: params[f"s{m}"] for m, _ in self.sin}
         )
-
-    def _slope(self, name: str) -> Series:
-        if name not in self._names:  # type: ignore[attr-defined]
-            raise self._unknown([name])
-        return _unit(name)
 
     def describe(self) -> str:
         terms = [f"{v:+.6g} cos {_times(m)}" for m, v in self.cos]
@@ -424,9 +423,9 @@ class Samples(Periodic):
         if size == 0.0:
             raise BadInput("the forcing is zero: its samples are all 0.")
         check_size(size, "the forcing")
-        spectrum = odd_spectrum(values)
-        largest = max(abs(c) for c in spectrum.values())
-        tail = max(abs(c) for m, c in spectrum.items() if 4 * m > values.size)
+        sizes = abs(spectrum := spectrum_of(values))
+        sizes[::2] = 0.0  # antisymmetric to the tolerance of before
+        largest, tail = sizes.max(), sizes[values.size // 4 + 1 :].max()
         if tail > 1e-10 * largest:
             raise BadInput(
                 f"{values.size} samples do not resolve this forcing: harmonics above "
@@ -442,13 +441,18 @@ class Samples(Periodic):
         return f"Samples(<{len(self.values)} values>)"
 
 
-def odd_spectrum(values: FloatArray) -> dict[int, complex]:
-    """``{m: C_m - i S_m}`` of the odd harmonics below the Nyquist one."""
-    spectrum = 2.0 * np.fft.rfft(values) / values.size
-    return {m: complex(spectrum[m]) for m in range(1, (values.size + 1) // 2, 2)}
+def spectrum_of(values: FloatArray) -> ComplexArray:
+    """``C_m - i S_m`` of samples over a period, in each row, by m from 0 on."""
+    spectrum: ComplexArray = np.fft.rfft(values) * (2.0 / values.shape[-1])
+    spectrum[..., [0, -1]] *= 0.5  # the mean, and the fastest that the samples show
+    return spectrum
 
 
-def response_of(spectrum: Mapping[int, complex], floor: float) -> Harmonics:
-    """f from the spectrum of F, without what is only rounding."""
-    kept = {m: c for m, c in spectrum.items() if abs(c) > floor}
-    return tuple((m, -c.real / m**2, c.imag / m**2) for m, c in sorted(kept.items()))
+def response_of(spectrum: ComplexArray, floor: float) -> Harmonics:
+    """f from the odd harmonics of F, without what is only rounding."""
+    odd = enumerate(spectrum[1::2].tolist())
+    return tuple(
+        (m, -c.real / m**2, c.imag / m**2)
+        for m, c in ((2 * i + 1, c) for i, c in odd)
+        if abs(c) > floor
+    )

@@ -1,424 +1,364 @@
-"""Formulas in t: read, never executed; evaluated with their slopes, exactly or on samples.
+"""A forcing written as a formula in t: read, never executed, and expanded in harmonics by FFT.
 
-Each is walked through node by node, so that its cost is known before it is paid: what multiplies
-formulas out by itself can be made to take for ever by a short one.
+Each term of a sum is expanded by itself, so that a small one keeps all its digits beside a large
+one. Slopes in the parameters are complex steps.
 """
 
 from __future__ import annotations
 
 import ast
-import math
 import operator
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from contbreather.checks import real, shown
 from contbreather.errors import BadInput
-from contbreather.lattice.forcing import HIGHEST
+from contbreather.lattice.forcing import (
+    LARGEST,
+    ComplexArray,
+    FloatArray,
+    Forcing,
+    Harmonic,
+    Periodic,
+    Series,
+    check_size,
+    is_finite,
+    response_of,
+    spectrum_of,
+)
 
+if TYPE_CHECKING:
+    import sympy
+
+HARMONIC = "-cos(t)"
+# names that already mean something
+RESERVED = ("a", "gamma", "k", "damping", "spring", "p", "phi", "t")
 LONGEST = 20_000  # characters
-LARGEST = 200_000  # nodes, times what is carried along: the value and a slope for each parameter
 LARGEST_POWER = 99
-SAMPLED = 20_000  # the same for a formula on samples, weighted by what each operation costs
-PRODUCTS = 4_000_000  # of coefficients, before a polynomial is sampled instead
-SHOWN = 70  # characters of a formula in a sentence
-
-
-class Function(NamedTuple):
-    """Its value, its derivative from argument x and value y, and 1 if even, -1 if odd."""
-
-    value: Callable[[Any], Any]
-    slope: Callable[[Any, Any], Any]
-    parity: int
-    cost: int = 5
-
-
-FUNCTIONS = {
-    "sin": Function(np.sin, lambda x, y: np.cos(x), -1),
-    "cos": Function(np.cos, lambda x, y: -np.sin(x), 1),
-    "tan": Function(np.tan, lambda x, y: 1 + y * y, -1),
-    "sec": Function(lambda x: 1 / np.cos(x), lambda x, y: y * np.tan(x), 1),
-    "csc": Function(lambda x: 1 / np.sin(x), lambda x, y: -y / np.tan(x), -1),
-    "cot": Function(lambda x: 1 / np.tan(x), lambda x, y: -1 - y * y, -1),
-    "sinh": Function(np.sinh, lambda x, y: np.cosh(x), -1),
-    "cosh": Function(np.cosh, lambda x, y: np.sinh(x), 1),
-    "tanh": Function(np.tanh, lambda x, y: 1 - y * y, -1),
-    "exp": Function(np.exp, lambda x, y: y, 0),
-    "log": Function(np.log, lambda x, y: 1 / x, 0),
-    "sqrt": Function(np.sqrt, lambda x, y: 0.5 / y, 0),
-    "asin": Function(np.arcsin, lambda x, y: 1 / np.sqrt(1 - x * x), -1),
-    "acos": Function(np.arccos, lambda x, y: -1 / np.sqrt(1 - x * x), 0),
-    "atan": Function(np.arctan, lambda x, y: 1 / (1 + x * x), -1),
-    "Abs": Function(np.abs, lambda x, y: np.sign(x), 1),
-    "sign": Function(np.sign, lambda x, y: 0 * x, -1),
-}
-BESSEL = "besselj"  # of two arguments, the order first
-NAMES = {*FUNCTIONS, BESSEL}
-_ARITHMETIC = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-}
-_OPERATORS = (*_ARITHMETIC, ast.UAdd, ast.USub)
-
-
-class NotExact(Exception):
-    """This is not a trigonometric polynomial, or too long a one."""
-
-
-class Dual(NamedTuple):
-    """A value and its derivatives in the parameters it depends on."""
-
-    value: Any
-    slopes: Mapping[str, Any]
-
+FINEST = 8192  # samples of a period
+MOST_WORK = 2e8  # operations on samples, of which a sample takes (1 + parameters) times its nodes
+STEP = 1e-204  # in a parameter: no difference is taken; its root is above any slope that is let in
+PROBES = np.sqrt(np.array([0.3, 1.7, 5.3, 11.0, 17.9, 31.1]))  # times that are on no grid
 
 # --- reading --------------------------------------------------------------------------------------
 
 
-def cut(text: str) -> str:
-    """Not more of a text than a sentence bears."""
-    return text if len(text) <= SHOWN else f"{text[: SHOWN - 4]} ..."
+def _power(x: Any, n: Any) -> Any:
+    if np.ndim(n) == 0 and abs(n) > LARGEST_POWER:
+        raise BadInput(f"the power {n:.10g} is too high: powers up to {LARGEST_POWER} are taken.")
+    return np.power(x, n)
 
 
-def shown(text: str) -> str:
-    """A formula as a sentence quotes it."""
-    return repr(cut(text))
+def _besselj(n: Any, x: Any) -> Any:
+    from scipy.special import jv  # dear to import
+
+    y, step = np.real(x), np.imag(x)  # of which jv itself would lose so small a one
+    return jv(n, y) + 0.5j * step * (jv(n - 1, y) - jv(n + 1, y)) if np.any(step) else jv(n, y)
 
 
-def parsed(text: str) -> ast.expr:
-    """The formula as a tree that holds nothing but numbers, names, arithmetic and `NAMES`."""
-    if len(text) > LONGEST:
-        raise too_large(text)
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    **{f.__name__: f for f in (np.sin, np.cos, np.tan, np.sinh, np.cosh, np.tanh)},
+    **{f.__name__: f for f in (np.exp, np.log, np.sqrt)},
+    **{"asin": np.arcsin, "acos": np.arccos, "atan": np.arctan},
+    "sec": lambda x: 1.0 / np.cos(x),
+    "csc": lambda x: 1.0 / np.sin(x),
+    "cot": lambda x: 1.0 / np.tan(x),
+    "sign": lambda x: np.sign(np.real(x)),
+    "Abs": lambda x: x * np.sign(np.real(x)),
+    "besselj": _besselj,
+}
+OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.UAdd: operator.pos, ast.USub: operator.neg, ast.Add: operator.add, ast.Sub: operator.sub,
+    ast.Mult: operator.mul, ast.Div: operator.truediv, ast.Pow: _power,
+}  # fmt: skip
+Value = Callable[[Mapping[str, Any]], Any]
+
+
+class Formula(NamedTuple):
+    """A formula that holds nothing but numbers, names, arithmetic and `FUNCTIONS`."""
+
+    text: str
+    letters: frozenset[str]  # names that need a value
+    terms: tuple[Value, ...]
+    work: int
+
+    def check_work(self, size: int) -> None:
+        # a thousand samples take as long as it takes to begin
+        if (size + 1000) * self.work > MOST_WORK:
+            raise _too_large(self.text)
+
+
+@lru_cache(maxsize=64)
+def _read(text: str) -> Formula:
     try:
+        if len(text) > LONGEST:
+            raise MemoryError
         # for a physicist ^ is a power, for Python something else that binds less than +
         tree = ast.parse(text.strip().replace("^", "**"), mode="eval").body
-        ast.unparse(tree)  # as all will be done that goes through it from the top
+        plain = ast.unparse(tree)  # which goes as deep as whatever is done with it later
     except (SyntaxError, ValueError) as error:
         reason = error.msg if isinstance(error, SyntaxError) else str(error)
         raise BadInput(
-            f"{shown(text)} is not a formula: {reason}; write it as Python, for instance "
-            "'-cos(t) - 2.7*cos(3*t)'."
+            f"{shown(text)} is not a formula: {reason.partition(';')[0]}; write it as Python, for "
+            "instance '-cos(t) - 2.7*cos(3*t)'."
         ) from None
     except (RecursionError, MemoryError):
-        raise too_large(text) from None
-    nodes = list(ast.walk(tree))
-    called = {node.func for node in nodes if isinstance(node, ast.Call)}
-    for node in nodes:
-        if node not in called:
-            _check(node, text)
-    return tree
+        raise _too_large(text) from None
+    terms, letters = tuple(_terms(tree)), _names(tree) - {"t", "pi"}
+    work = 5 * sum(isinstance(node, ast.expr) for node in ast.walk(tree))
+    work += 200 * plain.count("besselj")
+    formula = Formula(plain, letters, terms, (1 + len(letters)) * work)
+    formula.check_work(0)
+    return formula
 
 
-def too_large(text: str) -> BadInput:
+def _too_large(text: str) -> BadInput:
     return BadInput(
         f"the formula {shown(text)} is too large; give the harmonics with Fourier, or Samples."
     )
 
 
-def _check(node: ast.AST, text: str) -> None:
-    """Refuse whatever is no part of a formula."""
+def _names(tree: ast.AST) -> frozenset[str]:
+    found = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    return frozenset(found - FUNCTIONS.keys())
+
+
+def _terms(node: ast.expr, sign: float = 1.0) -> Iterator[Value]:
     match node:
-        case ast.Constant(value=value):
-            good = type(value) in (int, float)
-        case ast.Name(id=name):
-            good = name not in NAMES
-        case ast.BinOp(op=op) | ast.UnaryOp(op=op):
-            good = isinstance(op, _OPERATORS)
-        case ast.Call(func=ast.Name(id=name), args=args) if name in NAMES:
-            good, wanted = True, 2 if name == BESSEL else 1
-            if len(args) != wanted:
-                raise BadInput(
-                    f"cannot read {shown(text)}: {name} takes {wanted} argument"
-                    f"{'s' * (wanted > 1)}, not {len(args)}."
-                )
-        case _:
-            good = isinstance(node, (*_OPERATORS, ast.Load))
-    if not good:
-        raise BadInput(
-            f"{shown(text)} holds {shown(ast.unparse(node))}, which no forcing may: use numbers, "
-            f"t, names of parameters, + - * / ** and {', '.join(sorted(NAMES))}, each of "
-            "something in parentheses."
-        )
-
-
-def _names(tree: ast.expr) -> set[str]:
-    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - NAMES
-
-
-def letters(tree: ast.expr) -> frozenset[str]:
-    """The names in a formula that need a value."""
-    return frozenset(_names(tree) - {"t", "pi"})
-
-
-def size(tree: ast.expr) -> int:
-    return sum(isinstance(node, ast.expr) for node in ast.walk(tree))
-
-
-def work(tree: ast.expr) -> int:
-    """What a sample costs, in additions; one of a function of Bessel's costs as much as 200."""
-    costs = {name: function.cost for name, function in FUNCTIONS.items()} | {BESSEL: 200}
-    calls = sum(costs.get(getattr(node, "id", ""), 0) for node in ast.walk(tree))
-    return size(tree) + calls + 10 * sum(isinstance(node, ast.Pow) for node in ast.walk(tree))
-
-
-# --- what half a period does ----------------------------------------------------------------------
-
-
-def parity(tree: ast.expr) -> int:
-    """-1 where the formula proves F(t + pi) = -F(t), 1 where F(t + pi) = F(t), else 0."""
-    match tree:
-        case ast.Name(id="t"):
-            return 0
-        case ast.UnaryOp(operand=operand):
-            return parity(operand)
-        case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
-            both = parity(left)
-            return both if both == parity(right) else 0
-        case ast.BinOp(left=left, op=ast.Mult() | ast.Div(), right=right):
-            return parity(left) * parity(right)
-        case ast.BinOp(left=left, right=right):
-            return _of_power(parity(left), parity(right), _number(right))
-        case ast.Call(func=ast.Name(id=name), args=[*order, argument]):
-            turns = _turns(argument)
-            if turns is not None and turns.is_integer() and name in ("sin", "cos", "sec", "csc"):
-                return -1 if turns % 2 else 1
-            if turns is not None and turns.is_integer() and name in ("tan", "cot"):
-                return 1
-            inner = parity(argument)
-            if name == BESSEL:
-                return _of_power(inner, parity(order[0]), _number(order[0]))
-            return FUNCTIONS[name].parity if inner == -1 else inner
-    return 1  # a number or a parameter
-
-
-def _of_power(base: int, exponent: int, number: float | None) -> int:
-    """Of x^n, and of J_n(x) alike."""
-    if exponent != 1 or base == 0:
-        return 0
-    if base == 1:
-        return 1
-    if number is None or not number.is_integer():
-        return 0
-    return -1 if number % 2 else 1
-
-
-def _number(tree: ast.expr) -> float | None:
-    """The value of a literal."""
-    match tree:
-        case ast.Constant():
-            return _float(tree.value)
-        case ast.UnaryOp(op=op, operand=ast.Constant(value=value)):
-            return -_float(value) if isinstance(op, ast.USub) else _float(value)
-    return None
-
-
-def _float(value: Any) -> float:
-    try:
-        return float(value)
-    except OverflowError:  # a whole number of more than 308 digits
-        return math.inf
-
-
-def _turns(tree: ast.expr) -> float | None:
-    """c of what is ``c t`` and something constant; None of anything else."""
-    match tree:
-        case ast.Name(id=name):
-            return 1.0 if name == "t" else 0.0
-        case ast.Constant():
-            return 0.0
-        case ast.UnaryOp(op=op, operand=operand):
-            inner = _turns(operand)
-            return -inner if inner is not None and isinstance(op, ast.USub) else inner
         case ast.BinOp(left=left, op=ast.Add() | ast.Sub() as op, right=right):
-            one, other = _turns(left), _turns(right)
-            both = one is not None and other is not None
-            return float(_ARITHMETIC[type(op)](one, other)) if both else None
-        case ast.BinOp(left=left, op=ast.Mult(), right=right):
-            for factor, rest in ((left, right), (right, left)):
-                number, inner = _number(factor), _turns(rest)
-                if number is not None and inner is not None:
-                    return number * inner
-    return None if "t" in _names(tree) else 0.0
+            yield from _terms(left, sign)
+            yield from _terms(right, sign if isinstance(op, ast.Add) else -sign)
+        case _:
+            value = _value(node)
+            yield lambda at: sign * value(at)
 
 
-# --- values ---------------------------------------------------------------------------------------
+def _value(node: ast.expr) -> Value:
+    """What a part of a formula comes to where its names have values; no other is let in."""
+    match node:
+        case ast.Constant(value=number) if type(number) in (int, float):
+            constant = np.float64(real(number))
+            return lambda at: constant
+        case ast.Name(id=name) if name not in FUNCTIONS:
+            return lambda at: at[name]
+        case ast.UnaryOp(op=op, operand=part) if type(op) in OPERATORS:
+            do, parts = OPERATORS[type(op)], [part]
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
+            do, parts = OPERATORS[type(op)], [left, right]
+        case ast.Call(func=ast.Name(id=name), args=parts, keywords=[]) if name in FUNCTIONS:
+            do, wanted = FUNCTIONS[name], "2 arguments" if name == "besselj" else "1 argument"
+            if len(parts) != int(wanted[0]):
+                raise BadInput(f"cannot read the formula: {name} takes {wanted}, not {len(parts)}.")
+            if name == "besselj" and _names(parts[0]) - {"pi"}:
+                raise BadInput("the order of besselj must be a number, no parameter or formula.")
+        case _:
+            raise BadInput(
+                f"the formula holds {shown(ast.unparse(node))}, which no forcing may: use numbers, "
+                f"t, names of parameters, + - * / ** and {', '.join(sorted(FUNCTIONS))}, each of "
+                "something in parentheses."
+            )
+    inner = [_value(part) for part in parts]
+    return lambda at: do(*[value(at) for value in inner])
 
 
-def evaluate(tree: ast.expr, values: Mapping[str, Dual]) -> Dual:
-    """The formula at what its names stand for: numbers, samples, or `Waves`."""
-    match tree:
-        case ast.Constant():
-            return Dual(np.float64(_float(tree.value)), {})
-        case ast.Name(id=name):
-            return values[name]
-        case ast.UnaryOp(op=op, operand=operand):
-            x = evaluate(operand, values)
-            return x if isinstance(op, ast.UAdd) else _chain(-x.value, (lambda: -1, x.slopes))
-        case ast.BinOp(left=left, op=op, right=right):
-            one, other = evaluate(left, values), evaluate(right, values)
-            if isinstance(op, ast.Pow):
-                _check_power(other.value, tree)
-            return _combined(type(op), one, other)
-        case ast.Call(func=ast.Name(id=name), args=args):
-            return _called(name, *(evaluate(one, values) for one in args))
-    raise AssertionError(tree)  # `parsed` lets nothing else pass
+# --- harmonics ------------------------------------------------------------------------------------
 
 
-Part = tuple[Callable[[], Any], Mapping[str, Any]]  # a partial derivative, and slopes inside
-
-
-def _chain(value: Any, *parts: Part) -> Dual:
-    slopes: dict[str, Any] = {}
-    for partial, inside in parts:
-        outer = partial() if inside else None
-        for name, slope in inside.items():
-            term = outer * slope
-            slopes[name] = slopes[name] + term if name in slopes else term
-    return Dual(value, slopes)
-
-
-def _combined(kind: type[ast.operator], one: Dual, other: Dual) -> Dual:
-    x, y = one.value, other.value
-    value = _ARITHMETIC[kind](x, y)
-    partials: dict[type[ast.operator], tuple[Callable[[], Any], Callable[[], Any]]] = {
-        ast.Add: (lambda: 1, lambda: 1),
-        ast.Sub: (lambda: 1, lambda: -1),
-        ast.Mult: (lambda: y, lambda: x),
-        ast.Div: (lambda: 1 / y, lambda: -value / y),
-        ast.Pow: (lambda: y * x ** (y - 1) if np.any(y) else 0.0, lambda: value * _log(x)),
-    }
-    first, second = partials[kind]
-    return _chain(value, (first, one.slopes), (second, other.slopes))
-
-
-def _log(x: Any) -> Any:
-    if isinstance(x, Waves):
-        raise NotExact
-    return np.log(x)
-
-
-def _check_power(exponent: Any, tree: ast.expr) -> None:
-    if not isinstance(exponent, Waves) and np.ndim(exponent) == 0 and abs(exponent) > LARGEST_POWER:
+@lru_cache(maxsize=256)  # residual, Jacobian and sensitivities ask for the same few in turn
+def _series_of(formula: Formula, values: tuple[tuple[str, float], ...]) -> dict[str, Series]:
+    """That of f under the name "", those of its slopes under the names of the parameters."""
+    params = dict(values)
+    size = 16
+    resolved: Any = np.False_
+    while not resolved.all() and size < FINEST:
+        size *= 2
+        formula.check_work(size)
+        with np.errstate(all="ignore"):  # what is not finite is refused by name
+            spectra, found, resolved = _expanded(formula, params, size)
+    at = " at " * bool(params) + ", ".join(f"{n} = {v:g}" for n, v in params.items())
+    what, largest = f"the forcing {shown(formula.text)}", float(abs(found[0]).max())
+    if not spectra[0].any():
         raise BadInput(
-            f"the power {shown(ast.unparse(tree))} is too high: powers up to {LARGEST_POWER} are "
-            "taken."
+            f"{what} is zero{at}; a breather needs one that moves it, for instance '-cos(t)'."
         )
+    if np.isfinite(largest):
+        check_size(largest, what)
+    for name, spectrum, row, fine in zip(["", *params], spectra, found, resolved, strict=True):
+        if name and not fine and abs(row).max() < 1e-15 * largest:
+            spectrum[:] = 0.0  # a slope that is nothing but rounding
+            continue
+        slope = f"the forcing {shown(f'd/d{name} of {formula.text}')}"
+        _check(slope if name else what, at, spectrum, row, fine)
+    floor = 1e-17 * float(abs(spectra[0]).max())
+    responses = [Series(response_of(spectrum, floor)) for spectrum in spectra]
+    return dict(zip(["", *params], responses, strict=True))
 
 
-def _called(name: str, *given: Dual) -> Dual:
-    if name == BESSEL:
-        return _bessel(*given)
-    (x, slopes), function = given[0], FUNCTIONS[name]
-    if isinstance(x, Waves):
-        if name not in ("sin", "cos"):
-            raise NotExact
-        sine, cosine = x.sine_and_cosine()
-        value, partial = (sine, cosine) if name == "sin" else (cosine, -sine)
-        return _chain(value, (lambda: partial, slopes))
-    y = function.value(x)
-    return _chain(y, (lambda: function.slope(x, y), slopes))
+def _expanded(
+    formula: Formula, params: Mapping[str, float], size: int
+) -> tuple[ComplexArray, FloatArray, Any]:
+    """Spectra of F and its slopes, in rows, their values, and whether so many samples do."""
+    t, turns, _ = _times(size)
+    at = {"t": t, "pi": np.float64(np.pi), **{n: np.float64(v) for n, v in params.items()}}
+    steps = 1j * STEP * np.eye(len(params))[:, :, None]
+    beside = at | {n: at[n] + step for n, step in zip(params, steps, strict=True)}
+    rows, values = np.zeros((2, 1 + len(params), t.size))
+    spectra, sizes = 0j * turns, abs(0.0 * turns)
+    resolved: Any = np.True_
+    for term in formula.terms:
+        rows[0] = term(at)
+        if params:
+            rows[1:] = np.imag(term(beside)) / STEP
+        own, fine = _chopped(spectrum_of(rows[:, :size]) * turns, rows)
+        spectra, sizes, values = spectra + own, sizes + abs(own), values + rows
+        resolved = resolved & fine
+    spectra[abs(spectra) < 4e-16 * sizes] = 0.0  # terms that cancel
+    # at last also terms that only their sum makes smooth
+    if size == FINEST and not resolved.all():
+        resolved = _chopped(spectra, values)[1]
+    return spectra, values, resolved
 
 
-def _bessel(order: Dual, argument: Dual) -> Dual:
-    n, x = order.value, argument.value
-    if isinstance(x, Waves) or isinstance(n, Waves):
-        raise NotExact
-    if np.ndim(n) or order.slopes:
-        raise BadInput(f"the order of {BESSEL} must be a number, not a parameter or a formula.")
-    from scipy import special  # dear to import
+@lru_cache(maxsize=16)
+def _times(size: int) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    """A grid over the period, the probes, and these three periods before; what turns a spectrum to
+    t = 0; and all waves at the probes."""
+    # between the multiples of pi/2, where jumps and poles are most of the time
+    grid = 2.0 * np.pi * (np.fft.fftfreq(size) + 0.5 / size)
+    m = np.arange(size // 2 + 1)
+    waves = np.exp(1j * np.multiply.outer(m, PROBES))
+    return np.r_[grid, PROBES, PROBES - 6.0 * np.pi], np.exp(-1j * np.pi / size * m), waves
 
-    partial = (lambda: 0.5 * (special.jv(n - 1, x) - special.jv(n + 1, x)), argument.slopes)
-    return _chain(special.jv(n, x), partial)
+
+def _chopped(spectra: ComplexArray, values: FloatArray) -> tuple[ComplexArray, Any]:
+    """Without what may be rounding of values, or of times where F is steep; and whether the rest
+    ends well below half of the harmonics. In between the samples too: one beyond all of them looks
+    like one of these on the grid."""
+    size, m = values.shape[1] - 12, np.arange(spectra.shape[1])
+    sizes = abs(spectra)
+    largest = sizes.max(axis=1)
+    rounding = 2e-16 * largest + 1.5e-16 * (m * sizes).max(axis=1)
+    parts = spectra.view(float)
+    parts[abs(parts) < rounding[:, None]] = 0.0
+    tail = abs(spectra[:, size // 4 + 1 :]).max(axis=1)
+    there = np.einsum("nm,mt->nt", spectra, _times(size)[2]).real  # `@` would start threads
+    missed = abs(there - values[:, size:-6]).max(axis=1)
+    fine = (tail <= 4e-15 * largest) & (missed <= 1e-13 * largest + 10.0 * rounding)
+    return spectra, fine & largest.any()  # all zero: perhaps but for a peak that no sample saw
 
 
-class Waves:
-    """``rate t + sum of c_m exp(i m t)``, m from -M to M, exact but for rounding."""
+def _check(what: str, at: str, spectrum: ComplexArray, row: FloatArray, resolved: bool) -> None:
+    """That F, or a slope of it, is finite, antisymmetric, resolved and 2 pi periodic."""
+    size, even = float(abs(row).max()), abs(spectrum[::2])
+    if not size <= LARGEST:
+        raise BadInput(f"{what} is not a finite real number at every t{at}.")
+    # what is not resolved may be so steep that the rounding of times shows
+    if np.linalg.norm(even) > (1e-12 if resolved else 1e-6) * np.linalg.norm(spectrum):
+        raise BadInput(
+            f"{what} is not antisymmetric: over a period it has the even harmonic "
+            f"{2 * even.argmax()}; the breather needs F(t + pi) = -F(t), odd harmonics only."
+        )
+    if not resolved:
+        raise BadInput(
+            f"{what} is not resolved by {FINEST // 4} harmonics (a jump, a kink, a pole, too steep "
+            "a flank?); give the harmonics you mean with Fourier."
+        )
+    if abs(row[-12:-6] - row[-6:]).max() > 1e-9 * size:
+        raise BadInput(f"{what} is not 2 pi periodic.")
 
-    __slots__ = ("c", "cost", "rate")
-    __array_ufunc__ = None  # numpy's numbers leave arithmetic with these to us
 
-    def __init__(self, c: Any, rate: float = 0.0, cost: int = 0) -> None:
-        self.c, self.rate, self.cost = c, rate, cost
+# --- the forcing ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class Symbolic(Periodic):
+    """A formula (or sympy expression) in ``t`` for F/a; other names in it are parameters.
+
+    It is expanded in odd harmonics, each term until the rest is below 4e-15 of its largest one.
+    Nothing is executed. What no breather can have (not antisymmetric, with a mean, not 2 pi
+    periodic, not finite, with jumps, kinks or poles) is `BadInput`, and so is what would take long.
+
+    Parameters
+    ----------
+    expression : str or sympy.Expr
+        For instance ``"-cos(t) - 2.7*cos(3*t)"`` or ``"-cos(t)/(1 + e*cos(2*t))"``; ^ is a power.
+    **params : float
+        A value for every free symbol other than t. The names a, gamma, k, p, phi are taken.
+
+    Examples
+    --------
+    >>> forcing = Symbolic("-cos(t) - c*cos(3*t)", c=2.7)
+    >>> round(forcing.f(0.0), 14), round(forcing.at(c=0.9).f(0.0), 14)
+    (1.3, 1.1)
+    """
+
+    expression: str
+    values: tuple[tuple[str, float], ...]
+
+    def __init__(self, expression: str | sympy.Expr, /, **params: float) -> None:
+        formula = _read(str(expression))
+        _check_names(formula, params)
+        object.__setattr__(self, "expression", formula.text)
+        object.__setattr__(self, "values", tuple((n, float(params[n])) for n in sorted(params)))
+        series = _series_of(formula, self.values)
+        object.__setattr__(self, "_series", series[""])
+        object.__setattr__(self, "_slopes", {name: series[name] for name in params})
 
     @property
-    def spectrum(self) -> dict[int, complex]:
-        """``{m: C_m - i S_m}`` for m from 0."""
-        if self.rate:
-            raise NotExact
-        middle = len(self.c) // 2
-        return {m: complex((2 if m else 1) * c) for m, c in enumerate(self.c[middle:])}
+    def params(self) -> dict[str, float]:
+        return dict(self.values)
 
-    def __neg__(self) -> Waves:
-        return Waves(-self.c, -self.rate, self.cost)
+    def _with(self, params: dict[str, float]) -> Symbolic:
+        return Symbolic(self.expression, **params)
 
-    def __add__(self, other: Any) -> Waves:
-        if not isinstance(other, Waves):
-            other = Waves(np.array([other], dtype=complex))
-        short, long = sorted((self.c, other.c), key=len)
-        margin = (len(long) - len(short)) // 2
-        total = long.copy()
-        total[margin : margin + len(short)] += short
-        return Waves(total, self.rate + other.rate, self.cost + other.cost)
+    def describe(self) -> str:
+        return f"F = a ({self.expression})" + "".join(f", {n} = {v:.6g}" for n, v in self.values)
 
-    def __sub__(self, other: Any) -> Waves:
-        return self + -other
+    def __repr__(self) -> str:
+        return f"Symbolic({self.expression!r}{''.join(f', {n}={v!r}' for n, v in self.values)})"
 
-    def __rsub__(self, other: Any) -> Waves:
-        return -self + other
 
-    def __mul__(self, other: Any) -> Waves:
-        if not isinstance(other, Waves):
-            return Waves(self.c * other, self.rate and self.rate * other, self.cost)
-        cost = self.cost + other.cost + len(self.c) * len(other.c)
-        if self.rate or other.rate or cost > PRODUCTS:
-            raise NotExact
-        if len(self.c) + len(other.c) > 2 * HIGHEST + 2:
-            raise NotExact
-        return Waves(np.convolve(self.c, other.c), 0.0, cost)
+def _check_names(formula: Formula, params: Mapping[str, float]) -> None:
+    def listed(names: frozenset[str]) -> str:
+        return shown(", ".join(sorted(names))).strip("'")
 
-    __radd__ = __add__
-    __rmul__ = __mul__
+    for name, value in params.items():
+        if not is_finite(value):
+            raise BadInput(f"forcing parameter {name} = {value!r} is not a finite number.")
+    text, free, given = shown(formula.text), formula.letters, frozenset(params)
+    if taken := free & set(RESERVED):
+        raise BadInput(
+            f"{listed(taken)} in {text}: the names {', '.join(RESERVED)} are taken (the "
+            "amplitude a multiplies any forcing by itself); rename it."
+        )
+    if missing := free - given:
+        raise BadInput(f"{text} needs a value for {listed(missing)}; the time is t.")
+    if unknown := given - free:
+        have = listed(free) or "none"
+        raise BadInput(f"unknown forcing parameter {listed(unknown)}: {text} has {have}.")
 
-    def __truediv__(self, other: Any) -> Waves:
-        if isinstance(other, Waves):
-            raise NotExact
-        return Waves(self.c / other, self.rate and self.rate / other, self.cost)
 
-    def __rtruediv__(self, other: Any) -> Waves:
-        raise NotExact
+def forcing_of(given: Forcing | str | sympy.Expr | None, /, **params: float) -> Forcing:
+    """A forcing from what was given: itself, a formula in t with values of the parameters in it, or
+    nothing for the harmonic one.
 
-    __rpow__ = __rtruediv__
-
-    def __pow__(self, n: Any) -> Waves:
-        if isinstance(n, Waves) or not float(n).is_integer() or n < 0:
-            raise NotExact
-        return math.prod([self] * int(n), start=Waves(np.ones(1, dtype=complex)))
-
-    def sine_and_cosine(self) -> tuple[Waves, Waves]:
-        """Of what is a multiple of t and a constant."""
-        middle = len(self.c) // 2
-        shift = self.c[middle].real
-        if np.count_nonzero(self.c) > (shift != 0.0) or not float(self.rate).is_integer():
-            raise NotExact
-        if abs(self.rate) > HIGHEST:
-            raise BadInput(
-                f"the forcing has the harmonic {abs(self.rate):.10g}: harmonics up to {HIGHEST} "
-                "are resolved in time."
-            )
-        # pi is rounded: where a quarter turn is meant, the other part would not quite vanish
-        parts = np.array([np.cos(shift), np.sin(shift)])
-        parts[abs(parts) < 4e-16 * min(max(1.0, abs(shift)), 100.0)] = 0.0
-        half = 0.5 * complex(*parts)
-        return self._pair(-1j * half), self._pair(half)
-
-    def _pair(self, half: complex) -> Waves:
-        """``half exp(i m t)`` and its conjugate, m the rate."""
-        m = int(self.rate)
-        c = np.zeros(2 * abs(m) + 1, dtype=complex)
-        c[abs(m) + m] += half
-        c[abs(m) - m] += half.conjugate()
-        return Waves(c, 0.0, self.cost)
+    Examples
+    --------
+    >>> forcing_of("-cos(t) - 2.7*cos(3*t)").highest
+    3
+    """
+    given = HARMONIC if given is None else given
+    if isinstance(given, str) and given.replace(" ", "") == HARMONIC and not params:
+        return Harmonic()
+    if isinstance(given, str) or hasattr(given, "free_symbols"):
+        return Symbolic(given, **params)
+    if isinstance(given, type) or not hasattr(given, "harmonics"):
+        raise BadInput(
+            f"forcing = {given!r}: F/a was expected, a formula in t such as '-cos(t)', or a "
+            "Harmonic, Fourier, Symbolic or Samples."
+        )
+    return given

@@ -46,9 +46,9 @@ class Held(Periodic):
     def params(self) -> dict[str, float]:
         return {**self.of.params, "spring": self.spring}
 
-    def at(self, **params: float) -> Held:
-        own = {name: value for name, value in params.items() if name != "spring"}
-        return held(self.of.at(**own) if own else self.of, params.get("spring", self.spring))
+    def _with(self, params: dict[str, float]) -> Held:
+        spring = params.pop("spring")
+        return held(self.of.at(**params), spring)
 
     def _slope(self, name: str) -> Series:
         """In a parameter of the forcing or in the spring."""

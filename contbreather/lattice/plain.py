@@ -14,9 +14,9 @@ import numpy as np
 from contbreather.continuation.recipes import NotPlain
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import OWN, Conditions, Pair, Walls
-from contbreather.lattice.expression import Symbolic
 from contbreather.lattice.finite import Lattice
 from contbreather.lattice.forcing import Fourier, Harmonic, Samples
+from contbreather.lattice.formula import Symbolic
 from contbreather.lattice.held import Held, held
 from contbreather.lattice.modes import InfiniteChain, Ring
 

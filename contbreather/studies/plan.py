@@ -10,13 +10,12 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidato
 
 from contbreather.breathers.zones import PAIRS
 from contbreather.checks import number, spread
-from contbreather.lattice import Forcing, Harmonic, Symbolic, check_gamma
+from contbreather.lattice import Forcing, check_gamma, forcing_of
 from contbreather.lattice.conditions import check_amplitude, restitution_ratio
 from contbreather.lattice.typed import lattice_by, walls_by
 from contbreather.stability.verdict import THRESHOLD
 
 SPREAD = {"from", "to", "count"}
-HARMONIC = "-cos(t)"
 WANTED = "a value"
 
 
@@ -82,7 +81,7 @@ class Chain(Table):
     """What breathers live on, and what drives it."""
 
     lattice: str | None = None
-    forcing: str = HARMONIC
+    forcing: str = "-cos(t)"
     parameters: dict[str, float] = Field(default_factory=dict)
     threshold: float | None = None
     damping: Least = 0.0
@@ -108,9 +107,7 @@ class Chain(Table):
 
     @property
     def drive(self) -> Forcing:
-        if self.forcing.replace(" ", "") == HARMONIC and not self.parameters:
-            return Harmonic()
-        return Symbolic(self.forcing, **self.parameters)
+        return forcing_of(self.forcing, **self.parameters)
 
     @property
     def verge(self) -> float:

@@ -122,7 +122,6 @@ def test_formulas_that_are_no_polynomials_are_found_to_rounding(e):
         exact += (t - mp.pi / 2) * mp.quad(force, [0, mp.pi / 2])
         assert abs(forcing.f(0.7) - float(exact)) < 2e-15 * max(1, forcing.peak())
         assert abs(forcing.d2f(0.7) - float(force(0.7))) < 2e-14
-    assert "verified symbolically" in forcing.describe()
 
 
 def test_bessel_forcing_has_the_harmonics_of_jacobi_and_anger():
@@ -247,7 +246,7 @@ def test_a_forcing_says_what_it_is() -> None:
     assert repr(both) == "Fourier(cos={1: -1.0, 3: 0.25}, sin={1: 0.5, 5: -2.0})"
     assert both.highest == 5
     assert both.params == {"c1": -1.0, "c3": 0.25, "s1": 0.5, "s5": -2.0}
-    assert Symbolic("-c*cos(t)", c=1.5).describe().startswith("F = a (-c * cos(t)), c = 1.5; anti")
+    assert Symbolic("-c*cos(t)", c=1.5).describe() == "F = a (-c * cos(t)), c = 1.5"
     assert Harmonic().highest == 1
     assert Harmonic().params == {}
     assert Harmonic().peak() == 1.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 import sys
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy import special
 
 import contbreather as cb
 from contbreather.errors import BadInput
-from contbreather.lattice import Fourier, Symbolic, formula
+from contbreather.lattice import Fourier, Symbolic
 
 from ..apart import ended
 
@@ -29,10 +30,6 @@ def by_python(text: str, t: np.ndarray, **params: float) -> np.ndarray:
     return np.asarray(
         eval(text.replace("^", "**"), {"__builtins__": {}}, WORDS | params | {"t": t})
     )
-
-
-def proof_of(text: str, **params: float) -> str:
-    return cb.Symbolic(text, **params).describe().rsplit(" ", 1)[1]
 
 
 # --- values -----------------------------------------------------------------------------------
@@ -64,7 +61,7 @@ def proof_of(text: str, **params: float) -> str:
     ],
 )
 def test_a_formula_is_what_python_makes_of_it(text: str) -> None:
-    params = {"c": 0.7} if "c" in formula.letters(formula.parsed(text)) else {}
+    params = {"c": 0.7} if re.search(r"\bc\b", text) else {}
     forcing, exact = cb.Symbolic(text, **params), by_python(text, TIMES, **params)
     np.testing.assert_allclose(forcing.d2f(TIMES), exact, rtol=0, atol=3e-13 * np.ptp(exact))
 
@@ -76,20 +73,15 @@ def test_a_power_written_as_physicists_do_binds_as_they_mean() -> None:
         assert one == other
 
 
-@pytest.mark.parametrize("name", sorted(formula.FUNCTIONS))
-def test_slope_and_parity_of_each_function_are_those_of_its_values(name: str) -> None:
+@pytest.mark.parametrize("name", sorted(WORDS.keys() - {"pi", "besselj"}))
+def test_each_function_has_the_values_and_slopes_of_its_name(name: str) -> None:
     """Differences at h = 1e-6 are good to about 1e-9."""
-    function, x, h = formula.FUNCTIONS[name], np.array([0.2, 0.55, 0.9]), 1e-6
-    slope = (function.value(x + h) - function.value(x - h)) / (2 * h)
-    np.testing.assert_allclose(function.slope(x, function.value(x)), slope, rtol=1e-8, atol=1e-9)
-    np.testing.assert_allclose(function.value(x), WORDS[name](x), rtol=1e-15)
-    with np.errstate(invalid="ignore"):
-        mirrored = function.value(-x)
-    same = {1: 1, -1: -1, 0: None}[function.parity]
-    if same is None:
-        assert not np.allclose(abs(mirrored), abs(function.value(x)))
-    else:
-        np.testing.assert_allclose(mirrored, same * function.value(x))
+    h, text = 1e-6, f"{name}(c + 0.3*sin(t)**2)*cos(t)"
+    forcing, up, down = (cb.Symbolic(text, c=0.4 + x) for x in (0.0, h, -h))
+    exact = by_python(text, TIMES, c=0.4)
+    np.testing.assert_allclose(forcing.d2f(TIMES), exact, rtol=0, atol=1e-14 * np.ptp(exact))
+    slope = (up.d2f(0.7) - down.d2f(0.7)) / (2 * h)
+    assert forcing.f_param("c", 0.7, 2) == pytest.approx(slope, rel=1e-8, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -127,62 +119,65 @@ def test_slope_in_a_parameter_is_its_difference_quotient(text: str) -> None:
         "besselj(3, sin(t)) + besselj(2, sin(t))*cos(t)",
         "atan(cos(3*t + 1))/(2 + tan(cos(t))**2)",
         "cos(t)*tanh(tan(2 + cos(2*t)/9))*Abs(1 + sin(t)**2)",
-        "sec(cos(t))*sin(-t)",
         "-cos(t - 7*t)*cos(t)",
         "tanh(cos(1.5*t + -0.5*t))",
         "cos(t) + cos(2*t) - cos(2*t)",
-    ],
-)
-def test_antisymmetry_that_the_formula_shows_is_proven(text: str) -> None:
-    assert proof_of(text) == "symbolically"
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "-cos(t)/(2 + cos(t) + cos(t + 3.141592653589793))",
+        "cos(t) + 1e5*cos(2*t) - 1e5*cos(2*t)",
+        "cos(t) + t - t",
+        "cos(t) + Abs(cos(t)) - Abs(cos(t))",
         "exp(log(2 + cos(2*t)))*cos(t)*Abs(t - 300)/(300 - t)",
         "cos(t)*(1 + 1e-13*cos(t))",
+        "sinh(90*cos(t))",
+        "sin(1001*t)",
     ],
 )
-def test_antisymmetry_to_rounding_only_is_said_to_be_numerical(text: str) -> None:
-    assert proof_of(text) == "numerically"
+def test_whatever_half_a_period_turns_is_taken(text: str) -> None:
+    exact, scale = by_python(text, TIMES), np.abs(by_python(text, TIMES)).max()
+    # rounding of 1001 t, of 1e5, of 90 cos t
+    np.testing.assert_allclose(cb.Symbolic(text).d2f(TIMES), exact, rtol=0, atol=3e-11 * scale)
 
 
 def some(depth: int, pick: random.Random) -> str:
     if not depth:
         return pick.choice(["cos(t)", "sin(3*t)", "cos(2*t)", "cos(t + 1)", "2", "c", "tan(t)"])
     one, other = some(depth - 1, pick), some(depth - 1, pick)
-    name = pick.choice([*sorted(formula.FUNCTIONS), "besselj(2, ", "besselj(3, "]).rstrip("(")
+    name = pick.choice([*sorted(WORDS.keys() - {"pi", "besselj"}), "besselj(2, ", "besselj(3, "])
     call = f"{name}{one})" if "," in name else f"{name}({one})"
     return pick.choice(
         [call, f"({one}{pick.choice('+-*/')}{other})", f"({one})**{pick.choice('234')}"]
     )
 
 
-def test_whatever_half_a_period_is_said_to_do_it_does() -> None:
-    """600 random formulas: where a parity is claimed, the values have it."""
-    pick, claimed = random.Random(20), {-1: 0, 0: 0, 1: 0}
-    t = np.array([0.3, 1.1, 2.3, 4.4])
+def test_what_is_taken_is_what_python_makes_of_it_and_what_is_not_has_no_antisymmetry() -> None:
+    """600 random formulas."""
+    pick, t = random.Random(20), np.array([0.3, 1.1, 2.3, 4.4])
+    taken = refused = 0
     for _ in range(600):
         text = some(pick.randrange(1, 4), pick)
-        parity = formula.parity(formula.parsed(text))
-        claimed[parity] += 1
+        params = {"c": 0.7} if re.search(r"\bc\b", text) else {}
         with np.errstate(all="ignore"):
-            here, there = by_python(text, t, c=0.7), by_python(text, t + np.pi, c=0.7)
-        if parity and np.isfinite(here).all() and np.max(np.abs(here)) < 1e3:
-            np.testing.assert_allclose(there, parity * here, rtol=1e-6, atol=1e-9)
-    assert min(claimed.values()) > 50
+            here, there = (np.broadcast_to(by_python(text, x, **params), 4) for x in (t, t + np.pi))
+        try:
+            found = cb.Symbolic(text, **params).d2f(t)
+        except BadInput as error:
+            if "is not antisymmetric" in str(error) and "d/dc" not in str(error):
+                refused += 1
+                assert not np.allclose(here, -there, rtol=1e-9, atol=0)
+        else:
+            taken += 1
+            np.testing.assert_allclose(found, here, rtol=0, atol=1e-13 * np.abs(here).max())
+    assert taken > 40
+    assert refused > 200
 
 
 # --- how small is nothing ---------------------------------------------------------------------
 
 
 def test_quarter_turns_are_exact_and_the_smallest_others_are_kept() -> None:
-    assert cb.Symbolic("cos(t + pi/2)").harmonics == ((1, 0.0, 1.0),)
-    assert cb.Symbolic("sin(3*t - pi)").harmonics == ((3, 0.0, 1 / 9),)
+    assert cb.Symbolic("cos(t + pi/2)").harmonics == ((1, 0.0, pytest.approx(1.0, abs=3e-16)),)
+    assert cb.Symbolic("sin(3*t - pi)").harmonics == ((3, 0.0, pytest.approx(1 / 9, abs=3e-17)),)
     ((_, cosine, sine),) = cb.Symbolic("cos(t + 1e-14)").harmonics
-    assert (cosine, sine) == (-1.0, pytest.approx(1e-14, rel=1e-6))
+    assert (cosine, sine) == (pytest.approx(-1.0, abs=3e-16), pytest.approx(1e-14, abs=3e-16))
 
 
 def test_harmonics_are_kept_down_to_rounding() -> None:
@@ -196,13 +191,12 @@ def test_harmonics_are_kept_down_to_rounding() -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("cos(t)*(1 + 1e-11*cos(t))", "has the even harmonic 0"),
+        ("cos(t)*(1 + 1e-11*cos(t))", "has the even harmonic [02]"),
         ("cos(t) + 1e-11*cos(2*t)", "has the even harmonic 2"),
         ("tanh(cos(t)) + 1e-11", "not antisymmetric"),
         ("(1 + 1e-8*sign(t + 9))*tanh(cos(t))", "not 2 pi periodic"),
         ("cos(t)**(3 + e)", "d/de of .* is not a finite real number"),
         ("cos(t) + e*cos(2*t)", "d/de of .* has the even harmonic 2"),
-        ("sinh(90*cos(t))", "a pole, or a peak like one"),
     ],
 )
 def test_what_is_small_but_no_rounding_is_refused(text: str, says: str) -> None:
@@ -219,18 +213,18 @@ def test_a_high_peak_is_no_pole() -> None:
 
 REFUSED = {
     "9^9^9^9*cos(t)": "powers up to 99",
-    "cos(t)/0": "not finite",
+    "cos(t)/0": "not a finite real number",
     "cos(t)**(99*99)": "powers up to 99",
     "cos(t)**1e308": "powers up to 99",
     "10**400*cos(t)": "powers up to 99",
     "cos(t)**0.5": "not a finite real number",
-    "cos(t)**-1": "a pole, or a peak like one",
-    "cos(t)**-3": "a pole, or a peak like one",
+    "cos(t)**-1": "not resolved by 2048 harmonics",
+    "cos(t)**-3": "not resolved by 2048 harmonics",
     "((cos(t)**99)**99)**99": "not resolved by 2048 harmonics",
-    "cos(9999999*t)": "harmonic 9999999: harmonics up to 1001 are resolved",
-    "cos(1e300*t)": "harmonics up to 1001 are resolved",
+    "cos(9999999*t)": "not resolved by 2048 harmonics",
+    "cos(1e300*t)": "not antisymmetric",
     "exp(1000*cos(t))*cos(t)": "not a finite real number at every t",
-    "sinh(700*cos(t))": "a pole, or a peak like one: it reaches 5.1e[+]303",
+    "sinh(700*cos(t))": "reaches 5.1e[+]303, too large",
     "not cos(t)": "holds 'not cos[(]t[)]'",
     "~cos(t)": "holds '~cos[(]t[)]'",
     "cos(t) % 2": "holds 'cos[(]t[)] % 2'",
@@ -239,17 +233,17 @@ REFUSED = {
     "True*cos(t)": "holds 'True'",
     "1j*cos(t)": "holds '1j'",
     "sin*cos(t)": "holds 'sin', which no forcing may: .* each of something in parentheses",
-    "cos(t=1)": "cos takes 1 argument, not 0",
+    "cos(t=1)": "holds 'cos[(]t=1[)]'",
     "cos(*t)": r"holds '\*t'",
     "besselj(t)": "besselj takes 2 arguments, not 1",
     "besselj(cos(t), t)": "the order of besselj must be a number",
     "besselj(c, cos(t))": "the order of besselj must be a number",
     "1e308*cos(t)": "reaches 1e[+]308, too large to be computed with",
-    "1e999*cos(t)": "not finite",
-    "1" * 400 + "*cos(t)": "not finite",
+    "1e999*cos(t)": "not a finite real number",
+    "1" * 400 + "*cos(t)": "not a finite real number",
     "1" * 5000 + "*cos(t)": "not a formula",
     "cos(t)/(cos(t) - cos(t))": "not a finite real number",
-    "1/cos(t)": "has a pole, or a peak like one",
+    "1/cos(t)": "not resolved .* a pole",
     "tanh(1e5*cos(t))": "not resolved by 2048 harmonics",
     "exp(-t/1e4)*cos(t)": "not antisymmetric",
     "cos(t)*sign(t + 9)": "not 2 pi periodic",
@@ -288,10 +282,6 @@ def test_a_parameter_may_have_any_name_that_is_free(name: str) -> None:
         assert forcing.at(**{name: 3.0}).params == {name: 3.0}
         with pytest.raises(BadInput, match=f"needs a value for {name}"):
             cb.Symbolic(text)
-
-
-def test_sentences_quote_no_more_than_a_line() -> None:
-    assert len(formula.shown("+".join(["cos(t)"] * 99))) == formula.SHOWN + 2
 
 
 @pytest.mark.parametrize("size", [1e101, 1e308])
