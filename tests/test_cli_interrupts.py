@@ -192,7 +192,7 @@ def test_sigterm_ends_workers_too_and_leaves_nothing_to_clean_up(
     tmp_path: Path, line: str, to_all: bool
 ) -> None:
     (tmp_path / "study.toml").write_text("[zones.z]\nk = {from = 0.3, to = 0.9, count = 400}\n")
-    with process(line, tmp_path) as one:
+    with begun("-m", "contbreather", *shlex.split(line), cwd=tmp_path) as one:
         until(lambda: workers_of(one.pid) or one.poll() is not None)
         workers = workers_of(one.pid)
         os.killpg(one.pid, signal.SIGTERM) if to_all else one.terminate()
@@ -204,7 +204,8 @@ def test_sigterm_ends_workers_too_and_leaves_nothing_to_clean_up(
 
 def test_after_sigterm_nothing_is_shown_but_a_stream_keeps_what_there_was(tmp_path: Path) -> None:
     line = "simulate --a 0.1 --gamma 0.04 --k 0.8 --sites 4 --periods 1000000000 --stream kept"
-    with process(f"{line} --final f.json", tmp_path) as one:
+    command = shlex.split(f"{line} --final f.json")
+    with begun("-m", "contbreather", *command, cwd=tmp_path) as one:
         parts = tmp_path / "kept"
         until(lambda: len(list(parts.glob("[!.]*.npz"))) > 1 or one.poll() is not None)
         one.terminate()
