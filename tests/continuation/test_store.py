@@ -451,7 +451,7 @@ def test_every_damaged_file_is_one_sentence_before_hdf5_sees_it(
             same(branch, load(path))
             continue
         with monkeypatch.context() as patch:
-            patch.setattr(h5py, "File", hang)
+            patch.setattr(h5py.File, "__init__", hang)
             with pytest.raises(BadInput) as caught:
                 load(path)
         assert "\n" not in str(caught.value)
