@@ -65,6 +65,7 @@ def atlas(
         "threshold": on.threshold,
         "forcing": on.forcing,
         "within": plane.within,
+        "past_folds": plane.past_folds,
         "executor": workers,
         **fixed,
         **further,
