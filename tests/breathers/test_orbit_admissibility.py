@@ -106,7 +106,7 @@ def test_far_field_carries_the_offset():
 
 def test_an_orbit_through_its_own_wall_is_called_none():
     # small k: the site is pushed back onto the wall it has just left
-    orbit = symmetric(0.99, 0.0, 0.02).unfolded()
+    orbit = symmetric(0.99, 0.0, 0.02, root=1).unfolded()
     verdict = orbit.admissibility()
     assert not verdict
     assert verdict.site == 0
