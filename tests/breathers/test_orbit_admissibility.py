@@ -60,7 +60,7 @@ def brute(orbit, reach=40):
 def test_the_highest_idle_site_is_found_among_all():
     beyond = asymmetric(1.1, 0.1, 0.5, inadmissible=True)
     orbits = [asymmetric(0.82, 0.04, 0.8), beyond.on(Ring(7))]
-    b = symmetric(0.5, 0.2, 0.8)
+    b = symmetric(0.5, 0.2, 0.8, root=1)
     for bonds in (1, 2, 6):
         # the margins do not ask whether it solves anything
         guess = orbit_of(
