@@ -144,7 +144,7 @@ def test_people_read_a_verdict_that_names_its_chain_and_threshold(
 
 
 def test_solution_through_a_wall_is_not_called_a_breather(run: Run) -> None:
-    line = "point --a 0.95 --gamma 0.1 --k 0.8"
+    line = "point --a 0.95 --gamma 0.1 --k 0.8 --root 1"
     assert "No breather: site 1 reaches |u| = 1.15925" in run(line)[1]
     content = strict(run(f"{line} --json")[1])
     assert content["admissible"] is False
@@ -155,8 +155,8 @@ def test_nothing_is_said_of_the_stability_of_what_is_no_breather(
     run: Run,
 ) -> None:
     """Its multipliers are inside the circle, but the chain has no such motion."""
-    assert cb.symmetric(0.9, 0.1, 0.8).stability().unstable == 0
-    line = "point --a 0.9 --gamma 0.1 --k 0.8 --sites 40"
+    assert cb.symmetric(0.9, 0.1, 0.8, root=1).stability().unstable == 0
+    line = "point --a 0.9 --gamma 0.1 --k 0.8 --sites 40 --root 1"
     out = run(line)[1]
     assert "stable" not in out.replace("stability", "")
     assert "Nothing is said of its stability" in out
@@ -176,6 +176,26 @@ def test_any_root_can_be_asked_for(run: Run) -> None:
         assert [one["p"] for one in content["other_roots"]] == [
             other.p for other in roots if other is not root
         ]
+
+
+def test_the_point_is_the_root_that_is_admissible(run: Run) -> None:
+    line = "point --a 0.79 --gamma 0.2 --k 0.8"
+    upper, lower = cb.breathers.symmetric_roots(0.79, 0.2, 0.8)
+    content = strict(run(f"{line} --json")[1])
+    assert (content["root"], content["p"], content["admissible"]) == (2, lower.p, True)
+    (other,) = content["other_roots"]
+    assert (other["p"], other["admissible"]) == (upper.p, False)
+    assert "Further roots of (11): p = 0.566994652 (not admissible)." in run(line)[1]
+
+
+def test_zones_of_both_families_are_drawn_when_asked_for(run: Run) -> None:
+    line = "zones --k 0.8 --gamma-window 0.15 0.2 --a-window 0.3 1.2"
+    assert "a lower one, p = " in run(f"{line} --csv zones.csv")[1]
+    told = strict(run(f"{line} --json")[1])["zones"][0]["regions"]
+    assert any(p is not None for region in told for p in region["lower"])
+    assert "a lower one" not in run(f"{line} --past-folds --csv zones.csv")[1]
+    told = strict(run(f"{line} --past-folds --json")[1])["zones"][0]["regions"]
+    assert {region["verdict"] for region in told} == {"US"}
 
 
 def test_branch_starts_at_the_root_that_was_asked_for(run: Run) -> None:

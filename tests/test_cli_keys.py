@@ -48,6 +48,7 @@ COMMANDS = {
     "point --a .5 --gamma .08 --k .8 --sites 12": (
         f"{BREATHER} chi damping spring forcing root admissible max_neighbour margin reason stable"
         " unstable certain over_reflecting multipliers other_roots[].p other_roots[].phi"
+        " other_roots[].admissible"
         " ring.sites ring.threshold ring.largest ring.unstable",
         {},
     ),
@@ -77,7 +78,8 @@ COMMANDS = {
     "zones --k 0.8 --gamma-window 0.05 0.08": (
         f"{SAID} zones[].fixed.k zones[].pair {under('zones[].curves[]', 'curve gamma a p phi t')}"
         f" zones[].curves[].labels {under('zones[].points[]', f'{BREATHER} meeting')}"
-        " zones[].regions[].verdict zones[].regions[].unstable zones[].regions[].outline[]",
+        " zones[].regions[].verdict zones[].regions[].unstable zones[].regions[].lower"
+        " zones[].regions[].outline[]",
         {"--csv": "k,curve,gamma,a,p,phi,nu,t,piece,label"},
     ),
     "simulate --a .2 --gamma .04 --k .8 --sites 3 --periods 3": (

@@ -100,7 +100,7 @@ OF_THE_CHAIN = {
     ),
     "unknown direction": (f"{BRANCH} --towards left", r'"both", "up", "down"'),
     "window above existence": (
-        f"{BRANCH} --window 0.9 0.95",
+        f"{BRANCH} --window 0.9 0.95 --root 1",
         r"no breather .* between 0\.9 and 0\.95: .*\(15\) is broken",
     ),
     "window below existence": (f"{BRANCH} --window 0.01 0.05", r"no breather .* below the fold"),
@@ -113,7 +113,7 @@ OF_THE_CHAIN = {
         r"contains no breather",
     ),
     "start outside of the window": (f"{BRANCH} --a 0.7 --window 0.1 0.6", r"outside of the window"),
-    "start that is no breather": (f"{BRANCH} --a 0.95", r"\(15\) is broken"),
+    "start that is no breather": (f"{BRANCH} --a 0.95 --root 1", r"\(15\) is broken"),
     "zones in an empty window": ("zones --gamma-window 0.3 0.4", r"contains no breather"),
     "zones above existence": (
         "zones --k 0.8 --gamma-window 0.2 0.24 --a-window 0.9 0.99",
@@ -298,11 +298,11 @@ OF_RUNS = {
     "coupling": ("simulate --a 0.1 --gamma 0.3 --k 0.8", r"0 <= gamma < 1/4"),
     "no breather": ("simulate --a 0.05 --gamma 0.1 --k 0.8", r"the smallest a is 0\.057"),
     "through a wall": (
-        "simulate --a 0.95 --gamma 0.1 --k 0.8",
+        "simulate --a 1.05 --gamma 0.1 --k 0.8",
         r"site 1 reaches .* give a state with --start",
     ),
     "through a wall, one stop": (
-        "simulate --a 0.99 --gamma 0.2 --k 0.8",
+        "simulate --a 1.05 --gamma 0.2 --k 0.8",
         r"[^.]; give a state with --start instead\n",
     ),
     "half a site": (f"{LOST} --sites 2.5", r"--sites: 2\.5 is not a whole number"),

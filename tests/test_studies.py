@@ -374,7 +374,7 @@ def test_every_key_of_a_study_reaches_the_library(
         ],
         "fixed": [
             ("find_symmetric", ("gamma", (0.03, 0.03)),
-             {"root": 1, "a": 0.5, "gamma": 0.03, "k": 0.9, **on, "forcing": drives[1]}),
+             {"a": 0.5, "gamma": 0.03, "k": 0.9, **on, "forcing": drives[1]}),
             ("problem_with", (arm, "gamma"), {"threshold": 1.005}),
             ("trace", (arm, "gamma"), {"within": {"gamma": window_of("gamma")}, **quiet}),
         ],
@@ -390,7 +390,7 @@ def test_every_key_of_a_study_reaches_the_library(
         ],
         "soft": [
             ("find_symmetric", ("a", (0.3, 0.6)),
-             {"root": 1, "gamma": 0.04, "k": 0.7, "lattice": cb.Ring(6), "spring": 0.0,
+             {"gamma": 0.04, "k": 0.7, "lattice": cb.Ring(6), "spring": 0.0,
               "forcing": drives[1]}),
             ("problem_with", (arm, "a"), {"threshold": 1.01}),
             ("trace", (arm, "a"), {"within": {"a": (0.3, 0.6)}, **quiet}),

@@ -60,7 +60,7 @@ def asymmetric(
     """
     one_of("arm", arm, (1, -1))
     drive, lattice = forcing_of(forcing), lattice_of(lattice)
-    start = symmetric(a, gamma, k, forcing=drive, lattice=lattice)
+    start = symmetric(a, gamma, k, forcing=drive, lattice=lattice, root=1)
     a, gamma, k = start.a, start.gamma, start.k
     reach = {"a": (0.05 * a, 20.0 * a)}
     walked = partial(trace, free="a", inadmissible=True, progress=False)  # the end is judged below

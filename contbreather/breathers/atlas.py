@@ -47,7 +47,7 @@ def atlas(
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     threshold: float = THRESHOLD,
-    past_folds: bool | None = None,
+    past_folds: bool = False,
     executor: Executor | int | None = None,
     progress: bool | None = None,
     **over: float | Sequence[float],

@@ -123,6 +123,17 @@ class SymmetricFlight:
         return self.lattice.chi(self.gamma)
 
     @property
+    def family(self) -> str:
+        """``"upper"`` before a fold, ``"lower"`` behind it: the sign of the determinant of (11),
+        which changes at folds and nowhere else. With one harmonic that of the larger p is upper.
+
+        Behind a fold an odd number of multipliers of QS is below -1: no lower breather is stable.
+        """
+        f = self.forcing
+        turn = self.chi * f.d2f(self.phi) + self.q * f.df(self.phi)
+        return "upper" if turn >= 0.0 else "lower"
+
+    @property
     def w_minus(self) -> float:
         """Velocity of site 0 just before it hits the wall at +1: ``2 p/(1 + k)``."""
         return 2.0 * self.p / (1.0 + self.k)

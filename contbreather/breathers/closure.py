@@ -207,13 +207,17 @@ def smallest_amplitude(
     >>> round(smallest_amplitude(0.1, 0.8), 12)
     0.057029037182
     """
-    forcing = forcing_of(forcing)
-    chi = sprung(lattice_of(lattice), forcing).chi(gamma)
-    q = restitution_ratio(k)
+    return min(folds(gamma, k, forcing_of(forcing), lattice_of(lattice)))
+
+
+def folds(gamma: float, k: float, forcing: Forcing, lattice: Lattice) -> list[float]:
+    """Amplitudes of all folds, where ``chi f' + q f`` has an extremum and (11) a double root."""
+    chi, q = sprung(lattice, forcing).chi(gamma), restitution_ratio(k)
     if isinstance(forcing, Harmonic):
-        return q / math.hypot(chi, q)
+        return [q / math.hypot(chi, q)]
     series = _reduced(forcing, chi, q)
-    return q / max(series.at(phi, 0) for phi in _crests(series))
+    heights = [series.at(phi, 0) for phi in _crests(series)]
+    return [q / height for height in heights if height > 0.0]
 
 
 def _harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]:

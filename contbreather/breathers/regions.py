@@ -15,6 +15,7 @@ from contbreather.errors import BadInput
 Array = NDArray[np.float64]
 Box = tuple[tuple[float, float], tuple[float, float]]  # of the pair, abscissa first
 Count = Callable[[float, float], int | None]
+Lower = Callable[[float, float], float | None]
 
 # In units of the box, each of whose sides counts as 1:
 NEAR = 3e-3  # the end of a curve that comes so close to another one lies on it
@@ -43,7 +44,11 @@ class Region:
         Its distance from the rim, where each side of the whole diagram counts as 1.
     counts : tuple of (int or None)
         At that place, and at others spread over the region, the number of unstable multipliers of
-        a breather; the smallest where there are several breathers, None where there is none.
+        a breather; the smallest where there are several breathers, None where there is none of the
+        family that the diagram is of.
+    lower : tuple of (float or None)
+        Of a diagram of upper breathers, at the same places: p of a lower one that is admissible
+        where no upper one is.
     """
 
     outline: Array
@@ -52,21 +57,40 @@ class Region:
     y: float
     room: float
     counts: tuple[int | None, ...]
+    lower: tuple[float | None, ...] = ()
 
     @property
     def verdict(self) -> str:
-        """``"S"`` or ``"US"``, empty where there are no breathers or the counts disagree."""
+        """``"S"`` or ``"US"``, empty where the diagram has no breathers or the counts disagree."""
         words = {"" if count is None else "US" if count else "S" for count in self.counts}
         return words.pop() if len(words) == 1 else ""
 
+    def describe(self) -> str:
+        """What is said of it: which breathers there are, and whether they are stable."""
+        if self.verdict:
+            return f"{'stable' if self.verdict == 'S' else 'unstable'} breathers"
+        if any(count is not None for count in self.counts):
+            return "no verdict, the places that were asked disagree"
+        if not self.lower:
+            return "no breather"
+        there = [p for p in self.lower if p is not None]
+        if not there:
+            return f"no upper breather, nor a lower one at any of {len(self.lower)} places"
+        share = f" at {len(there)} of {len(self.lower)} places" if None in self.lower else ""
+        return f"no upper breather; a lower one, p = {there[0]:.6g}, is admissible{share}"
+
     def __repr__(self) -> str:
-        words = "no verdict" if not self.verdict else self.verdict
-        corners = len(self.outline) - 1
-        return f"<Region {words} around ({self.x:.6g}, {self.y:.6g}), {corners} corners>"
+        words = f"{self.verdict or 'no verdict'} around ({self.x:.6g}, {self.y:.6g})"
+        told = "" if self.verdict else f": {self.describe()}"
+        return f"<Region {words}, {len(self.outline) - 1} corners{told}>"
 
 
-def regions(lines: Iterable[Array], box: Box, count: Count) -> tuple[Region, ...]:
+def regions(
+    lines: Iterable[Array], box: Box, count: Count, lower: Lower | None = None
+) -> tuple[Region, ...]:
     """All pieces of a box that polylines, arrays of shape (n, 2), cut out of it.
+
+    Where nothing is counted `lower` is asked, if given, what else there is.
 
     Examples
     --------
@@ -78,7 +102,8 @@ def regions(lines: Iterable[Array], box: Box, count: Count) -> tuple[Region, ...
     low, high = box_of(box).T
     size = np.where(high > low, high - low, 1.0)
     return tuple(
-        _region(piece, low, size, count) for piece in _pieces([(one - low) / size for one in lines])
+        _region(piece, low, size, count, lower)
+        for piece in _pieces([(one - low) / size for one in lines])
     )
 
 
@@ -113,17 +138,21 @@ def _bridges(paths: Sequence[Any]) -> Iterator[Any]:
                 yield bridge
 
 
-def _region(piece: Any, low: Array, size: Array, count: Count) -> Region:
+def _region(piece: Any, low: Array, size: Array, count: Count, lower: Lower | None) -> Region:
     import shapely
 
     radius = shapely.maximum_inscribed_circle(piece, tolerance=CENTRED)
     places = low + size * _spread(piece, np.array(radius.coords[0]), radius.length)
     counts = tuple(count(x, y) for x, y in places.tolist())
+    told: tuple[float | None, ...] = ()
+    if lower is not None:
+        pairs = zip(places.tolist(), counts, strict=True)
+        told = tuple(lower(x, y) if own is None else None for (x, y), own in pairs)
     outline, *holes = (
         low + size * np.array(ring.coords) for ring in (piece.exterior, *piece.interiors)
     )
     x, y = places[0].tolist()
-    return Region(outline, tuple(holes), x, y, float(radius.length), counts)
+    return Region(outline, tuple(holes), x, y, float(radius.length), counts, told)
 
 
 def _spread(piece: Any, centre: Array, room: float) -> Array:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from contbreather.breathers.closure import smallest_amplitude
 from contbreather.breathers.orbit import Orbit
-from contbreather.breathers.symmetric import symmetric_roots
+from contbreather.breathers.symmetric import rooted, symmetric_roots
 from contbreather.breathers.zones import WINDOWS, up_to_the_fold
 from contbreather.checks import check_kind, one_of
 from contbreather.continuation import Branch, Point, Problem, trace
@@ -34,15 +35,7 @@ def window_of(name: str) -> Window:
     return WINDOWS.get(name, (least, math.inf))
 
 
-def rooted(found: tuple[Any, ...], root: int) -> Any:
-    """The solution of (11) with that number, counted from 1 by falling p."""
-    if not (isinstance(root, int | np.integer) and 1 <= root <= len(found)):
-        there = ", ".join(f"{i}: p = {one.p:.9g}" for i, one in enumerate(found, start=1))
-        raise BadInput(f"root {root}: the solutions of (11) are {there}; choose one of them")
-    return found[root - 1]
-
-
-def find_symmetric(free: str, within: Window, *, root: int = 1, **given: Any) -> Any:
+def find_symmetric(free: str, within: Window, *, root: int | None = None, **given: Any) -> Any:
     """An admissible symmetric breather somewhere in the window of one parameter.
 
     Parameters
@@ -51,8 +44,9 @@ def find_symmetric(free: str, within: Window, *, root: int = 1, **given: Any) ->
         The parameter: a, gamma, k, damping, spring or one of the forcing.
     within : (float, float)
         Where to look for it. A value of `free` among `given` is tried first.
-    root : int
-        Which solution of (11), by falling p.
+    root : int, optional
+        Which solution of (11), by falling p; unless given the first one, and any other only where
+        that is admissible nowhere in the window.
     **given
         The others, and all that `symmetric` takes: forcing, lattice, site, walls.
 
@@ -78,9 +72,11 @@ def find_symmetric(free: str, within: Window, *, root: int = 1, **given: Any) ->
     if missing:
         raise BadInput(f"a breather needs {' and '.join(sorted(missing))}, too")
     within = windows({free: within})[free]
-    for value in _places(free, within, given):
+    # an upper breather, wherever in the window, before a lower one
+    numbers: tuple[int | None, ...] = (1, None) if root is None else (root,)
+    for number, value in product(numbers, _places(free, within, given)):
         try:
-            found = rooted(symmetric_roots(**_with(given, free, value)), root)
+            found = rooted(symmetric_roots(**_with(given, free, value)), number)
         except NoSolution as error:
             reason = str(error)
         except BadInput as error:  # out of range here, perhaps not elsewhere in the window
@@ -181,7 +177,7 @@ def find_event(
     reason, refusal = "", None
     for value in _combed(first, given.get(first), span):
         try:
-            start = find_symmetric(free, reach, **_with(given, first, value))
+            start = find_symmetric(free, reach, **{"root": 1, **_with(given, first, value)})
         except NoSolution as error:
             reason = str(error)
             continue

@@ -8,6 +8,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
+from contbreather.breathers.clearance import LIMIT
 from contbreather.breathers.closed_form import HALF, SymmetricFlight
 from contbreather.breathers.closure import Closure, roots, sprung
 from contbreather.breathers.lifts import lift
@@ -173,11 +176,12 @@ def symmetric(
     damping: float = 0.0,
     spring: float | None = None,
     walls: Any = None,
+    root: int | None = None,
 ) -> Orbit:
     """The symmetric breather of one impacting site, eqs. (11) to (13).
 
-    Of several solutions the one with the largest p: for `Harmonic` forcing the upper sign of
-    (13), the only one that can be stable.
+    Of several solutions the admissible one with the largest p. For `Harmonic` forcing that is the
+    upper sign of (13), the only one that can be stable, wherever it keeps off the walls.
 
     Parameters
     ----------
@@ -198,17 +202,19 @@ def symmetric(
         ``spring + 4 gamma < 1``.
     walls : (low, high) or dict of site and (low, high), optional
         -1 and 1 unless given, ``low = -high``; on finite lattices.
+    root : int, optional
+        Which solution of (11), by falling p from 1, admissible or not.
 
     Returns
     -------
     Orbit
-        A solution of (11). Whether it keeps off the walls between its impacts is a question of
-        its own: `admissibility`.
+        A solution of (11). Where none keeps off the walls between its impacts (to 1e-9, at the
+        limit) it is that with the largest p, and its `admissibility` says what is in the way.
 
     Raises
     ------
     BadInput
-        gamma, k or a outside its range.
+        gamma, k or a outside its range, or no solution of that number.
     NoSolution
         a below the fold; the sentence names the smallest a.
 
@@ -219,7 +225,20 @@ def symmetric(
     (0.680056001966, -2.519293143359)
     """
     more: dict[str, Any] = {"site": site, "damping": damping, "spring": spring, "walls": walls}
-    return symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more)[0]
+    return rooted(symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more), root)
+
+
+def rooted(found: tuple[Orbit, ...], root: int | None) -> Orbit:
+    """The solution of (11) with that number, counted from 1 by falling p; without one the first
+    that is admissible, or the first of all where none is."""
+    if root is None:
+        own = found if len(found) > 1 else ()
+        # on GR rounding must not decide which of two breathers it is
+        return next((one for one in own if one.admissibility().margin > -LIMIT), found[0])
+    if not (isinstance(root, int | np.integer) and 1 <= root <= len(found)):
+        there = ", ".join(f"{i}: p = {one.p:.9g}" for i, one in enumerate(found, start=1))
+        raise BadInput(f"root {root}: the solutions of (11) are {there}; choose one of them")
+    return found[root - 1]
 
 
 def symmetric_roots(

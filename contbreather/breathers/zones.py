@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import least_margin
+from contbreather.breathers.closure import folds
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.regions import PROBES, Box, Region, regions
 from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
@@ -51,10 +52,12 @@ COMBS = {
 PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
 CHECKS: dict[str, Any] = {"a": check_amplitude, "gamma": check_gamma, "k": restitution_ratio}
 FEWEST = 80  # points on a curve
+FAMILIES = ("upper", "lower")  # breathers before and behind a fold
 JOINT = "NS-NS"  # between two pieces of the envelope that is the paper's rule on a ring
 STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
 SAME = 1e-3  # an event this close to a traced curve lies on it
 PASSED = 3e-3  # a breather this close to a traced branch is one of it; chords of a branch are long
+NEXT = (0.999, 1.001)  # next to a fold, as parts of its amplitude
 PHASE = 0.1  # weight of phi in these distances: of breathers alike in p it differs a lot
 VANISHED = 1e-9  # the impact has lost its velocity: no event of an impacting breather
 BESIDE = 3e-3  # how far from a meeting a curve is looked for that the comb missed
@@ -75,9 +78,11 @@ class Zones(Columns, Shown):
     threshold : float
         Modulus over 2 pi of the paper's rule, which the NS curves of a ring follow.
     past_folds : bool
-        Whether the breathers behind a fold are in the diagram.
+        Whether the lower breathers, those behind a fold, are in the diagram besides the upper ones.
     interrupted : bool
         Whether it was cut short: curves may be missing, and the last one may end early.
+    ceiling : float or None
+        With lower breathers: the amplitude at which their impacts vanish, a max|f| = 1, p -> 0.
     """
 
     fixed: tuple[str, float]
@@ -86,6 +91,7 @@ class Zones(Columns, Shown):
     threshold: float = THRESHOLD
     past_folds: bool = False
     interrupted: bool = False
+    ceiling: float | None = None
 
     def __iter__(self) -> Iterator[tuple[str, Branch]]:
         for kind in KINDS:
@@ -125,17 +131,22 @@ class Zones(Columns, Shown):
     @cached_property
     def regions(self) -> tuple[Region, ...]:
         """The pieces into which the curves cut the plane, as polygons with their verdicts."""
-        return self.regions_of(self.box())
+        return self.regions_of(self.box()) if any(self.curves.values()) else ()
 
     def regions_of(self, box: Box) -> tuple[Region, ...]:
         """Those of a part of the plane, ``((0, 0.25), (0, 1))``: abscissa first."""
         lines = [np.column_stack([branch[name] for name in self.pair]) for _, branch in self]
-        return regions(lines, box, self.unstable) if lines else ()
+        if lines and self.ceiling is not None:
+            lines.append(np.array([(x, self.ceiling) for x in box[0]]))
+        lower = None if self.past_folds else self.lower
+        return regions(lines, box, self.unstable, lower) if lines else ()
 
     def box(self, within: Mapping[str, tuple[float, float]] | None = None) -> Box:
         """What the curves span in both parameters, and on to a window where breathers go on."""
         columns = [[branch[name] for _, branch in self] for name in self.pair]
         spans = [(min(map(np.min, own)), max(map(np.max, own))) for own in columns]
+        if self.ceiling is not None:
+            spans[1] = spans[1][0], max(spans[1][1], self.ceiling)
         for i, name in enumerate(self.pair if within is not None else ()):
             across = np.linspace(*spans[1 - i], PROBES + 2)[1:-1].tolist()
             ends = list(spans[i])
@@ -153,21 +164,38 @@ class Zones(Columns, Shown):
 
     def unstable(self, x: float, y: float) -> int | None:
         """Unstable multipliers of the breather at a place of the plane, of the chain and by the
-        threshold of these zones: of several breathers the fewest, None where there is none."""
-        like = self._any.solution
-        values: dict[str, Any] = {self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
-        try:
-            found = symmetric_roots(**values, forcing=like.forcing, lattice=like.lattice)
-        except NoSolution:
-            return None
-        if not self.past_folds:
-            found = found[:1]  # of the breather behind the fold no limit is drawn
+        threshold of these zones: of several breathers the fewest, None where there is none of the
+        families that the diagram is of."""
         counts = [
             unstable(breather.flight, breather.lattice, self.threshold)
-            for breather in found
-            if breather.admissibility().ok
+            for breather in self.breathers(x, y)
+            if breather.flight.family in self.families
         ]
         return min(counts, default=None)
+
+    def lower(self, x: float, y: float) -> float | None:
+        """The largest p of the lower breathers at a place of the plane, None where there is none;
+        they may be there without the upper one."""
+        found = [b.p for b in self.breathers(x, y) if b.flight.family == "lower"]
+        return max(found, default=None)
+
+    def breathers(self, x: float, y: float) -> tuple[Orbit, ...]:
+        """All admissible breathers at a place of the plane, of both families, by falling p."""
+        like = self._any.solution
+        values = {self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
+        return _admissible(values, like.forcing, like.lattice)
+
+    def told(self) -> Iterator[str]:
+        """A sentence on each region without upper breathers in which there are lower ones."""
+        for one in self.regions:
+            if any(one.lower):
+                place = f"({', '.join(self.pair)}) = ({one.x:.4g}, {one.y:.4g})"
+                yield f"Around {place} {one.describe()}"
+
+    @property
+    def families(self) -> tuple[str, ...]:
+        """Which breathers it is a diagram of: the upper ones, or with `past_folds` both."""
+        return FAMILIES if self.past_folds else FAMILIES[:1]
 
     @property
     def _any(self) -> Point:
@@ -179,7 +207,18 @@ class Zones(Columns, Shown):
     def __repr__(self) -> str:
         counts = ", ".join(f"{kind}: {len(self.curves[kind])}" for kind in KINDS)
         cut = "; interrupted, curves may be missing" if self.interrupted else ""
-        return f"<Zones in {self.pair} at {self.fixed[0]} = {self.fixed[1]:g}; {counts}{cut}>"
+        of = f"{' and '.join(self.families)} breathers in {self.pair}"
+        return f"<Zones of {of} at {self.fixed[0]} = {self.fixed[1]:g}; {counts}{cut}>"
+
+
+def _admissible(at: Mapping[str, float], forcing: Forcing, lattice: Any) -> tuple[Orbit, ...]:
+    """All roots of (11) that keep off the walls."""
+    values: dict[str, Any] = {**at, "forcing": forcing, "lattice": lattice}
+    try:
+        found = symmetric_roots(**values)
+    except NoSolution:
+        return ()
+    return tuple(breather for breather in found if least_margin(breather.watch) > 0.0)
 
 
 class Drawn(TypedDict, total=False):
@@ -190,7 +229,7 @@ class Drawn(TypedDict, total=False):
     within: Mapping[str, tuple[float, float]] | None
     progress: bool | Counter | None
     threshold: float
-    past_folds: bool | None
+    past_folds: bool
     save: Save
 
 
@@ -224,7 +263,7 @@ def zones(
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | Counter | None = None,
     threshold: float = THRESHOLD,
-    past_folds: bool | None = None,
+    past_folds: bool = False,
     save: Save = None,
 ) -> Zones | tuple[Zones, ...]:
     """All curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
@@ -235,8 +274,7 @@ def zones(
         Exactly one: the plane is that of the other two, ``(gamma, a)`` for the paper's Fig. 2.
         Several values give as many diagrams.
     forcing : Forcing or str, optional
-        `Harmonic` unless given. Where the impacts vanish, p -> 0 on the line a max|f| = 1, there is
-        no curve to follow.
+        `Harmonic` unless given.
     lattice : Lattice, optional
         The infinite chain unless given. On a `Ring` the NS curves follow the paper's rule: they are
         the pieces of one envelope, each of the wave that is first to pass the threshold.
@@ -247,10 +285,10 @@ def zones(
     threshold : float
         Modulus over 2 pi of the paper's rule; for rings.
     past_folds : bool, optional
-        Whether a curve goes on behind a fold, among the breathers with the smaller p. Unless given
-        it does if the forcing has several harmonics: then there may be several breathers at one
-        point, and the diagram has the curves of all of them. With one harmonic the breather behind
-        the fold is unstable throughout, and the fold ends the zone.
+        Whether the diagram is of the lower breathers, too: those behind a fold, of one harmonic the
+        ones with the smaller p. Unless asked for it is of the upper ones, whatever the forcing: the
+        lower ones are unstable throughout, and the fold ends the zone. But they may exist where no
+        upper one does, at most up to a max|f| = 1 where their impacts vanish, p -> 0.
     save : str or Path, optional
         As for `trace`.
 
@@ -294,10 +332,7 @@ def zones(
             "multiplier on the arc is neutral; at k = 0 site 0 leaves its wall without velocity. "
             "Take k close to it, and symmetric() for single breathers at the edge"
         )
-    drive = forcing_of(forcing)
-    if past_folds is None:
-        past_folds = sum(bool(c or s) for _, c, s in drive.harmonics) > 1
-    chain = lattice_of(lattice)
+    drive, chain = forcing_of(forcing), lattice_of(lattice)
     search = _Search(
         name, value, drive, chain, windows(within), threshold, flag("past_folds", past_folds)
     )
@@ -352,8 +387,12 @@ class _Search:
     def zones(self, *, interrupted: bool = False) -> Zones:
         """The curves there are."""
         curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
-        fixed = self.name, self.value
-        return Zones(fixed, self.pair, curves, self.threshold, self.past_folds, interrupted)
+        fixed, ceiling = (self.name, self.value), None
+        if self.past_folds and self.within.get("a", (0.0, 0.0))[1] > 1.0 / self.forcing.peak():
+            ceiling = 1.0 / self.forcing.peak()
+        return Zones(
+            fixed, self.pair, curves, self.threshold, self.past_folds, interrupted, ceiling
+        )
 
     def so_far(self) -> Zones | None:
         return self.zones(interrupted=True) if any(self.curves.values()) else None
@@ -409,9 +448,7 @@ class _Search:
         """Branches of admissible breathers in the second parameter, at one value of the first."""
         free = self.pair[1]
         traced: list[Branch] = []
-        for y in _comb(free, self.within):
-            if not self.past_folds and any(b[free].min() <= y <= b[free].max() for b in traced):
-                continue
+        for y in (*_comb(free, self.within), *self._next_to_folds(x)):
             for breather in self._breathers(x, y):
                 here = {free: y, "p": breather.p, "phi": breather.phi}
                 if any(_on_curve(b, here, (free, "p", "phi"), PASSED) for b in traced):
@@ -427,20 +464,25 @@ class _Search:
                 traced.append(branch)
                 yield branch
 
-    def _breathers(self, x: float, y: float) -> list[Orbit]:
-        """Those that are admissible; where folds end the diagram the one above the fold."""
-        values: dict[str, Any] = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
-        try:
-            found = symmetric_roots(**values, forcing=self.forcing, lattice=self.lattice)
-        except NoSolution:
+    def _next_to_folds(self, x: float) -> list[float]:
+        """Amplitudes on both sides of each fold, for sheets that pass between those of the comb."""
+        if self.pair[1] != "a":
             return []
-        if not self.past_folds:
-            found = found[:1]
-        return [breather for breather in found if least_margin(breather.watch) > 0.0]
+        at = {self.name: self.value, self.pair[0]: x}
+        found = folds(at["gamma"], at["k"], self.forcing, self.lattice)
+        low, high = self.within["a"]
+        beside = [factor * a for a in found for factor in NEXT]
+        return [a for a in beside if low <= a <= high]
+
+    def _breathers(self, x: float, y: float) -> list[Orbit]:
+        """Those that are admissible; where folds end the diagram the ones before the fold."""
+        values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
+        found = _admissible(values, self.forcing, self.lattice)
+        return [b for b in found if self.past_folds or b.flight.family == "upper"]
 
     def _follow(self, point: Point) -> None:
-        """Trace an event as a boundary unless it lies on one already, and what takes over at its
-        ends: another crest that grazes, another wave of a ring."""
+        """Trace an event as a boundary unless it lies on one already, and what takes over where it
+        ends: another crest that grazes, another wave of a ring, a fold."""
         waiting: list[tuple[Point, Branch | None]] = [(point, None)]
         while waiting:
             point, since = waiting.pop()
@@ -455,11 +497,17 @@ class _Search:
             curves.append(branch)  # before it is refined: an interruption keeps it
             pieced = any(end.kind == JOINT for end in branch.special)
             curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
-            waiting += [(end, branch) for end in branch.special if end.kind in ("GR-GR", JOINT)]
+            waiting += [(end, branch) for end in branch.special if _leads_on(end)]
 
 
 def _is_meeting(point: Point) -> bool:
     return isinstance(point.event, Meeting)
+
+
+def _leads_on(point: Point) -> bool:
+    """Whether what a curve meets is followed from there: not what crosses a fold, for that would go
+    on behind it; beside the fold it is found on a branch."""
+    return _is_meeting(point) and (point.kind in ("GR-GR", JOINT) or _followed(point) == "LP")
 
 
 def _followed(point: Point) -> str:
@@ -515,7 +563,7 @@ def _on_curve(branch: Branch, place: Place, names: tuple[str, ...], near: float)
 # --- in files -----------------------------------------------------------------------------------
 
 
-PLAIN = ("fixed", "pair", "threshold", "past_folds", "interrupted")
+PLAIN = ("fixed", "pair", "threshold", "past_folds", "interrupted", "ceiling")
 
 
 def _said(zones: Zones) -> Said:
@@ -535,6 +583,6 @@ def _made(about: Mapping[str, Any], data: object, parts: Mapping[str, Any]) -> Z
         kind: tuple(parts[f"{kind}{i}"] for i in range(1, 1 + count))
         for kind, count in about["curves"].items()
     }
-    plain = {name: about[name] for name in PLAIN}
+    plain = {name: about[name] for name in PLAIN if name in about}  # older files have no ceiling
     plain |= {name: tuple(about[name]) for name in ("fixed", "pair")}
     return Zones(curves=curves, **plain)

@@ -26,7 +26,7 @@ def zones_many(
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     threshold: float = THRESHOLD,
-    past_folds: bool | None = None,
+    past_folds: bool = False,
     executor: Executor | int | None = None,
     progress: bool | None = None,
 ) -> Iterator[Zones | Failed]:
@@ -62,8 +62,8 @@ def zones_many(
     >>> few = {"gamma": (0.0, 0.05)}
     >>> for diagram in zones_many([0.7, 0.8], within=few, executor=1):
     ...     print(diagram)
-    <Zones in ('gamma', 'a') at k = 0.7; LP: 1, GR: 1, PF: 1, NS: 0>
-    <Zones in ('gamma', 'a') at k = 0.8; LP: 1, GR: 1, PF: 1, NS: 0>
+    <Zones of upper breathers in ('gamma', 'a') at k = 0.7; LP: 1, GR: 1, PF: 1, NS: 0>
+    <Zones of upper breathers in ('gamma', 'a') at k = 0.8; LP: 1, GR: 1, PF: 1, NS: 0>
     """
     slices = slices_of({"k": ks, "gamma": gamma, "a": a}, over, forcing)
     draw = partial(

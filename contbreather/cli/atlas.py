@@ -64,6 +64,7 @@ def atlas(
         "threshold": on.threshold,
         "forcing": on.forcing,
         "within": plane.within,
+        "past_folds": plane.past_folds,
         "executor": workers,
         **fixed,
     }

@@ -16,7 +16,7 @@ def branch(
     along: Along = Along(),
     *,
     towards: Literal["both", "up", "down"] = "both",
-    root: Whole = 1,
+    root: Whole | None = None,
     into: Keep = Keep(),
 ) -> None:
     """A branch of breathers in one parameter, with its special points.
@@ -29,7 +29,8 @@ def branch(
     towards
         Direction in which the parameter changes at first.
     root
-        Which solution of (11), in order of decreasing p, where there are several.
+        Which solution of (11), in order of decreasing p, where there are several; unless given the
+        first, and another only where that is no breather.
     """
     into.check(where.read)
     start = along.start(where, root)

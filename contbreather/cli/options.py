@@ -170,6 +170,9 @@ class Plane:
         A ring of so many sites in place of the infinite chain, judged by the paper's rule.
     threshold
         With --sites: modulus over a period beyond which it is unstable, 1.005 unless given.
+    past_folds
+        With the lower breathers, too, those behind a fold: all unstable, but they may exist where
+        no upper one does.
     """
 
     gamma_window: Span | None = None
@@ -179,6 +182,7 @@ class Plane:
     set: tuple[str, ...] = ()
     sites: Whole | None = None
     threshold: float | None = None
+    past_folds: bool = False
 
     @property
     def within(self) -> dict[str, Span]:
@@ -304,7 +308,7 @@ class Along:
     free: str | None = None
     window: Span | None = None
 
-    def start(self, where: Where, root: int = 1) -> Start:
+    def start(self, where: Where, root: int | None = None) -> Start:
         """A breather at the value of the free parameter, if one is given, or in its window."""
         if self.free is None:
             raise BadInput("--free is missing: which parameter is to vary, a for instance?")

@@ -15,20 +15,21 @@ if TYPE_CHECKING:
 
 
 def point(
-    where: Where = Where(), *, root: Whole = 1, certify: bool = False, json: bool = False
+    where: Where = Where(), *, root: Whole | None = None, certify: bool = False, json: bool = False
 ) -> None:
     """One breather: p, phi, admissibility, stability.
 
     Parameters
     ----------
     root
-        Which solution of (11), in order of decreasing p, where there are several.
+        Which solution of (11), in order of decreasing p, where there are several; unless given the
+        first that is admissible.
     certify
         Prove all of it by interval arithmetic, on the infinite chain; exit status 1 if that fails.
     json
         Print one JSON object, in full precision.
     """
-    from contbreather.breathers.search import rooted
+    from contbreather.breathers.symmetric import rooted
 
     values, rule = where.need(*PARAMETERS), where.on()
     # of a point, --sites asks for a ring besides the infinite chain
@@ -42,7 +43,7 @@ def point(
     if proof is not None:
         content["certificate"] = asdict(proof)
     if json:
-        to_json({**content, "root": root})
+        to_json({**content, "root": found.index(breather) + 1})
     else:
         say(_table(content))
         say(*_sentences(breather, verdicts, others), *([] if proof is None else [proof.describe()]))
@@ -76,7 +77,10 @@ def _content(
         "reason": margins.reason,
         "stable": verdict.stable if judged else None,
         "unstable": verdict.unstable if judged else None,
-        "other_roots": [{"p": other.p, "phi": other.phi} for other in others],
+        "other_roots": [
+            {"p": other.p, "phi": other.phi, "admissible": other.admissibility().ok}
+            for other in others
+        ],
     }
     if on.lattice.sites is not None:
         return {**content, "largest": verdict.largest if judged else None}
@@ -115,6 +119,11 @@ def _sentences(breather: Any, verdicts: list[Any], others: list[Any]) -> list[st
     else:
         lines.append("nothing is said of its stability: the lattice has no such motion")
     if others:
-        roots = ", ".join(f"p = {other.p:.9g}" for other in others)
+        roots = ", ".join(map(_told, others))
         lines.append(f"further roots of (11): {roots}")
     return sentences(lines)
+
+
+def _told(root: Any) -> str:
+    """A root, and whether it is a breather."""
+    return f"p = {root.p:.9g} ({'' if root.admissibility().ok else 'not '}admissible)"

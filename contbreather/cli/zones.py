@@ -48,6 +48,7 @@ def zones(
     on, windows = plane.on(), plane.within
     asked: dict[str, Any] = {"ks" if name == "k" else name: values, "within": windows}
     asked |= {"lattice": on.lattice, "threshold": on.threshold, "forcing": on.forcing}
+    asked["past_folds"] = plane.past_folds
     found, cut = kept(_computed, asked, into.save)
     if not any(branches for one in found for branches in one.curves.values()):
         raise BadInput(
@@ -118,7 +119,7 @@ def _entry(diagram: cb.breathers.Zones) -> dict[str, Any]:
         for branch in branches
     ]
     regions = [
-        {"verdict": one.verdict, "unstable": one.counts, "outline": one.outline}
+        {"verdict": one.verdict, "unstable": one.counts, "lower": one.lower, "outline": one.outline}
         for one in diagram.regions
     ]
     return {"fixed": dict([diagram.fixed]), "pair": diagram.pair, "curves": curves,
@@ -149,3 +150,5 @@ def _lines(found: Sequence[cb.breathers.Zones]) -> Iterator[object]:
         sizes = ", ".join(f"{kind} {sum(map(len, c))}" for kind, c in one.curves.items() if c)
         cut = "; interrupted, curves may be missing" if one.interrupted else ""
         yield f"Points on the curves at {one.fixed[0]} = {one.fixed[1]:g}: {sizes}{cut}."
+        for told in one.told():
+            yield f"{told}; --past-folds draws them."

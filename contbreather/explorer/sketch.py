@@ -69,7 +69,7 @@ def between(one: Zones, other: Zones, k: float) -> Sketch | None:
     lines = [line for kind in KINDS for line in curves[kind]]
     places = np.vstack(lines)
     box: Any = tuple(zip(places.min(axis=0).tolist(), places.max(axis=0).tolist(), strict=True))
-    return Sketch(k, False, curves, regions(lines, box, there.unstable), meetings)
+    return Sketch(k, False, curves, regions(lines, box, there.unstable, there.lower), meetings)
 
 
 def _line(zones: Zones, branch: Any) -> Array:

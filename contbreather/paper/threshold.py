@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +36,7 @@ NEAREST = 24  # pairs with the largest modulus; the next one to cross is among t
 TINY = 1e-7  # step in gamma of the derivative of a multiplier
 STRIDE = 3e-3  # longest step in gamma
 SETTLED = 1e-12
+upper = partial(symmetric, root=1)  # behind a wall, too: where the line ends is sought there
 FIRST = 0.02  # of the couplings looked at; below there is no band to speak of
 
 
@@ -104,7 +106,7 @@ def neimark_sacker(
     >>> [round(neimark_sacker(0.2, 0.8, sites=n).gamma, 7) for n in (200, 400, 800)]
     [0.082409, 0.0915527, 0.0968769]
     """
-    return _crossing(lambda gamma: symmetric(a, gamma, k), FIRST, _pairs_of(sites), threshold)
+    return _crossing(lambda gamma: upper(a, gamma, k), FIRST, _pairs_of(sites), threshold)
 
 
 def neimark_sacker_line(
@@ -132,7 +134,7 @@ def neimark_sacker_line(
     """
     points, pairs = whole("points", points, 1), _pairs_of(sites)
     lowest = _crossing(
-        lambda gamma: symmetric(smallest_amplitude(gamma, k), gamma, k), FIRST, pairs, threshold
+        lambda gamma: upper(smallest_amplitude(gamma, k), gamma, k), FIRST, pairs, threshold
     )
     start = smallest_amplitude(lowest.gamma, k)
     found = {start: lowest}
@@ -140,7 +142,7 @@ def neimark_sacker_line(
     def at(a: float) -> Crossing:
         if a not in found:
             guess = _extrapolated(found, a)
-            found[a] = _crossing(lambda gamma: symmetric(a, gamma, k), guess, pairs, threshold)
+            found[a] = _crossing(lambda gamma: upper(a, gamma, k), guess, pairs, threshold)
         return found[a]
 
     end = _upper_end(k, at, start)
@@ -265,7 +267,7 @@ def _upper_end(k: float, at: Callable[[float], Crossing], start: float) -> float
     """The amplitude at which the line leaves the region where breathers exist."""
 
     def margin(a: float) -> float:
-        return symmetric(a, at(a).gamma, k).admissibility().margin
+        return upper(a, at(a).gamma, k).admissibility().margin
 
     low = start
     for high in np.arange(0.05 * math.ceil(start / 0.05 + 0.5), 1.0, 0.05).tolist():

@@ -131,7 +131,7 @@ def _orbit(orbit: Orbit) -> Card:
 def _zones(zones: Zones) -> Card:
     names = (*zones.pair, "p")
     rows = [[point.kind, *(_number(point[name]) for name in names)] for point in zones.special]
-    sentence = repr(zones).strip("<>")
+    sentence = ". ".join([repr(zones).strip("<>"), *zones.told()])
     return Card(sentence, lambda ax: plot_zones(zones, ax, legend=False), rows, ["", *names])
 
 

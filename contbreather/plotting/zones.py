@@ -42,6 +42,7 @@ LINES: dict[str, dict[str, Any]] = {
     "NS": {"color": BLUE, "linestyle": "-", "label": "Neimark\N{EN DASH}Sacker (NS)"},
 }
 ORDER = ("PF", "NS", "LP", "GR")  # of the two names of a meeting
+CEILING: dict[str, Any] = {"color": BLACK, "linestyle": ":", "label": r"no impact left, $p \to 0$"}
 SHADES = {"S": "#D9EAF5", "US": "#FBE6D5"}
 # Sizes of letters, and how far away the rim of the region must be for each.
 LETTERS = (("large", 0.048), ("small", 0.031), ("xx-small", 0.019))
@@ -59,7 +60,9 @@ def plot_zones(
 
     A region is lettered S or US by the number of unstable multipliers at several points inside of
     it, of the chain that the zones were computed for; nothing is assumed about sides of curves.
-    Where a forcing allows several breathers, S means that at least one of them is stable.
+    Where a forcing allows several breathers, S means that at least one of them is stable. White
+    regions have no breather of the families that the diagram is of: lower ones may be there if it
+    is of the upper ones (`Region.describe` says so).
 
     Parameters
     ----------
@@ -147,6 +150,8 @@ def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     for kind, branch in zones:
         ax.plot(branch[horizontal], branch[vertical], **LINES[kind])
     box = zones.box(within)
+    if zones.ceiling is not None:
+        ax.plot(box[0], 2 * [zones.ceiling], **CEILING)
     _shade(ax, zones.regions if within is None else zones.regions_of(box))
     window = _window(zones, box)
     ax.set(xlim=window[:2], ylim=window[2:])

@@ -149,7 +149,9 @@ def _branch(part: Part, folder: Path) -> Branch:
     span = tuple(asked.get("window") or window_of(free))
     at = {name: value for name, value in asked["at"].items() if name in ("a", "gamma", "k")}
     near = (at[free], at[free]) if free in at else span
-    start = find_symmetric(free, near, root=asked["root"], **{**at, **chain.on, "forcing": drive})
+    start = find_symmetric(
+        free, near, root=asked.get("root"), **{**at, **chain.on, "forcing": drive}
+    )
     problem = problem_with(start, free, threshold=chain.verge)
     return trace(problem, free, within={free: span}, steps=_steps(asked), progress=False)
 
@@ -170,7 +172,7 @@ def _zones(part: Part, folder: Path) -> Any:
     name = next(name for name in asked["at"] if name not in drive.params)
     shared = {"lattice": chain.place, "threshold": chain.verge, "within": _within(part)}
     plane = Slice(name, asked["at"][name], drive)
-    return drawn(plane, **shared, past_folds=asked.get("past_folds"))
+    return drawn(plane, **shared, past_folds=asked["past_folds"])
 
 
 _COMPUTED: Mapping[str, Callable[[Part, Path], Any]] = {

@@ -145,7 +145,7 @@ class Branch(Grid):
     k: K | None = None
     over: dict[str, Values] = Field(default_factory=dict)
     window: Window | None = None
-    root: Annotated[int, Field(ge=1)] = 1
+    root: Annotated[int, Field(ge=1)] | None = None
     largest: Annotated[float, Field(gt=0.0)] | None = None
 
     @model_validator(mode="after")
@@ -185,7 +185,7 @@ class Zones(Grid):
     k: K | None = None
     over: dict[str, Values] = Field(default_factory=dict)
     within: dict[str, Window] = Field(default_factory=dict)
-    past_folds: bool | None = None
+    past_folds: bool = False
 
     @model_validator(mode="after")
     def one_fixed(self) -> Zones:

@@ -43,9 +43,9 @@ def touching(
     when it does."""
 
     def above(a: float) -> float:
-        return neighbour_peak(symmetric(a, gamma, k, **more), site)[1] - 1.0
+        return neighbour_peak(symmetric(a, gamma, k, root=1, **more), site)[1] - 1.0
 
-    b = symmetric(brentq(above, low, high, xtol=1e-14), gamma, k, **more)
+    b = symmetric(brentq(above, low, high, xtol=1e-14), gamma, k, root=1, **more)
     return b, neighbour_peak(b, site)[0]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from types import SimpleNamespace
 
 import mpmath as mp
@@ -32,6 +33,7 @@ from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples
 from .by_hand import touching
 
 CHAIN = InfiniteChain()
+upper = partial(symmetric, root=1)  # admissible or not
 TWO = Fourier.from_response(cos={1: 1.0, 3: 0.3})
 BUSY = Fourier.from_response(cos={1: 1.0, 9: 0.02, 21: 0.01}, sin={3: 0.2})
 FORCINGS = [Harmonic(), TWO, BUSY]
@@ -51,9 +53,9 @@ def breathers(draw, forcings=FORCINGS, lattices=LATTICES):
 
 
 def test_spot_values_of_the_highest_neighbour():
-    b = symmetric(0.5, 0.12, 0.4)
+    b = upper(0.5, 0.12, 0.4)
     assert b.admissibility().max_neighbour == pytest.approx(0.667948289045169, abs=4e-15)
-    b = symmetric(0.3, 0.12, 0.7, forcing=TWO)
+    b = upper(0.3, 0.12, 0.7, forcing=TWO)
     assert b.admissibility().max_neighbour == pytest.approx(0.581967518208344, abs=4e-15)
 
 
@@ -61,7 +63,7 @@ def test_spot_values_of_the_highest_neighbour():
 def test_peak_of_the_neighbour_is_that_of_the_paper_s_series(paper, gamma, k):
     """The maximum of (15) found at 30 digits from the series and its slope."""
     a = 0.5 * (1.0 + smallest_amplitude(gamma, k))
-    b = symmetric(a, gamma, k)
+    b = upper(a, gamma, k)
     t, height = neighbour_peak(b)
     with mp.workdps(30):
         p, phi = paper.root(a, gamma, k)
@@ -123,12 +125,12 @@ def test_on_the_upper_limit_of_the_upper_branch_it_is_the_first(gamma, k):
     lowest = max(smallest_amplitude(gamma, k), 1e-3)
 
     def above(a):
-        return neighbour_peak(symmetric(a, gamma, k))[1] - 1.0
+        return neighbour_peak(upper(a, gamma, k))[1] - 1.0
 
     assume(above(lowest * 1.001) < 0)
     a = brentq(above, lowest * 1.001, 1.0 + 1e-9, xtol=1e-14)
-    verdict = symmetric(a, gamma, k).admissibility()
-    assert abs(1.0 - highest_neighbour(symmetric(a, gamma, k))[2]) < 1e-12
+    verdict = upper(a, gamma, k).admissibility()
+    assert abs(1.0 - highest_neighbour(upper(a, gamma, k))[2]) < 1e-12
     assert verdict.margin == pytest.approx(0.0, abs=1e-12)
     assert verdict.far > -1e-9
 
@@ -142,13 +144,13 @@ def test_of_two_crests_nearly_as_high_the_higher_is_found():
         angle = math.pi / 3 + tilt
         first = {1: 0.2 * math.cos(angle)}
         forcing = Fourier.from_response(cos={3: 1.0, **first}, sin={1: 0.2 * math.sin(angle)})
-        b = symmetric(0.6, 0.0, 0.7, forcing=forcing)
+        b = upper(0.6, 0.0, 0.7, forcing=forcing)
         assert neighbour_peak(b)[1] == pytest.approx(0.6 * forcing.peak(), abs=1e-15)
 
 
 def test_upper_limit_of_the_theory_notes():
-    assert abs(symmetric(0.806417833236, 0.1, 0.8).admissibility().margin) < 2e-12
-    inside, outside = (symmetric(a, 0.1, 0.8).admissibility() for a in (0.80641, 0.80642))
+    assert abs(upper(0.806417833236, 0.1, 0.8).admissibility().margin) < 2e-12
+    inside, outside = (upper(a, 0.1, 0.8).admissibility() for a in (0.80641, 0.80642))
     assert inside.ok
     assert "keeps off its walls" in inside.reason
     assert not outside.ok
@@ -179,7 +181,7 @@ def test_centre_margin_is_positive_exactly_where_site_0_stays_between_its_walls(
 def test_of_two_dips_of_the_centre_the_deeper_is_found():
     """Right after the impact lies a narrow dip that looks the shallower of two on any grid."""
     forcing = Fourier(cos={1: -1.0, 9: -1.62, 21: -4.41}, sin={3: -1.8})
-    b = symmetric(0.4116339640522913, 0.0, 0.029542562745261687, forcing=forcing)
+    b = upper(0.4116339640522913, 0.0, 0.029542562745261687, forcing=forcing)
     s = np.linspace(1e-3, math.pi - 1e-3, 400001)
     u = b.displacement(0, b.phi + s)
     dense = np.min((1 - u**2) / ((s + b.k) * s * (math.pi - s)))
@@ -188,23 +190,23 @@ def test_of_two_dips_of_the_centre_the_deeper_is_found():
 
 
 def test_site_0_meets_its_wall_again_for_small_k_as_the_paper_found():
-    verdict = symmetric(0.99, 0.0, 0.005).admissibility()
+    verdict = upper(0.99, 0.0, 0.005).admissibility()
     assert not verdict.ok
     assert verdict.site == 0
     assert "(B3) is broken" in verdict.reason
-    assert abs(symmetric(0.99, 0.0, 0.005).displacement(0, verdict.time)) > 1.0
+    assert abs(upper(0.99, 0.0, 0.005).displacement(0, verdict.time)) > 1.0
     for k in (0.1, 0.4, 1.0):
         for gamma in (0.0, 0.1, 0.2499):
             for a in np.linspace(smallest_amplitude(gamma, k), 1.0, 8)[1:]:
-                assert centre_margin(symmetric(float(a), gamma, k)) > 0.0
+                assert centre_margin(upper(float(a), gamma, k)) > 0.0
 
 
 def test_the_zero_of_the_centre_s_margin_is_a_graze():
     def margin(k):
-        return centre_margin(symmetric(0.97, 0.0, k))
+        return centre_margin(upper(0.97, 0.0, k))
 
     k = brentq(margin, 0.005, 0.1, xtol=1e-15)
-    b = symmetric(0.97, 0.0, k)
+    b = upper(0.97, 0.0, k)
     t = b.admissibility().time
     assert b.displacement(0, t) == pytest.approx(1.0, abs=1e-12)
     assert b.velocity(0, t) == pytest.approx(0.0, abs=1e-6)
@@ -215,7 +217,7 @@ def test_the_zero_of_the_centre_s_margin_is_a_graze():
     ("a", "gamma", "says"), [(0.56, 0.0, "pushed inwards"), (0.99, 0.1, "so it sticks")]
 )
 def test_without_rebound_it_is_the_acceleration_that_decides(a, gamma, says):
-    b = symmetric(a, gamma, 0.0)
+    b = upper(a, gamma, 0.0)
     assert b.velocity(0, b.phi) == pytest.approx(0.0, abs=1e-15)
     inwards = b.accelerations[0] < 0
     assert inwards == ("inwards" in says)
@@ -229,17 +231,17 @@ def test_without_rebound_it_is_the_acceleration_that_decides(a, gamma, says):
 
 @pytest.mark.parametrize(("a", "gamma"), [(0.6, 0.0), (0.99, 0.1), (0.7, 0.2)])
 def test_centre_margin_has_no_jump_where_the_rebound_dies(a, gamma):
-    limit = centre_margin(symmetric(a, gamma, 0.0))
+    limit = centre_margin(upper(a, gamma, 0.0))
     for k in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-9):
         # it rises like sqrt(k): the flight starts flat for about so long
-        assert abs(centre_margin(symmetric(a, gamma, k)) - limit) < 3 * math.sqrt(k) + 1e-4
+        assert abs(centre_margin(upper(a, gamma, k)) - limit) < 3 * math.sqrt(k) + 1e-4
 
 
 def test_a_dip_between_the_last_of_the_grid_and_the_impact_is_found_at_its_bottom() -> None:
     forcing = Fourier(cos={1: -1.0, 3: 1.8}, sin={3: -1.5})
     rest = np.linspace(1e-4, 0.2, 200001)
     for k in np.linspace(0.6, 0.95, 8).tolist():
-        b = symmetric(0.45, 0.2, k, forcing=forcing)
+        b = upper(0.45, 0.2, k, forcing=forcing)
         s = math.pi - rest
         ratio = (1 - b.displacement(0, b.phi + s) ** 2) / ((s + k) * s * rest)
         verdict = b.admissibility()
@@ -265,8 +267,8 @@ GRAZING = [Harmonic(), TWO, Fourier(cos={1: -1.0, 3: -0.15}, sin={3: 0.3, 5: 0.2
 @pytest.mark.parametrize("forcing", GRAZING)
 @pytest.mark.parametrize("gamma", [0.0, 0.05])
 def test_besides_the_graze_of_site_0_the_least_of_its_own_flight_is_told(forcing, gamma) -> None:
-    k = brentq(lambda k: centre_margin(symmetric(0.97, gamma, k, forcing=forcing)), 0.0, 0.4)
-    b = symmetric(0.97, gamma, k, forcing=forcing)
+    k = brentq(lambda k: centre_margin(upper(0.97, gamma, k, forcing=forcing)), 0.0, 0.4)
+    b = upper(0.97, gamma, k, forcing=forcing)
     site, t = b.admissibility().places["centre"]
     assert site == 0
     dip = t - b.phi
@@ -313,7 +315,7 @@ def test_where_a_flat_crest_grazes_the_least_besides_is_its_own_curvature(gamma)
 
 @pytest.mark.parametrize("site", [0, 1])
 def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_margin(site) -> None:
-    b = symmetric(0.6, 0.1, 0.8)
+    b = upper(0.6, 0.1, 0.8)
     verdict = b.admissibility()
     t = neighbour_peak(b, 1)[0] if site else verdict.places["centre"][1]
     found = {rival.site: rival for rival in rivals(b.watch, site, t)[1:]}
@@ -325,7 +327,7 @@ def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_m
 
 
 def test_without_coupling_no_neighbour_is_told_from_a_graze_by_rounding() -> None:
-    b = symmetric(0.9, 0.0, 0.8)
+    b = upper(0.9, 0.0, 0.8)
     t, _ = neighbour_peak(b, 1)
     own, centre = rivals(b.watch, 1, t)
     assert (own.margin, own.site) == (1.0, 1)
@@ -337,29 +339,29 @@ def test_without_coupling_no_neighbour_is_told_from_a_graze_by_rounding() -> Non
 
 
 def test_the_far_field_is_a_limit_of_its_own():
-    weak = symmetric(0.5, 0.12, 0.4).admissibility()
+    weak = upper(0.5, 0.12, 0.4).admissibility()
     assert weak.far == 0.5
-    strong = symmetric(1.05, 0.12, 0.4).admissibility()
+    strong = upper(1.05, 0.12, 0.4).admissibility()
     assert strong.far == pytest.approx(-0.05, abs=1e-15)
     lower = symmetric_roots(0.99, 0.0, 0.4)[1]
     assert lower.admissibility().far == pytest.approx(0.01, abs=1e-15)
     # a square wave's answer is not as high as its coefficients say
     t = 2 * np.pi * np.arange(64) / 64
     forcing = Samples(-np.cos(t) + 9 * 0.1 * np.cos(3 * t))
-    b = symmetric(0.9, 0.05, 0.5, forcing=forcing)
+    b = upper(0.9, 0.05, 0.5, forcing=forcing)
     dense = np.abs(forcing.f(np.linspace(0, 7, 20001))).max()
     assert b.admissibility().far == pytest.approx(1 - 0.9 * dense, abs=1e-6)
 
 
 def test_a_ring_has_no_far_field_and_a_single_oscillator_no_neighbours():
-    alone = symmetric(1.3, 0.1, 0.6, lattice=Ring(1)).admissibility()
+    alone = upper(1.3, 0.1, 0.6, lattice=Ring(1)).admissibility()
     assert alone.ok
     assert (alone.max_neighbour, alone.neighbours, alone.far) == (0.0, 1.0, 1.0)
     assert alone.site == 0
-    assert neighbour_peak(symmetric(1.3, 0.1, 0.6, lattice=Ring(1)))[1] == 0.0
-    assert highest_neighbour(symmetric(1.3, 0.1, 0.6, lattice=Ring(1)))[2] == 0.0
-    pair = symmetric(0.5, 0.1, 0.6, lattice=Ring(2)).admissibility()
-    assert pair.max_neighbour == neighbour_peak(symmetric(0.5, 0.1, 0.6, lattice=Ring(2)))[1]
+    assert neighbour_peak(upper(1.3, 0.1, 0.6, lattice=Ring(1)))[1] == 0.0
+    assert highest_neighbour(upper(1.3, 0.1, 0.6, lattice=Ring(1)))[2] == 0.0
+    pair = upper(0.5, 0.1, 0.6, lattice=Ring(2)).admissibility()
+    assert pair.max_neighbour == neighbour_peak(upper(0.5, 0.1, 0.6, lattice=Ring(2)))[1]
 
 
 # ----------------------------------------------------------------------------------- verdicts
@@ -390,7 +392,7 @@ def test_margins_are_continuous_along_a_branch(name):
         margins = []
         for value in np.linspace(*where, count + 1):
             point = {"a": 0.9, "gamma": 0.15, "k": 0.2} | {name: float(value)}
-            verdict = symmetric(**point).admissibility()
+            verdict = upper(**point).admissibility()
             margins.append((verdict.margin, verdict.neighbours, verdict.centre, verdict.far))
         changes.append(np.abs(np.diff(margins, axis=0)).max(axis=0))
     # (the fold at the start of a branch in a has a square root: 1.3 and not 1.8)
@@ -401,11 +403,11 @@ def test_margins_are_continuous_along_a_branch(name):
 @pytest.mark.parametrize("n", [0, 5, -10])
 def test_the_impacting_site_has_no_peak_to_ask_for(n):
     with pytest.raises(BadInput, match="impacting site"):
-        neighbour_peak(symmetric(0.5, 0.12, 0.4, lattice=Ring(5)), n)
+        neighbour_peak(upper(0.5, 0.12, 0.4, lattice=Ring(5)), n)
 
 
 def test_repr_is_one_line_with_the_verdict_and_what_is_closest() -> None:
-    good, bad = symmetric(0.5, 0.04, 0.8).admissibility(), symmetric(0.95, 0.1, 0.8).admissibility()
+    good, bad = upper(0.5, 0.04, 0.8).admissibility(), upper(0.95, 0.1, 0.8).admissibility()
     for margins, word in ((good, "ok"), (bad, "not ok")):
         shown = repr(margins)
         assert shown.startswith(f"<Admissibility {word}, margin {margins.margin:.6g}: ")
@@ -414,7 +416,7 @@ def test_repr_is_one_line_with_the_verdict_and_what_is_closest() -> None:
 
 
 def test_the_phase_of_a_single_time_is_that_of_an_array_in_any_flight() -> None:
-    flight = symmetric(0.5, 0.08, 0.8).flight
+    flight = upper(0.5, 0.08, 0.8).flight
     times = flight.phi + math.pi * (np.arange(-6, 7)[:, None] + [0.1, 0.5, 0.9]).ravel()
     y, sign = flight._phase(times)
     one, other = np.transpose([phase(flight, float(t)) for t in times])
@@ -423,7 +425,7 @@ def test_the_phase_of_a_single_time_is_that_of_an_array_in_any_flight() -> None:
 
 
 def test_a_rule_that_is_broken_is_the_one_of_whoever_breaks_it() -> None:
-    watch = symmetric(0.5, 0.04, 0.8).watch
+    watch = upper(0.5, 0.04, 0.8).watch
     for gap, rule in (
         (Gap(-0.05, None, 0.0), "|a f| <= 1"),
         (Gap(-0.05, 1, 0.0), "(15)"),
@@ -502,7 +504,7 @@ def test_an_orbit_upside_down_keeps_off_its_one_wall_as_well(wall: int) -> None:
 
 
 def test_a_dip_half_a_period_later_is_the_same_dip() -> None:
-    b = symmetric(0.6, 0.1, 0.8)
+    b = upper(0.6, 0.1, 0.8)
     t = b.admissibility().places["centre"][1]
     first, later = (rivals(b.watch, 0, t + half * math.pi) for half in (0, 1))
     assert [gap.site for gap in later] == [gap.site for gap in first]

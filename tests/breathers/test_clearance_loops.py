@@ -32,7 +32,7 @@ PLAIN = [
 ]
 OTHERS = [
     cb.breathers.symmetric_roots(0.9, 0.12, 0.8)[1],  # where the second neighbour climbs highest
-    cb.symmetric(0.7, 0.0, 0.0),
+    cb.symmetric(0.7, 0.0, 0.0, root=1),
     cb.symmetric(0.6, 0.07, 0.7, forcing="cos(t) + 0.3*cos(3*t)"),
     *(cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Ring(sites)) for sites in (1, 2, 5)),
     asymmetric(0.87, 0.04, 0.8),

@@ -137,8 +137,8 @@ def test_grazing_is_where_the_neighbour_just_touches() -> None:
     t = np.linspace(0, 2 * math.pi, 200001)
     assert abs(point.solution.displacement(1, t)).max() == pytest.approx(1, abs=1e-10)
     assert point.solution.velocity(1, point.detail["t"]) == pytest.approx(0, abs=1e-12)
-    inside = cb.symmetric(point["a"] - 1e-6, 0.1, 0.8)
-    beyond = cb.symmetric(point["a"] + 1e-6, 0.1, 0.8)
+    inside = cb.symmetric(point["a"] - 1e-6, 0.1, 0.8, root=1)
+    beyond = cb.symmetric(point["a"] + 1e-6, 0.1, 0.8, root=1)
     assert inside.admissibility().ok
     assert not beyond.admissibility().ok
 
@@ -154,7 +154,7 @@ def test_site_zero_grazes_between_its_impacts_for_small_k() -> None:
 
 def test_a_start_beyond_grazing_is_refused() -> None:
     with pytest.raises(cb.BadInput, match="beyond GR"):
-        cb.trace(cb.symmetric(0.9, 0.1, 0.8), "a")
+        cb.trace(cb.symmetric(0.9, 0.1, 0.8, root=1), "a")
 
 
 def test_nothing_happens_where_nothing_happens() -> None:

@@ -60,7 +60,7 @@ def brute(orbit, reach=40):
 def test_the_highest_idle_site_is_found_among_all():
     beyond = asymmetric(1.1, 0.1, 0.5, inadmissible=True)
     orbits = [asymmetric(0.82, 0.04, 0.8), beyond.on(Ring(7))]
-    b = symmetric(0.5, 0.2, 0.8)
+    b = symmetric(0.5, 0.2, 0.8, root=1)
     for bonds in (1, 2, 6):
         # the margins do not ask whether it solves anything
         guess = orbit_of(
@@ -106,7 +106,7 @@ def test_far_field_carries_the_offset():
 
 def test_an_orbit_through_its_own_wall_is_called_none():
     # small k: the site is pushed back onto the wall it has just left
-    orbit = symmetric(0.99, 0.0, 0.02).unfolded()
+    orbit = symmetric(0.99, 0.0, 0.02, root=1).unfolded()
     verdict = orbit.admissibility()
     assert not verdict
     assert verdict.site == 0

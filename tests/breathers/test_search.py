@@ -20,10 +20,20 @@ def test_search_goes_on_where_there_is_no_breather() -> None:
     with pytest.raises(
         cb.NoSolution, match=r"no breather with gamma = 0\.12, k = 0\.8 for a between 0\.86 and"
     ):
-        find_symmetric("a", WHERE["a"], gamma=0.12, k=0.8)
+        find_symmetric("a", WHERE["a"], gamma=0.12, k=0.8, root=1)
     point = find_event("GR", ("gamma", "a"), within=WHERE, k=0.8)
     assert point.solution.admissibility().margin == pytest.approx(0.0, abs=1e-12)
     assert WHERE["a"][0] < point["a"] < WHERE["a"][1]
+
+
+def test_a_lower_breather_is_found_where_no_upper_one_is_in_the_window() -> None:
+    found = find_symmetric("a", WHERE["a"], gamma=0.12, k=0.8)
+    assert found.admissibility().ok
+    assert found.flight.family == "lower"
+    # the upper one comes first, wherever in the window it is
+    upper = find_symmetric("gamma", (0.0, 0.2), a=0.9, k=0.8)
+    assert upper.flight.family == "upper"
+    assert upper == find_symmetric("gamma", (0.0, 0.2), a=0.9, k=0.8, root=1)
 
 
 def test_nothing_is_printed_while_searching(

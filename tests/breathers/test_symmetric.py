@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from functools import partial
+from itertools import pairwise
 
 import mpmath as mp
 import numpy as np
@@ -18,6 +20,7 @@ from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples, Symbolic
 
 CHAIN = InfiniteChain()
+upper = partial(symmetric, root=1)  # admissible or not
 TWO = Fourier.from_response(cos={1: 1.0, 3: 0.3})
 GAMMAS = [0.0, 0.04, 0.12, 0.24, 0.2499]
 KS = [0.05, 0.4, 0.8, 0.99]
@@ -35,7 +38,7 @@ def fold(gamma, k):
 def test_momentum_and_phase_are_those_of_the_paper(paper, gamma, k):
     lowest = fold(gamma, k)
     for a in (1.001 * lowest, 1.1 * lowest, 0.5 * (lowest + 1.0), 1.0):
-        b = symmetric(a, gamma, k)
+        b = upper(a, gamma, k)
         with mp.workdps(30):
             p, phi = paper.root(a, gamma, k)
             assert abs(b.p / p - 1) < 1e-13
@@ -95,7 +98,7 @@ def test_both_signs_of_13_solve_the_closure_and_meet_at_the_fold(gamma, k, above
 @pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.12, 0.05), (0.2, 0.99), (0.2499, 0.4)])
 def test_profile_and_velocity_are_the_paper_s_series_up_to_and_at_the_impacts(paper, gamma, k, n):
     a = 0.5 * (1.0 + fold(gamma, k))
-    b = symmetric(a, gamma, k)
+    b = upper(a, gamma, k)
     exact_pi = mp.pi
     with mp.workdps(30):
         p, phi = paper.root(a, gamma, k)
@@ -380,6 +383,44 @@ def test_the_rim_of_the_domain_works():
             for b in symmetric_roots(1.0, gamma, k):
                 assert b.residual < 1e-14
     assert len(symmetric_roots(1e-9, 0.1, 1.0)) == 2  # without losses any forcing will do
+
+
+LATTICES = ({}, {"lattice": Ring(33)}, {"lattice": Ring(12), "spring": 0.0})  # the last by modes
+
+
+@pytest.mark.parametrize("on", LATTICES)
+def test_the_breather_is_the_largest_root_that_is_admissible(on):
+    for a, gamma in ((0.5, 0.1), (0.79, 0.2), (0.95, 0.05), (0.3, 0.12)):
+        found = symmetric_roots(a, gamma, 0.8, **on)
+        admissible = [one for one in found if one.admissibility().ok]
+        assert symmetric(a, gamma, 0.8, **on).p == admissible[0].p
+        for i, one in enumerate(found, start=1):
+            assert symmetric(a, gamma, 0.8, root=i, **on).p == one.p
+    upper, lower = symmetric_roots(0.79, 0.2, 0.8, **on)
+    assert not upper.admissibility().ok
+    assert symmetric(0.79, 0.2, 0.8, **on).p == lower.p
+
+
+def test_where_no_root_is_admissible_the_largest_says_why():
+    (found,) = symmetric_roots(1.2, 0.1, 0.8)
+    assert symmetric(1.2, 0.1, 0.8).p == found.p
+    assert not symmetric(1.2, 0.1, 0.8).admissibility().ok
+
+
+@pytest.mark.parametrize("root", [0, 3, 1.5, "upper"])
+def test_a_root_that_is_not_there_is_refused_with_those_that_are(root):
+    with pytest.raises(BadInput, match=r"the solutions of \(11\) are 1: p = .*, 2: p = "):
+        symmetric(0.5, 0.1, 0.8, root=root)
+
+
+@pytest.mark.parametrize("forcing", [Harmonic(), TWO, Fourier(cos={1: -1.0, 3: -2.0, 5: 3.0})])
+def test_no_lower_breather_is_stable_and_families_alternate(forcing):
+    for a in np.linspace(0.2, 0.9, 8) / forcing.peak():
+        found = sorted(symmetric_roots(a, 0.12, 0.7, forcing=forcing), key=lambda b: b.phi)
+        families = [b.flight.family for b in found]
+        assert all(one != other for one, other in pairwise(families))
+        for b in found:
+            assert b.flight.family == "upper" or b.stability().unstable >= 1
 
 
 # ------------------------------------------------------------------------------------- errors

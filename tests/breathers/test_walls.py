@@ -68,7 +68,8 @@ def test_no_point_of_a_grazing_curve_is_behind_another_wall(
 
 
 def test_where_a_lower_crest_grazes_no_more_the_higher_one_takes_over() -> None:
-    diagram = cb.zones(k=0.8, forcing=WELLS, within={"gamma": (0.235, 0.245)})
+    within = {"gamma": (0.235, 0.245)}
+    diagram = cb.zones(k=0.8, forcing=WELLS, within=within, past_folds=True)
     (corner,) = (point for point in diagram.special if point.kind == "GR-GR")
     arcs = [line for line in diagram["GR"] if corner in (line[0], line[-1])]
     touching = [line for line in diagram["GR"] if distance((line,), corner) < 1e-9]
@@ -85,7 +86,8 @@ def test_where_a_lower_crest_grazes_no_more_the_higher_one_takes_over() -> None:
 @pytest.mark.slow
 def test_breathers_that_are_all_but_mirror_images_have_a_curve_each() -> None:
     """Near k = 1 time reversal makes pairs that are alike in a and p, but not in phi."""
-    diagram = cb.zones(k=0.94, forcing=TIED, within={"gamma": (0.149, 0.151)})
+    within = {"gamma": (0.149, 0.151)}
+    diagram = cb.zones(k=0.94, forcing=TIED, within=within, past_folds=True)
     seen: list[cb.continuation.Point] = []
     for root in cb.breathers.symmetric_roots(0.6, 0.15, 0.94, forcing=TIED):
         point = cb.trace(root, "a", towards="up").special[-1]
@@ -132,8 +134,9 @@ def test_folds_are_passed_on_request_and_not_passed_on_request() -> None:
     assert min(line["p"].min() for line in ended) > fold["p"] - 1e-9
     assert min(line["p"].min() for line in beyond) < fold["p"] - 0.01
     several = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
-    assert cb.zones(k=0.8, forcing=several, within=within).past_folds
-    assert not cb.zones(k=0.8, forcing=several, within=within, past_folds=False).past_folds
+    ended = cb.zones(k=0.8, forcing=several, within=within)
+    inner = [point for line in ended["NS"] for point in list(line)[1:-1]]
+    assert {point.ground.solution.flight.family for point in inner} == {"upper"}
 
 
 # --- rings ------------------------------------------------------------------------------------
@@ -239,7 +242,7 @@ def test_a_wall_that_is_asked_for_is_there_once() -> None:
 
 
 def test_a_start_behind_a_wall_is_refused_and_told_how_to_go_on() -> None:
-    behind = cb.symmetric(0.97, 0.04, 0.8)
+    behind = cb.symmetric(0.97, 0.04, 0.8, root=1)
     with pytest.raises(cb.BadInput, match="inadmissible=True"):
         cb.trace(behind, "a", events=[cb.fold()])
     branch = cb.trace(behind, "a", within={"a": (0.9, 1.2)}, inadmissible=True)

@@ -8,11 +8,13 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+import shapely
 
 import contbreather as cb
 from contbreather.breathers.closure import smallest_amplitude
 from contbreather.breathers.regions import regions
 from contbreather.stability import neimark_sacker, unstable_count
+from tests.campaigns import existence
 
 CHAIN = cb.InfiniteChain()
 KS = (0.001, 0.05, 0.2, 0.4, 0.8, 0.95, 0.99)
@@ -126,8 +128,8 @@ def test_upper_limit_is_where_admissibility_ends(k: float) -> None:
     for line in zones(k).curves["GR"]:
         for point in list(line)[5:-5:7]:
             gamma, a = point["gamma"], point["a"]
-            inside = cb.symmetric(a * (1 - 1e-5), gamma, k).admissibility()
-            outside = cb.symmetric(a * (1 + 1e-5), gamma, k).admissibility()
+            inside = cb.symmetric(a * (1 - 1e-5), gamma, k, root=1).admissibility()
+            outside = cb.symmetric(a * (1 + 1e-5), gamma, k, root=1).admissibility()
             assert inside.ok
             assert not outside.ok
 
@@ -242,7 +244,7 @@ def test_all_sheets_of_a_forcing_with_several_breathers(
 
 @pytest.fixture(scope="module")
 def several() -> cb.breathers.Zones:
-    return cb.zones(k=0.8, forcing=WELLS, within={"gamma": (0.1, 0.21)})
+    return cb.zones(k=0.8, forcing=WELLS, within={"gamma": (0.1, 0.21)}, past_folds=True)
 
 
 def distance(curves: tuple[cb.Branch, ...], point: cb.continuation.Point) -> float:
@@ -400,6 +402,90 @@ def test_a_diagram_without_any_curve_has_no_verdicts() -> None:
     assert empty.regions_of(((0.0, 0.2), (0.0, 1.0))) == ()
 
 
+# --- existence ------------------------------------------------------------------------------------
+
+
+def test_a_harmonic_that_is_next_to_nothing_changes_nothing() -> None:
+    """Several harmonics made it a diagram of both families, whatever their size."""
+    within = {"gamma": (0.1, 0.2)}
+    none, tiny = (
+        cb.zones(k=0.8, forcing=cb.Symbolic("-cos(t)-c3*cos(3*t)", c3=c3), within=within)
+        for c3 in (0.0, 1e-9)
+    )
+    assert [len(line) for _, line in none] == [len(line) for _, line in tiny]
+    for (_, one), (_, two) in zip(none, tiny, strict=True):
+        np.testing.assert_allclose(one["a"], two["a"], rtol=1e-7)
+    assert [one.verdict for one in none.regions] == [one.verdict for one in tiny.regions]
+    assert none.families == tiny.families == ("upper",)
+
+
+def around(diagram: cb.breathers.Zones, x: float, y: float) -> cb.breathers.Region:
+    """The region that a place is in."""
+    (found,) = (
+        one
+        for one in diagram.regions
+        if shapely.Polygon(one.outline, one.holes).contains(shapely.Point(x, y))
+    )
+    return found
+
+
+def test_where_no_upper_breather_is_a_region_says_that_a_lower_one_is() -> None:
+    region = around(zones(0.8), 0.197, 0.789)
+    lower = cb.breathers.symmetric_roots(region.y, region.x, 0.8)[-1]
+    assert lower.admissibility().ok
+    assert region.counts == (None,) * 5
+    assert region.lower[0] == lower.p
+    words = f"no upper breather; a lower one, p = {lower.p:.6g}, is admissible"
+    assert words in repr(region)
+    assert any(words in told for told in zones(0.8).told())
+    below = around(zones(0.8), 0.0144, 0.035)
+    assert below.describe() == "no upper breather, nor a lower one at any of 5 places"
+
+
+def test_a_diagram_of_both_families_ends_where_impacts_vanish() -> None:
+    within = {"gamma": (0.15, 0.22), "a": (0.3, 2.0)}
+    both = cb.zones(k=0.8, within=within, past_folds=True)
+    assert both.families == ("upper", "lower")
+    assert both.ceiling == 1.0
+    assert around(both, 0.197, 0.789).counts == (1,) * 5  # one multiplier below -1
+    assert both.box()[1][1] == 1.0
+    assert both.unstable(0.197, 0.999) == 1
+    assert both.unstable(0.197, 1.001) is None
+    assert list(both.told()) == []
+    low = cb.zones(k=0.8, within={**within, "a": (0.3, 0.7)}, past_folds=True)
+    assert low.ceiling is None
+
+
+@pytest.mark.parametrize("past_folds", [False, True])
+def test_on_a_ring_none_says_that_there_is_no_breather_of_the_families_drawn(
+    past_folds: bool,
+) -> None:
+    diagram = cb.zones(k=0.975, lattice=cb.Ring(33), past_folds=past_folds)
+    for gamma, a in ((0.2318, 0.4973), (0.0505, 0.9738)):  # lower ones alone
+        region = around(diagram, gamma, a)
+        if past_folds:
+            assert region.verdict == "US"
+        else:
+            assert region.counts == (None,) * 5
+            assert None not in region.lower
+
+
+def test_a_sheet_between_two_amplitudes_of_the_comb_is_found_next_to_its_fold() -> None:
+    forcing = cb.Fourier(cos={1: -1.0, 5: -2.6852264924}, sin={5: 3.0800950413})
+    diagram = cb.zones(k=0.073, forcing=forcing, within={"gamma": (0.24, 0.2499)})
+    assert any(one.flight.family == "upper" for one in diagram.breathers(0.2474, 0.4))
+    assert around(diagram, 0.2474, 0.4).verdict == "US"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [5, 9, 17])
+def test_regions_of_random_diagrams_say_what_a_direct_search_finds(number: int) -> None:
+    counts = existence.one(number, seed=1, places=30)
+    assert counts["places"] == 30
+    assert counts["lower said"] > 0
+    assert not set(counts) & {"disagree", "mixed", "misjudged", "lower unsaid"}
+
+
 def test_a_region_is_shown_in_a_line_with_its_verdict() -> None:
     across = [np.array([[0.0, 0.0], [2.0, 4.0]])]
     above, below = sorted(
@@ -409,6 +495,7 @@ def test_a_region_is_shown_in_a_line_with_its_verdict() -> None:
     x, y = (f"{value:.6g}" for value in (above.x, above.y))
     assert repr(above) == f"<Region US around ({x}, {y}), 3 corners>"
     assert repr(below).startswith("<Region no verdict around (")
+    assert repr(below).endswith("3 corners: no breather>")
     assert above.counts == (2,) * 5
     assert above.room == pytest.approx(1.0 - math.sqrt(0.5), abs=5e-3)  # of a right triangle
     assert above.y > 2 * above.x

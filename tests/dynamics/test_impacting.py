@@ -314,7 +314,8 @@ def test_repaired_surroundings_of_an_impact_are_the_whole_ring_expanded_anew(see
 def test_neighbour_touches_its_wall_from_the_upper_limit_on(beyond):
     """gamma = 0.1, k = 0.8: its maximum is 1 at a = 0.806417833236, eq. (15)."""
     a = 0.806417833236 + beyond
-    run = simulate(symmetric(a, 0.1, 0.8).state(40), a=a, gamma=0.1, k=0.8, periods=1)
+    upper = symmetric(a, 0.1, 0.8, root=1)
+    run = simulate(upper.state(40), a=a, gamma=0.1, k=0.8, periods=1)
     hit = set(run.impacts["site"].tolist())
     assert hit == ({0, 1, 39} if beyond > 0 else {0})
 

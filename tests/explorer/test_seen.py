@@ -65,7 +65,7 @@ def test_verdicts_are_those_of_the_library() -> None:
 
 
 def test_nothing_is_said_of_the_stability_of_what_goes_through_a_wall() -> None:
-    through = cb.symmetric(a=0.9, gamma=0.08, k=0.8)
+    through = cb.symmetric(a=0.9, gamma=0.08, k=0.8, root=1)
     said = dict(seen.verdicts(through, 400))
     assert said["not admissible"] == through.admissibility().reason
     assert said["stability"].startswith("nothing is said of it")
