@@ -46,10 +46,11 @@ def mean(data: Any, at: int, to: int) -> int:
         slope = slope * x + data[first + powers + i]
     total = total * x + data[at]
     for i in range(poles):
-        weight, scale = data[at + 3 + 2 * i], data[at + 4 + 2 * i]
-        r = math.sqrt(1.0 - scale * x)
-        total += weight * (scale * x / (r * (1.0 + r)))
-        slope += weight * scale * (0.5 / ((1.0 - scale * x) * r))
+        weight, width = data[at + 3 + 2 * i], data[at + 4 + 2 * i]
+        z = x / width
+        r = math.sqrt(1.0 - z)
+        total += weight * (z / (r * (1.0 + r)))
+        slope += weight / width * (0.5 / ((1.0 - z) * r))
     data[to] = total
     data[to + 1] = 4.0 * slope
     return first + 2 * powers

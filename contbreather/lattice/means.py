@@ -36,7 +36,7 @@ def check_gamma(gamma: float, spring: float = 0.0) -> float:
         If the band ``[spring, spring + 4 gamma]`` of w^2 reaches the forcing frequency 1.
     """
     found, held = real(gamma), real(spring)
-    if found >= 0.0 and held >= 0.0 and held + 4.0 * found < 1.0:
+    if found >= 0.0 and held >= 0.0 and 4.0 * found < 1.0 - held:
         return found
     if not held:
         raise BadInput(
@@ -78,10 +78,11 @@ def _functions() -> dict[str, _Raw]:
 
 
 class _Series(NamedTuple):
-    """A mean as ``constant + sum of weight * excess(scale x) + polynomial(x)``, x = 4 gamma."""
+    """A mean as ``constant + sum of weight * excess(x/width) + polynomial(x)``, x = 4 gamma: a
+    quotient of floats is below 1 wherever x is below the width that it has up to its pole."""
 
     constant: float
-    poles: tuple[tuple[float, float], ...]  # (weight, scale)
+    poles: tuple[tuple[float, float], ...]  # (weight, width)
     powers: tuple[float, ...]  # coefficients of x^1, x^2, ...
     slopes: tuple[float, ...]  # those of the derivative: 1*c1, 2*c2, ...
 
@@ -96,7 +97,7 @@ def _series(raw: _Raw, sites: int | None, spring: float) -> _Series:
     tail = np.concatenate([[raw.constant], raw.tail]) @ _shift(spring)
     powers = tail[1:] * q_moments(sites, 0)[1:]
     slopes = powers * np.arange(1, TERMS + 1)
-    held = [(weight * P / (P - spring), 1.0 / (P - spring)) for weight, P in raw.poles]
+    held = [(weight * P / (P - spring), P - spring) for weight, P in raw.poles]
     constant = float(tail[0]) + sum(weight * spring / (P - spring) for weight, P in raw.poles)
     # reversed once here, so that Horner runs straight through the tuple
     return _Series(
@@ -172,8 +173,8 @@ class Lattice:
         for c in series.powers:
             total = total * x + c
         total = total * x + series.constant
-        for weight, scale in series.poles:
-            total += weight * self._excess(scale * x)
+        for weight, width in series.poles:
+            total += weight * self._excess(x / width)
         return total
 
     def means(self, gamma: FloatArray, name: str) -> FloatArray:
@@ -181,8 +182,8 @@ class Lattice:
         domain."""
         series, x = self._expansions[name], 4.0 * gamma
         total = np.polyval([*series.powers, series.constant], x)
-        for weight, scale in series.poles:
-            total += weight * (1.0 / np.sqrt(1.0 - scale * x) - 1.0)
+        for weight, width in series.poles:
+            total += weight * (1.0 / np.sqrt(1.0 - x / width) - 1.0)
         return np.asarray(total)
 
     def _slope(self, gamma: float, name: str) -> float:
@@ -191,12 +192,12 @@ class Lattice:
         total = 0.0
         for c in series.slopes:
             total = total * x + c
-        for weight, scale in series.poles:
-            total += weight * scale * self._dexcess(scale * x)
+        for weight, width in series.poles:
+            total += weight / width * self._dexcess(x / width)
         return 4.0 * total
 
     def expansion(self, name: str) -> list[float]:
-        """A mean as numbers: constant, how many poles and powers, weight and scale of each pole,
+        """A mean as numbers: constant, how many poles and powers, weight and width of each pole,
         coefficients of the powers of 4 gamma from the highest on and those of the slope."""
         series = self._expansions[name]
         poles = [entry for pole in series.poles for entry in pole]

@@ -75,19 +75,18 @@ def _step(gamma: float, k: float, b: float, spring: float, nu: Array) -> Array:
     """
     value, slope = _slopes(gamma, k, b, spring, nu)
     zeta = np.exp(-1j * math.pi * nu)
-    factors = 1j * math.pi * _log_slope(zeta, math.sqrt(spring + 4.0 * gamma))
-    factors += 1j * math.pi * _log_slope(zeta, math.sqrt(spring))
-    with np.errstate(all="ignore"):
-        return np.asarray(value / (slope + value * factors))
+    with np.errstate(all="ignore"):  # at the ends of the band themselves no step leads on
+        factors = _log_slope(zeta, math.sqrt(spring + 4.0 * gamma))
+        factors += _log_slope(zeta, math.sqrt(spring))
+        return np.asarray(value / (slope + value * 1j * math.pi * factors))
 
 
 def _log_slope(zeta: Array, w: float) -> Array:
     """Of one of those factors, by nu, over i pi."""
     cosine = math.cos(math.pi * w)
-    with np.errstate(all="ignore"):
-        if w == 0.0:
-            return np.asarray(zeta / (1.0 - zeta))
-        return np.asarray(zeta * (cosine - zeta) / (1.0 - 2.0 * cosine * zeta + zeta * zeta))
+    if w == 0.0:
+        return np.asarray(zeta / (1.0 - zeta))
+    return np.asarray(zeta * (cosine - zeta) / (1.0 - 2.0 * cosine * zeta + zeta * zeta))
 
 
 def _newton(
