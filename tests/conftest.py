@@ -5,35 +5,30 @@ from __future__ import annotations
 import os
 import shlex
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from contbreather import native
+from contbreather import bare, kernels
 from contbreather.cli import main
 
 
 def pytest_configure() -> None:
-    """A shell that starts the tests in the background has them ignore Ctrl-C, children included."""
+    """A shell that starts the tests in the background has them ignore Ctrl-C, children included.
+
+    Loops that were edited since the installation are compiled before the first test, and nothing
+    is behind it.
+    """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-@pytest.fixture(autouse=True, scope="session")
-def code_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Machine code that tests ask for is kept where no other process looks for it."""
-    own, usual = tmp_path_factory.getbasetemp() / "code", native._file
-
-    def file(*given: Any) -> Path:
-        named = usual(*given)
-        return named if "NUMBA_CACHE_DIR" in os.environ else own / named.name
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(native, "_file", file)
-        yield
+    place = kernels.place()
+    if os.environ.get(kernels.ASKED) != "0" and place is not None and find_spec("numba"):
+        os.environ[kernels.ASKED] = "0"  # of other processes, those of xdist among them
+        subprocess.run([sys.executable, bare.__file__, place], check=True)
 
 
 @pytest.fixture(autouse=True)

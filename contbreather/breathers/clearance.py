@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from contbreather.breathers import clearance_loops
 from contbreather.checks import kind_of, whole
 from contbreather.errors import BadInput
-from contbreather.kernel import Kernel
 
 FloatArray = NDArray[np.float64]
 Terms = tuple[float, float, float]  # a value and its first two derivatives
@@ -240,7 +239,7 @@ def centre_margin(orbit: Any) -> float:
     return min(gaps_of_flights(_watched(orbit))).margin
 
 
-_MARGIN = Kernel(clearance_loops.margin, "pppp")
+_MARGIN = clearance_loops.MARGIN
 
 
 def least_margin(orbit: Watch) -> float:

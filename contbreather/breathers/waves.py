@@ -29,7 +29,6 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.breathers.closure import EPS, forcing_with
 from contbreather.breathers.section import Impact, Section, check_both_walls
 from contbreather.errors import BadInput
-from contbreather.kernel import Kernel
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, wave_loops
 from contbreather.lattice.conditions import Conditions, check_amplitude, restitution_ratio
 from contbreather.lattice.periodic import check_coupling, wave, wave_slope, wave_table
@@ -41,7 +40,7 @@ FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 
 FEW = 8  # up to so many pairs of impacts a loop over floats beats numpy
-_MEETINGS = Kernel(wave_loops.meetings, "ppp")
+_MEETINGS = wave_loops.MEETINGS
 _EVEN_ODD = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
 
 

@@ -24,7 +24,7 @@ DONE, FAILED, BAD_INPUT = 0, 1, 2
 VERBOSE = "--verbose"  # of every command
 COMMANDS = (  # each a module with a function of its name
     "point", "branch", "boundary", "switch", "diagram", "zones", "atlas", "simulate", "figure",
-    "explore", "show", "extend", "run", "warm",
+    "explore", "show", "extend", "run",
 )  # fmt: skip
 LATTICES = ("--lattice", "--site", "--damping", "--spring", "--walls")
 CHAINS_ONLY = {
@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tokens = [token for token in given if token != VERBOSE]
     try:
         with watched(alone=arguments is None), heard(tokens != given):
-            status = _run(tokens)
+            status = _about() if given == ["--version", VERBOSE] else _run(tokens)
             sys.stdout.flush()
     except BadInput as error:
         return _refused(error, BAD_INPUT)
@@ -68,6 +68,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if status == INTERRUPTED:
         return _refused("interrupted: the result is cut short", status)
     return status
+
+
+def _about() -> int:
+    """The version, and whether its loops are compiled."""
+    from contbreather.kernels import status
+
+    print(f"{__version__}\n{status()}")
+    return DONE
 
 
 def _run(tokens: list[str]) -> int:
@@ -129,7 +137,8 @@ def application() -> App:
     app = App(
         name="contbreather",
         help="Exact discrete breathers of an impacting chain, continued, with their stability.\n\n"
-        f"With {VERBOSE} any command logs its steps, with their Newton iterations.",
+        f"With {VERBOSE} any command logs its steps, with their Newton iterations; --version says "
+        "whether loops are compiled.",
         version=__version__,
         help_format="markdown",
         default_parameter=Parameter(negative="", show_default=_shown),
