@@ -1,7 +1,7 @@
 """Compiles the hot loops when the package is built, for the processor that builds it.
 
-A wheel with machine code is tagged for this Python and this kind of machine; on a processor that can
-do less it goes on without. CONTBREATHER_COMPILE=0 makes a wheel without any, for all. Where
+A wheel with machine code is tagged for this Python and this kind of machine; on a processor that
+can do less it goes on without. CONTBREATHER_COMPILE=0 makes a wheel without any, for all. Where
 compiling fails the package is built without, which `contbreather --version --verbose` tells.
 """
 

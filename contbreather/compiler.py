@@ -1,5 +1,5 @@
-"""Compiles kernels by numba: all of them, side by side, at the installation or behind a session; and
-functions of a user, at once.
+"""Compiles kernels by numba: all of them, side by side, at the installation or behind a session;
+and functions of a user, at once.
 
     python bare.py FOLDER [--behind]
 """
@@ -97,7 +97,9 @@ def _object(text: str) -> bytes:
     import llvmlite.binding as llvm
 
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    machine = kernels.target(cpu=cpu, features=features, opt=3, reloc="default", codemodel="jitdefault")
+    machine = kernels.target(
+        cpu=cpu, features=features, opt=3, reloc="default", codemodel="jitdefault"
+    )
     done: bytes = machine.emit_object(llvm.parse_assembly(text))
     return done
 
@@ -116,9 +118,9 @@ def _twin(function: Callable[..., Any]) -> Any:
         copy = FunctionType(function.__code__, scope, function.__name__)
         # nobody gives memory, or counts who has an array: with that left out tuples of arrays cost
         # nothing to hand over, and compile in half the time
-        how = {"_nrt": False, "forceinline": function.__code__ in INLINED}
-        unused = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        _TWINS[function] = njit(error_model="numpy", **how, **unused)(copy)
+        how: dict[str, Any] = {"_nrt": False, "forceinline": function.__code__ in INLINED}
+        how |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        _TWINS[function] = njit(error_model="numpy", **how)(copy)
         for name in names:
             if known[name] is call:
                 scope[name] = _by_address()
@@ -148,13 +150,15 @@ def _by_address() -> Any:
 def _entry(kernel: Kernel) -> tuple[Any, Any]:
     """A function of one address, given as each kind of word that is there, which makes numbers,
     arrays and tuples of them; and its signature."""
-    from numba import carray, types
+    import numba
+    from numba import types
 
+    carray: Any = numba.carray  # type: ignore[attr-defined]
     scope: dict[str, Any] = {"carray": carray, "function": _twin(kernel.function)}
     words = count()
     given = ", ".join(_argument(shape, words, scope) for shape in kernel.takes)
     exec(f"def entry(i8, f8, f8s, i8s, i1s):\n    function({given})\n    return 0\n", scope)
-    kinds = [types.int64, types.float64]
+    kinds: list[Any] = [types.int64, types.float64]
     kinds += [types.CPointer(one) for one in (types.float64, types.int64, types.int8)]
     return types.int64(*map(types.CPointer, kinds)), scope["entry"]
 

@@ -254,7 +254,7 @@ def _framed(values: Iterable[Any], shapes: Iterable[Shape]) -> NDArray[np.float6
         letters.append(letter)
         words.append(word)
     frame = np.empty(len(words))
-    struct.pack_into("".join(letters), frame, 0, *words)
+    struct.pack_into("".join(letters), frame.data, 0, *words)
     return frame
 
 
@@ -385,9 +385,11 @@ def _own_group(user: int, group: int) -> bool:
         who, known = pwd.getpwuid(user), grp.getgrgid(group)
     except KeyError:
         return False
-    return who.pw_gid == group and who.pw_name == known.gr_name and not set(known.gr_mem) - {
-        who.pw_name
-    }
+    return (
+        who.pw_gid == group
+        and who.pw_name == known.gr_name
+        and not set(known.gr_mem) - {who.pw_name}
+    )
 
 
 @lru_cache(maxsize=1)
@@ -545,7 +547,7 @@ def _begun() -> str:
 def _start(folder: Path) -> None:
     """The compiler, in a process that outlives this one and lets all others go first."""
     line = [sys.executable, str(Path(__file__).with_name("bare.py")), str(folder), "--behind"]
-    nowhere = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    nowhere: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
     with suppress(OSError):
         _started.append(subprocess.Popen(line, start_new_session=True, **nowhere))
 

@@ -17,7 +17,6 @@ import io
 import json
 import os
 import re
-import sys
 import time
 import zipfile
 from collections.abc import Iterator, Mapping

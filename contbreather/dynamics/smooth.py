@@ -39,10 +39,10 @@ from contbreather.dynamics.states import (
 )
 from contbreather.dynamics.stretches import Sample, Stretch, check_sample
 from contbreather.errors import BadInput, NotConverged
+from contbreather.kernels import Kernel
 from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
-from contbreather.kernels import Kernel
 from contbreather.lattice.plain import plain
 
 Array = NDArray[Any]
@@ -196,9 +196,7 @@ def right_side(kernel: Kernel, args: tuple[Any, ...], shape: tuple[int, ...]) ->
 class Solver(Protocol):
     """Carries y from t0 to each of the times; raises `NotConverged` where it cannot."""
 
-    def states(
-        self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array
-    ) -> Array: ...
+    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -213,9 +211,7 @@ class Explicit:
 
     tolerance: float = 1e-10
 
-    def states(
-        self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array
-    ) -> Array:
+    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
         from scipy.integrate import ode
 
         out = np.empty((len(times), len(y)))
@@ -242,9 +238,7 @@ class _OfScipy:
     method: ClassVar[str]
     tolerance: float
 
-    def states(
-        self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array
-    ) -> Array:
+    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
         from scipy.integrate import solve_ivp
 
         settings: dict[str, Any] = {"rtol": max(self.tolerance, 3e-14), "atol": self.tolerance}
@@ -252,9 +246,7 @@ class _OfScipy:
             settings["jac"] = jac
         solve: Any = solve_ivp  # its stubs know every method by name and shape
         with held():
-            found = solve(
-                rhs, (t0, times[-1]), y, self.method, times, max_step=CAP, **settings
-            )
+            found = solve(rhs, (t0, times[-1]), y, self.method, times, max_step=CAP, **settings)
         if not found.success:
             raise _stuck(self.method, found.t[-1] if len(found.t) else t0)
         return np.ascontiguousarray(found.y.T)
