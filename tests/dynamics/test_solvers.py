@@ -49,7 +49,7 @@ def test_states_are_at_the_times_that_were_asked_for(solver, off: float) -> None
 
 @pytest.mark.parametrize("solver", [Implicit(), Switching()])
 def test_a_jacobian_that_is_given_is_used_and_saves_differences(solver) -> None:
-    given, none = Oscillator(0.3, 1.7), Oscillator()
+    given, none = Oscillator(2e4, 50.0), Oscillator(2e4, 50.0)
     start = np.array([1.0, 0.0])
     solver.states(given.rhs, given.jac, 0.4, start, TIMES)
     solver.states(none.rhs, None, 0.4, start, TIMES)
