@@ -16,7 +16,6 @@ import logging
 import os
 import stat
 import struct
-import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -224,7 +223,7 @@ class Shape(NamedTuple):
         return f"{self.name}:{inner}{self.axes or ''}"
 
 
-FRAME = "ppppp"  # one address, of words that are i8, f8, and addresses of f8, i8 and i1
+FRAME = 5 * "p"  # one address, of words that are i8, f8, and addresses of f8, i8 and i1
 _PLAIN = {float: "f8", int: "i8", bool: "b1"}
 _NUMBERS: dict[str, Any] = {
     **dict.fromkeys(("p", "f"), ctypes.c_void_p),
@@ -546,6 +545,8 @@ def _begun() -> str:
 
 def _start(folder: Path) -> None:
     """The compiler, in a process that outlives this one and lets all others go first."""
+    import subprocess
+
     line = [sys.executable, str(Path(__file__).with_name("bare.py")), str(folder), "--behind"]
     nowhere: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
     with suppress(OSError):

@@ -47,7 +47,7 @@ def nothing_at_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator
     cached = kernels.at_hand, kernels._begun
     monkeypatch.setattr(kernels, "OBJECTS", tmp_path / "none")
     monkeypatch.setattr(kernels, "_loaded", {})
-    monkeypatch.setattr(kernels.subprocess, "Popen", lambda line, **_: started.append(line))
+    monkeypatch.setattr(subprocess, "Popen", lambda line, **_: started.append(line))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     for name in ("NUMBA_CACHE_DIR", kernels.ASKED):
         monkeypatch.delenv(name, raising=False)
