@@ -162,6 +162,23 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         raise _refused("read", source, error) from error
 
 
+def alone(number: int) -> bool:
+    """Whether nobody else has locked an open file, which then this process has, until it closes it
+    or ends."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(number, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        return False
+    return True
+
+
 def read_text(path: str | Path) -> str:
     """All of a text file, or a sentence."""
     with opened(path) as stream:

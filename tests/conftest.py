@@ -5,17 +5,19 @@ from __future__ import annotations
 import os
 import shlex
 import signal
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Generator, Iterator
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
-from contbreather import native
+from contbreather import bare, kernels
 from contbreather.cli import main
 
 from .apart import ended
@@ -30,10 +32,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """A shell that starts the tests in the background has them ignore Ctrl-C, children included."""
+    """A shell that starts the tests in the background has them ignore Ctrl-C, children included.
+
+    Loops that were edited since the installation are compiled before the first test, and nothing
+    is behind it.
+    """
     config.addinivalue_line("markers", "apart: in a process of its own, for what it does to it")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    place = kernels.place()
+    if os.environ.get(kernels.ASKED) != "0" and place is not None and find_spec("numba"):
+        os.environ[kernels.ASKED] = "0"  # of other processes, those of xdist among them
+        subprocess.run([sys.executable, bare.__file__, place], check=True)
 
 
 @pytest.hookimpl(trylast=True)
@@ -71,20 +81,6 @@ def one_test_only(item: pytest.Item) -> Generator[None, Any, Any]:
 
 
 pytest_runtest_setup = pytest_runtest_call = pytest_runtest_teardown = one_test_only
-
-
-@pytest.fixture(autouse=True, scope="session")
-def code_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Machine code that tests ask for is kept where no other process looks for it."""
-    own, usual = tmp_path_factory.getbasetemp() / "code", native._file
-
-    def file(*given: Any) -> Path:
-        named = usual(*given)
-        return named if "NUMBA_CACHE_DIR" in os.environ else own / named.name
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(native, "_file", file)
-        yield
 
 
 @pytest.fixture(autouse=True)

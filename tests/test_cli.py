@@ -653,19 +653,6 @@ def test_help_shows_a_default_that_says_something(default: object, seen: str | N
 # --- figure and the rest ------------------------------------------------------------------------
 
 
-def test_warm_says_how_much_is_compiled(run: Run, monkeypatch) -> None:
-    from contbreather.breathers import ahead
-
-    monkeypatch.setattr(ahead, "compile_ahead", lambda: 6)
-    status, out, said = run("warm")
-    assert (status, out.strip()) == (0, "6 sets of equations are compiled and kept.")
-    assert "compiling the steps of branches and boundaries, about 20 s" in said
-    monkeypatch.setattr(ahead, "compile_ahead", lambda: 0)
-    status, _, said = run("warm")
-    assert status == 1
-    assert "--verbose" in said
-
-
 def test_figure_writes_its_picture_and_says_what_is_exact(run: Run) -> None:
     status, out, _ = run("figure 4")
     assert status == DONE

@@ -247,7 +247,7 @@ IMPORTED = [
     (SIMULATE, "contbreather.cli"),
     (SIMULATE, "cyclopts"),
     (SIMULATE, "contbreather.dynamics"),
-    (SIMULATE, "numba"),
+    (SIMULATE, "llvmlite.binding"),
     (SIMULATE, "in numba"),
     ("branch --free a --gamma 0.08 --k 0.8 --json", "scipy.linalg"),
     ("zones --k 0.8 --gamma-window 0.09 0.1 -o zones.png", "matplotlib.figure"),

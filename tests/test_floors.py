@@ -166,7 +166,8 @@ def outside_the_engine(found: list[Import]) -> list[str]:
             "display",
             "errors",
             "files",
-            "native",
+            "compiler",
+            "kernels",
             "progress",
             "workers",
         )

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import random
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -248,22 +246,3 @@ PLOTS = ("plot", "plot_diagram", "plot_zones", "plot_motion", "plot_section", "p
 def test_what_cannot_be_drawn_is_refused(name: str) -> None:
     with pytest.raises(cb.BadInput, match="was expected, got an int"):
         getattr(cb.plotting, name)(3)
-
-
-# --- compiled code --------------------------------------------------------------------------------
-
-SIMULATE = """
-from numba.core.caching import FunctionCache
-for locator in FunctionCache._impl_class._locator_classes:
-    locator.from_function = classmethod(lambda *_: None)  # as in a container: nowhere to write
-from contbreather.dynamics.compiled import compiled
-double = compiled(lambda x: 2 * x)
-print(double(21))
-"""
-
-
-def test_loops_are_compiled_where_there_is_no_place_to_keep_them() -> None:
-    found = subprocess.run(
-        [sys.executable, "-c", SIMULATE], capture_output=True, text=True, check=False
-    )
-    assert (found.stdout, found.returncode) == ("42\n", 0), found.stderr

@@ -20,8 +20,9 @@ ONCE = {
     "colours": "#17405a #274B63 #2CC295 #343a40 #4d3320 #777777 #868e96 #8a9097 #A8D8F5 #BFDDF2"
     " #E29DC3 #F2B84B #dddddd #dee2e6 #e9ecef #f5f5f5 #ffffff",
     "python and the system": "NFKC NUMBA_NUM_THREADS __args__ _inheriting win32 xb"
-    " _max_workers backslashreplace pthread_sigmask",
+    " O_NOFOLLOW _max_workers backslashreplace pthread_sigmask",
     "numba": "NRT_Free numba_do_raise numba_gil_ensure numba_gil_release numba_unpickle"
+    " DISABLE_JIT NRT_MemInfo_call_dtor no_cfunc_wrapper no_cpython_wrapper"
     " forceinline numba_runtime_build_excinfo_struct jitdefault",
     "numpy and scipy": "COLAMD LM MMD_AT_PLUS_A NATURAL bc bck jab jbc kiajb kiajc kja kjb xyz",
     "netCDF and HDF5": "_nc4_ long_name",

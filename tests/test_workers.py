@@ -20,7 +20,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import workers
-from contbreather.native import workers_process
+from contbreather.kernels import workers_process
 from contbreather.workers import Failed, processes
 
 from .apart import begun, ended, until

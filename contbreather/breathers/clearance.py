@@ -25,7 +25,6 @@ from contbreather.breathers import clearance_loops
 from contbreather.breathers.clearance_loops import SHORT, scale_of
 from contbreather.checks import kind_of, whole
 from contbreather.errors import BadInput
-from contbreather.kernel import Kernel
 
 FloatArray = NDArray[np.float64]
 Terms = tuple[float, float, float]  # a value and its first two derivatives
@@ -241,7 +240,7 @@ def centre_margin(orbit: Any) -> float:
     return min(gaps_of_flights(_watched(orbit))).margin
 
 
-_MARGIN = Kernel(clearance_loops.margin, "pppp")
+_MARGIN = clearance_loops.MARGIN
 
 
 def least_margin(orbit: Watch) -> float:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from contbreather.kernels import Kernel
+
 # data: restitution, amplitude, periods n of the forcing, start of the section, its length;
 # the margin of the far field, the largest |f|; how many harmonics, impacts of a period, flights of
 # a section; sites that hit, and all that are looked at; points to half a period of the forcing;
@@ -411,3 +413,6 @@ def undivided(
     low, high = grid[end] - step, grid[end + count - 1] + step
     start = data[START]
     return deepest(data, table, grid, out, end, count, low, high, own, start, side, crest_at)
+
+
+MARGIN, RIVALS = Kernel(margin, "pppp"), Kernel(rivals, "pppp")

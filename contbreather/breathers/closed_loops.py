@@ -9,6 +9,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from contbreather.continuation import null_loops
+from contbreather.kernels import bound, listed
+
 # How many parameters are freed; for each of them where its value belongs and the factor for it;
 FREED, PLACES = 0, 1
 # then a, gamma, k; of the lattice chi, sigma and their slopes at this gamma;
@@ -170,3 +173,9 @@ def pitchfork_slopes(z: Any, data: Any, out: Any) -> int:
         if int(data[PLACES + 2 * i]) == GAMMA:
             out[row + 2 + i] = -2.0 * z[0] * data[DSIGMA]
     return 0
+
+
+listed("ppp", closure, closure_slopes, fold, fold_slopes, pitchfork, pitchfork_slopes)
+# the engine's own fold, which knows no closed form
+_NULL = {"evaluate": closure, "derive": closure_slopes, "N": 2, "SHIFT": 0.0}
+listed("ppp", bound(null_loops.conditions, **_NULL), bound(null_loops.slopes, **_NULL))

@@ -22,6 +22,8 @@ from contbreather.breathers.closed_loops import (
     driven,
     mean,
 )
+from contbreather.kernels import bound, listed
+from contbreather.stability import arc_loops
 
 MORE = 512
 # for a pair: eta and its slope; coupling, k, q, b and angle for `arc_loops`, its answer, its
@@ -41,9 +43,17 @@ WEIGHTS = MOMENTS + TERMS
 MOTION = WEIGHTS + POWERS * TERMS  # displacement, velocity, acceleration; then those in gamma
 
 
-def on_arc(data: Any, table: Any, out: Any, found: Any) -> int:
-    """That of `arc_loops`, with its places in the data."""
-    raise NotImplementedError
+# where `arc_loops` find what they ask for
+on_arc = bound(
+    arc_loops.on_arc,
+    **{name: ARC + getattr(arc_loops, name) for name in ("GAMMA", "K", "ENTRY", "NU")},
+    **{
+        name: SCRATCH + getattr(arc_loops, name)
+        for name in ("REGULAR", "IN_NU", "IN_GAMMA", "IN_SPRING", "TAIL")
+    },
+    ANSWER=ANSWER,
+    TABLE=TABLE,
+)
 
 
 # --- a pair on the circle -----------------------------------------------------------------------
@@ -169,3 +179,6 @@ def contact_slopes(z: Any, data: Any, out: Any) -> int:
                 slope = p * data[MOTION + 3 + row]
             out[at + 3 + i] = slope
     return 0
+
+
+listed("ppp", pair, pair_slopes, contact, contact_slopes)

@@ -27,7 +27,6 @@ from contbreather.breathers.clearance import (
     points_of,
     seen,
 )
-from contbreather.kernel import Kernel
 
 FloatArray = NDArray[np.float64]
 
@@ -36,7 +35,7 @@ BESIDE = 1e-4  # times this close to a crest, or to half of it, are of that cres
 TELLING = 1e-12  # where margins vanish together, the least size of what still sets them apart
 MIRRORED = 1e-13  # the margin of a crest that symmetry makes touch the other wall at the same place
 
-_RIVALS = Kernel(clearance_loops.rivals, "pppp")
+_RIVALS = clearance_loops.RIVALS
 
 
 def rivals(orbit: Watch, site: int, t: float, *, mirrored: bool = False) -> list[Gap]:

@@ -36,8 +36,6 @@ from contbreather.continuation.strider import Loops
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Lattice, Ring
 from contbreather.lattice.green import response_weights
-from contbreather.native import bound
-from contbreather.stability import arc_loops
 from contbreather.stability.arc import OnArc, arc_table, on_arc, window
 from contbreather.stability.characteristic import D_gradient, Gradient
 from contbreather.stability.half_map import even_multipliers
@@ -336,27 +334,9 @@ def _arc_locus(point: Point) -> Locus:
 
 def _with_pair(lattice: Lattice, closure: Loops, n: int) -> Loops | None:
     """The closure with both equations of a pair."""
-    on_arc = bound(arc_loops.on_arc, **_ARC)
     scratch = pair_loops.TABLE - pair_loops.ETA
     more = [*np.zeros(scratch), *arc_table(), *lattice.expansion("eta")]
-    return _lengthened(
-        closure,
-        bound(pair_loops.pair, on_arc=on_arc),
-        bound(pair_loops.pair_slopes, on_arc=on_arc),
-        more,
-    )
-
-
-# where `pair_loops` have what `arc_loops` ask for
-_ARC = {
-    **{name: pair_loops.ARC + getattr(arc_loops, name) for name in ("GAMMA", "K", "ENTRY", "NU")},
-    **{
-        name: pair_loops.SCRATCH + getattr(arc_loops, name)
-        for name in ("REGULAR", "IN_NU", "IN_GAMMA", "IN_SPRING", "TAIL")
-    },
-    "ANSWER": pair_loops.ANSWER,
-    "TABLE": pair_loops.TABLE,
-}
+    return _lengthened(closure, pair_loops.pair, pair_loops.pair_slopes, more)
 
 
 def _lengthened(closure: Loops, evaluate: Any, derive: Any, more: Sequence[float]) -> Loops | None:

@@ -35,7 +35,6 @@ from contbreather.breathers.section import (
     told_apart_slopes,
 )
 from contbreather.errors import BadInput
-from contbreather.kernel import Kernel
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, wave_loops
 from contbreather.lattice.conditions import Conditions, check_amplitude, restitution_ratio
 from contbreather.lattice.periodic import check_coupling, wave, wave_slope, wave_table
@@ -47,7 +46,7 @@ FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 
 FEW = 8  # up to so many pairs of impacts a loop over floats beats numpy
-_MEETINGS = Kernel(wave_loops.meetings, "ppp")
+_MEETINGS = wave_loops.MEETINGS
 _EVEN_ODD = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
 
 

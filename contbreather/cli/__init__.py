@@ -26,7 +26,7 @@ VERBOSE = "--verbose"  # of every command
 STDOUT = "/dev/stdout"
 COMMANDS = (  # each a module with a function of its name
     "point", "branch", "boundary", "switch", "diagram", "zones", "atlas", "simulate", "figure",
-    "explore", "show", "extend", "run", "warm",
+    "explore", "show", "extend", "run",
 )  # fmt: skip
 LATTICES = ("--lattice", "--site", "--damping", "--spring", "--walls")
 CHAINS_ONLY = {
@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tokens = [STDOUT if token == "-" else token for token in given if token != VERBOSE]
     try:
         with watched(alone=arguments is None), heard(VERBOSE in given):
-            status = _run(tokens)
+            status = _about() if given == ["--version", VERBOSE] else _run(tokens)
             sys.stdout.flush()
     except BadInput as error:
         return _refused(error, BAD_INPUT)
@@ -71,6 +71,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError as error:
         return _refused(f"the memory is too small for that: {str(error) or 'it is full'}", FAILED)
     return status
+
+
+def _about() -> int:
+    """The version, and whether its loops are compiled."""
+    from contbreather.kernels import status
+
+    print(f"{__version__}\n{status()}")
+    return DONE
 
 
 def _run(tokens: list[str]) -> int:
@@ -132,7 +140,8 @@ def application() -> App:
     app = App(
         name="contbreather",
         help="Exact discrete breathers of an impacting chain, continued, with their stability.\n\n"
-        f"With {VERBOSE} any command logs its steps, with their Newton iterations.",
+        f"With {VERBOSE} any command logs its steps, with their Newton iterations; --version says "
+        "whether loops are compiled.",
         version=__version__,
         help_format="markdown",
         default_parameter=Parameter(negative="", show_default=_shown),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -202,8 +201,7 @@ class Curve:
         parameters, unless they are those of the curve."""
         problem, params = self.problem, self.fixed if params is None else params
         if problem.loops is not None:
-            found = problem.loops(self.free, params)
-            return replace(found, at_once=True) if found and problem.compiled else found
+            return problem.loops(self.free, params)
         if not problem.compiled or self.start.size > WIDEST:
             return None
         from .given_loops import given_loops

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from .. import native
+from .. import compiler
 from ..errors import BadInput
+from ..kernels import NotCompiled, callable_at
 from . import derivatives
 from .strider import Array, Loops
 
@@ -49,7 +50,8 @@ def _found(loops: Loops, function: Any, z: Array, wanted: Array) -> Array | None
     """What one of them fills in, None where it has no values."""
     found = np.zeros(wanted.shape)
     arrays = z.copy(), np.array(loops.data), found
-    status = native.function(function, "ppp")(*(array.ctypes.data for array in arrays))
+    code = callable_at(compiler.address(function, "ppp"), "ppp")
+    status = code(*(array.ctypes.data for array in arrays))
     return None if status else found
 
 
@@ -80,8 +82,8 @@ def _functions(*given: Any) -> tuple[Any, Any] | None:
     try:
         made = _compiled(*given)
         for function in made:
-            native.address(function, "ppp")
-    except (native.NotCompiled, ImportError) as reason:
+            compiler.address(function, "ppp")
+    except (NotCompiled, ImportError) as reason:
         _LOG.info("steps are taken without compiled code: %s", reason)
         return None
     return made

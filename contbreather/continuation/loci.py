@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..native import bound
+from ..kernels import bound
 from . import null_loops
 from .curve import Curve
 from .newton import Undefined, solve

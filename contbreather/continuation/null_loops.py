@@ -1,6 +1,6 @@
 """``(F_x + shift) v = 0, |v| = 1`` beside the equations F, as text that can be compiled.
 
-`evaluate`, `derive`, `N` and `SHIFT` are those of the shorter problem, bound by `native`. z holds
+`evaluate`, `derive`, `N` and `SHIFT` are those of the shorter problem, bound by `kernels`. z holds
 its unknowns, v, and two parameters; the shorter problem is asked in the first entries of z, which
 are put back afterwards. Behind its answer, `out` is scratch.
 """

@@ -86,8 +86,7 @@ class Problem:
     compiled : bool
         Whether numba can compile `residual`, and `jacobian` if given: then steps are taken by
         compiled code, up to a dozen unknowns. So they are where these functions are decorated with
-        ``numba.njit``. Parameters are asked for by names that stand there, ``params["mu"]``. Of
-        problems of this package: whether compiled code is wanted even before it has paid.
+        ``numba.njit``. Parameters are asked for by names that stand there, ``params["mu"]``.
     loops : callable, optional
         ``loops(names, params) -> Loops or None``: the equations with these parameters free as
         functions that can be compiled, where they can.

@@ -1,7 +1,7 @@
 """Plain steps along a curve of a few unknowns, many in one go, up to where somebody has to look.
 
-This text is compiled where the equations of a problem can be (see `native`) and runs as it is
-until that pays: floats, loops, and lists for pointers. It steps by the rules of `Stepper`, which
+This text is compiled where the equations of a problem can be (see `kernels`) and runs as it is
+elsewhere: floats, loops, and lists for pointers. It steps by the rules of `Stepper`, which
 takes over where a step crosses the edge of the window, another branch or the start of the walk,
 and where none comes off. So there is one engine, and its plain step has two forms.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..native import call
+from ..kernels import call, listed
 
 # The shape of one step: how far the tangent may turn, and how far the curve may stray from the
 # cubic through both ends, as a fraction of the step. Together they leave no room for a feature of
@@ -28,7 +28,7 @@ LARGEST_STEP, RELATIVE = 0.1, 0.01  # unless the rules say how long a step may b
 
 CAME, FAILED, LOOK = 0, -1, -2  # an attempt: it came off, is to be halved, is for the walker
 
-KINDS = "ffpii" + 14 * "p"  # of the arguments of `stride`, for `native`
+KINDS = "ffpii" + 14 * "p"  # of the arguments of `stride`, for `kernels`
 SETTLING = "ffpi" + 10 * "p"  # and of `settle`
 TOLERANCE, SMALLEST, LARGEST, GROWTH, BOUNDS, FIRST = range(6)  # of its rules
 ARCLENGTH, SIZE, SIDE, LONGEST, RESIDUAL = range(5)  # of its state
@@ -373,3 +373,7 @@ def swap(matrix: Any, right: Any, one: int, other: int, d: int) -> None:
     for j in range(d):
         at, to = one * d + j, other * d + j
         matrix[at], matrix[to] = matrix[to], matrix[at]
+
+
+listed(KINDS, stride)
+listed(SETTLING, settle)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import logging
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import native
+from .. import kernels
 from . import stride as plain
 
 Array = NDArray[np.float64]
@@ -21,10 +19,6 @@ Array = NDArray[np.float64]
 WIDEST = 13  # entries of z: beyond a dozen unknowns LAPACK is faster than loops
 _AT_ONCE = 256  # steps in one call of compiled code
 _AS_IT_IS = 16  # and of plain text, after each of which a signal is seen
-# Code is loaded, and compiled where it is not kept, once steps have taken as long without, in
-# seconds: so no call takes more than twice the time it needs.
-_LOADING = 0.0 if native.workers_process() else 0.05
-_COMPILING = 3.0
 
 _log = logging.getLogger(__name__)
 
@@ -37,11 +31,11 @@ class Loops:
     ----------
     evaluate, derive : callable
         ``(z, data, out) -> int``: fill in the equations, or their derivatives row by row; 0, or
-        anything else where there are none. In the words of `native`.
+        anything else where there are none. In the words of `kernels`.
     data : tuple of float
         What they ask for besides z.
     at_once : bool
-        Whether to compile them at their first step, whatever it takes.
+        Whether to compile them for this session: functions that a user gave.
     """
 
     evaluate: Callable[[Any, Any, Any], int]
@@ -54,7 +48,7 @@ Compilable = Callable[[tuple[str, ...], Mapping[str, float]], Loops | None]
 
 
 class _Text:
-    """A text of `stride` on the equations of a curve, as it is, or compiled once that pays; what
+    """A text of `stride` on the equations of a curve, as it is or compiled; what
     follows `d` in its arguments are `arrays`, and those of a call."""
 
     def __init__(self, name: str, loops: Loops, d: int, arrays: Sequence[Array]) -> None:
@@ -77,8 +71,7 @@ class _Text:
         lists = [array.ravel().tolist() for array in arrays]
         given = loops.evaluate, loops.derive, self.data.tolist(), self.d
         try:
-            with _timed(loops.evaluate):
-                status: int = getattr(plain, self.name)(*given, *most, *lists)
+            status: int = getattr(plain, self.name)(*given, *most, *lists)
         except ArithmeticError:  # an overflow, where compiled code goes on with an infinity
             return plain.LOOK
         for array, values in zip(arrays, lists, strict=True):
@@ -157,57 +150,32 @@ class Settler:
 
 # Texts by name, to be called from `data` on: the functions of the problem are bound to them.
 Machine = Mapping[str, Callable[..., int]]
-_spent: dict[Any, float] = {}  # seconds without code, by equations
 _known: dict[Any, Machine | None] = {}
-_eager: list[bool] = []  # not empty where everything is compiled at once
-
-
-@contextmanager
-def eagerly() -> Iterator[None]:
-    """Compile all that steps use at once within a block, whatever it takes."""
-    _eager.append(True)
-    try:
-        yield
-    finally:
-        _eager.pop()
-
-
-def compiled() -> int:
-    """Of how many sets of equations machine code is at hand in this session."""
-    return sum(known is not None for known in _known.values())
-
-
-@contextmanager
-def _timed(equations: Any) -> Iterator[None]:
-    start = time.perf_counter()
-    try:
-        yield
-    finally:
-        _spent[equations] = _spent.get(equations, 0.0) + time.perf_counter() - start
 
 
 def machine(loops: Loops) -> Machine | None:
-    """Both texts with the functions of a problem in machine code, None where it does not pay yet or
-    cannot be had."""
+    """Both texts with the functions of a problem in machine code, None where there is none."""
     evaluate = loops.evaluate
-    if evaluate in _known:
-        return _known[evaluate]
+    if evaluate not in _known:
+        _known[evaluate] = _machine(loops)
+    return _known[evaluate]
+
+
+def _machine(loops: Loops) -> Machine | None:
     texts: dict[str, Any] = {
         "stride": (plain.stride, plain.KINDS),
         "settle": (plain.settle, plain.SETTLING),
     }
-    functions = (evaluate, "ppp"), (loops.derive, "ppp")
-    if not (loops.at_once or _eager):
-        if sum(_spent.values()) < _LOADING:
-            return None
-        paid = _spent.get(evaluate, 0.0) >= _COMPILING
-        if not (paid or all(native.is_kept(*part) for part in (*texts.values(), *functions))):
-            return None
+    if loops.at_once:
+        from ..compiler import address
+    else:
+        address = kernels.address
     try:
-        calls = {name: native.function(*text) for name, text in texts.items()}
-        at = [native.address(*function) for function in functions]
-        _known[evaluate] = {name: partial(call, *at) for name, call in calls.items()}
-    except native.NotCompiled as reason:
+        at = [address(function, "ppp") for function in (loops.evaluate, loops.derive)]
+        called = {
+            name: kernels.callable_at(address(*text), text[1]) for name, text in texts.items()
+        }
+    except kernels.NotCompiled as reason:
         _log.info("steps are taken without compiled code: %s", reason)
-        _known[evaluate] = None
-    return _known[evaluate]
+        return None
+    return {name: partial(call, *at) for name, call in called.items()}

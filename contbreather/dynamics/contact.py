@@ -10,13 +10,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from contbreather.dynamics.compiled import compiled
-from contbreather.dynamics.flow import Drive, driven, driven_bound, site_at
-
-Array = NDArray[np.float64]
+from contbreather.dynamics.flow import driven, driven_bound, site_at
+from contbreather.dynamics.room import Drive
+from contbreather.kernels import Matrix
 
 CLOSE = 2e-15  # a gap of rounding
 STILL = 1e-12  # a velocity of rounding
@@ -28,7 +24,6 @@ NEVER = -1.0
 LOST = -2.0
 
 
-@compiled
 def parabola_root(gap: float, slope: float, bend: float) -> float:
     """First x > 0 with ``slope x + bend x^2/2 = gap``, gap > 0; infinity if there is none."""
     if bend <= NOTHING:
@@ -42,7 +37,6 @@ def parabola_root(gap: float, slope: float, bend: float) -> float:
     return (root - slope) / bend
 
 
-@compiled
 def safe_advance(gap: float, slope: float, bend: float, jerk: float, room: float) -> float:
     """How far one may go, at most ``room``, without reaching the wall."""
     best, x = NUDGE, room
@@ -59,9 +53,8 @@ def safe_advance(gap: float, slope: float, bend: float, jerk: float, room: float
     return best
 
 
-@compiled
 def first_contact(
-    rows: Array, n: int, h: float, drive: Drive, t: float, sign: float, level: float, start: float,
+    rows: Matrix, n: int, h: float, drive: Drive, t: float, sign: float, level: float, start: float,
     limit: float, last: float,
 ) -> float:  # fmt: skip
     """First s in [start, limit] at which ``sign phi(s)``, in the end ``last``, is up to ``level``.
@@ -75,7 +68,7 @@ def first_contact(
     float
         s, `NEVER`, or `LOST` if the walk did not come to an end.
     """
-    jerk = column_bound(rows, n, limit / h, 3) / h**3 + driven_bound(drive, 3)
+    jerk = column_bound(rows, n, limit / h, 3) / (h * h * h) + driven_bound(drive, 3)
     s, close = start, CLOSE * max(1.0, abs(level))
     for _ in range(WALKS):
         value, slope, bend = site_at(rows, n, h, s / h)
@@ -96,8 +89,7 @@ def first_contact(
     return LOST
 
 
-@compiled
-def column_bound(rows: Array, n: int, x: float, order: int) -> float:
+def column_bound(rows: Matrix, n: int, x: float, order: int) -> float:
     """h^order times a bound on that derivative of a column, for all times up to x h."""
     total = 0.0
     for j in range(rows.shape[0] - 1, order - 1, -1):

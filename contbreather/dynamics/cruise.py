@@ -8,12 +8,9 @@ may be cut after any period and taken up later, bit for bit.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contbreather.dynamics.compiled import compiled, inlined
 from contbreather.dynamics.contact import LOST, NEVER, column_bound, first_contact
 from contbreather.dynamics.flow import (
-    Array,
     driven,
     driven_bound,
     driven_terms,
@@ -23,8 +20,9 @@ from contbreather.dynamics.flow import (
     site_at,
     state_at,
 )
-from contbreather.dynamics.law import Law, Log, Watch, Work
 from contbreather.dynamics.resting import comes_to_rest, lead, outward, release, resting
+from contbreather.dynamics.room import Law, Log, Watch, Work
+from contbreather.kernels import Counts, Kernel, Matrix, Vector, inlined
 
 TOGETHER = 1e-12  # impacts closer than this happen at the same time
 FAST = 1e9  # a velocity beyond all reason
@@ -150,9 +148,10 @@ def begin(law: Law, work: Work, t: float, h: float, anyone: bool) -> bool:
         work.listed[n] = not calm
         busy[count] = n
         count += not calm
-    work.origin[:] = 0.0
-    work.when[:] = NEVER
-    work.changed[:] = 0
+    for n in range(reach.size):
+        work.origin[n] = 0.0
+        work.when[n] = NEVER
+        work.changed[n] = 0
     work.many[0] = count
     now, then = driven(law.motion, t)[0], driven(law.motion, t + h)[0]
     for i in range(count):
@@ -233,7 +232,7 @@ def repair(law: Law, work: Work, t: float, s: float, h: float) -> bool:
 
 
 @inlined
-def next_event(busy: NDArray[np.int64], many: int, times: Array) -> tuple[float, int]:
+def next_event(busy: Counts, many: int, times: Vector) -> tuple[float, int]:
     """The earliest event of the step, or NEVER, and how many sites take part in it."""
     best, count = NEVER, 0
     for i in range(many):
@@ -256,7 +255,6 @@ def stop_at(work: Work, s: float, h: float) -> None:
             present(work, n, 0, s, h)
 
 
-@compiled
 def elsewhere(work: Work, s: float, h: float) -> None:
     """The state at the step's time s of the sites that had no event then."""
     for n in range(work.v.size):
@@ -285,8 +283,8 @@ def one_period(
             if sample < watch.grid.size:
                 sample = observe(law, work, watch, row, sample, t0, s, h, end)
             if to_end:
-                work.v[:] = work.last_v
-                work.w[:] = work.last_w
+                for n in range(size):
+                    work.v[n], work.w[n] = work.last_v[n], work.last_w[n]
                 break
             local = law.ring and count * wide < size and not anyone
             if local:
@@ -332,7 +330,7 @@ def observe(
 
 
 @inlined
-def enter(law: Law, work: Work, u: Array, v: Array, t0: float) -> None:
+def enter(law: Law, work: Work, u: Vector, v: Vector, t0: float) -> None:
     """Take out the forced motion; a site at rest on a wall that pushes it stays there."""
     motion, velocity, _ = driven(law.motion, t0)
     for n in range(u.size):
@@ -348,7 +346,7 @@ def enter(law: Law, work: Work, u: Array, v: Array, t0: float) -> None:
 
 
 @inlined
-def leave(law: Law, work: Work, u: Array, v: Array, t0: float) -> bool:
+def leave(law: Law, work: Work, u: Vector, v: Vector, t0: float) -> bool:
     """Put the forced motion back; False where a number is no longer one."""
     motion, velocity, _ = driven(law.motion, t0)
     sound = True
@@ -364,30 +362,29 @@ def leave(law: Law, work: Work, u: Array, v: Array, t0: float) -> bool:
     return sound
 
 
-@compiled
 def cruise(
-    u: Array, v: Array, t0: float, span: float, first: int, law: Law, work: Work, log: Log,
-    watch: Watch, strobe_u: Array, strobe_v: Array,
-) -> tuple[int, int, int]:  # fmt: skip
+    u: Vector, v: Vector, t0: float, span: float, first: int, law: Law, work: Work, log: Log,
+    watch: Watch, strobe_u: Matrix, strobe_v: Matrix, ended: Counts,
+) -> None:  # fmt: skip
     """Advance (u, v) in place by as many periods as ``strobe_u`` has rows.
 
-    Returns
-    -------
-    done : int
-        Periods completed; u and v are the state after them, also if a chatter ended the next one.
-    status, site : int
+    ``ended`` gets how many were completed, with u and v the state after them, also if a chatter
+    ended the next one; the status; the site that it is about.
     """
+    ended[0], ended[1], ended[2] = strobe_u.shape[0], DONE, 0
     for j in range(strobe_u.shape[0]):
         used = log.used[0]
         enter(law, work, u, v, t0)
         status, site = one_period(law, work, log, watch, j, first + j, t0, span)
+        if status == DONE and not leave(law, work, u, v, t0 + span):
+            status, site = WILD, 0
         if status != DONE:
             log.used[0] = used
-            return j, status, site
-        if not leave(law, work, u, v, t0 + span):
-            log.used[0] = used
-            return j, WILD, 0
+            ended[0], ended[1], ended[2] = j, status, site
+            return
         for n in range(u.size):
             strobe_u[j, n] = u[n]
             strobe_v[j, n] = v[n]
-    return strobe_u.shape[0], DONE, 0
+
+
+CRUISE = Kernel(cruise)

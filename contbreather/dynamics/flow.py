@@ -14,36 +14,12 @@ Rows are coefficients: ``rows[j, n]`` belongs to site n and ``(s/h)^j``.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from contbreather.dynamics.compiled import compiled, inlined
-
-Array = NDArray[np.float64]
+from contbreather.dynamics.room import Bonds, Drive
+from contbreather.kernels import Matrix, Signs, Vector, inlined
 
 STEP = 0.5 * math.pi  # longest step; with more, the bounds of `contact` lose their grip
 LAST = 1e-18  # size of the first term left out, relative to the first one
-
-
-class Drive(NamedTuple):
-    """A trigonometric sum ``sum of c cos(m t) + s sin(m t)``: the forced motion, or the force."""
-
-    m: Array
-    c: Array
-    s: Array
-
-
-class Bonds(NamedTuple):
-    """What pulls at each site, per unit mass: K and the drive by sites, K by its rows (CSR)."""
-
-    start: NDArray[np.int64]  # entries of site n are those from start[n] to start[n + 1]
-    other: NDArray[np.int64]
-    weight: Array  # -K[n, other]
-    # by sites, in rows: K[n, n]; d - 1, by how much more a site is driven than the common motion
-    # says; K 1, what pulls at the common motion
-    pulls: Array
 
 
 def terms(reach: float) -> int:
@@ -69,7 +45,6 @@ def driven(drive: Drive, t: float) -> tuple[float, float, float]:
     return value, slope, bend
 
 
-@compiled
 def driven_jerk(drive: Drive, t: float) -> float:
     """The third derivative of the sum at time t."""
     total = 0.0
@@ -79,8 +54,7 @@ def driven_jerk(drive: Drive, t: float) -> float:
     return total
 
 
-@compiled
-def driven_terms(drive: Drive, t: float, h: float, column: Array) -> None:
+def driven_terms(drive: Drive, t: float, h: float, column: Vector) -> None:
     """Taylor coefficients of the sum around t in powers of s/h, to be held in ``column``."""
     for j in range(column.size):
         column[j] = 0.0
@@ -95,7 +69,6 @@ def driven_terms(drive: Drive, t: float, h: float, column: Array) -> None:
             own, turned = turned * (m * h / (j + 1)), -own * (m * h / (j + 1))
 
 
-@compiled
 def driven_bound(drive: Drive, order: int) -> float:
     """No derivative of that order is ever larger."""
     total = 0.0
@@ -108,7 +81,7 @@ def driven_bound(drive: Drive, order: int) -> float:
 
 
 @inlined
-def expand(v: Array, w: Array, h: float, gamma: float, mu: float, rows: Array) -> None:
+def expand(v: Vector, w: Vector, h: float, gamma: float, mu: float, rows: Matrix) -> None:
     """Fill ``rows`` from displacements v and velocities w of a ring."""
     size, top = v.size, rows.shape[0] - 1
     for n in range(size):
@@ -131,7 +104,7 @@ def expand(v: Array, w: Array, h: float, gamma: float, mu: float, rows: Array) -
 
 
 @inlined
-def ends(rows: Array, h: float, last_v: Array, last_w: Array, reach: Array) -> None:
+def ends(rows: Matrix, h: float, last_v: Vector, last_w: Vector, reach: Vector) -> None:
     """The state at s = h, and in ``reach`` what no |v| exceeds until then.
 
     Four powers at a time: that is one pass through memory for four, and no chain of additions.
@@ -156,7 +129,7 @@ def ends(rows: Array, h: float, last_v: Array, last_w: Array, reach: Array) -> N
 
 
 @inlined
-def near(bonds: Bonds, x: Array, n: int) -> float:
+def near(bonds: Bonds, x: Vector, n: int) -> float:
     """Pull on site n of the sites beside it."""
     total = 0.0
     for i in range(bonds.start[n], bonds.start[n + 1]):
@@ -164,17 +137,16 @@ def near(bonds: Bonds, x: Array, n: int) -> float:
     return total
 
 
-@compiled
 def expand_any(
-    v: Array, w: Array, h: float, mu: float, bonds: Bonds, held: NDArray[np.int8], place: Array,
-    column: Array, rows: Array,
+    v: Vector, w: Vector, h: float, mu: float, bonds: Bonds, held: Signs, place: Vector,
+    column: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
     """The same on any lattice, with some sites resting on their walls: at ``place - a g(t)``.
 
     ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``place`` nothing is
     driven and the sites held do not move at all, which is what perturbations do.
     """
-    own, extra, ground = bonds.pulls
+    own, extra, ground = bonds.pulls[0], bonds.pulls[1], bonds.pulls[2]
     for n in range(v.size):
         rows[0, n] = place[n] - column[0] if held[n] != 0 else v[n]
         rows[1, n] = -column[1] if held[n] != 0 else h * w[n]
@@ -190,8 +162,7 @@ def expand_any(
             new[n] = pulled + (extra[n] * push + ground[n] * still)
 
 
-@compiled
-def state_at(rows: Array, h: float, x: float, v: Array, w: Array) -> None:
+def state_at(rows: Matrix, h: float, x: float, v: Vector, w: Vector) -> None:
     """Displacements and velocities of all sites at s = x h."""
     top = rows.shape[0] - 1
     size = v.size
@@ -208,7 +179,7 @@ def state_at(rows: Array, h: float, x: float, v: Array, w: Array) -> None:
 
 
 @inlined
-def site_at(rows: Array, n: int, h: float, x: float) -> tuple[float, float, float]:
+def site_at(rows: Matrix, n: int, h: float, x: float) -> tuple[float, float, float]:
     """Displacement, velocity and acceleration of one site at s = x h."""
     v = w = b = 0.0
     for j in range(rows.shape[0] - 1, -1, -1):

@@ -1,90 +1,23 @@
-"""What the compiled loops go by and work with: couplings by rows, walls by sites, forced motion,
-and room for the events and for one step."""
+"""What the compiled loops go by, made from the conditions of a run."""
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from contbreather.dynamics.flow import STEP, Bonds, Drive, terms
+from contbreather.dynamics.flow import STEP, terms
+from contbreather.dynamics.room import Bonds, Drive, Law
 from contbreather.dynamics.states import wall_rows
 from contbreather.lattice import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 
 Array = NDArray[Any]
-
-
-class Law(NamedTuple):
-    """What does not change during a run: the lattice, its damping, its walls, its forcing."""
-
-    ring: bool  # without springs: nothing but neighbours pulls, by gamma, so a stencil will do
-    gamma: float
-    bonds: Bonds
-    # by sites, in rows: the low and the high wall, infinite where there is none; the smaller
-    # distance of both from 0
-    walls: Array
-    mu: float
-    k: float
-    step: float
-    rest_step: float  # with a site at rest, which moves with all harmonics of the forcing
-    size: int  # terms of the series in time
-    most: int  # impacts of one site in one period
-    motion: Drive  # a g(t), g'' + mu g' = F/a
-    force: Drive  # F(t)
-
-
-class Log(NamedTuple):
-    """Events in the order of time; ``used`` of them are filled."""
-
-    used: NDArray[np.int64]
-    period: NDArray[np.int64]
-    phase: Array
-    site: NDArray[np.int64]
-    kind: NDArray[np.int8]
-    wall: NDArray[np.int8]
-    before: Array
-    after: Array
-    push: Array  # acceleration just before an impact; how long after its last one a rest begins
-
-
-class Watch(NamedTuple):
-    """Sites recorded densely: at the times ``grid`` after the start of each period."""
-
-    sites: NDArray[np.int64]
-    grid: Array
-    u: Array  # (periods, times, sites)
-    v: Array
-
-
-class Work(NamedTuple):
-    """Room for one step. ``rows`` of site n are powers of (s - origin[n])/h, s the step's time."""
-
-    v: Array  # at the start of the step, or at the present event
-    w: Array
-    rows: Array
-    origin: Array
-    last_v: Array  # at the end of the step, where no event intervenes
-    last_w: Array
-    reach: Array  # no |v| is larger during the step
-    patch: Array
-    lift: Array
-    column: Array
-    when: Array
-    side: NDArray[np.int8]
-    held: NDArray[np.int8]
-    place: Array  # of the wall that holds a site
-    fresh: NDArray[np.int8]
-    changed: NDArray[np.int8]
-    hits: NDArray[np.int64]
-    busy: NDArray[np.int64]  # the sites that may have an event in this step, ``many`` of them
-    many: NDArray[np.int64]
-    listed: NDArray[np.int8]
 
 
 @lru_cache(maxsize=64)

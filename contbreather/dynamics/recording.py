@@ -17,7 +17,6 @@ import io
 import json
 import os
 import re
-import sys
 import time
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -51,7 +50,7 @@ from contbreather.dynamics.stretches import (
     walk,
 )
 from contbreather.errors import BadInput
-from contbreather.files import named, write_whole
+from contbreather.files import alone, named, write_whole
 from contbreather.lattice import Forcing, Fourier, Harmonic, Ring
 from contbreather.lattice.conditions import OWN, Conditions, Walls
 from contbreather.lattice.finite import Finite, Lattice
@@ -344,27 +343,19 @@ def _locked(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise _cannot("write", folder, error) from error
     try:
-        _lock(number, folder)
+        if not _taken(number, folder):
+            raise BadInput(
+                f"{folder} is being written to by another run; wait for its end, or choose another "
+                "folder."
+            )
         yield
     finally:
         os.close(number)
 
 
-def _lock(number: int, folder: Path) -> None:
+def _taken(number: int, folder: Path) -> bool:
     try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(number, msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (BlockingIOError, PermissionError) as error:
-        raise BadInput(
-            f"{folder} is being written to by another run; wait for its end, or choose another "
-            "folder."
-        ) from error
+        return alone(number)
     except OSError as error:
         raise _cannot("lock", folder, error) from error
 

@@ -4,21 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from contbreather.dynamics.compiled import compiled, inlined
 from contbreather.dynamics.contact import CLOSE, NEVER, column_bound, first_contact
-from contbreather.dynamics.flow import (
-    Array,
-    Drive,
-    driven,
-    driven_bound,
-    driven_jerk,
-    near,
-    site_at,
-)
-from contbreather.dynamics.law import Law, Work
+from contbreather.dynamics.flow import driven, driven_bound, driven_jerk, near, site_at
+from contbreather.dynamics.room import Drive, Law, Work
+from contbreather.kernels import Matrix, Signs, Vector, inlined
 
 GENTLE = 1e-6  # below this rebound velocity the rest of a chatter takes a moment and is summed up
 SLOWLY = 0.3  # how far ahead, and how much of its push, a chatter is summed up
@@ -31,7 +20,7 @@ def outward(law: Law, work: Work, n: int, sign: float, t: float) -> tuple[float,
     bonds, v, w = law.bonds, work.v, work.w
     motion, velocity, _ = driven(law.motion, t)
     force, change, _ = driven(law.force, t)
-    own, extra, ground = bonds.pulls[:, n]
+    own, extra, ground = bonds.pulls[0, n], bonds.pulls[1, n], bonds.pulls[2, n]
     drive = 1.0 + extra
     push = drive * force - ground * motion - (own * v[n] - near(bonds, v, n))
     # at rest the unforced part moves against the forced one
@@ -39,26 +28,26 @@ def outward(law: Law, work: Work, n: int, sign: float, t: float) -> tuple[float,
     return sign * push, sign * rate
 
 
-@compiled
-def pushing(law: Law, n: int) -> Drive:
+def pushing(law: Law, work: Work, n: int) -> Drive:
     """What drives site n at rest: its part of F and the pull on the common motion."""
-    _, extra, ground = law.bonds.pulls[:, n]
-    drive = 1.0 + extra
-    c = drive * law.force.c - ground * law.motion.c
-    return Drive(law.force.m, c, drive * law.force.s - ground * law.motion.s)
+    drive, ground = 1.0 + law.bonds.pulls[1, n], law.bonds.pulls[2, n]
+    c, s = work.push[0], work.push[1]
+    for i in range(c.size):
+        c[i] = drive * law.force.c[i] - ground * law.motion.c[i]
+        s[i] = drive * law.force.s[i] - ground * law.motion.s[i]
+    return Drive(law.force.m, c, s)
 
 
-@compiled
 def release(law: Law, work: Work, n: int, t: float, h: float) -> float:
     """When the wall ceases to hold site n: the push on it passes zero. ``t`` is that of s = 0."""
-    lift, bonds, force = work.lift, law.bonds, pushing(law, n)
+    lift, bonds, force = work.lift, law.bonds, pushing(law, work, n)
     sign, origin = float(work.held[n]), work.origin[n]
     for j in range(lift.shape[0]):
         lift[j, 0] = -bonds.pulls[0, n] * work.rows[j, n]
     for i in range(bonds.start[n], bonds.start[n + 1]):
         other = bonds.other[i]
         shift = (origin - work.origin[other]) / h
-        _add_shifted(work.rows, other, shift, bonds.weight[i], lift)
+        _add_shifted(work.rows, other, shift, bonds.weight[i], lift, work.shifted)
     if sign * (lift[0, 0] + driven(force, t + origin)[0]) <= 0.0:
         return origin
     room = h - origin
@@ -67,15 +56,17 @@ def release(law: Law, work: Work, n: int, t: float, h: float) -> float:
     return local if local < 0.0 else origin + local
 
 
-@compiled
-def _add_shifted(rows: Array, n: int, shift: float, factor: float, out: Array) -> None:
+def _add_shifted(
+    rows: Matrix, n: int, shift: float, factor: float, out: Matrix, column: Vector
+) -> None:
     """Add a column, re-expanded about a later time if its origin is an earlier one."""
     top = rows.shape[0] - 1
     if shift == 0.0:
         for j in range(top + 1):
             out[j, 0] += factor * rows[j, n]
         return
-    column = rows[:, n].copy()
+    for j in range(top + 1):
+        column[j] = rows[j, n]
     for i in range(top):  # Horner's scheme, over and over: Taylor's shift
         for j in range(top - 1, i - 1, -1):
             column[j] += shift * column[j + 1]
@@ -83,12 +74,11 @@ def _add_shifted(rows: Array, n: int, shift: float, factor: float, out: Array) -
         out[j, 0] += factor * column[j]
 
 
-@compiled
 def lead(law: Law, work: Work, n: int, t: float, h: float) -> float:
     """How long a site just released certainly moves away: velocity and acceleration are zero."""
     sign = float(work.fresh[n])
-    jerk = sign * (6.0 * work.rows[3, n] / h**3 + driven_jerk(law.motion, t))
-    snap = column_bound(work.rows, n, 1.0, 4) / h**4 + driven_bound(law.motion, 4)
+    jerk = sign * (6.0 * work.rows[3, n] / (h * h * h) + driven_jerk(law.motion, t))
+    snap = column_bound(work.rows, n, 1.0, 4) / (h * h * (h * h)) + driven_bound(law.motion, 4)
     return min(h, -jerk / snap) if jerk < -1e-9 else min(h, 1e-3)
 
 
@@ -121,9 +111,9 @@ def comes_to_rest(law: Law, work: Work, n: int, sign: float, t: float, after: fl
 
 
 @inlined
-def resting(held: NDArray[np.int8]) -> bool:
+def resting(held: Signs) -> bool:
     """Whether any site rests on a wall."""
     count = 0
     for n in range(held.size):
-        count += abs(held[n])
+        count += held[n] != 0
     return count > 0

@@ -39,6 +39,7 @@ from contbreather.dynamics.states import (
 )
 from contbreather.dynamics.stretches import Sample, Stretch, check_sample
 from contbreather.errors import BadInput, NotConverged
+from contbreather.kernels import Kernel
 from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
@@ -176,15 +177,27 @@ class OnSmooth(Under, total=False):
 
 # --- solvers --------------------------------------------------------------------------------------
 
-Rhs = Callable[..., Array]
+Rhs = Callable[[float, Array], Array]
+
+
+def right_side(kernel: Kernel, args: tuple[Any, ...], shape: tuple[int, ...]) -> Rhs:
+    """What a kernel fills in at a time and a state; to copy both costs less than to look up where
+    they are."""
+    state, out = np.empty(shape[0]), np.empty(shape)
+    fill = kernel.following(state, *args, out)
+
+    def at(t: float, y: Array) -> Array:
+        state[:] = y
+        fill(t)
+        return out.copy()
+
+    return at
 
 
 class Solver(Protocol):
     """Carries y from t0 to each of the times; raises `NotConverged` where it cannot."""
 
-    def states(
-        self, rhs: Rhs, jac: Rhs | None, args: tuple[Any, ...], t0: float, y: Array, times: Array
-    ) -> Array: ...
+    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -199,17 +212,14 @@ class Explicit:
 
     tolerance: float = 1e-10
 
-    def states(
-        self, rhs: Rhs, jac: Rhs | None, args: tuple[Any, ...], t0: float, y: Array, times: Array
-    ) -> Array:
+    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
         from scipy.integrate import ode
 
         out = np.empty((len(times), len(y)))
         settings: dict[str, Any] = {"rtol": self.tolerance, "atol": self.tolerance, "max_step": CAP}
         for i, t in enumerate(times):
             step = min(CAP, 0.5 * (t - t0))
-            # scipy's older, Fortran one cannot count the arguments of what numba compiled
-            solver: Any = ode(lambda t, x: rhs(t, x, *args)).set_integrator(
+            solver: Any = ode(rhs).set_integrator(
                 "dop853", nsteps=MOST, first_step=step, **settings
             )
             solver.set_initial_value(y, t0)
@@ -229,20 +239,15 @@ class _OfScipy:
     method: ClassVar[str]
     tolerance: float
 
-    def states(
-        self, rhs: Rhs, jac: Rhs | None, args: tuple[Any, ...], t0: float, y: Array, times: Array
-    ) -> Array:
+    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
         from scipy.integrate import solve_ivp
 
         settings: dict[str, Any] = {"rtol": max(self.tolerance, 3e-14), "atol": self.tolerance}
         if jac is not None:
-            settings["jac"] = lambda t, x: jac(t, x, *args)
+            settings["jac"] = jac
         solve: Any = solve_ivp  # its stubs know every method by name and shape
         with held():
-            found = solve(
-                lambda t, x: rhs(t, x, *args), (t0, times[-1]), y, self.method, times,
-                max_step=CAP, **settings,
-            )  # fmt: skip
+            found = solve(rhs, (t0, times[-1]), y, self.method, times, max_step=CAP, **settings)
         if not found.success:
             raise _stuck(self.method, found.t[-1] if len(found.t) else t0)
         return np.ascontiguousarray(found.y.T)
@@ -381,21 +386,30 @@ def flown(
     ArithmeticError
         Where the solver cannot go on: there are no equations there.
     """
-    from contbreather.dynamics.smooth_flow import motion, varied
+    from contbreather.dynamics.smooth_flow import MOTION, VARIED
 
     x, times = np.concatenate(state), np.array([t0 + PERIOD * span])
     solver, arguments = Explicit(FINE), on.arguments
     try:
         if not slopes:
-            return solver.states(motion, None, arguments, t0, x, times)[0], None, None
+            rhs = right_side(MOTION, arguments, x.shape)
+            return solver.states(rhs, None, t0, x, times)[0], None, None
         first = np.eye(x.size) if columns is None else columns.T
         params = len(OWN) if columns is None else 0
         start = np.concatenate([x, first.ravel(), np.zeros(params * x.size)])
-        arguments = (*arguments, state.u.size, params)
-        end = solver.states(varied, None, arguments, t0, start, times)[0].reshape(-1, x.size)
+        rhs = right_side(VARIED, (*arguments, params), start.shape)
+        end = solver.states(rhs, None, t0, start, times)[0].reshape(-1, x.size)
     except NotConverged as error:
         raise ArithmeticError(str(error)) from error
     return end[0], end[1 : 1 + len(first)].T, end[1 + len(first) :].T
+
+
+def sides(on: SmoothConditions, size: int) -> tuple[Rhs, Rhs]:
+    """The right-hand side of (21) for states of so many numbers, and its Jacobian."""
+    from contbreather.dynamics.smooth_flow import JACOBIAN, MOTION
+
+    given = on.arguments
+    return right_side(MOTION, given, (size,)), right_side(JACOBIAN, given, (size, size))
 
 
 @dataclass
@@ -433,10 +447,8 @@ class SmoothFlight:
 
     def at(self, times: Array) -> Array:
         """The states at some times of the period to come: (times, 2, sites)."""
-        from contbreather.dynamics.smooth_flow import jacobian, motion
-
-        own, y = self.conditions.arguments, np.concatenate(self.state)
-        found = self.solver.states(motion, jacobian, own, self.t0, y, times)
+        y = np.concatenate(self.state)
+        found = self.solver.states(*sides(self.conditions, y.size), self.t0, y, times)
         return np.reshape(found, (len(times), 2, -1))
 
     def check(self, state: State, j: int) -> None:

@@ -10,20 +10,15 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from contbreather.dynamics.compiled import compiled
-from contbreather.dynamics.flow import Array
+from contbreather.kernels import Kernel, Matrix, Vector
 
 
-@compiled
 def ceiling(m: float) -> float:
     """The displacement at which the wall has stopped a velocity of 1000."""
     return 1000.0 ** (1.0 / (2.0 * m + 1.0))
 
 
-@compiled
-def force(t: float, series: Array) -> float:
+def force(t: float, series: Matrix) -> float:
     total = 0.0
     for i in range(series.shape[1]):
         angle = series[0, i] * t
@@ -31,21 +26,17 @@ def force(t: float, series: Array) -> float:
     return total
 
 
-@compiled
-def bend(entries: Array, y: Array, out: Array, factor: float) -> None:
-    """Add a multiple of the couplings' pull at y to ``out``."""
+def bend(entries: Matrix, y: Vector, first: int, out: Vector, to: int, factor: float) -> None:
+    """Add a multiple of the couplings' pull at y, from ``first`` on, to ``out`` from ``to`` on."""
     for i in range(entries.shape[0]):
-        out[int(entries[i, 0])] -= factor * entries[i, 2] * y[int(entries[i, 1])]
+        pull = factor * entries[i, 2] * y[first + int(entries[i, 1])]
+        out[to + int(entries[i, 0])] -= pull
 
 
-@compiled
-def motion(
-    t: float, y: Array, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
-    series: Array, entries: Array, drive: Array,
-) -> Array:  # fmt: skip
-    """(u', u'') of the lattice for y = (u, u')."""
-    size = y.size // 2
-    out = np.empty(y.size)
+def moved(
+    t: float, y: Vector, size: int, a: float, gamma: float, lam: float, m: float, mu: float,
+    spring: float, series: Matrix, entries: Matrix, drive: Vector, out: Vector,
+) -> None:  # fmt: skip
     push, top = a * force(t, series), ceiling(m)
     for n in range(size):
         u, v = y[n], y[size + n]
@@ -54,11 +45,17 @@ def motion(
         wall = (2.0 * m + 1.0) * q * (lam * v + q * inside)
         out[n] = v
         out[size + n] = drive[n] * push - spring * u - mu * v - wall
-    bend(entries, y, out[size:], gamma)
-    return out
+    bend(entries, y, 0, out, size, gamma)
 
 
-@compiled
+def motion(
+    t: float, y: Vector, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
+    series: Matrix, entries: Matrix, drive: Vector, out: Vector,
+) -> None:  # fmt: skip
+    """(u', u'') of the lattice for y = (u, u')."""
+    moved(t, y, drive.size, a, gamma, lam, m, mu, spring, series, entries, drive, out)
+
+
 def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float, float, float]:
     """Derivatives of the wall's force in u, in u' and in m, and (last) what lambda multiplies."""
     inside = min(max(u, -top), top)
@@ -76,14 +73,15 @@ def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float,
     return in_u, weight * q, in_m
 
 
-@compiled
 def jacobian(
-    t: float, y: Array, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
-    series: Array, entries: Array, drive: Array,
-) -> Array:  # fmt: skip
+    t: float, y: Vector, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
+    series: Matrix, entries: Matrix, drive: Vector, out: Matrix,
+) -> None:  # fmt: skip
     """Derivative of `motion` with respect to y."""
-    size = y.size // 2
-    out, top = np.zeros((y.size, y.size)), ceiling(m)
+    size, top = drive.size, ceiling(m)
+    for i in range(2 * size):
+        for j in range(2 * size):
+            out[i, j] = 0.0
     for n in range(size):
         in_u, density, _ = slopes(y[n], y[size + n], lam, m, top)
         out[n, size + n] = 1.0
@@ -91,23 +89,20 @@ def jacobian(
         out[size + n, size + n] = -mu - lam * density
     for i in range(entries.shape[0]):
         out[size + int(entries[i, 0]), int(entries[i, 1])] -= gamma * entries[i, 2]
-    return out
 
 
-@compiled
 def varied(
-    t: float, y: Array, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
-    series: Array, entries: Array, drive: Array, size: int, params: int,
-) -> Array:  # fmt: skip
+    t: float, y: Vector, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
+    series: Matrix, entries: Matrix, drive: Vector, params: int, out: Vector,
+) -> None:  # fmt: skip
     """The motion with its variations: y is (u, u'), then columns of the same shape.
 
     The last ``params`` columns are derivatives in a, gamma, lambda, m, mu, spring, in this order.
     """
-    out = np.empty(y.size)
+    size = drive.size
     wide = 2 * size
     columns = y.size // wide - 1
-    numbers = (a, gamma, lam, m, mu, spring)
-    out[:wide] = motion(t, y[:wide], *numbers, series, entries, drive)
+    moved(t, y, size, a, gamma, lam, m, mu, spring, series, entries, drive, out)
     push, top = force(t, series), ceiling(m)
     behind = wide * (columns - params + 1) + size  # accelerations of the first of those columns
     for n in range(size):
@@ -126,7 +121,9 @@ def varied(
             out[behind + 5 * wide + n] -= u
     for i in range(columns):
         at = wide * (i + 1)
-        bend(entries, y[at:], out[at + size :], gamma)
+        bend(entries, y, at, out, at + size, gamma)
     if params > 0:
-        bend(entries, y, out[behind + wide :], 1.0)
-    return out
+        bend(entries, y, 0, out, behind + wide, 1.0)
+
+
+MOTION, JACOBIAN, VARIED = Kernel(motion), Kernel(jacobian), Kernel(varied)

@@ -19,7 +19,7 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.progress import Bar, line_of
 
 if TYPE_CHECKING:
-    from contbreather.dynamics.law import Law, Log, Watch, Work
+    from contbreather.dynamics.room import Law, Log, Watch, Work
 
 Array = NDArray[Any]
 
@@ -151,7 +151,7 @@ class Machine:
         from contbreather.dynamics.law import law_of
 
         self.law = law_of(self.conditions)._replace(most=MOST)
-        self.work = work_of(self.state.u.size, self.law.size)
+        self.work = work_of(self.state.u.size, self.law)
         self.log = log_of(256)
         self.state = State(self.state.u.copy(), self.state.v.copy())
 
@@ -162,17 +162,19 @@ class Machine:
         return max(1, ROOM // (2 * self.state.u.size + 2 * dense))
 
     def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Stretch:
-        from contbreather.dynamics.cruise import CHATTER, DONE, FULL, cruise
+        from contbreather.dynamics.cruise import CHATTER, CRUISE, DONE, FULL
 
         u, v = self.state
         strobe_u, strobe_v = np.empty((2, periods, u.size))
         watch = watch_of(self.sample, periods, u.size)
         done, status, site, self.log.used[0] = 0, FULL, 0, 0
+        ended = np.zeros(3, np.int64)
         while status == FULL:
             here = (self.t0, span, first + done, self.law, self.work, self.log)
             rest = watch._replace(u=watch.u[done:], v=watch.v[done:])
             with held():
-                more, status, site = cruise(u, v, *here, rest, strobe_u[done:], strobe_v[done:])
+                CRUISE(u, v, *here, rest, strobe_u[done:], strobe_v[done:], ended)
+            more, status, site = ended.tolist()
             done += more
             if status == FULL:
                 self.log = log_of(2 * self.log.phase.size, self.log)
@@ -212,22 +214,24 @@ class Machine:
         )
 
 
-def work_of(sites: int, count: int) -> Work:
-    from contbreather.dynamics.law import Work
+def work_of(sites: int, law: Law) -> Work:
+    from contbreather.dynamics.room import Work
 
+    count = law.size
     v, w, origin, last_v, last_w, reach, when, place = np.zeros((8, sites))
     side, held, fresh, changed, listed = np.zeros((5, sites), np.int8)
     rows, patch = np.empty((count, sites)), np.empty((count, 4 * ((count - 1) // 2) + 1))
-    lift, column = np.empty((count, 1)), np.empty(count)
+    lift, (column, shifted) = np.empty((count, 1)), np.empty((2, count))
+    push = np.empty((2, law.force.m.size))
     hits, busy = np.zeros(sites, np.int64), np.zeros(sites + 1, np.int64)
     many = np.zeros(1, np.int64)
-    buffers = (v, w, rows, origin, last_v, last_w, reach, patch, lift, column, when)
+    buffers = (v, w, rows, origin, last_v, last_w, reach, patch, lift, column, shifted, push, when)
     return Work(*buffers, side, held, place, fresh, changed, hits, busy, many, listed)
 
 
 def log_of(size: int, old: Log | None = None) -> Log:
     """An empty log, or a longer copy of an old one."""
-    from contbreather.dynamics.law import Log
+    from contbreather.dynamics.room import Log
 
     kinds: tuple[Any, ...] = ("i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
     columns: list[NDArray[Any]] = [np.zeros(size, kind) for kind in kinds]
@@ -241,7 +245,7 @@ def log_of(size: int, old: Log | None = None) -> Log:
 
 
 def watch_of(sample: Sample | None, periods: int, sites: int) -> Watch:
-    from contbreather.dynamics.law import Watch
+    from contbreather.dynamics.room import Watch
 
     if sample is None:
         empty = np.empty((periods, 0, 0))

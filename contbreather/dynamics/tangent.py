@@ -12,7 +12,7 @@ jumps. So the tangent flow needs of an orbit only the list of its impacts.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,9 @@ from contbreather.dynamics.stretches import Machine, walk
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import stiffness_of
+
+if TYPE_CHECKING:
+    from contbreather.dynamics.room import Law
 
 Array = NDArray[Any]
 
@@ -90,7 +93,7 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
     0.4096
     """
     from contbreather.dynamics.law import law_of
-    from contbreather.dynamics.tangent_flow import carry
+    from contbreather.dynamics.tangent_flow import CARRY
 
     check_kind(run, (Run, SmoothRun), "a run")
     sites = run.sites
@@ -112,8 +115,13 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
     spans = np.array([PERIOD] * run.periods + ([rest] if rest > 1e-12 else []))
     law, growth = law_of(run.conditions), np.empty((len(spans), 0))
     with held():
-        carry(du, dv, at_rest, spans, 0, law, *events, growth)
+        CARRY(du, dv, at_rest, spans, 0, law, *events, growth, *room(law, sites))
     return np.concatenate([du, dv], axis=1).T
+
+
+def room(law: Law, sites: int) -> tuple[Array, Array, Array]:
+    """What drives perturbations and where they rest, both zeros, and room for a step."""
+    return np.zeros(law.size), np.zeros(sites), np.empty((law.size, sites))
 
 
 def _smooth(run: SmoothRun, columns: Array) -> Array:
@@ -235,17 +243,18 @@ def exponents(
 def _grown(state: State, on: Any, periods: int, t0: float, du: Array, dv: Array) -> Array:
     """Logarithms by which perturbations grow in each period, orthonormalised after it."""
     from contbreather.dynamics.law import law_of
-    from contbreather.dynamics.tangent_flow import carry
+    from contbreather.dynamics.tangent_flow import CARRY
 
     start = within(state, on.walls)
     at_rest, law, grown = resting(start, on, t0), law_of(on), []
+    own = room(law, state.u.size)
     for one in walk(Machine(start, on, t0), periods=periods, progress=False):
         if one.stop is not None:
             raise NotConverged(one.reason)
         growth, spans = np.empty((one.periods, len(du))), np.full(one.periods, PERIOD)
         events = kicks(one.impacts, one.rests, on, t0)
         with held():
-            carry(du, dv, at_rest, spans, one.first, law, *events, growth)
+            CARRY(du, dv, at_rest, spans, one.first, law, *events, growth, *own)
         grown.append(growth)
     return np.concatenate(grown)
 

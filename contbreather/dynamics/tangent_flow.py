@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from contbreather.dynamics.compiled import compiled
-from contbreather.dynamics.flow import Array, expand, expand_any, state_at
-from contbreather.dynamics.law import Law
+from contbreather.dynamics.flow import expand, expand_any, state_at
+from contbreather.dynamics.resting import resting
+from contbreather.dynamics.room import Law
+from contbreather.kernels import Counts, Kernel, Matrix, Signs, Vector
 
 
-@compiled
 def fly(
-    du: Array,
-    dv: Array,
-    held: NDArray[np.int8],
-    span: float,
-    law: Law,
-    still: Array,
-    nowhere: Array,
-    rows: Array,
-) -> None:
+    du: Matrix, dv: Matrix, held: Signs, span: float, law: Law, still: Vector, nowhere: Vector,
+    rows: Matrix,
+) -> None:  # fmt: skip
     """All perturbations over a time without events."""
-    anyone = False
-    for n in range(held.size):
-        anyone = anyone or held[n] != 0
-    left = span
+    anyone, left = resting(held), span
     while left > 0.0:
         h = min(law.step, left)
         for i in range(du.shape[0]):
@@ -39,8 +27,7 @@ def fly(
         left -= h
 
 
-@compiled
-def kick(du: Array, dv: Array, held: NDArray[np.int8], n: int, entry: float, law: Law) -> None:
+def kick(du: Matrix, dv: Matrix, held: Signs, n: int, entry: float, law: Law) -> None:
     """One event: the block of (19), the beginning of a rest (NaN), or its end (infinite)."""
     if math.isinf(entry):
         held[n] = 0
@@ -56,17 +43,26 @@ def kick(du: Array, dv: Array, held: NDArray[np.int8], n: int, entry: float, law
             dv[i, n] = -law.k * v + entry * u
 
 
-@compiled
-def orthonormalise(du: Array, dv: Array, growth: Array) -> None:
+def dot(du: Matrix, dv: Matrix, i: int, j: int) -> float:
+    """The product of two perturbations."""
+    first = second = 0.0
+    for n in range(du.shape[1]):
+        first += du[i, n] * du[j, n]
+        second += dv[i, n] * dv[j, n]
+    return first + second
+
+
+def orthonormalise(du: Matrix, dv: Matrix, growth: Vector) -> None:
     """Gram and Schmidt, twice over, in order; logarithms of the lengths found."""
     for i in range(du.shape[0]):
         growth[i] = 0.0
         for sweep in range(2):
             for j in range(i):
-                along = np.sum(du[i] * du[j]) + np.sum(dv[i] * dv[j])
-                du[i] -= along * du[j]
-                dv[i] -= along * dv[j]
-            size = math.sqrt(np.sum(du[i] * du[i]) + np.sum(dv[i] * dv[i]))
+                along = dot(du, dv, i, j)
+                for n in range(du.shape[1]):
+                    du[i, n] -= along * du[j, n]
+                    dv[i, n] -= along * dv[j, n]
+            size = math.sqrt(dot(du, dv, i, i))
             if sweep == 0 and size < 1e-280:  # k = 0 annihilates a direction; give it a new one
                 growth[i] = -math.inf
                 for n in range(du.shape[1]):
@@ -74,21 +70,23 @@ def orthonormalise(du: Array, dv: Array, growth: Array) -> None:
                     dv[i, n] = math.cos(1.0 + n * (i + 1.0))
                 size = 1.0
             growth[i] += math.log(size)
-            du[i] /= size
-            dv[i] /= size
+            for n in range(du.shape[1]):
+                du[i, n] /= size
+                dv[i, n] /= size
 
 
-@compiled
 def carry(
-    du: Array, dv: Array, held: NDArray[np.int8], spans: Array, first: int, law: Law, since: Array,
-    site: NDArray[np.int64], entry: Array, period: NDArray[np.int64], growth: Array,
+    du: Matrix, dv: Matrix, held: Signs, spans: Vector, first: int, law: Law, since: Vector,
+    site: Counts, entry: Vector, period: Counts, growth: Matrix, still: Vector, nowhere: Vector,
+    rows: Matrix,
 ) -> None:  # fmt: skip
     """Perturbations ``du, dv`` (m, N) over successive periods, in place.
 
     With ``growth`` of shape (periods, m) they are orthonormalised after each; (periods, 0): not.
+    Nothing drives them and a site at rest has none: ``still`` and ``nowhere`` are zeros; ``rows``
+    is room for a step.
     """
-    rows, still = np.empty((law.size, du.shape[1])), np.zeros(law.size)
-    nowhere, event = np.zeros(du.shape[1]), 0
+    event = 0
     for j in range(spans.size):
         s = 0.0
         while event < period.size and period[event] == first + j:
@@ -99,3 +97,6 @@ def carry(
         fly(du, dv, held, spans[j] - s, law, still, nowhere, rows)
         if growth.shape[1] > 0:
             orthonormalise(du, dv, growth[j])
+
+
+CARRY = Kernel(carry)

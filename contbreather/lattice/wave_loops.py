@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from contbreather.kernels import Kernel
+
 EVEN, WIDTH = 16, 18  # even powers of y in a row of `wave_table`; after them cos y and cos 2y
 # data: how many impacts, periods n of the forcing; then the times, and for each pair its row
 IMPACTS, N, FIRST = range(3)
@@ -51,3 +53,6 @@ def answer(data: Any, table: Any, out: Any, row: int, since: float, at: int) -> 
     out[2 * size + at] = (2.0 * slope + 8.0 * z * bend - a * c - 4.0 * b * c2) / (n * n)
     third = 24.0 * y * bend + 48.0 * z * y * jerk + a * s + 8.0 * b * s2
     out[3 * size + at] = -third / (n * n * n)
+
+
+MEETINGS = Kernel(meetings, "ppp")

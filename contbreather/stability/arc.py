@@ -29,7 +29,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, shown
 from contbreather.errors import BadInput
-from contbreather.kernel import Kernel
 from contbreather.lattice import InfiniteChain, check_gamma
 from contbreather.stability import arc_loops
 from contbreather.stability.aliases import regular, regular_by_spring, regular_slopes, tables
@@ -40,7 +39,7 @@ Array = NDArray[Any]
 GRID = 64  # intervals of the remembered grid in alpha; refinement does the rest
 COARSE = 24  # of the grid for many windows at once
 _ENOUGH = 1e-7  # in alpha, for these
-_ON_ARC, _WINDOW = Kernel(arc_loops.on_arc, "pppp"), Kernel(arc_loops.window, "pppp")
+_ON_ARC, _WINDOW = arc_loops.ON_ARC, arc_loops.WINDOW
 
 
 class Arc(NamedTuple):

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from contbreather.kernels import Kernel
+
 POWERS, ORDERS, EXACT = 13, 11, 3  # as in `aliases`
 GRID = 64  # as in `arc`
 TAILS = 3 * POWERS * ORDERS
@@ -286,3 +288,6 @@ def unopened(out: Any, found: Any) -> None:
     square = 2.0 * height * rise * rise / bend if bend > 0.0 else -1.0
     found[0] = b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2)
     found[1] = min(square, 0.0)
+
+
+ON_ARC, WINDOW = Kernel(on_arc, "pppp"), Kernel(window, "pppp")

@@ -29,7 +29,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
-from contbreather.kernel import Kernel
 from contbreather.lattice import InfiniteChain
 from contbreather.lattice.periodic import check_coupling
 from contbreather.stability import orbit_loops as loops
@@ -52,7 +51,7 @@ GRID = 24  # samples between two singular places of the circle; refinement does 
 CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
 FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
 FAR = 0.25  # of a pair from the circle: beyond that it is all the same
-_ORBIT = Kernel(loops.orbit, "pppp")
+_ORBIT = loops.ORBIT
 
 EDGE = 1e-7  # with several sites the very ends of the band are not evaluated
 

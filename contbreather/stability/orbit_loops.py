@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from contbreather.kernels import Kernel
+
 NEAR, ORDERS, POWERS, FAR, CLOSED = 5, 11, 22, 64, 9  # as in `propagators`
 HIGHEST = 2 * ORDERS + POWERS
 # table: for (turn, reach, pull), each order and power, a number and which sum it belongs to; the
@@ -357,3 +359,6 @@ def approach(work: Any, found: Any, at: int) -> None:
     if 0.0 < kappa < 0.5:
         off = math.sqrt((re * re + im * im) / square) * step * (1.0 / kappa + 1.0 / (0.5 - kappa))
         found[APPROACH] = min(found[APPROACH], off)
+
+
+ORBIT = Kernel(orbit, "pppp")

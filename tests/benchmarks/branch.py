@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -25,7 +24,7 @@ def walker() -> Callable[[], Any]:
     import contbreather as cb
 
     step = branch_length(GAMMA, K) / POINTS
-    start = replace(cb.symmetric(a=0.9999999, gamma=GAMMA, k=K).problem, compiled=True)
+    start = cb.symmetric(a=0.9999999, gamma=GAMMA, k=K).problem
     steps = cb.Steps(first=step, largest=step, most=2 * POINTS)
     how: dict[str, Any] = {"within": {"a": (0.0, 1.0)}, "events": (), "inadmissible": True}
     return partial(cb.trace, start, "a", steps=steps, **how)
@@ -57,10 +56,8 @@ def one_by_one(closure: Closure, a: Array, x: Array) -> Array:
 
 def all_events() -> Row:
     import contbreather as cb
-    from contbreather.breathers.ahead import compile_ahead
 
-    compile_ahead()
-    start = replace(cb.symmetric(0.5, 0.04, 0.8).problem, compiled=True)
+    start = cb.symmetric(0.5, 0.04, 0.8).problem
     steps = cb.Steps(largest=0.01)
     walk = partial(cb.trace, start, "a", within={"a": (0.07, 0.9)}, steps=steps)
     branch = walk()

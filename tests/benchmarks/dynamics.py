@@ -196,7 +196,6 @@ def _smooth() -> list[Row]:
     from contbreather.breathers import symmetric
     from contbreather.dynamics import Explicit, Implicit, SmoothConditions, Switching
     from contbreather.dynamics.smooth import damping_of
-    from contbreather.dynamics.smooth_flow import motion
     from contbreather.lattice import Ring
 
     y = np.concatenate(symmetric(0.1, 0.08, 0.8).state(20))
@@ -205,7 +204,7 @@ def _smooth() -> list[Row]:
     for m in (6, 20, 50):
         conditions = SmoothConditions(0.1, 0.08, damping_of(0.8), m, 0.005, lattice=ring)
         exact = _states(Explicit(1e-13), conditions, y, times)
-        slow, error = _radau(motion, conditions, y, times, exact)
+        slow, error = _radau(conditions, y, times, exact)
         for kind in (Explicit, Switching, Implicit):
             solver, ours = _as_exact(kind, error, conditions, y, times, exact)
             fast = processor_time(lambda s=solver, c=conditions: _states(s, c, y, times))
@@ -237,22 +236,22 @@ def _as_exact(
 
 
 def _states(solver: Any, conditions: Any, y: np.ndarray, times: np.ndarray) -> np.ndarray:
-    from contbreather.dynamics.smooth_flow import jacobian, motion
+    from contbreather.dynamics.smooth import sides
 
-    return solver.states(motion, jacobian, conditions.arguments, 0.0, y, times)[-1]
+    return solver.states(*sides(conditions, y.size), 0.0, y, times)[-1]
 
 
 def _radau(
-    rhs: Any, conditions: Any, y: np.ndarray, times: np.ndarray, exact: np.ndarray
+    conditions: Any, y: np.ndarray, times: np.ndarray, exact: np.ndarray
 ) -> tuple[float, float]:
     """Time and error of scipy's Radau with the same compiled right-hand side."""
     from scipy.integrate import solve_ivp
 
+    from contbreather.dynamics.smooth import sides
+
     def solve() -> Any:
-        return solve_ivp(
-            lambda t, x: rhs(t, x, *conditions.arguments),
-            (0.0, times[-1]), y, "Radau", rtol=1e-8, atol=1e-8, max_step=0.2,
-        )  # fmt: skip
+        rhs = sides(conditions, y.size)[0]
+        return solve_ivp(rhs, (0.0, times[-1]), y, "Radau", rtol=1e-8, atol=1e-8, max_step=0.2)
 
     error = float(np.abs(solve().y[:, -1] - exact).max())
     return processor_time(solve, 2), error

@@ -17,12 +17,10 @@ print(time.perf_counter() - start)
 """
 ZONES = """
 import numpy, scipy.linalg, scipy.optimize, contbreather as cb, time
-from contbreather import kernel
+from contbreather import kernels
 from contbreather.breathers import zones
-from contbreather.continuation import strider
 cb.zones, cb.symmetric, cb.trace
-strider._eager.append(True)
-assert all(one.ready() for one in kernel.KERNELS)
+assert all(one.code() for one in kernels.KERNELS)
 cb.zones(k=0.5)
 start = time.process_time()
 cb.zones(k=0.8)

@@ -98,13 +98,10 @@ def rows() -> list[Row]:
 
 
 def compiled() -> None:
-    """From now on all that can be compiled is."""
-    from contbreather import kernel
-    from contbreather.continuation import strider
+    """All that can be compiled is, and loaded."""
+    from contbreather import kernels
 
-    strider._eager.append(True)
-    for one in kernel.KERNELS:
-        one.ready()
+    assert all(one.code() for one in kernels.KERNELS), kernels.status()
 
 
 def branch_row(sites: int, aim: float) -> Row:

@@ -19,7 +19,7 @@ from contbreather.breathers.orbit import Orbit, orbit_of
 from contbreather.breathers.rivals import rivals, rivals_data
 from contbreather.breathers.section import Section
 from contbreather.breathers.waves import equations_of
-from contbreather.kernel import Kernel
+from contbreather.kernels import Kernel
 from contbreather.lattice import wave_loops
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.periodic import wave_table

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers import ahead, clearance_loops, symmetric_events
+from contbreather import kernels
+from contbreather.breathers import clearance_loops, symmetric_events
 from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.grazing import solution_at
 from contbreather.breathers.rivals import rivals_data
@@ -102,22 +102,23 @@ def test_sites_that_cannot_be_the_next_to_graze_are_passed_by(counted) -> None:
     assert filled["fill"] <= 4  # of thirteen
 
 
-def test_what_is_compiled_ahead_is_all_that_branches_and_boundaries_step_with(
+def test_all_that_branches_and_boundaries_step_with_is_compiled_with_the_package(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asked: Counter[str] = Counter()
+    listed = {kernel.function for kernel in kernels.KERNELS}
 
     def machine(loops: Any) -> None:
-        assert strider._eager
         for function in (loops.evaluate, loops.derive):
-            asked[function.__name__.split("_on_arc")[0].split("_closure")[0]] += 1
+            assert function in listed
+            asked[function.__name__.split("_closure")[0]] += 1
 
     monkeypatch.setattr(strider, "machine", machine)
-    monkeypatch.setattr(ahead, "compiled", lambda: 5)
-    ready = [SimpleNamespace(ready=lambda had=had: had) for had in (True, False, True)]
-    monkeypatch.setattr(ahead, "KERNELS", ready)
-    assert ahead.compile_ahead() == 7
+    cb.zones(k=0.8, within={"gamma": (0.03, 0.1)})
+    start, window = cb.symmetric(0.5, 0.04, 0.8), {"a": (0.05, 0.5)}
+    folds = cb.trace(start, "a", within=window, events=[cb.fold()], inadmissible=True)
+    pair = {"gamma": (0.03, 0.05)}
+    cb.boundary(folds.first("LP"), ("gamma", "a"), within=pair, events=(), inadmissible=True)
     named = {"closure", "fold", "pitchfork", "pair", "contact"}
     # and the engine's own fold, which knows no closed form
     assert set(asked) == named | {f"{n}_slopes" for n in named} | {"conditions", "slopes"}
-    assert not strider._eager

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contbreather.continuation import null_loops
-from contbreather.native import bound
+from contbreather.kernels import bound
 
 SIXTH = tuple((k * s, s * w) for k, w in ((1, 0.75), (2, -0.15), (3, 1 / 60)) for s in (-1, 1))
 UNIT = (1.0, 300.0, 0.02)  # of the unknowns

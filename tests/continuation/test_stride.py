@@ -4,38 +4,31 @@ from __future__ import annotations
 
 import logging
 import pickle
-import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from types import FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather import native
 from contbreather.continuation import given_loops, strider
 
 from ..apart import ended
 
-NEVER = 10**9
 WITHIN = {"a": (0.06, 0.9)}
 
 
 @pytest.fixture
-def when(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """Set after how many seconds code is loaded; 0: it is compiled where it is not kept."""
+def compiled(monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
+    """Say whether steps are taken by machine code, which is there, or by the text."""
+    machine = strider.machine
 
-    def set_(seconds: float) -> None:
-        monkeypatch.setattr(strider, "_LOADING", seconds)
-        monkeypatch.setattr(strider, "_eager", [] if seconds else [True])
+    def say(so: bool) -> None:
+        monkeypatch.setattr(strider, "machine", machine if so else lambda loops: None)
         monkeypatch.setattr(strider, "_known", {})
-        monkeypatch.setattr(strider, "_spent", {})
 
-    return set_
+    return say
 
 
 def closure(**given: Any) -> cb.Orbit:
@@ -69,12 +62,13 @@ def fold_curve(events: Any = None) -> cb.Branch:
     return cb.boundary(start.first("LP"), pair, within=within, events=(), inadmissible=True)
 
 
-def test_compiled_steps_are_those_of_the_text_to_the_last_bit(when: Any) -> None:
-    when(NEVER)
+def test_compiled_steps_are_those_of_the_text_to_the_last_bit(compiled: Any) -> None:
+    pytest.importorskip("numba")
+    compiled(False)
     as_it_is = [branch(**case) for case in CASES.values()]
     folds = fold_curve([cb.fold()]), fold_curve()
     assert not strider._known
-    when(0)
+    compiled(True)
     for one, case in zip(as_it_is, CASES.values(), strict=True):
         assert same(one, branch(**case)), case
     assert same(folds[0], fold_curve([cb.fold()]))
@@ -84,11 +78,10 @@ def test_compiled_steps_are_those_of_the_text_to_the_last_bit(when: Any) -> None
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_plain_steps_are_those_of_the_walker(when: Any, name: str) -> None:
-    when(NEVER)
+def test_plain_steps_are_those_of_the_walker(compiled: Any, name: str) -> None:
+    compiled(False)
     case = CASES[name]
     own = branch(**case)
-    assert strider._spent
     problem = closure(**{key: case[key] for key in ("forcing", "lattice") if key in case}).problem
     free, within = case.get("free", "a"), case.get("within", WITHIN)
     plain = replace(problem, loops=None)
@@ -100,8 +93,8 @@ def test_plain_steps_are_those_of_the_walker(when: Any, name: str) -> None:
     assert abs(own["residual"]).max() < 1e-14
 
 
-def test_a_curve_of_folds_by_null_vectors_is_the_exact_one(when: Any) -> None:
-    when(NEVER)
+def test_a_curve_of_folds_by_null_vectors_is_the_exact_one(compiled: Any) -> None:
+    compiled(False)
     line = fold_curve([cb.fold()])
     assert len(line) > 10
     for a, gamma in zip(line["a"], line["gamma"], strict=True):
@@ -109,8 +102,8 @@ def test_a_curve_of_folds_by_null_vectors_is_the_exact_one(when: Any) -> None:
         assert a == pytest.approx(smallest, rel=1e-10)
 
 
-def test_events_are_found_on_steps_taken_ahead(when: Any) -> None:
-    when(NEVER)
+def test_events_are_found_on_steps_taken_ahead(compiled: Any) -> None:
+    compiled(False)
     problem = closure().problem
     own = cb.trace(problem, "a", within={"a": (0.05, 0.95)})
     other = cb.trace(replace(problem, loops=None), "a", within={"a": (0.05, 0.95)})
@@ -119,24 +112,10 @@ def test_events_are_found_on_steps_taken_ahead(when: Any) -> None:
         assert one["a"] == pytest.approx(two["a"], abs=1e-11)
 
 
-def test_without_numba_steps_are_taken_all_the_same_and_it_is_said_once(
-    when: Any, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+def test_a_point_of_a_stretch_is_made_when_it_is_asked_for_and_stays_the_same(
+    compiled: Any,
 ) -> None:
-    when(0)
-
-    def refuse(*_: Any) -> int:
-        raise native.NotCompiled("No module named 'numba'; pip install numba")
-
-    monkeypatch.setattr(native, "address", refuse)
-    caplog.set_level(logging.INFO, "contbreather")
-    lines = [branch() for _ in range(2)]
-    assert same(*lines)
-    said = [record for record in caplog.records if "pip install numba" in record.getMessage()]
-    assert len(said) == 1
-
-
-def test_a_point_of_a_stretch_is_made_when_it_is_asked_for_and_stays_the_same(when: Any) -> None:
-    when(NEVER)
+    compiled(False)
     line = branch()
     assert line[7] is line[7]
     assert line[-1] is line.points[len(line) - 1]
@@ -150,172 +129,21 @@ def test_a_point_of_a_stretch_is_made_when_it_is_asked_for_and_stays_the_same(wh
 
 
 SHORT = """
-import itertools, sys, types
+import sys
 import contbreather as cb
-from contbreather.continuation import strider
-ticks = itertools.count()  # what is asked for the time takes a microsecond, whatever runs beside it
-strider.time = types.SimpleNamespace(perf_counter=lambda: 1e-6 * next(ticks))
 plain = cb.Problem(lambda x, p: [x[0] - p["m"]], {"x": 0.0}, {"m": 0.0})
 cb.trace(plain, "m", within={"m": (0, 1)})
-cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.4, 0.6)})
 assert not {"numba", "llvmlite"} & set(sys.modules)
 sys.modules["numba"] = sys.modules["llvmlite"] = None  # as where they are not installed
-with strider.eagerly():
-    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.4, 0.6)})
+branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.4, 0.6)})
 mine = cb.Problem(lambda x, p: [x[0] - p["m"]], {"x": 0.0}, {"m": 0.0}, compiled=True)
 print(len(branch) > 5, cb.trace(mine, "m", within={"m": (0, 1)})[-1]["x"])
 """
 
 
-def test_what_is_short_imports_no_compiler_and_without_one_all_works_too() -> None:
+def test_equations_of_a_user_need_no_compiler_and_without_one_all_works_too() -> None:
     done = ended("-c", SHORT)
     assert done.stdout == "True 1.0\n", done.stderr
-
-
-def test_within_a_block_code_is_wanted_at_once(when: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    when(NEVER)
-    asked = []
-
-    def refuse(function: Any, kinds: str) -> int:
-        asked.append(function.__name__)
-        raise native.NotCompiled("not now")
-
-    monkeypatch.setattr(native, "address", refuse)
-    branch()
-    assert not asked
-    with strider.eagerly():
-        branch()
-    assert asked == ["stride"]
-    assert strider.compiled() == 0
-
-
-# --- machine code -------------------------------------------------------------------------------
-
-
-def test_what_is_kept_is_used_only_if_it_is_whole_and_of_this_text(tmp_path, monkeypatch) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    asked = []
-
-    def compiled(function: Any, kinds: str) -> Any:
-        asked.append(function.__name__)
-        return b"entry\n\nobject"
-
-    monkeypatch.setattr(native, "_compiled", compiled)
-    monkeypatch.setattr(native, "_load", lambda code: (len(code), None))
-    for _ in range(2):
-        monkeypatch.setattr(native, "_loaded", {})
-        assert native.address(native.call, "ppp") == 13
-    assert asked == ["call"]
-    [file] = tmp_path.rglob("call*.o")
-    file.write_bytes(file.read_bytes()[:-1])
-    monkeypatch.setattr(native, "_loaded", {})
-    native.address(native.call, "ppp")
-    assert asked == ["call", "call"]
-    native._key.cache_clear()
-    monkeypatch.setattr(native.sys, "version_info", (3, 99))
-    native.address(native.call, "ppp")
-    assert len(asked) == 3
-    native._key.cache_clear()
-
-
-KEPT = """
-import ctypes, math, sys
-if "numba" in sys.argv:
-    import numba
-from contbreather import native
-def cosine(z, data, out):
-    out[0] = math.cos(z[0])
-    return 0
-numbers = (ctypes.c_double * 1)(0.0)
-at = ctypes.addressof(numbers)
-native.function(cosine, "ppp")(at, at, at)
-print(numbers[0], "numba.core.registry" in sys.modules)
-"""
-
-
-def test_code_is_loaded_beside_a_numba_that_was_imported_and_has_compiled_nothing(
-    tmp_path, monkeypatch
-) -> None:
-    """What numba has for errors has no address then, and an object without it would call 0."""
-    pytest.importorskip("numba")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    said = []
-    for given in ("compiled", "loaded", "numba"):
-        line = [sys.executable, "-X", "faulthandler", "-c", KEPT, given]
-        done = subprocess.run(line, capture_output=True, text=True, check=False)
-        said.append((done.returncode, done.stdout, done.stderr))
-    assert said == [(0, "1.0 True\n", ""), (0, "1.0 False\n", ""), (0, "1.0 True\n", "")]
-
-
-def test_what_code_needs_is_read_off_whatever_it_is_called() -> None:
-    text = """
-declare i32 @"numba$x.1"(i8*)
-declare double @cos(double) local_unnamed_addr
-@PyExc_A = external global i8
-@"a b" = private constant i8 0
-define i64 @own(i64 %x) {
-  call void @inner(i64 1)
-"""
-    assert native._NEEDED.findall(text) == ["numba$x.1", "cos", "PyExc_A"]
-
-
-def test_code_that_needs_what_is_not_there_is_refused(monkeypatch) -> None:
-    llvm = pytest.importorskip("llvmlite.binding")
-    monkeypatch.setattr(llvm, "address_of_symbol", lambda name: None)
-    with pytest.raises(native.NotCompiled, match="needs exp2, which this Python does not have"):
-        native._load(b"entry\nexp2\nobject")
-
-
-def test_code_goes_by_what_is_in_memory_numbers_from_elsewhere_included() -> None:
-    pytest.importorskip("llvmlite")
-
-    def stepped(z: Any, data: Any, out: Any) -> int:
-        return int(z[0] + STEP)  # noqa: F821
-
-    def key(step: float) -> str:
-        return native._key(FunctionType(stepped.__code__, {"STEP": step}), "ppp")
-
-    assert key(0.5) == key(0.5) != key(0.25)
-
-
-def test_code_is_kept_where_the_user_may_write(tmp_path, monkeypatch) -> None:
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    monkeypatch.setattr(native.os, "access", lambda *_: False)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert native._place() == tmp_path / "contbreather"
-
-
-def test_nothing_is_kept_for_a_user_without_a_home(tmp_path, monkeypatch) -> None:
-    def nobody() -> Path:
-        raise RuntimeError("Could not determine home directory.")
-
-    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(native.os, "access", lambda *_: False)
-    monkeypatch.setattr(native.Path, "home", nobody)
-    assert native._place() == Path(native.__file__).parent / "__pycache__"
-
-
-def test_code_is_not_taken_to_a_processor_of_the_same_name_that_can_do_less(monkeypatch) -> None:
-    llvm = pytest.importorskip("llvmlite.binding")
-
-    def key(features: str) -> str:
-        told = SimpleNamespace(flatten=lambda: features)
-        monkeypatch.setattr(llvm, "get_host_cpu_features", lambda: told)
-        native._key.cache_clear()
-        return native._key(native.call, "ppp")
-
-    assert key("+avx2,+avx512f") != key("+avx2,-avx512f")
-    native._key.cache_clear()
-
-
-def test_numba_that_is_switched_off_is_a_reason(tmp_path, monkeypatch) -> None:
-    numba = pytest.importorskip("numba")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
-    monkeypatch.setattr(native, "_loaded", {})
-    with pytest.raises(native.NotCompiled, match="switched off, by NUMBA_DISABLE_JIT"):
-        native.address(strider.plain.settle, strider.plain.SETTLING)
 
 
 # --- functions that a user gave -----------------------------------------------------------------
@@ -402,10 +230,9 @@ def test_a_function_that_numba_refuses_is_taken_as_it_is_and_that_is_said_once(
 
 
 def test_a_function_that_means_something_else_when_it_is_compiled_is_refused(monkeypatch) -> None:
-    def wrong(function: Any, kinds: str) -> Any:
-        return lambda *addresses: 0  # and leaves zeros
-
-    monkeypatch.setattr(native, "function", wrong)
+    monkeypatch.setattr(given_loops.compiler, "address", lambda function, kinds: 0)
+    # leaves zeros
+    monkeypatch.setattr(given_loops, "callable_at", lambda address, kinds: lambda *addresses: 0)
     loops = strider.Loops(len, len, ())
     with pytest.raises(
         cb.BadInput, match=r"compiled, the residual .* \[0.0\]; as it is .* \[1.0\]"

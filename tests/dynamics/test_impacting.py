@@ -474,7 +474,7 @@ def test_samples_are_the_run_at_their_own_times(sites: int, damping: float) -> N
 def test_a_column_of_powers_is_added_about_a_later_time(shift: float) -> None:
     rows, out = np.random.default_rng(1).normal(size=(7, 3)), np.ones((7, 2))
     known = rows.copy()
-    _add_shifted(rows, 1, shift, 0.7, out)
+    _add_shifted(rows, 1, shift, 0.7, out, np.empty(7))
     x = np.linspace(-1.0, 1.0, 9)
     moved = np.polynomial.Polynomial(rows[:, 1])(x + shift)
     found = np.polynomial.Polynomial(out[:, 0] - 1.0)(x)

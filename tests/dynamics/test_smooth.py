@@ -20,8 +20,13 @@ from contbreather.dynamics import (
     simulate_smooth,
     variation,
 )
-from contbreather.dynamics.smooth import SmoothConditions, damping_of, restitution_of
-from contbreather.dynamics.smooth_flow import jacobian, motion, varied
+from contbreather.dynamics.smooth import (
+    SmoothConditions,
+    damping_of,
+    restitution_of,
+    right_side,
+)
+from contbreather.dynamics.smooth_flow import JACOBIAN, MOTION, VARIED
 from contbreather.errors import NotConverged
 from contbreather.lattice import Fourier, Ring
 from tests.dynamics.zoo import breather
@@ -56,7 +61,7 @@ def test_motion_is_equation_21_with_the_sign_of_13(m):
     u, v = rng.uniform(-1.1, 1.1, 5), rng.normal(size=5)
     a, gamma, lam, mu, spring, t = 0.3, 0.2, 0.14, 0.02, 0.4, 0.7
     y = np.concatenate([u, v])
-    got = motion(t, y, a, gamma, lam, m, mu, spring, *cosine(5))
+    got = right_side(MOTION, (a, gamma, lam, m, mu, spring, *cosine(5)), y.shape)(t, y)
     coupling = gamma * (2 * u - np.roll(u, 1) - np.roll(u, -1))
     wall = lam * (2 * m + 1) * np.abs(u) ** (2 * m) * v
     wall += (2 * m + 1) * np.abs(u) ** (4 * m) * u
@@ -72,14 +77,15 @@ def test_hand_derivatives_are_those_of_the_motion(sites, m):
     steps = 1e-6 * np.eye(2 * sites)
 
     def at(y, params):
-        return motion(0.7, y, *params, *series)
+        return right_side(MOTION, (*params, *series), y.shape)(0.7, y)
 
     wanted = np.array([(at(y + s, params) - at(y - s, params)) / 2e-6 for s in steps]).T
-    by_hand = jacobian(0.7, y, *params, *series)
+    by_hand = right_side(JACOBIAN, (*params, *series), 2 * y.shape)(0.7, y)
     assert np.allclose(by_hand, wanted, rtol=1e-7, atol=1e-6)
     columns = rng.normal(size=(3 + 6, 2 * sites))
     flat = np.concatenate([y[None], columns]).ravel()
-    rates = varied(0.7, flat, *params, *series, sites, 6).reshape(-1, 2 * sites)
+    rates = right_side(VARIED, (*params, *series, 6), flat.shape)(0.7, flat)
+    rates = rates.reshape(-1, 2 * sites)
     assert np.array_equal(rates[0], at(y, params))
     for i in range(9):
         rate = by_hand @ columns[i]

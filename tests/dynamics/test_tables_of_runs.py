@@ -9,6 +9,9 @@ import pytest
 
 import contbreather as cb
 from contbreather.dynamics import Sample, simulate, simulate_smooth, stretches
+from contbreather.dynamics.law import law_of
+from contbreather.lattice import Ring
+from contbreather.lattice.conditions import Conditions
 
 ON = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 STATE = cb.symmetric(**ON).state(3)
@@ -63,10 +66,12 @@ def test_every_impact_is_in_the_period_of_its_time() -> None:
 
 def test_the_loops_have_room_for_all_sites_and_a_log_grows_with_what_is_in_it() -> None:
     sites, count = 5, 9
-    work = stretches.work_of(sites, count)._asdict()
+    law = law_of(Conditions(0.5, 0.05, 0.8, lattice=Ring(sites)))._replace(size=count)
+    work = stretches.work_of(sites, law)._asdict()
     shapes = {name: array.shape for name, array in work.items()}
     wide = {"rows": (count, sites), "patch": (count, 4 * 4 + 1), "lift": (count, 1)}
-    other = {**wide, "column": (count,), "busy": (sites + 1,), "many": (1,)}
+    own = {"column": (count,), "shifted": (count,), "push": (2, 1)}
+    other = {**wide, **own, "busy": (sites + 1,), "many": (1,)}
     assert shapes == {name: other.get(name, (sites,)) for name in work}
     old = stretches.log_of(4)
     old.used[0] = 3

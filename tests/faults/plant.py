@@ -45,7 +45,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
-from record import HOME, MAP, TREE, compiled_before, copy, environment  # noqa: E402
+from record import HOME, MAP, TREE, copy, environment  # noqa: E402
 
 PACKAGE = "contbreather"
 STRUCTURE = ("tests/test_floors.py", "tests/test_project.py", "tests/test_import_cost.py")
@@ -827,7 +827,6 @@ def main() -> None:
         tree = HOME / "copies" / f"{out.stem}-{i}"
         tree.mkdir(parents=True, exist_ok=True)
         copy(root, tree)
-        compiled_before(tree)
         trees.append(tree)
     root = trees[0]  # as it was when this began
     if given.again:

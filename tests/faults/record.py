@@ -44,15 +44,6 @@ def copy(source: Path, target: Path) -> None:
             shutil.copy2(source / name, there)
 
 
-def compiled_before(target: Path) -> None:
-    """What numba compiled for the map serves the copies too: their files have the same times."""
-    for path in TREE.rglob("*.nb[ic]"):
-        there = target / path.relative_to(TREE)
-        if not there.exists():
-            there.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(path, there)
-
-
 def environment(tree: Path, **more: str) -> dict[str, str]:
     return {
         **os.environ,
@@ -60,6 +51,7 @@ def environment(tree: Path, **more: str) -> dict[str, str]:
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
         "MPLBACKEND": "Agg",
+        "XDG_CACHE_HOME": f"{tree}.cache",  # loops of a fault are compiled for nobody else
         **more,
     }
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from contbreather.breathers import clearance, clearance_loops, pair_loops, rivals
-from contbreather.kernel import Kernel
+from contbreather.kernels import Kernel
 from contbreather.lattice import InfiniteChain, green, periodic, wave_loops
 from contbreather.stability import aliases, arc, arc_loops, orbit, orbit_loops, propagators, zeros
 from contbreather.stability.characteristic import D

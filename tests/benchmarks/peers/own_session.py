@@ -6,7 +6,6 @@ import json
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,7 @@ def timed(call: Callable[..., Any]) -> Callable[..., tuple[Any, float]]:
 def main() -> None:
     step = closure.branch_length(closure.GAMMA, closure.K) / closure.POINTS
     fixed = cb.Steps(first=step, largest=step, most=2 * closure.POINTS)
-    start = replace(cb.symmetric(1.0, closure.GAMMA, closure.K).problem, compiled=True)
+    start = cb.symmetric(1.0, closure.GAMMA, closure.K).problem
     how: dict[str, Any] = {"within": {"a": (0.0, 1.0)}, "inadmissible": True}
     trace, boundary = timed(cb.trace), timed(cb.boundary)
     for _ in range(2):  # code is loaded at the first

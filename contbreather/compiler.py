@@ -1,0 +1,295 @@
+"""Compiles kernels by numba: all of them, side by side, at the installation or behind a session;
+and functions of a user, at once.
+
+    python bare.py FOLDER [--behind]
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
+from importlib import import_module
+from itertools import count, groupby
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from contbreather import kernels
+from contbreather.files import alone, write_whole
+from contbreather.kernels import INLINED, NEVER, Kernel, NotCompiled, Shape, call
+
+KEPT = 3  # texts of a kernel on one machine: as many checkouts do not drive each other's code out
+BEHIND = 19  # of `nice`
+_KNOWN = re.compile(r"(llvm\.|_?Py).*|a?(sin|cos|tan)h?|atan2|sqrt|exp|log|pow|floor|mem\w+")
+_NEEDED = re.compile(r'^(?:declare [^@]*)?@"?([^"(\s]+)"?(?:\(| = external)', re.MULTILINE)
+
+_made: dict[tuple[Any, str], Any] = {}  # in this session, by function and kinds
+
+
+# --- one kernel -----------------------------------------------------------------------------------
+
+
+def address(function: Callable[..., Any], kinds: str) -> int:
+    """Where its machine code begins: what is at hand, or what is compiled for this session.
+
+    Raises
+    ------
+    NotCompiled
+        Without numba, or if it refuses.
+    """
+    if not kernels.is_foreign(function):
+        try:
+            return kernels.address(function, kinds)
+        except NotCompiled:
+            pass
+    if (function, kinds) not in _made:
+        _made[function, kinds] = made(kernels.kernel_of(function, kinds))
+    found: int = _made[function, kinds].address
+    return found
+
+
+def made(kernel: Kernel) -> Any:
+    """What numba makes of it, in this process.
+
+    Raises
+    ------
+    NotCompiled
+        Without numba, or if it refuses.
+    """
+    try:
+        from numba import cfunc, config, types
+    except ImportError as error:
+        raise NotCompiled(f"{error}; pip install numba") from error
+    if getattr(config, "DISABLE_JIT", 0):
+        raise NotCompiled("numba is switched off, by NUMBA_DISABLE_JIT")
+    letters = {"p": types.CPointer(types.float64), "i": types.int64, "f": types.int64}
+    try:
+        if kernel.kinds:
+            signature = types.int64(*(letters[kind] for kind in kernel.kinds))
+            plain = getattr(kernel.function, "py_func", None) or _twin(kernel.function).py_func
+        else:
+            signature, plain = _entry(kernel)
+        return cfunc(signature, error_model="numpy")(plain)
+    except Exception as error:
+        raise NotCompiled(" ".join(str(error).split())[:300]) from error
+
+
+def object_of(kernel: Kernel) -> bytes:
+    """The name of its entry, what it needs, both with a line end, and the object code."""
+    code = made(kernel)
+    text = code.inspect_llvm()
+    needs = set(_NEEDED.findall(text))
+    # memory has nobody to give it, and to give it back: what asks for it is refused here
+    strange = sorted(one for one in needs if not _KNOWN.fullmatch(one) and one not in NEVER)
+    if strange:
+        raise NotCompiled(f"{kernel.function.__name__} needs {strange} of numba")
+    named = " ".join(sorted(one for one in needs if not one.startswith("llvm.")))
+    return f"{code.native_name}\n{named}\n".encode() + _object(text)
+
+
+def _object(text: str) -> bytes:
+    import llvmlite.binding as llvm
+
+    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    machine = kernels.target(
+        cpu=cpu, features=features, opt=3, reloc="default", codemodel="jitdefault"
+    )
+    done: bytes = machine.emit_object(llvm.parse_assembly(text))
+    return done
+
+
+_TWINS: dict[Any, Any] = {}
+
+
+def _twin(function: Callable[..., Any]) -> Any:
+    """The function with compiled ones in place of those it calls; `call` takes an address."""
+    from numba import njit
+
+    if function not in _TWINS:
+        known = function.__globals__
+        names = [name for name in function.__code__.co_names if name in known]
+        scope = {name: known[name] for name in names}
+        copy = FunctionType(function.__code__, scope, function.__name__)
+        # nobody gives memory, or counts who has an array: with that left out tuples of arrays cost
+        # nothing to hand over, and compile in half the time
+        how: dict[str, Any] = {"_nrt": False, "forceinline": function.__code__ in INLINED}
+        how |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        _TWINS[function] = njit(error_model="numpy", **how)(copy)
+        for name in names:
+            if known[name] is call:
+                scope[name] = _by_address()
+            elif isinstance(known[name], FunctionType):
+                scope[name] = _twin(known[name])
+    return _TWINS[function]
+
+
+@lru_cache(maxsize=1)
+def _by_address() -> Any:
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    @intrinsic
+    def by_address(context: Any, where: Any, one: Any, two: Any, three: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            kind = ir.FunctionType(ir.IntType(64), [one.type for one in args[1:]])
+            return builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+
+        pointer = types.CPointer(types.float64)
+        return types.int64(types.int64, pointer, pointer, pointer), generate
+
+    return by_address
+
+
+def _entry(kernel: Kernel) -> tuple[Any, Any]:
+    """A function of one address, given as each kind of word that is there, which makes numbers,
+    arrays and tuples of them; and its signature."""
+    import numba
+    from numba import types
+
+    carray: Any = numba.carray  # type: ignore[attr-defined]
+    scope: dict[str, Any] = {"carray": carray, "function": _twin(kernel.function)}
+    words = count()
+    given = ", ".join(_argument(shape, words, scope) for shape in kernel.takes)
+    exec(f"def entry(i8, f8, f8s, i8s, i1s):\n    function({given})\n    return 0\n", scope)
+    kinds: list[Any] = [types.int64, types.float64]
+    kinds += [types.CPointer(one) for one in (types.float64, types.int64, types.int8)]
+    return types.int64(*map(types.CPointer, kinds)), scope["entry"]
+
+
+def _argument(shape: Shape, words: Iterator[int], scope: dict[str, Any]) -> str:
+    """What an argument is made of, from the next words on, as text."""
+    if shape.made_by:
+        scope[shape.made_by.__name__] = shape.made_by
+        parts = ", ".join(_argument(part, words, scope) for part in shape.parts)
+        return f"{shape.made_by.__name__}({parts})"
+    first = next(words)
+    if not shape.axes:
+        return f"f8[{first}]" if shape.kind == "f8" else _whole(shape, first)
+    lengths = "".join(f"i8[{next(words)}], " for _ in range(shape.axes))
+    return f"carray({shape.kind}s[{first}], ({lengths}))"
+
+
+def _whole(shape: Shape, word: int) -> str:
+    return f"i8[{word}] != 0" if shape.kind == "b1" else f"i8[{word}]"
+
+
+# --- all of them ----------------------------------------------------------------------------------
+
+
+def compile_into(folder: Path, *, processes: int = 1) -> dict[str, str]:
+    """Compile what is not there yet; why some kernels are not compiled, by name.
+
+    Several processes each take the next group of kernels that nobody has; kernels in one module
+    call the same functions, which are compiled once for all of them.
+    """
+    with tempfile.TemporaryDirectory() as claims:
+        script = Path(__file__).with_name("bare.py")
+        line = [sys.executable, str(script), str(folder), "--claims", claims]
+        others = [subprocess.Popen(line) for _ in range(processes - 1)]
+        try:
+            _work(folder, Path(claims))
+        finally:
+            for one in others:
+                one.wait()
+    return {name: folder.joinpath(f"{name}.failed").read_text() for name in _missing(folder)[1]}
+
+
+def _missing(folder: Path) -> tuple[dict[str, Kernel], list[str]]:
+    """The kernels that have no object file there, by its name; and those that failed."""
+    for text in kernels.TEXTS:
+        import_module(text)
+    names = {kernels.file_name(kernel): kernel for kernel in kernels.KERNELS}
+    # what was installed serves a session, but is not what an installation looks for
+    known = kernels.at_hand().files if folder == kernels.place() else {}
+    lacks = {
+        name: kernel
+        for name, kernel in names.items()
+        if name not in known and not (folder / name).exists()
+    }
+    return lacks, [name for name in lacks if (folder / f"{name}.failed").exists()]
+
+
+def _work(folder: Path, claims: Path) -> None:
+    for module, group in _groups(_missing(folder)[0]):
+        if _claimed(claims / module):
+            for name, kernel in group.items():
+                _compile(folder / name, kernel)
+
+
+def _claimed(path: Path) -> bool:
+    try:
+        path.touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
+
+
+def _groups(lacking: Mapping[str, Kernel]) -> list[tuple[str, dict[str, Kernel]]]:
+    """By modules, those with most code first."""
+
+    def module(one: tuple[str, Kernel]) -> str:
+        return one[1].function.__module__
+
+    def size(group: tuple[str, dict[str, Kernel]]) -> int:
+        every = {one for kernel in group[1].values() for one in kernels.called(kernel.function)}
+        return -sum(len(one.__code__.co_code) for one in every)
+
+    rows = groupby(sorted(lacking.items(), key=module), key=module)
+    return sorted(((name, dict(group)) for name, group in rows), key=size)
+
+
+def _compile(path: Path, kernel: Kernel) -> None:
+    try:
+        code = object_of(kernel)
+    except NotCompiled as reason:
+        _keep(path.with_name(f"{path.name}.failed"), str(reason).encode())
+    else:
+        _keep(path, hashlib.sha256(code).digest() + code)
+
+
+def _keep(path: Path, text: bytes) -> None:
+    """Write it beside the latest few of other texts, and for nobody else to change."""
+    begin = path.name.partition("-")[0]
+    others = sorted(path.parent.glob(f"{begin}-*"), key=_age, reverse=True)
+    for old in others[KEPT - 1 :]:
+        old.unlink(missing_ok=True)
+    write_whole(path, lambda file: file.write(text))
+    path.chmod(0o644)
+
+
+def _age(path: Path) -> float:
+    try:
+        return path.stat().st_mtime
+    except OSError:  # somebody else has removed it
+        return 0.0
+
+
+# --- as a script ----------------------------------------------------------------------------------
+
+
+def main(arguments: list[str]) -> None:
+    folder, how = Path(arguments[0]), arguments[1:]
+    folder.mkdir(mode=0o755, parents=True, exist_ok=True)
+    if how[:1] == ["--claims"]:
+        _work(folder, Path(how[1]))
+    elif how == ["--behind"]:
+        _behind(folder)
+    else:
+        for name, reason in compile_into(folder, processes=os.cpu_count() or 1).items():
+            print(f"{name}: {reason}")
+
+
+def _behind(folder: Path) -> None:
+    """All in this process, after all other processes, unless one is at it already."""
+    if hasattr(os, "nice"):
+        os.nice(BEHIND)
+    with (folder / "lock").open("ab") as file:
+        if alone(file.fileno()):
+            compile_into(folder)
