@@ -24,7 +24,8 @@ ONCE = {
     "numba": "NRT_Free numba_do_raise numba_gil_ensure numba_gil_release numba_unpickle"
     " DISABLE_JIT NRT_MemInfo_call_dtor no_cfunc_wrapper no_cpython_wrapper"
     " forceinline numba_runtime_build_excinfo_struct jitdefault",
-    "numpy and scipy": "COLAMD LM MMD_AT_PLUS_A NATURAL bc bck jab jbc kiajb kiajc kja kjb xyz",
+    "numpy and scipy": "COLAMD LM MMD_AT_PLUS_A NATURAL bc bck jab jbc kia kiajb kiajc kij kja kjb"
+    " xyz",
     "netCDF and HDF5": "_nc4_ long_name",
     "matplotlib": "Creator butt mplstyle mutation_scale ffpi ffpii viridis",
     "panel, bokeh and browsers": "Available Py box_zoom danger dashdot diamond localhost"

@@ -8,18 +8,21 @@ propagators X of `contbreather.stability.propagators`. So, with as many sites as
     ``D(mu) = det(1 - X(mu) (S - 1))``,   2m x 2m,   D -> 1 as mu -> infinity,
 
 vanishes at the multipliers the impacts make. With mu = exp(2 pi i kappa) the aliases kappa and
-kappa - 1 may lie in the band. Each enters X as a matrix of rank one times its resolvent g, infinite
-at mu = 1 and at the band's edges: we border the determinant by these vectors, with 1/g in the
-corner. ``F = D/(g(kappa) g(kappa - 1))`` is that bordered determinant, continuous and bounded along
-the whole unit circle, arcs included (there: the limit from outside). Its turning along the upper
-half of the circle is a whole number of half turns and counts the multipliers outside:
-``count = 1 - turning/pi``; the 1 is what the resolvents themselves turn.
+kappa - 1 may lie in the band, and kappa + 1 comes next to it. Each enters X as a matrix of rank one
+times its resolvent g, infinite at mu = 1 and at the band's edges, and, with several sites, one that
+stays bounded there: sites answer each other as on a chain that is held at the first of them, plus
+what the motion of that one brings. We border the determinant by the vectors of rank one, with 1/g
+in the corner. ``F = -D/(g(kappa) g(kappa - 1) g(kappa + 1))`` is that bordered determinant but for
+its sign, continuous and bounded along the whole unit circle, arcs and their ends included (there:
+the limit from outside). Its turning along the upper half of the circle is a whole number of half
+turns and counts the multipliers outside: ``count = 1 - turning/pi``; the 1 is what the resolvents
+themselves turn.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -34,12 +37,13 @@ from contbreather.lattice.periodic import check_coupling
 from contbreather.stability import orbit_loops as loops
 from contbreather.stability.propagators import (
     DEEP,
+    Entries,
     Propagators,
     constants,
-    in_band,
+    held,
+    inverse,
+    passed_on,
     propagators,
-    resolvent,
-    root,
 )
 from contbreather.stability.saltation import Kick, saltation
 from contbreather.stability.winding import Count
@@ -50,10 +54,10 @@ Array = NDArray[Any]
 GRID = 24  # samples between two singular places of the circle; refinement does the rest
 CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
 FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
+ON_CIRCLE = 1e-14  # how far off in kappa a multiplier is on the circle to within rounding
 FAR = 0.25  # of a pair from the circle: beyond that it is all the same
 _ORBIT = loops.ORBIT
-
-EDGE = 1e-7  # with several sites the very ends of the band are not evaluated
+ALIASES = (-1, 0, 1)  # that may lie in the band, or, the last, reach its end from outside
 
 
 @dataclass(frozen=True)
@@ -148,17 +152,17 @@ class OrbitMap:
         one = np.eye(2)
         return np.array([saltation(self.k, self.periods * kick.b) - one for kick in self.kicks])
 
-    def _matrix(self, kappa: Array, without: Sequence[int] = ()) -> Array:
+    def _less(self, of: Callable[[Propagators], Entries], size: int) -> Array:
         """``1 - X (S - 1)``, shape (K, 2m, 2m)."""
         m = len(self.kicks)
-        X = np.empty((kappa.size, m, 2, m, 2), dtype=complex)
+        X = np.empty((size, m, 2, m, 2), dtype=complex)
         for i, j, pairs in self._propagators:
-            one = pairs.near(kappa, without) if np.all(kappa.imag > -DEEP) else pairs.deep(kappa)
+            one = of(pairs)
             X[:, i, 0, j, 0] = X[:, i, 1, j, 1] = one.turn.T
             X[:, i, 0, j, 1] = one.reach.T
             X[:, i, 1, j, 0] = one.pull.T
         kicked = np.einsum("kiajb,jbc->kiajc", X, self._jumps).reshape(-1, 2 * m, 2 * m)
-        return np.eye(2 * m) - kicked
+        return np.asarray(np.eye(2 * m) - kicked)
 
     def D(self, kappa: Any) -> Array:
         """The reduced determinant at ``mu = exp(2 pi i kappa)``, Im kappa <= 0.
@@ -167,67 +171,50 @@ class OrbitMap:
         """
         values = np.atleast_1d(np.asarray(kappa, dtype=complex))
         values = values - np.round(values.real)
+        mirrored = values.real < 0.0  # D at -conj(kappa) is conj(D)
+        values = np.abs(values.real) + 1j * values.imag
         out = np.empty_like(values)
         deep = values.imag <= -DEEP
-        for part in (deep, ~deep):
-            if np.any(part):
-                out[part] = np.linalg.det(self._matrix(values[part]))
-        return out.reshape(np.shape(kappa))
+        if np.any(deep):
+            below = values[deep]
+            out[deep] = np.linalg.det(self._less(lambda pairs: pairs.deep(below), below.size))
+        if not np.all(deep):
+            near = values[~deep]
+            poles = [inverse(self.scaled, near + alias) for alias in ALIASES]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                out[~deep] = -self.F(near) / np.prod(poles, axis=0)
+        return np.where(mirrored, out.conj(), out).reshape(np.shape(kappa))
 
     def F(self, kappa: Array) -> Array:
-        """D over the resolvents of the aliases 0 and -1: bounded for all kappa in [0, 1/2]."""
-        m = len(self.kicks)
+        """D over the resolvents of three aliases, one negative: bounded for kappa in [0, 1/2]."""
+        size = 2 * len(self.kicks)
         kappa = np.asarray(kappa, dtype=complex)
-        matrix = np.zeros((kappa.size, 2 * m + 2, 2 * m + 2), dtype=complex)
-        single = not self._sites[0].any()
-        aliases = (0, -1)
-        if single:
-            matrix[:, : 2 * m, : 2 * m] = self._matrix(kappa, aliases)
-        else:
-            matrix[:, : 2 * m, : 2 * m] = self._several(kappa)
-        for row, alias in enumerate(aliases):
-            at = kappa + alias
-            on = np.ones(kappa.size) if single else in_band(self.scaled, at)
-            column, line = self._border(at, alias)
-            matrix[:, : 2 * m, 2 * m + row] = on[:, None] * column
-            matrix[:, 2 * m + row, : 2 * m] = on[:, None] * line
-            matrix[:, 2 * m + row, 2 * m + row] = _inverse(self.scaled, at)
-        return np.asarray(np.linalg.det(matrix))
-
-    def _border(self, kappa: Array, alias: int) -> tuple[Array, Array]:
-        """The vectors of the rank-one part of X that goes with an alias, each shape (K, 2m)."""
+        matrix = np.zeros((kappa.size, size + 3, size + 3), dtype=complex)
+        part = matrix[:, :size, :size]
+        part += self._less(lambda pairs: pairs.near(kappa, ALIASES), kappa.size)
         sites = self._sites[0]
+        for row, alias in enumerate(ALIASES, size):
+            at = kappa + alias
+            to, of = self._waves(at, alias)
+            if sites.any():
+                apart = held(self.scaled, at, sites)
+                part -= np.einsum("kij,kia,kjb->kiajb", apart, to, of).reshape(part.shape)
+                reached = passed_on(self.scaled, at)[:, None, None] ** sites[:, None]
+                to, of = to * reached, of * reached
+            matrix[:, :size, row] = to.reshape(-1, size)
+            matrix[:, row, :size] = of.reshape(-1, size)
+            matrix[:, row, row] = inverse(self.scaled, at)
+        return np.asarray(-np.linalg.det(matrix))
+
+    def _waves(self, kappa: Array, alias: int) -> tuple[Array, Array]:
+        """What an alias does to each impact, and each impact to it: the two vectors of its part of
+        X (S - 1), each shape (K, m, 2)."""
         times = np.array([kick.time for kick in self.kicks]) / self.periods
-        wave = np.exp(1j * alias * times) * self._waves(kappa)
-        ones = np.ones((kappa.size, sites.size))
-        speed = 1j * kappa[:, None] * ones
-        column = wave[..., None] * np.stack([ones, speed], axis=-1)
-        row = wave.conj()[..., None] * np.stack([speed, ones], axis=-1) / (2.0 * math.pi)
-        row = np.einsum("kja,jab->kjb", row, self._jumps)
-        size = 2 * sites.size
-        return column.reshape(-1, size), row.reshape(-1, size)
-
-    def _waves(self, kappa: Array) -> Array:
-        """``cos(theta n)`` at the impacting sites for kappa in the band, shape (K, m)."""
-        sites = self._sites[0]
-        if not sites.any():
-            return np.ones((kappa.size, 1))
-        theta = 2.0 * np.arcsin(np.clip(kappa.real / self.edge, -1.0, 1.0))
-        return np.cos(np.multiply.outer(theta, sites))
-
-    def _several(self, kappa: Array) -> Array:
-        """`_matrix` for several sites, less the rank-one parts of aliases in the band."""
-        matrix = self._matrix(kappa)
-        m = len(self.kicks)
-        for alias in (0, -1):
-            at = kappa + alias
-            inside = np.flatnonzero(in_band(self.scaled, at))
-            if inside.size:
-                column, row = self._border(at[inside], alias)
-                g = resolvent(self.scaled, at[inside], 0)
-                # what the border brings: -g column row
-                matrix[inside] += (g[:, None] * column)[:, :, None] * row[:, None, :]
-        return matrix.reshape(-1, 2 * m, 2 * m)
+        wave = np.exp(1j * alias * times)[:, None]
+        one, speed = np.broadcast_arrays(1.0, 1j * kappa[:, None, None])
+        row = wave.conj() * np.concatenate([speed, one], axis=-1) / (2.0 * math.pi)
+        column = wave * np.concatenate([one, speed], axis=-1)
+        return column, np.einsum("kja,jab->kjb", row, self._jumps)
 
     # --- real multipliers as scalars ---
 
@@ -236,20 +223,14 @@ class OrbitMap:
         return self._plus_one() if mu > 0.0 else self._minus_one()
 
     def _plus_one(self) -> float:
-        """Vanishes where a multiplier is +1: D at mu = 1 without the pole of the band's end.
+        """Vanishes where a multiplier is +1: D at mu = 1 without the poles of the band's ends.
 
         It is the determinant of the orbit's own equations, offsets included: folds, pitchforks
         and branch points alike.
         """
         if len({kick.site for kick in self.kicks}) > 1:
             raise BadInput("several sites: a multiplier +1 shows in the orbit's own equations.")
-        m = len(self.kicks)
-        kappa = np.zeros(1, dtype=complex)
-        matrix = np.zeros((2 * m + 1, 2 * m + 1), dtype=complex)
-        matrix[:-1, :-1] = self._matrix(kappa, (0,))[0]
-        column, row = self._border(kappa, 0)
-        matrix[:-1, -1], matrix[-1, :-1] = column[0], row[0]
-        return float(np.linalg.det(matrix).real)
+        return -float(self.F(np.zeros(1))[0].real)
 
     def _minus_one(self) -> float:
         """Vanishes where a multiplier is -1, a period doubling.
@@ -260,14 +241,9 @@ class OrbitMap:
         told = self._told(whole=False) if told is None else told
         if told is not None:
             return float(told[loops.MINUS])
-        half = np.array([0.5 + 0j])
-        inverse = complex(_inverse(self.scaled, half)[0])
-        size = abs(inverse) ** 2
-        if size > 1.0 or self._sites[0].any():
-            value = np.linalg.det(self._matrix(half))[0] * size
-        else:
-            value = self.F(half)[0]
-        return float(value.real / (1.0 + size))
+        half = np.array([0.5])
+        size, third = (abs(inverse(self.scaled, at)[0]) for at in (half, half + 1.0))
+        return float(self.F(half)[0].real / third / (1.0 + size * size))
 
     # --- counting ---
 
@@ -288,7 +264,7 @@ class OrbitMap:
             return _turned(told[loops.TURNING], told[loops.RESOLVED], least, where, *ends)
         kappa, F, resolved = self._resolved
         F = F.copy()
-        # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa - 1), and of F at -1;
+        # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1;
         # a real multiplier on the circle to within rounding is not outside
         for ahead, inside in ((F, -1.0), (F[::-1], 1.0)):
             blurred = abs(ahead) <= CERTAIN * self._terms
@@ -297,6 +273,7 @@ class OrbitMap:
         turns, size = np.angle(F[1:] * F[:-1].conj()), np.abs(F) / self._terms
         turning = np.sum(np.where(turns < -loops.HALF, -turns, turns))
         i = int(size.argmin())
+        resolved &= bool(self._chords[0].min(initial=1.0) > ON_CIRCLE)
         return _turned(turning, resolved, size[i], kappa[i].real, F[0].real, F[-1].real)
 
     @cached_property
@@ -353,16 +330,22 @@ class OrbitMap:
             return FAR
         if self._circle is not None:
             return float(self._circle[loops.APPROACH])
+        off, at = self._chords
+        inner = (at > 0.0) & (at < 0.5)
+        off, at = off[inner], at[inner]
+        return float(np.min(off * (1.0 / at + 1.0 / (0.5 - at)), initial=FAR))
+
+    @cached_property
+    def _chords(self) -> tuple[Array, Array]:
+        """How far a zero is off the circle, by the straight line between two samples of F, and
+        where."""
         kappa, F, _ = self._resolved
-        x, step = kappa.real, np.diff(kappa.real)
-        rise = np.diff(F)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = np.clip(-(F[:-1] * rise.conj()).real / np.abs(rise) ** 2, 0.0, 1.0)
-            off = np.abs(F[:-1] + t * rise) / np.abs(rise) * step
-            at = x[:-1] + t * step
-            off = off * (1.0 / at + 1.0 / (0.5 - at))
+        step, rise = np.diff(kappa.real), np.diff(F)
         # pieces of the circle share their ends: nothing is between them
-        return float(np.nanmin(off[step > 1e-14], initial=FAR))
+        between = (step > 1e-14 * kappa.real[1:]) & (rise != 0.0)
+        step, rise, F, x = step[between], rise[between], F[:-1][between], kappa.real[:-1][between]
+        t = np.clip(-(F * rise.conj()).real / np.abs(rise) ** 2, 0.0, 1.0)
+        return np.abs(F + t * rise) / np.abs(rise) * step, x + t * step
 
     @cached_property
     def _terms(self) -> float:
@@ -377,8 +360,6 @@ class OrbitMap:
         for low, high in self._pieces():
             x = np.linspace(0.0, 1.0, GRID + 1)
             place = _ends_resolved(low, high)
-            if self._sites[0].any():  # stay off the singular ends
-                x = EDGE + (1.0 - 2.0 * EDGE) * x
             x, F, resolved = refined(x, place, self.F, FLAT * self._terms)
             enough &= resolved
             places.append(place(x))
@@ -419,9 +400,10 @@ class OrbitMap:
             mu = self._uncoupled()
             mu = mu[np.abs(mu) > 1.0]
             return mu[np.argsort(-np.abs(mu), kind="stable")]
-        wanted = self.count()
+        wanted, mu = self.count(), np.empty(0, dtype=complex)
         for more in (1, 2, 4):
-            mu = _zeros(self.D, self._starts(more)) if wanted.count else np.empty(0, complex)
+            if wanted.count:
+                mu = _zeros(self._smooth, self._starts(more), self.edge)
             if mu.size == wanted.count:
                 return mu
         if not wanted.certain:
@@ -432,14 +414,23 @@ class OrbitMap:
             residual=wanted.distance,
         )
 
+    def _smooth(self, kappa: Array) -> Array:
+        """D off the circle without its poles at the ends of the band."""
+        poles = [inverse(self.scaled, kappa + alias) for alias in ALIASES]
+        return np.asarray(self.D(kappa) * np.prod(poles, axis=0))
+
     def _starts(self, more: int) -> Array:
         """kappa of the upper half plane of mu, outside the circle."""
         kappa, F, _ = self._resolved
-        likely = np.argsort(np.abs(F / (np.abs(np.gradient(F)) + 1e-300)))[: 8 * more]
+        # F is straight between its samples: those next to a zero know where it is
+        step = np.diff(kappa)
+        with np.errstate(all="ignore"):
+            share = -F[:-1] / np.diff(F)
+        near = np.abs(share) < 4.0 * more
         depth = np.array([1e-4, 2e-3, 0.01, 0.04, 0.12, 0.3, 0.7])
         across = np.linspace(0.0, 0.5, 8 * more + 1)[:, None]
-        near = (kappa[likely].real[:, None] - 1j * depth).ravel()
-        return np.concatenate([(across - 1j * depth).ravel(), near])
+        found = kappa[:-1][near] + share[near] * step[near]
+        return np.concatenate([found[found.imag < 0.0], (across - 1j * depth).ravel()])
 
 
 def _turned(
@@ -461,12 +452,6 @@ def _pair(M: Array) -> Array:
     return np.array([half + root, half - root])
 
 
-def _inverse(gamma: float, kappa: Array) -> Array:
-    """1/g, which is 0 at kappa = 0 and at the band's edges."""
-    safe = np.where(kappa == 0.0, 1.0, kappa)
-    return np.where(kappa == 0.0, 0.0, -safe * safe * root(gamma, safe))
-
-
 def _counted(mu: Array) -> Count:
     """A count by the multipliers themselves."""
     size = np.abs(mu)
@@ -483,14 +468,19 @@ def _ends_resolved(low: float, high: float) -> Callable[[Array], Array]:
     return lambda x: 0.5 * (low + high) - 0.5 * (high - low) * np.cos(math.pi * x) + 0j
 
 
-def _zeros(D: Callable[[Array], Array], kappa: Array) -> Array:
+def _zeros(D: Callable[[Array], Array], kappa: Array, edge: float = 0.0) -> Array:
     """Zeros of D outside the circle as multipliers, conjugates together, the largest first."""
-    h = 1e-5
-    found = newton(
-        lambda kappa: D(kappa) * 2.0 * h / (D(kappa + h) - D(kappa - h)),
-        kappa, 40, 1e-11, 0.1, _outside,
-    )  # fmt: skip
-    return multipliers_of(2.0 * distinct(found, 1e-7))
+
+    def unit(kappa: Array) -> Array:  # what is next to a narrow band changes as fast as that does
+        return np.asarray(np.maximum(np.abs(kappa), edge))
+
+    def step(kappa: Array) -> Array:
+        h = np.minimum(1e-5, 0.03 * np.abs(kappa.imag))  # on this side of the circle
+        return D(kappa) * 2.0 * h / (D(kappa + h) - D(kappa - h))
+
+    found = newton(step, kappa, 40, 1e-11, 0.3, _outside, unit)
+    found = found[found.imag < -ON_CIRCLE]
+    return multipliers_of(2.0 * distinct(found, 1e-7 * unit(found)))
 
 
 def _outside(kappa: Array) -> Array:

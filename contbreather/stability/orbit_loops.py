@@ -29,11 +29,11 @@ GAMMA, K, TERMS, IMPACTS, WHOLE, FIRST = range(6)
 MINUS, TURNING, LEAST, WHERE, START, END, RESOLVED, APPROACH = range(8)
 
 GRID, TURN, DEPTH, MOST = 24, 0.6, 40, 2**12  # as in `orbit` and `zeros`
-CERTAIN, FLAT, FARTHEST = 1e-12, 1e-14, 0.25  # as in `orbit`
+CERTAIN, FLAT, ON_CIRCLE, FARTHEST = 1e-12, 1e-14, 1e-14, 0.25  # as in `orbit`
 SHARP = 1e-13
 HALF = 3.1  # F turns as far in one step past a multiplier on the circle only: it is not outside
 TWO_PI = 2.0 * math.pi
-WIDEST = 18  # rows of the determinant: of eight impacts
+WIDEST = 19  # rows of the determinant: of eight impacts
 # scratch: sums of one pair, a matrix, one value; the tails of all pairs, six each; four columns of
 # samples twice
 SUMS = 0
@@ -47,7 +47,7 @@ SIZE = SAMPLES + 8 * (MOST + 1)
 def orbit(data: Any, table: Any, work: Any, found: Any) -> int:
     """All that is wanted of F; 1 where there are too many impacts."""
     m = int(data[IMPACTS])
-    if 2 * m + 2 > WIDEST or m * m > 64:
+    if 2 * m + 3 > WIDEST or m * m > 64:
         return 1
     for i in range(m):
         for j in range(i + 1):
@@ -55,8 +55,9 @@ def orbit(data: Any, table: Any, work: Any, found: Any) -> int:
             sums(table, work, apart)
             tails(data, table, work, TAILS + 6 * POWERS * (i * m + j))
     bordered(data, work, 0.5)
-    size = abs(1.0 - 16.0 * data[GAMMA]) / 16.0  # of the square of both corners' product
-    found[MINUS] = work[VALUE] / (1.0 + size)
+    size = abs(1.0 - 16.0 * data[GAMMA]) / 16.0  # of the product of the two corners in the band
+    third = 1.5 * math.sqrt(2.25 - 4.0 * data[GAMMA])
+    found[MINUS] = work[VALUE] / third / (1.0 + size)
     if data[WHOLE] > 0.0:
         around(data, work, found)
     return 0
@@ -118,7 +119,7 @@ def tails(data: Any, table: Any, work: Any, at: int) -> None:
 def bordered(data: Any, work: Any, kappa: float) -> None:
     """F at ``mu = exp(2 pi i kappa)``, into ``work[VALUE]`` and after it."""
     m, loss = int(data[IMPACTS]), -(1.0 + data[K])
-    rows = 2 * m + 2
+    rows = 2 * m + 3
     for i in range(2 * rows * rows):
         work[MATRIX + i] = 0.0
     for i in range(m):
@@ -126,9 +127,10 @@ def bordered(data: Any, work: Any, kappa: float) -> None:
             pair(data, work, kappa, i, j, rows, loss)
     for i in range(2 * m):
         work[MATRIX + 2 * (i * rows + i)] += 1.0
-    for row in range(2):
-        border(data, work, kappa - row, -row, 2 * m + row, rows, loss)
+    for row in range(3):
+        border(data, work, kappa + row - 1.0, row - 1, 2 * m + row, rows, loss)
     determinant(work, rows)
+    work[VALUE], work[VALUE + 1] = -work[VALUE], -work[VALUE + 1]
 
 
 def pair(data: Any, work: Any, kappa: float, i: int, j: int, rows: int, loss: float) -> None:
@@ -146,7 +148,7 @@ def pair(data: Any, work: Any, kappa: float, i: int, j: int, rows: int, loss: fl
         pi = pi * kappa + work[at + 2 * (2 * POWERS + a) + 1]
     for alias in range(-NEAR, NEAR + 1):
         cosine, sine = math.cos(alias * s), math.sin(alias * s)
-        if alias in (0, -1):  # the border brings these
+        if -1 <= alias <= 1:  # the border brings these
             pr -= cosine
             pi -= sine
         else:
@@ -197,11 +199,12 @@ def border(data: Any, work: Any, k: float, alias: int, last: int, rows: int, los
         work[at + 2] = loss * c / TWO_PI
         work[at + 3] = -loss * s / TWO_PI
     at = MATRIX + 2 * (last * rows + last)
-    square = k * k
-    if square > 4.0 * data[GAMMA]:
-        work[at] = -square * math.sqrt(1.0 - 4.0 * data[GAMMA] / square)
-    elif k != 0.0:  # the limit from outside the circle
-        work[at + 1] = k * math.sqrt(4.0 * data[GAMMA] - square)
+    edge = 2.0 * math.sqrt(data[GAMMA])
+    off = (k - edge) * (k + edge)  # exact next to either edge
+    if off > 0.0:
+        work[at] = -abs(k) * math.sqrt(off)
+    else:  # the limit from outside the circle
+        work[at + 1] = k * math.sqrt(-off)
 
 
 def determinant(work: Any, rows: int) -> None:
@@ -351,13 +354,16 @@ def approach(work: Any, found: Any, at: int) -> None:
     a, b = work[at + 2], work[at + 3]
     rise, lift = work[at + 6] - a, work[at + 7] - b
     square = rise * rise + lift * lift
-    if step <= 1e-14 or square == 0.0:
+    if step <= 1e-14 * work[at + 5] or square == 0.0:
         return
     t = min(max(-(a * rise + b * lift) / square, 0.0), 1.0)
     re, im = a + t * rise, b + t * lift
     kappa = work[at + 1] + t * step
+    off = math.sqrt((re * re + im * im) / square) * step
+    if off <= ON_CIRCLE:
+        found[RESOLVED] = 0.0
     if 0.0 < kappa < 0.5:
-        off = math.sqrt((re * re + im * im) / square) * step * (1.0 / kappa + 1.0 / (0.5 - kappa))
+        off *= 1.0 / kappa + 1.0 / (0.5 - kappa)
         found[APPROACH] = min(found[APPROACH], off)
 
 

@@ -48,30 +48,45 @@ class Entries(NamedTuple):
 
 
 def root(gamma: float, kappa: Array) -> Array:
-    """``sqrt(1 - 4 gamma/kappa^2)`` for Im kappa <= 0; on the band its limit from below."""
-    z = 4.0 * gamma / (kappa * kappa)
-    r = np.sqrt(1.0 - z)
-    band = in_band(gamma, kappa)
-    if np.any(band):
-        r[band] = -1j * np.copysign(np.sqrt(np.abs(z[band] - 1.0)), kappa[band].real)
-    return r
+    """``sqrt(kappa^2 - 4 gamma)``, like kappa far off, for Im kappa <= 0; on the band its limit
+    from below. As a product of two roots it is exact next to either edge, and zero at them."""
+    edge = 2.0 * math.sqrt(gamma)
+    above = kappa.real + 1j * np.abs(kappa.imag)  # the conjugate, on the upper side of the cut
+    return np.asarray((np.sqrt(above - edge) * np.sqrt(above + edge)).conj())
 
 
-def in_band(gamma: float, kappa: Array) -> Array:
-    """Where kappa is real and inside the band, its edges included."""
-    return (kappa.imag == 0.0) & (kappa.real**2 <= 4.0 * gamma)
+def inverse(gamma: float, kappa: Array) -> Array:
+    """``1/<1/(w^2 - kappa^2)>`` for Im kappa <= 0: zero at kappa = 0 and at the band's edges."""
+    return np.asarray(-kappa * root(gamma, kappa))
+
+
+def passed_on(gamma: float, kappa: Array) -> Array:
+    """By what a site moves less than its neighbour on the side that is shaken; of modulus 1, a
+    wave that runs off, on the band."""
+    share = kappa + root(gamma, kappa)
+    return np.asarray(-4.0 * gamma / (share * share))
 
 
 def resolvent(gamma: float, kappa: Array, distance: int) -> Array:
-    """``<cos(d theta)/(w^2 - kappa^2)>`` for Im kappa <= 0; on the band the limit from
-    below, infinite at kappa = 0 and at the band's edges."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        r = root(gamma, kappa)
-        square = kappa * kappa
-        g = -1.0 / (square * r)
-        if distance == 0:
-            return g
-        return g * (-4.0 * gamma / (square * (1.0 + r) ** 2)) ** distance
+    """``<cos(d theta)/(w^2 - kappa^2)>`` for Im kappa <= 0; on the band the limit from below. It
+    has poles at kappa = 0 and at the band's edges."""
+    return np.asarray(passed_on(gamma, kappa) ** distance / inverse(gamma, kappa))
+
+
+def held(gamma: float, kappa: Array, sites: Array) -> Array:
+    """How sites n, m answer each other on the chain whose site 0 does not move, (K, n, m).
+
+    The answer g r^|n - m| of the free chain less its image g r^(n + m), r as in `passed_on`. As
+    ``g (1/r - r) = 1/gamma``, that is a short sum of powers of r: bounded at the ends of the band,
+    where the square roots of g are infinite.
+    """
+    nearer, farther = np.minimum.outer(sites, sites), np.maximum.outer(sites, sites)
+    r = passed_on(gamma, kappa)[:, None, None]
+    total = np.zeros((kappa.size, *nearer.shape), dtype=complex)
+    for i in range(int(nearer.max())):
+        total += np.where(i < nearer, r ** np.maximum(farther - nearer + 2 * i, 0), 0.0)
+    share = kappa + root(gamma, kappa)
+    return np.asarray(-4.0 * total / (share * share)[:, None, None])
 
 
 @dataclass(frozen=True)
@@ -91,14 +106,13 @@ class Propagators:
     def near(self, kappa: Array, without: Sequence[int] = ()) -> Entries:
         """Entries for |kappa| <= 1, Im kappa <= 0, shape (pairs, K).
 
-        ``without`` names aliases whose singular parts ``g (1, i kappa)^T (i kappa, 1)`` are left
-        out: the caller brings them back by a border.
+        ``without`` names aliases whose parts ``g (1, i kappa)^T (i kappa, 1)`` are left out, with
+        all that is infinite at an end of the band: the caller brings them back by a border.
         """
         s = kappa + _ALIASES[:, None]
         own = 1.0 if self.distance == 0 else 0.0
-        g = resolvent(self.gamma, s, self.distance)
-        for alias in without:
-            g[alias + NEAR] = 0.0
+        g, kept = np.zeros_like(s), ~np.isin(_ALIASES, without)
+        g[kept] = resolvent(self.gamma, s[kept], self.distance)
         is_g = 1j * s * g
         powers = np.empty((POWERS, kappa.size), dtype=complex)
         powers[0], powers[1:] = 1.0, kappa

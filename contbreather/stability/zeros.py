@@ -57,32 +57,35 @@ def newton(
     rough: float,
     longest: float = math.inf,
     within: Callable[[Array], Array] = np.asarray,
+    unit: Callable[[Array], Any] = lambda x: 1.0,
 ) -> Array:
     """What Newton's method reaches from all these starts at once, with repetitions.
 
     A start is done with a step below `rough`, and lost where a step is not finite. Longer steps
     than `longest` are shortened: a start stays in its own neighbourhood. `within` brings places
-    back to where they are looked for, and drops those that are too far off.
+    back to where they are looked for, and drops those that are too far off. Both lengths are in
+    units that may depend on the place.
     """
     found: list[Array] = []
     for _ in range(steps):
         with np.errstate(all="ignore"):
             move = step(x)
             size = np.abs(move)
-        done = size < rough
+        done = size < rough * unit(x)
         found.append(within(x[done] - move[done]))
         going = ~done & np.isfinite(move)
-        x = within(x[going] - move[going] * np.minimum(1.0, longest / size[going]))
+        far = size[going] / (longest * unit(x[going]))
+        x = within(x[going] - move[going] / np.maximum(1.0, far))
         if x.size == 0:
             break
     return np.concatenate(found)
 
 
-def distinct(x: Array, apart: float) -> Array:
+def distinct(x: Array, apart: float | Array) -> Array:
     """Each once, in their order."""
     kept: list[complex] = []
-    for one in x.tolist():
-        if all(abs(one - other) > apart for other in kept):
+    for one, least in zip(x.tolist(), np.broadcast_to(apart, x.shape).tolist(), strict=True):
+        if all(abs(one - other) > least for other in kept):
             kept.append(one)
     return np.array(kept, dtype=complex)
 

@@ -34,7 +34,7 @@ def breathers(seed: int, *, admissible: bool = True) -> Iterator[Orbit]:
     while True:
         a, gamma, k = rng.uniform(0.02, 1), rng.uniform(0, 0.245), rng.uniform(0.02, 1)
         try:
-            b = cb.symmetric(a=a, gamma=gamma, k=k)
+            b = cb.symmetric(a=a, gamma=gamma, k=k, root=1)
         except cb.NoSolution:
             continue
         if b.admissibility().ok == admissible:
