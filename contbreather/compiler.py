@@ -117,7 +117,7 @@ def _twin(function: Callable[..., Any]) -> Any:
         scope = {name: known[name] for name in names}
         copy = FunctionType(function.__code__, scope, function.__name__)
         # nobody gives memory, or counts who has an array: with that left out tuples of arrays cost
-        # nothing to hand over, and compile in half the time
+        # nothing to hand over, and compile sooner
         how: dict[str, Any] = {"_nrt": False, "forceinline": function.__code__ in INLINED}
         how |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         _TWINS[function] = njit(error_model="numpy", **how)(copy)

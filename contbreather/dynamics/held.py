@@ -13,9 +13,9 @@ from contextlib import contextmanager
 def held() -> Iterator[None]:
     """Let signals wait for the end of the block, and then do what it does.
 
-    A signal that arrives while numba looks up the types of its arguments, or in a function that a
-    compiled solver calls, comes out as an AttributeError or is lost: neither passes exceptions on
-    that are not its own.
+    A signal that arrives in a function that a compiled solver calls comes out as an AttributeError
+    or is lost: it passes no exceptions on that are not its own. In the middle of a loop over
+    arrays, as it is, a state would be left half advanced.
     """
     if threading.current_thread() is not threading.main_thread():
         yield  # signals are the business of the main thread
