@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -120,7 +121,7 @@ def test_the_command_writes_data_and_a_picture(run: Callable[[str], tuple[int, s
     assert content["failed"][0]["failed_k"] == 2.0
     with xarray.open_dataset("atlas.nc", engine="h5netcdf", decode_cf=False) as data:
         assert data.a.to_numpy().tolist() == content["atlas"]["a"]
-    assert "atlas.nc is an atlas: xarray opens it" in run("show atlas.nc")[2]
+    assert "atlas.nc is an atlas: xarray.open_dataset reads it" in run("show atlas.nc")[2]
     assert Path("atlas.csv").read_text().count("\n") == 1 + len(content["atlas"]["a"])
 
 
@@ -156,3 +157,20 @@ def test_surfaces_are_spanned_between_the_nearest_curves_whichever_way_they_run(
     axes = plot_atlas(found, over="c3", at={"k": 0.8}).axes
     assert [getattr(axes, f"get_{one}label")() for one in "xyz"] == [r"$\gamma$", "c3", "$a$"]
     assert [one.get_alpha() for one in axes.collections] == [0.25] * 3
+
+
+def test_an_atlas_is_known_by_its_attribute(found: Any, run: Any) -> None:
+    path = save_atlas("atlas.nc", found)
+    with pytest.raises(cb.BadInput, match=r"atlas\.nc is an atlas: xarray\.open_dataset reads it"):
+        cb.load(path)
+    whole = path.read_bytes()
+    for damaged in (whole[:-1], whole[:500] + b"~" + whole[501:]):
+        path.write_bytes(damaged)
+        assert re.search("lost its end|is damaged", run("show atlas.nc")[2])
+
+
+def test_a_result_may_have_the_name_of_an_atlas(run: Any) -> None:
+    branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.69, 0.71)})
+    cb.save("run.nc", **{"atlas of contbreather": branch})
+    status, out, _ = run("show run.nc")
+    assert (status, "symmetric breather" in out) == (0, True)

@@ -15,9 +15,8 @@ from contbreather.breathers.zones import KINDS, Zones
 from contbreather.breathers.zones_many import Slice, drawn, slices_of
 from contbreather.checks import kind_of
 from contbreather.continuation.groups import text
-from contbreather.continuation.netcdf import image
+from contbreather.continuation.netcdf import ATLAS, write_sealed
 from contbreather.errors import BadInput, keeping, taking
-from contbreather.files import write_whole
 from contbreather.lattice import Forcing, Lattice
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.workers import Failed, each
@@ -162,7 +161,7 @@ def _failed(
 def _about(one: Slice, diagrams: Sequence[Zones | Failed]) -> dict[str, Any]:
     zones = next(zones for zones in diagrams if isinstance(zones, Zones))
     about = {
-        "content": "atlas of contbreather",
+        "format": ATLAS,
         "Conventions": "CF-1.11",
         "fixed": one.name,
         "plane": " ".join(zones.pair),
@@ -189,5 +188,4 @@ def save_atlas(path: str | Path, atlas: Dataset) -> Path:
     parts: list[Any] = [plain, *plain.variables.values()]
     for one in parts:  # as HDF5 and all that read it take text
         one.attrs = {n: text(v) if isinstance(v, str) else v for n, v in one.attrs.items()}
-    content = image(plain)
-    return write_whole(path, lambda file: file.write(content))
+    return write_sealed(path, plain)

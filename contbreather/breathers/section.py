@@ -295,14 +295,12 @@ def check_order(section: Section, times: Any) -> None:
 
 
 def in_turn(section: Section, times: FloatArray) -> list[int]:
-    """The impacts by time, by index: those of different sites may overtake each other, those of one
-    keep their order, so that what is flown is smooth where two become one."""
-    latest: dict[int, float] = {}
-    keys = []
-    for j, (site, _) in enumerate(section.impacts):
-        latest[site] = max(float(times[j]), latest.get(site, -math.inf))
-        keys.append((latest[site], j))
-    return [j for _, j in sorted(keys)]
+    """The impacts by time, by index: those of one site at one wall that follow each other keep
+    their order, so that what is flown is smooth where two become one; all others may overtake."""
+    keys = [float(time) for time in times]
+    for i, j in section.repeats:
+        keys[j] = max(keys[i], keys[j])
+    return sorted(range(len(keys)), key=lambda j: (keys[j], j))
 
 
 # Two impacts at once would solve the conditions that both are on their wall, whatever the velocity:

@@ -45,22 +45,8 @@ def opened(path: str | None) -> cb.Run:
     """What is on disk; a sentence where nothing is."""
     if path is None:
         raise BadInput("RUN is missing: the file, or the folder, that --save has kept")
-    if _is_atlas(path):
-        raise BadInput(
-            f"{path} is an atlas: xarray opens it, and so does anything that reads netCDF; shown "
-            "here are branches, boundaries, diagrams, zones and runs"
-        )
     cb.load(path)  # says what is wrong
     return cb.Run(path)
-
-
-def _is_atlas(path: str) -> bool:
-    """Whether its first attribute, the content, says so."""
-    try:
-        with open(path, "rb") as file:
-            return b"atlas of contbreather" in file.read(4096)
-    except OSError:
-        return False  # `load` says why
 
 
 def _brief(found: Mapping[str, Any]) -> Iterator[object]:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
 FORMAT, NUMBER = "run of contbreather", 3  # the number grows where older versions cannot read on
+ATLAS = "atlas of contbreather"
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _SEAL = b"\nsha256 of all bytes before: %s\n"
 _SEALED = len(_SEAL % bytes(64))
@@ -62,18 +63,17 @@ def write(
     for name, value in values.items():
         groups |= groups_of(f"/{name}", value, recorded=recorded)
     tree = DataTree.from_dict({"/": Dataset(attrs={**_root(), "alone": int(alone)}), **groups})
-    made = image(tree)  # in memory first: where a disk is full, HDF5 ends the interpreter
-    return write_whole(target, lambda file: file.writelines((made, _SEAL % _checksum(made))))
+    return write_sealed(target, tree)
 
 
-def image(data: Dataset | DataTree) -> bytes:
-    """The bytes of a netCDF-4 file.
-
-    Where Dask has a cluster, xarray would have that lock a file, and there is none.
-    """
+def write_sealed(path: str | Path, data: Dataset | DataTree) -> Path:
+    """Write a netCDF-4 file with its checksum, whole or not at all."""
+    # Where Dask has a cluster, xarray would have that lock a file, and there is none.
     dask = sys.modules.get("dask")
     with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
-        return bytes(data.to_netcdf(engine="h5netcdf"))
+        # in memory first: where a disk is full, HDF5 ends the interpreter
+        image = bytes(data.to_netcdf(engine="h5netcdf"))
+    return write_whole(path, lambda file: file.writelines((image, _SEAL % _checksum(image))))
 
 
 def _root() -> dict[str, Any]:
@@ -108,6 +108,11 @@ def read(path: str | Path) -> Iterator[DataTree]:
 
     image = io.BytesIO(_read_sealed(path))
     with xarray.open_datatree(image, engine="h5netcdf", decode_cf=False) as tree:
+        if tree.attrs.get("format") == ATLAS:
+            raise BadInput(
+                f"{path} is an atlas: xarray.open_dataset reads it, as does all that reads netCDF; "
+                "read here are branches, boundaries, diagrams, zones and runs"
+            )
         if tree.attrs.get("format") != FORMAT:
             raise BadInput(f"{path} holds nothing that this version's `save` wrote")
         number = int(tree.attrs["format_number"])

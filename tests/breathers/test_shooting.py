@@ -886,7 +886,7 @@ def test_arms_on_which_impacts_at_once_come_apart_leave_with_a_kink() -> None:
     at the branch point tells that. All that is found flies back to itself."""
     point = together().first("BP")
     arms = switch(point, within={"a": (0.05, 0.3)}, steps=cb.Steps(first=1e-3))
-    for arm, side in zip(arms, (1, -1), strict=True):
+    for arm, side in zip(arms, (-1, 1), strict=True):  # that along which t1 falls comes first
         away = arm[1]["t1"] - arm[1]["t2"]
         assert math.copysign(1.0, away) == side
         # by Newton's iteration with the times held a thousandth apart
