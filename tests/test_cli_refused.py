@@ -64,6 +64,7 @@ OF_THE_CHAIN = {
         "point --a 0.5 --gamma 0.1 --k 0.8 --root 3",
         r"root 3: the solutions of \(11\) are 1: p = 0\.767381929, 2: p = 0\.257470095; choose",
     ),
+    "root zero of a branch": ("branch --free a --gamma 0.1 --k 0.8 --root 0", r"root = 0: a whole"),
     "root zero": ("point --a 0.5 --gamma 0.1 --k 0.8 --root 0", r"root 0: the solutions"),
     "root of a branch that is not there": (
         "branch --free gamma --a 0.5 --gamma 0.1 --k 0.8 --root 3",
