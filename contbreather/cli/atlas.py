@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import contbreather as cb
 from contbreather.checks import values_by
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Into, Plane, Whole, letter, once
+from contbreather.cli.options import Into, Plane, Workers, letter, once
 from contbreather.cli.output import table_of
 from contbreather.errors import BadInput
 
@@ -25,7 +25,7 @@ def atlas(
     a: tuple[str, ...] = (),
     over: tuple[str, ...] = (),
     plane: Plane = Plane(),
-    workers: Whole | None = None,
+    workers: Workers | None = None,
     save: str | None = None,
     into: Into = Into(),
 ) -> None:
