@@ -99,7 +99,7 @@ class Asked:
         from contbreather.dynamics.impacting import length_of
 
         # also before the first period: on long rings and dense lattices the breather takes a while
-        with Bar(None, int(length_of(self.periods))) as bar:
+        with Bar(None, int(length_of(self.periods, 0))) as bar:
             return self._simulate(where, bar)
 
     def _simulate(self, where: Where, bar: Bar) -> Seen:
