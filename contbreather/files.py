@@ -131,14 +131,12 @@ def stream_of(path: str | Path) -> int | None:
 
 def identity(path: str | Path | int) -> Any:
     """Equal for two names, or numbers of open streams, of the same place; nowhere is no place."""
-    real = path if isinstance(path, int) else os.path.realpath(path)
     try:
         found = os.stat(path)
     except (OSError, ValueError):  # nothing is there yet, or ever
-        return real
-    if stat.S_ISCHR(found.st_mode):
-        return object() if os.devnull == real else real
-    return found.st_dev, found.st_ino
+        return object() if isinstance(path, int) else os.path.realpath(path)
+    nowhere = os.path.exists(os.devnull) and os.path.samestat(found, os.stat(os.devnull))
+    return object() if nowhere else (found.st_dev, found.st_ino)
 
 
 @contextmanager

@@ -75,9 +75,16 @@ class _Shown:
         self.lock = threading.Lock()
 
     def __enter__(self) -> Self:
+        if self.wanted:  # machine code may have to be made before anything is done
+            self.first = threading.Timer(PATIENCE, self.draw)
+            self.first.daemon = True
+            self.first.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self.wanted:
+            self.first.cancel()
+            self.first.join()
         if self.line is not None:
             self.line.show(*self.latest)
             self.line.stop()
@@ -117,19 +124,6 @@ class Bar(_Shown):
         super().__init__(shown, total, unit)
         self.latest = f"0/{total} {unit}", 0
 
-    def __enter__(self) -> Self:
-        if self.wanted:  # machine code may have to be made before anything is done
-            self.first = threading.Timer(PATIENCE, self.draw)
-            self.first.daemon = True
-            self.first.start()
-        return super().__enter__()
-
-    def __exit__(self, *given: object) -> None:
-        if self.wanted:
-            self.first.cancel()
-            self.first.join()
-        super().__exit__(*given)
-
     def advance(self, done: int) -> None:
         """Say how many are done."""
         if self.wanted:
@@ -142,6 +136,7 @@ class Counter(_Shown):
     def __init__(self, shown: bool | None, free: str) -> None:
         super().__init__(shown)
         self.free, self.title, self.count = free, "", 0
+        self.latest = "no points yet", None
 
     def advance(self, point: Any, count: int = 1) -> None:
         """Count points, and show the last of them if enough time has passed."""

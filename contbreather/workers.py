@@ -10,6 +10,7 @@ import math
 import os
 import pickle
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -315,6 +316,8 @@ def processes(most: int) -> Iterator[Executor]:
 
     Forking a process with running BLAS or numba threads may hang. The end of a pipe tells workers
     to leave, in the middle of what they do: an event shared with a killed process would block.
+    SIGTERM ends the block, too: left to the system it would end this process alone, and its workers
+    and semaphores would be for others to clean up, who complain.
 
     Raises
     ------
@@ -326,7 +329,8 @@ def processes(most: int) -> Iterator[Executor]:
         raise SystemExit(1)
     fresh = get_context("spawn")
     told, telling = fresh.Pipe(duplex=False)
-    with ProcessPoolExecutor(most, fresh, initializer=_begin, initargs=(told,)) as pool:
+    workers = ProcessPoolExecutor(most, fresh, initializer=_begin, initargs=(told,))
+    with _leaving_in_order(), workers as pool:
         try:
             with _begun_quietly():  # as many as there may be, now
                 ready = [pool.submit(os.getpid) for _ in range(most)]
@@ -337,6 +341,20 @@ def processes(most: int) -> Iterator[Executor]:
             raise
         finally:
             telling.close()
+
+
+@contextmanager
+def _leaving_in_order() -> Iterator[None]:
+    """Within, SIGTERM is an exit with its usual status, unless it has another meaning already."""
+    ours = threading.current_thread() is threading.main_thread()
+    ours = ours and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    if ours:
+        signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    try:
+        yield
+    finally:
+        if ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager

@@ -373,6 +373,17 @@ def test_a_table_on_standard_output_has_it_to_itself(name: str) -> None:
     assert "6 points; reached the edge of the window" in " ".join(done.stderr.split())
 
 
+def test_a_table_may_go_to_standard_output_whatever_that_is() -> None:
+    line = ["branch", "--free", "a", "--gamma", "0.08", "--k", "0.8", "--window", "0.5", "0.55"]
+    with open("/dev/full", "w") as full:  # as any other device, a terminal for instance
+        done = subprocess.run(
+            [sys.executable, "-m", "contbreather", *line, "--csv", "-"],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    said = "contbreather: cannot write /dev/stdout: No space left on device; choose another place\n"
+    assert (done.returncode, done.stderr) == (BAD_INPUT, said)
+
+
 def test_a_table_into_the_file_that_standard_output_is_is_refused(tmp_path) -> None:
     line = ["zones", "--k", "0.8", "--csv", "zones.csv"]
     with (tmp_path / "zones.csv").open("w") as out:

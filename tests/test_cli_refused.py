@@ -64,6 +64,7 @@ OF_THE_CHAIN = {
         "point --a 0.5 --gamma 0.1 --k 0.8 --root 3",
         r"root 3: the solutions of \(11\) are 1: p = 0\.767381929, 2: p = 0\.257470095; choose",
     ),
+    "root zero of a branch": ("branch --free a --gamma 0.1 --k 0.8 --root 0", r"root = 0: a whole"),
     "root zero": ("point --a 0.5 --gamma 0.1 --k 0.8 --root 0", r"root 0: the solutions"),
     "root of a branch that is not there": (
         "branch --free gamma --a 0.5 --gamma 0.1 --k 0.8 --root 3",
@@ -346,6 +347,7 @@ OF_ATLASES = {
     "unknown letter": ("atlas --k 0.8 --over c3=1", r"unknown forcing parameter c3"),
     "nothing fixed": ("atlas", r"values of exactly one of k, gamma, a"),
     "nowhere": ("atlas --k 0.8 --save nowhere/a.nc", r"there is no directory"),
+    "no workers": ("atlas --k 0.8 --workers 0", r"--workers: 0: at least one process was"),
     "no table": ("atlas --k 0.8 --save a.csv", r"a netCDF-4 file, call it a\.nc"),
     "too many": (
         "atlas --k 0.1:0.9:1000000000",
@@ -410,6 +412,16 @@ OF_PLACES = {
         r"--set: c is given twice, 1\.0 and 2\.0",
     ),
 }
+OF_STUDIES = {
+    "no workers": ("run study.toml --workers -3", r"--workers: -3: at least one process was"),
+    "a folder without a name": (
+        "run study.toml --folder ''",
+        r"name of the file to write is empty",
+    ),
+    "too many": ("run many.toml", r"many\.toml, line 2, .* 1000000000 values from 0\.1 to 0\.9: a"),
+    "to infinity": ("run far.toml", r"far\.toml, line 2, zones\.z\.k: values = inf: .* finite"),
+    "too many together": ("run grid.toml", r"1000 of k times 1000 of c are 1000000 combinations"),
+}
 OF_THE_EXPLORER = {
     "no file": ("explore --headless missing.nc", r"missing\.nc"),
     "no port": ("explore --headless --port 70000", r"port"),
@@ -418,6 +430,8 @@ OF_THE_EXPLORER = {
         "explore --headless --address 203.0.113.7",
         r"cannot listen at 203\.0\.113\.7",
     ),
+    "no origin": ("explore --headless --origin ''", r"origin '': HOST:PORT was expected"),
+    "origin of a page": ("explore --headless --origin http://a:1/", r"origin 'http://a:1/': HOST"),
     "k above one": ("explore --headless --k 2", r"k = 2\.0"),
 }
 REFUSED = {
@@ -425,7 +439,7 @@ REFUSED = {
     for family, cases in (
         ("chain", OF_THE_CHAIN), ("lattice", OF_LATTICES), ("switch", OF_SWITCHING),
         ("run", OF_RUNS), ("atlas", OF_ATLASES), ("place", OF_PLACES),
-        ("explorer", OF_THE_EXPLORER),
+        ("study", OF_STUDIES), ("explorer", OF_THE_EXPLORER),
     )
     for name, case in cases.items()
 }  # fmt: skip
@@ -435,6 +449,11 @@ FILES = {
     "half.json": '{"u": [0.1]}',
     "two.csv": "0.1,0.2\n0,0\n",
     "out.csv": "u,v\n1.5,0\n0,0\n",
+    "study.toml": "[zones.z]\nk = 0.8\n",
+    "many.toml": "[zones.z]\nk = {from = 0.1, to = 0.9, count = 1000000000}\n",
+    "far.toml": "[zones.z]\nk = {from = 0.1, to = inf, count = 3}\n",
+    "grid.toml": "[chain]\nforcing = 'cos(t)+c*cos(3*t)'\nparameters = {c = 0.1}\n[zones.z]\n"
+    "k = {from = 0.1, to = 0.9, count = 1000}\nover = {c = {from = 0, to = 1, count = 1000}}\n",
 }
 
 

@@ -13,7 +13,7 @@ from contbreather.breathers.closure import smallest_amplitude
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.symmetric import rooted, symmetric_roots
 from contbreather.breathers.zones import WINDOWS, up_to_the_fold
-from contbreather.checks import check_kind, one_of
+from contbreather.checks import check_kind, one_of, whole
 from contbreather.continuation import Branch, Point, Problem, trace
 from contbreather.continuation.boundary import named_pair
 from contbreather.continuation.starts import windows
@@ -68,6 +68,7 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **give
     """
     reason, refusal = "", None
     check_kind(free, str, "the name of a parameter")
+    whole("root", root, 1)
     missing = {"a", "gamma", "k"} - {free, *given}
     if missing:
         raise BadInput(f"a breather needs {' and '.join(sorted(missing))}, too")

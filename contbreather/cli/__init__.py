@@ -1,7 +1,6 @@
 """The command `contbreather`: what a person types.
 
-Exit status: 0 done, 1 the numerics (or the system) failed, 2 bad input, 130 interrupted, 143
-ended by SIGTERM. Whatever
+Exit status: 0 done, 1 the numerics (or the system) failed, 2 bad input, 130 interrupted. Whatever
 goes wrong is one sentence on standard error, never a traceback.
 """
 
@@ -13,15 +12,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from contbreather import __version__
+from contbreather.cli.interrupts import STATUS as INTERRUPTED
 from contbreather.cli.interrupts import CutShort, watched
-from contbreather.cli.interrupts import status as interrupted
 from contbreather.cli.streams import abandon, heard, prepare, trouble
 from contbreather.errors import BadInput, ContbreatherError
 
 if TYPE_CHECKING:
     from cyclopts import App
 
-DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, BAD_INPUT = 0, 1, 2
 VERBOSE = "--verbose"  # of every command
 STDOUT = "/dev/stdout"
 COMMANDS = (  # each a module with a function of its name
@@ -59,9 +58,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ContbreatherError as error:
         return _refused(error, FAILED)
     except CutShort:
-        return _refused("interrupted: the result is cut short", interrupted())
+        return _refused("interrupted: the result is cut short", INTERRUPTED)
     except KeyboardInterrupt:
-        return _refused("interrupted", interrupted())
+        return _refused("interrupted", INTERRUPTED)
     except BrokenPipeError:  # the reader has seen enough, as `head` does
         abandon(sys.stdout)
         return FAILED

@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
-from contbreather.checks import values_by
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Into, Plane, Whole, letter, once
+from contbreather.cli.options import Into, Plane, Workers, letter, once
 from contbreather.cli.output import table_of
 from contbreather.errors import BadInput
 
@@ -25,7 +24,7 @@ def atlas(
     a: tuple[str, ...] = (),
     over: tuple[str, ...] = (),
     plane: Plane = Plane(),
-    workers: Whole | None = None,
+    workers: Workers | None = None,
     save: str | None = None,
     into: Into = Into(),
 ) -> None:
@@ -50,6 +49,7 @@ def atlas(
         Write the atlas to this netCDF file.
     """
     from contbreather.breathers.atlas import save_atlas
+    from contbreather.checks import values_by
 
     if into == Into() and save is None:
         into, save = Into(output=FIGURE), DATA
@@ -83,6 +83,8 @@ def atlas(
 
 
 def _assigned(text: str) -> tuple[str, list[float]]:
+    from contbreather.checks import values_by
+
     name, equals, values = text.partition("=")
     if not equals:
         raise BadInput(f"--over {text!r}: NAME=VALUE,VALUE,... was expected, c3=0,0.1 for instance")

@@ -1,13 +1,10 @@
-"""Ctrl-C at the command line, and SIGTERM.
+"""Ctrl-C at the command line.
 
 Until anything is computed there is nothing to keep, and the process ends at once. While something
 is computed Ctrl-C is a `KeyboardInterrupt`, and the library hands over what it has. While results
 are written it waits, so that nothing is half written or half said; the second one does not wait.
 An import and a compilation are not interrupted, for the exception would come out as another one or
 be lost: Ctrl-C is heard again when they are over, or the process ends where that takes seconds.
-SIGTERM stops a computation just so, but nothing is shown or written after it: who sends it does not
-wait. Left to the system it would end this process alone, and its workers and their semaphores would
-be for others to clean up, who complain.
 """
 
 from __future__ import annotations
@@ -24,6 +21,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 from contbreather.errors import Interrupted
 
+STATUS = 130
 PAUSE, PATIENCE = 0.01, 300  # seconds, and how often what may not be interrupted is looked at again
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -48,27 +46,24 @@ class _Watch:
         self.act, self.rest = Act.STOP, Act.STOP
         self.count, self.waiting = 0, False
         self.outside: int | None = None
-        self.number: int = signal.SIGINT
         self.patience = PATIENCE
 
     def begin(self, *, alone: bool) -> None:
         self.act, self.rest = Act.LEAVE if alone else Act.STOP, Act.WAIT
         self.count, self.waiting, self.patience = 0, False, PATIENCE
-        self.number = signal.SIGINT
         # a clock of its own only where the process is: others may use the alarm
         self.outside = _deaf(sys._getframe()) if alone and hasattr(signal, "SIGALRM") else None
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         self.count += 1
-        self.number = number
-        if self.act is Act.WAIT and self.count == 1 and number == signal.SIGINT:
+        if self.act is Act.WAIT and self.count == 1:
             self.waiting = True
             _tell("interrupted: writing what is done; Ctrl-C once more to leave it")
             return
         deaf = self.outside is not None and _deaf(frame) > self.outside
         if self.act is Act.LEAVE or (deaf and self.patience == 0):
             _tell("interrupted")
-            os._exit(status())
+            os._exit(STATUS)
         self.waiting = deaf
         if not deaf:
             raise KeyboardInterrupt
@@ -79,15 +74,10 @@ class _Watch:
     def again(self, number: int, frame: FrameType | None) -> None:
         """The same Ctrl-C once more, for whoever listens to it by now."""
         self.count -= 1
-        signal.raise_signal(self.number)
+        signal.raise_signal(signal.SIGINT)
 
 
 _watch = _Watch()
-
-
-def status() -> int:
-    """What the process ends with after the last signal: 130 after Ctrl-C, 143 after SIGTERM."""
-    return 128 + _watch.number
 
 
 def _deaf(frame: FrameType | None) -> int:
@@ -120,16 +110,12 @@ def watched(*, alone: bool) -> Iterator[None]:
         return
     _watch.begin(alone=alone)
     before = signal.signal(signal.SIGINT, _watch)
-    if alone:
-        signal.signal(signal.SIGTERM, _watch)
     try:
         yield
         if _watch.waiting:
             raise KeyboardInterrupt
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN if alone else before)
-        if alone:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
         if _watch.outside is not None:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         _watch.act = _watch.rest = Act.STOP
@@ -145,8 +131,6 @@ def computing() -> Iterator[None]:
         yield
     finally:
         _watch.act = _watch.rest
-        if _watch.number == signal.SIGTERM:
-            raise KeyboardInterrupt
 
 
 def kept(work: Callable[P, T], *args: P.args, **asked: P.kwargs) -> tuple[T, bool]:

@@ -51,7 +51,15 @@ def whole_number(_: Any, tokens: Sequence[Token]) -> int:
         raise ValueError(f"{typed} is not a whole number") from None
 
 
+def some_workers(kind: Any, tokens: Sequence[Token]) -> int:
+    """How many processes."""
+    if (count := whole_number(kind, tokens)) < 1:
+        raise ValueError(f"{count}: at least one process was expected")
+    return count
+
+
 Whole = Annotated[int, Parameter(converter=whole_number)]
+Workers = Annotated[int, Parameter(converter=some_workers)]
 Formula = Annotated[str, Parameter(allow_leading_hyphen=True)]
 
 

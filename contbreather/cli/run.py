@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from contbreather.cli.interrupts import end, kept
-from contbreather.cli.options import Whole
+from contbreather.cli.options import Workers
 from contbreather.cli.output import say, to_json
 from contbreather.errors import BadInput, NotConverged
 
@@ -21,7 +21,7 @@ def run(
     /,
     *,
     folder: str | None = None,
-    workers: Whole | None = None,
+    workers: Workers | None = None,
     cluster: str | None = None,
     again: bool = False,
     json: bool = False,

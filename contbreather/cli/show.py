@@ -32,7 +32,7 @@ def show(run: str | None = None, name: str | None = None, /, *, into: Into = Int
             lambda: _drawn(found),
         )
         return
-    result = found[name or next(iter(found))]
+    result = found[next(iter(found)) if name is None else name]
     into.leave(
         lambda: {"path": str(found.path), **_entry(result)},
         _lines(result),

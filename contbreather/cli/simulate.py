@@ -25,13 +25,13 @@ from contbreather.cli.output import (
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
 from contbreather.cli.starts import read_state, write_state
 from contbreather.errors import BadInput
-from contbreather.progress import Bar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
     from contbreather.dynamics import SmoothRun
+    from contbreather.progress import Bar
 
 SITES = 20  # the paper's ring
 WINDOW = 6  # periods drawn densely
@@ -97,9 +97,10 @@ class Asked:
     def simulate(self, where: Where) -> Seen:
         """Run it."""
         from contbreather.dynamics.impacting import length_of
+        from contbreather.progress import Bar
 
         # also before the first period: on long rings and dense lattices the breather takes a while
-        with Bar(None, int(length_of(self.periods))) as bar:
+        with Bar(None, int(length_of(self.periods, 0))) as bar:
             return self._simulate(where, bar)
 
     def _simulate(self, where: Where, bar: Bar) -> Seen:

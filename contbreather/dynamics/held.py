@@ -1,5 +1,4 @@
-"""Ctrl-C held back for a moment, and SIGTERM where Python hears it: while compiled code runs that
-would make another error of it."""
+"""Ctrl-C held back for a moment: while compiled code runs that would make another error of it."""
 
 from __future__ import annotations
 
@@ -11,7 +10,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Let signals wait for the end of the block, and then do what it does.
+    """Let Ctrl-C wait for the end of the block, and then do what it does.
 
     A signal that arrives in a function that a compiled solver calls comes out as an AttributeError
     or is lost: it passes no exceptions on that are not its own. In the middle of a loop over
@@ -21,15 +20,11 @@ def held() -> Iterator[None]:
         yield  # signals are the business of the main thread
         return
     came: list[int] = []
-    numbers = [signal.SIGINT]
-    if callable(signal.getsignal(signal.SIGTERM)):
-        numbers.append(signal.SIGTERM)
-    before = {n: signal.signal(n, lambda number, frame: came.append(number)) for n in numbers}
+    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
     try:
         yield
     finally:
-        for number, handler in before.items():
-            # None: a handler that is not Python's, which cannot be put back from here
-            signal.signal(number, signal.default_int_handler if handler is None else handler)
+        # None: a handler that is not Python's, which cannot be put back from here
+        signal.signal(signal.SIGINT, signal.default_int_handler if before is None else before)
         if came:
-            signal.raise_signal(came[0])
+            signal.raise_signal(signal.SIGINT)

@@ -257,8 +257,9 @@ def advance(
     return Run(impacts=impacts, rests=rests, **left)
 
 
-def length_of(periods: float, sites: int = 0) -> float:
-    """The length of a run, or a sentence where its states would not fit into memory."""
+def length_of(periods: float, sites: int) -> float:
+    """The length of a run, or a sentence; also where the states of so many sites would not fit into
+    memory."""
     length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
     if 2 * sites * (length + 1.0) > HELD:
         raise BadInput(

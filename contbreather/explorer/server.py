@@ -33,7 +33,8 @@ def server_for(
     Raises
     ------
     BadInput
-        If the port is taken or the address is not one of this machine, or Panel is missing.
+        If the port is taken or the address is not one of this machine, an origin is none, or Panel
+        is missing.
     """
     panel = _panel()
     if whole("port", port, 0) > HIGHEST:
@@ -41,6 +42,7 @@ def server_for(
             f"port = {port}: ports are whole numbers up to {HIGHEST}, 0 for any free one"
         )
     port = _free(address, port)
+    _check_origins(origins, port)
     own = [f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address))]
     from contbreather.explorer.template import in_template
 
@@ -49,6 +51,18 @@ def server_for(
         websocket_origin=[*own, *origins], title="contbreather explorer", verbose=False,
     )  # fmt: skip
     return server, f"http://{LOOPBACK if address == LOOPBACK else address}:{port}/"
+
+
+def _check_origins(origins: Sequence[str], port: int) -> None:
+    from bokeh.server.util import create_hosts_allowlist
+
+    for origin in origins:
+        try:
+            create_hosts_allowlist([origin], port)
+        except ValueError as error:
+            raise BadInput(
+                f"origin {origin!r}: HOST:PORT was expected, example.org:80 for instance"
+            ) from error
 
 
 def _panel() -> Any:

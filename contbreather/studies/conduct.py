@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from contbreather.errors import BadInput, keeping
+from contbreather.files import named
 from contbreather.studies.figures import drawn
 from contbreather.studies.mistakes import read
 from contbreather.studies.parts import Part, Worker, parts_of
@@ -65,10 +66,10 @@ def run(
     (['first'], ['first'])
     """
     study = read(path)
-    place = Path(folder) if folder is not None else Path(path).with_suffix("")
+    place = named("write", folder) if folder is not None else Path(path).with_suffix("")
     place = place.resolve()
-    _made(place)
     parts, report = parts_of(study), Report(place)
+    _made(place)
     _check(parts, place, again)
     with keeping(report.so_far):
         for level in sorted({part.level for part in parts}):
