@@ -68,7 +68,7 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **give
     """
     reason, refusal = "", None
     check_kind(free, str, "the name of a parameter")
-    whole("root", root, 1)
+    whole("root", 1 if root is None else root, 1)
     missing = {"a", "gamma", "k"} - {free, *given}
     if missing:
         raise BadInput(f"a breather needs {' and '.join(sorted(missing))}, too")
