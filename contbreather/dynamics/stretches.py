@@ -103,8 +103,8 @@ class Stretch:
 
 class Propagator(Protocol):
     """What carries a state on, between walls of either kind: as many periods as asked for (or one
-    of another length), fewer, but one at least, where their impacts are more than there is room for,
-    or with a reason; `roomy` is the most that one stretch may have."""
+    of another length), fewer with a reason, or, but one at least, where there is no room for all
+    their impacts; `roomy` is the most that one stretch may have."""
 
     state: State
     conditions: Any
