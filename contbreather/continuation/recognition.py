@@ -81,11 +81,15 @@ def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
     u = float(chord @ (z - first.z) / (chord @ (last.z - first.z)))
     if not 0.0 < u < 1.0:
         return False
+    guess, _ = segment.guess(u)
+    # beside a branch point Newton's iteration finds its solution to rounding over the distance from
+    # there, or ends on the other curve
+    if _same(curve, guess, z, reach):
+        return True
     try:
         return _same(curve, segment.at(u).z, z, reach)
-    except OUT_OF_DOMAIN:  # beside a branch point Newton's iteration may end on the other curve
-        off = curve.length(segment.guess(u)[0] - z)
-        return bool(off < 1e-3 * min(segment.length, reach))
+    except OUT_OF_DOMAIN:
+        return bool(curve.length(guess - z) < 1e-3 * min(segment.length, reach))
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,8 @@ class Stretch:
 
 class Propagator(Protocol):
     """What carries a state on, between walls of either kind: as many periods as asked for (or one
-    of another length), fewer only with a reason; `roomy` is the most that one stretch may have."""
+    of another length), fewer with a reason, or, but one at least, where there is no room for all
+    their impacts; `roomy` is the most that one stretch may have."""
 
     state: State
     conditions: Any
@@ -146,6 +147,7 @@ class Machine:
     law: Law = field(init=False)
     work: Work = field(init=False)
     log: Log = field(init=False)
+    full: bool = field(init=False, default=False)  # whether another period found no room in the log
 
     def __post_init__(self) -> None:
         from contbreather.dynamics.law import law_of
@@ -164,25 +166,24 @@ class Machine:
     def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Stretch:
         from contbreather.dynamics.cruise import CHATTER, CRUISE, DONE, FULL
 
+        if self.full:  # before anything is flown that Ctrl-C could drop
+            self.log, self.full = log_of(2 * self.log.phase.size), False
         u, v = self.state
         strobe_u, strobe_v = np.empty((2, periods, u.size))
         watch = watch_of(self.sample, periods, u.size)
-        done, status, site, self.log.used[0] = 0, FULL, 0, 0
-        ended = np.zeros(3, np.int64)
-        while status == FULL:
-            here = (self.t0, span, first + done, self.law, self.work, self.log)
-            rest = watch._replace(u=watch.u[done:], v=watch.v[done:])
-            with held():
-                CRUISE(u, v, *here, rest, strobe_u[done:], strobe_v[done:], ended)
-            more, status, site = ended.tolist()
-            done += more
-            if status == FULL:
-                self.log = log_of(2 * self.log.phase.size, self.log)
-        if status not in (DONE, CHATTER):
+        here, ended = (self.t0, span, first, self.law, self.work, self.log), np.zeros(3, np.int64)
+        self.log.used[0] = 0
+        with held():
+            CRUISE(u, v, *here, watch, strobe_u, strobe_v, ended)
+        done, status, site = ended.tolist()
+        self.full = status == FULL
+        if self.full and not done:
+            return self.advance(periods, first, span=span)
+        if status not in (DONE, CHATTER, FULL):
             raise NotConverged(self._failed(status, first + done))
         impacts, rests = tables(self.log, self.t0)
         kept = (strobe_u[:done], strobe_v[:done], watch.u[:done], watch.v[:done], impacts, rests)
-        if status == DONE:
+        if status != CHATTER:
             return Stretch(first, *kept)
         return Stretch(first, *kept, RunStop.CHATTER, self._chatter(site, first + done))
 
@@ -229,19 +230,13 @@ def work_of(sites: int, law: Law) -> Work:
     return Work(*buffers, side, held, place, fresh, changed, hits, busy, many, listed)
 
 
-def log_of(size: int, old: Log | None = None) -> Log:
-    """An empty log, or a longer copy of an old one."""
+def log_of(size: int) -> Log:
+    """An empty log."""
     from contbreather.dynamics.room import Log
 
     kinds: tuple[Any, ...] = ("i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
     columns: list[NDArray[Any]] = [np.zeros(size, kind) for kind in kinds]
-    new = Log(np.zeros(1, np.int64), *columns)
-    if old is not None:
-        used = new.used[0] = old.used[0]
-        before: list[Any] = list(old[1:])
-        for fresh, full in zip(columns, before, strict=True):
-            fresh[:used] = full[:used]
-    return new
+    return Log(np.zeros(1, np.int64), *columns)
 
 
 def watch_of(sample: Sample | None, periods: int, sites: int) -> Watch:

@@ -289,6 +289,23 @@ def test_a_curve_of_pairs_ends_once_where_they_become_a_double_multiplier(thresh
         assert abs(folds[0].solution.multipliers(half=True) + 1.0).min() < 1e-6
 
 
+@pytest.mark.parametrize(
+    "more", [{}, {"lattice": cb.Ring(12), "damping": 0.02}], ids=["chain", "ring"]
+)
+def test_a_curve_of_pairs_from_its_meeting_with_folds_goes_past_it_and_names_it(more) -> None:
+    start = cb.symmetric(0.2, 0.08, 0.75, **more)
+    fold = cb.trace(start, "a", within={"a": (0.05, 0.3)}).first("LP")
+    folds = cb.boundary(fold, ("gamma", "a"), within={"gamma": (0.07, 0.16)})
+    meeting = folds.first("LP-NS")
+    near = {"gamma": (meeting["gamma"] - 0.005, meeting["gamma"] + 0.005)}
+    line = cb.boundary(meeting, ("gamma", "a"), within=near)
+    place = line.first("NS-LP")
+    for name in ("gamma", "a"):
+        assert place[name] == pytest.approx(meeting[name], abs=1e-9)
+    sides = line["p"][[0, -1]] - place["p"]
+    assert sides.min() < 0 < sides.max()
+
+
 def test_pairs_that_pass_each_other_on_the_axis_do_not_end_a_curve() -> None:
     """Of a whole period a symmetric orbit has the squares of i and -i, which do not merge."""
     whole = cb.symmetric(0.2, 0.08, 0.75, lattice=cb.Ring(12), damping=0.02).unfolded()

@@ -167,3 +167,14 @@ def test_orbits_under_walls_that_differ_have_no_mirror_image() -> None:
     orbit = orbit_at(problem)
     assert list(images_of(orbit)) == []
     assert simpler_than(orbit) is None
+
+
+def test_arms_of_arms_are_known_as_images_however_short_their_first_steps_are() -> None:
+    """That of the second one is 5e-6 long: so close to the branch point Newton's iteration finds
+    the place on the first one, its image, to a thousandth of that."""
+    seed = {"t1": -2.9, "t2": -2.9}
+    on = {"a": 0.6, "gamma": 0.01, "k": 0.8, "damping": 0.01}
+    start = cb.shooting(seed, sites=9, sequence=((0, 1), (3, 1)), symmetric=True, **on)
+    tree = cb.diagram(start, "a", within={"a": (0.3, 0.99)}, depth=2)
+    births = [(birth.depth, birth.image_of) for birth in tree.births]
+    assert births == [(0, None), (1, None), (1, 1), (1, None), (1, 3), (2, None), (2, 5)]

@@ -25,6 +25,7 @@ from contbreather.dynamics import (
     verdict,
 )
 from contbreather.dynamics.held import held
+from contbreather.dynamics.states import State
 from contbreather.dynamics.verdicts import judge
 from contbreather.paper import figure6, figure7, figure8
 from contbreather.paper.fates import growth
@@ -102,6 +103,26 @@ def test_ctrl_c_keeps_the_periods_that_are_completed(ctrl_c, run):
     assert 0 < cut.periods < 1000
     assert np.array_equal(cut.final.u, cut.strobe.u[-1])
     assert np.array_equal(cut.strobe, run(STATE, periods=cut.periods, **SET).strobe)
+
+
+def test_ctrl_c_while_room_is_made_for_more_impacts_drops_no_period(monkeypatch) -> None:
+    """Room for 256 impacts is full after 128 periods: the stretch ends there, and hands them on."""
+    make = stretches.log_of
+
+    def interrupted(size):
+        if size > 256:
+            raise KeyboardInterrupt
+        return make(size)
+
+    monkeypatch.setattr(stretches, "log_of", interrupted)
+    machine = stretches.Machine(State(*STATE), simulate(STATE, periods=0, **SET).conditions, 0.0)
+    first = machine.advance(1000, 0)
+    assert (first.periods, len(first.impacts), first.stop) == (128, 256, None)
+    with pytest.raises(KeyboardInterrupt):
+        machine.advance(100, 128)
+    monkeypatch.undo()
+    whole = simulate(STATE, periods=228, **SET)
+    assert np.array_equal([*first.u, *machine.advance(100, 128).u], whole.strobe.u[1:])
 
 
 @pytest.mark.parametrize("run", [simulate, partial(simulate_smooth, m=6)])
@@ -189,6 +210,6 @@ def test_ctrl_c_in_a_smooth_run_is_what_it_is_whatever_it_hits(monkeypatch):
             return advance(flight, periods, first, **more)
 
         monkeypatch.setattr(smooth.SmoothFlight, "advance", winds_the_alarm)
-        run = simulate_smooth(STATE, m=6, periods=10**9, **SET)  # as long as it takes to come
+        run = simulate_smooth(STATE, m=6, periods=10**7, **SET)  # as long as it takes to come
         assert run.stop is RunStop.INTERRUPTED
         assert np.array_equal(run.final.u, run.strobe.u[-1])
