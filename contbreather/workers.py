@@ -32,6 +32,7 @@ from typing import Any
 from .checks import whole
 from .errors import BadInput, ContbreatherError, NotConverged, keeping, taking
 from .progress import Bar
+from .signals import deferred
 
 LARGEST = 8  # items that are sent together
 SHARES = 8  # into how many parts for each worker what is left is cut
@@ -364,9 +365,11 @@ def _begun_quietly() -> Iterator[None]:
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     masking = getattr(signal, "pthread_sigmask", None)  # not on Windows
+    # the mask is for what is started; here another thread, as BLAS has, may still hear of them
     mask = masking and masking(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
-        yield
+        with deferred(signal.SIGINT, signal.SIGTERM):
+            yield
     finally:
         if masking:
             masking(signal.SIG_SETMASK, mask)

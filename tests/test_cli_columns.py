@@ -157,7 +157,7 @@ def test_boundary_finds_no_pitchfork_of_solutions_that_go_through_a_wall(run) ->
     """At gamma = 0.1 that of the closed form lies above grazing, which ends the branch."""
     chain = cb.InfiniteChain()
     p = 1 / (chain.chi(0.1) - 2 * chain.sigma(0.1))
-    beyond = cb.symmetric(p * math.hypot(1 / 9, 2 * chain.sigma(0.1)), 0.1, 0.8)
+    beyond = cb.symmetric(p * math.hypot(1 / 9, 2 * chain.sigma(0.1)), 0.1, 0.8, root=1)
     assert not beyond.admissibility().ok
     status, _, err = run("boundary PF --k 0.8 --gamma 0.1")
     assert status == BAD_INPUT

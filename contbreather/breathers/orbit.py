@@ -362,6 +362,11 @@ class Orbit(Shown):
 
     def admissibility(self) -> Admissibility:
         """Whether all sites keep off their walls except at the impacts named, and by how much."""
+        return self._clearance
+
+    @cached_property
+    def _clearance(self) -> Admissibility:
+        """Asked where a root is chosen, and by whoever has it."""
         return clearance(self.watch)
 
     @property

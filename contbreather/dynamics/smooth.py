@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number
-from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import States, advance, gathered
 from contbreather.dynamics.states import (
     PERIOD,
@@ -45,6 +44,7 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.plain import plain
 from contbreather.progress import Bar
+from contbreather.signals import deferred
 
 Array = NDArray[Any]
 
@@ -225,7 +225,7 @@ class Explicit:
             solver.set_initial_value(y, t0)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # its failure is an error, below
-                with held():
+                with deferred():
                     y = solver.integrate(t)
             if not solver.successful():
                 raise _stuck("dop853", t)
@@ -246,7 +246,7 @@ class _OfScipy:
         if jac is not None:
             settings["jac"] = jac
         solve: Any = solve_ivp  # its stubs know every method by name and shape
-        with held():
+        with deferred():
             found = solve(rhs, (t0, times[-1]), y, self.method, times, max_step=CAP, **settings)
         if not found.success:
             raise _stuck(self.method, found.t[-1] if len(found.t) else t0)

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import whole
-from contbreather.dynamics.held import held
 from contbreather.dynamics.states import PERIOD, State
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.progress import Bar, line_of
+from contbreather.signals import deferred
 
 if TYPE_CHECKING:
     from contbreather.dynamics.room import Law, Log, Watch, Work
@@ -173,7 +173,7 @@ class Machine:
         watch = watch_of(self.sample, periods, u.size)
         here, ended = (self.t0, span, first, self.law, self.work, self.log), np.zeros(3, np.int64)
         self.log.used[0] = 0
-        with held():
+        with deferred():
             CRUISE(u, v, *here, watch, strobe_u, strobe_v, ended)
         done, status, site = ended.tolist()
         self.full = status == FULL

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import check_kind, numbers, whole
-from contbreather.dynamics.held import held
 from contbreather.dynamics.impacting import Run
 from contbreather.dynamics.smooth import SmoothConditions, SmoothRun, flown, rigid_or_smooth
 from contbreather.dynamics.states import PERIOD, On, State, check_state, reduced, within
@@ -26,6 +25,7 @@ from contbreather.dynamics.stretches import Machine, walk
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import stiffness_of
+from contbreather.signals import deferred
 
 if TYPE_CHECKING:
     from contbreather.dynamics.room import Law
@@ -114,7 +114,7 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
     rest = run.end - run.times[-1]
     spans = np.array([PERIOD] * run.periods + ([rest] if rest > 1e-12 else []))
     law, growth = law_of(run.conditions), np.empty((len(spans), 0))
-    with held():
+    with deferred():
         CARRY(du, dv, at_rest, spans, 0, law, *events, growth, *room(law, sites))
     return np.concatenate([du, dv], axis=1).T
 
@@ -253,7 +253,7 @@ def _grown(state: State, on: Any, periods: int, t0: float, du: Array, dv: Array)
             raise NotConverged(one.reason)
         growth, spans = np.empty((one.periods, len(du))), np.full(one.periods, PERIOD)
         events = kicks(one.impacts, one.rests, on, t0)
-        with held():
+        with deferred():
             CARRY(du, dv, at_rest, spans, one.first, law, *events, growth, *own)
         grown.append(growth)
     return np.concatenate(grown)

@@ -89,7 +89,7 @@ def test_what_goes_through_a_wall_is_proved_to() -> None:
     ("a", "gamma", "k"), [(0.8, 0.0, 0.017), (0.8, 0.01, 0.01), (0.99, 0.0, 0.056)]
 )
 def test_a_site_that_meets_its_own_wall_again_is_refused(a: float, gamma: float, k: float) -> None:
-    b = cb.symmetric(a=a, gamma=gamma, k=k)
+    b = cb.symmetric(a=a, gamma=gamma, k=k, root=1)
     margins = b.admissibility()
     assert (margins.ok, margins.site) == (False, 0)
     proof = certify(b)
@@ -202,7 +202,7 @@ def test_the_branch_at_half_the_amplitude_is_proved_where_it_exists() -> None:
     assert unstable.high == high
     assert len(proof.unproved) == 2
     for gamma in (end + 1e-6, 0.21, 0.24):
-        assert certify(cb.symmetric(a=0.5, gamma=gamma, k=0.8)).admissible is False
+        assert certify(cb.symmetric(a=0.5, gamma=gamma, k=0.8, root=1)).admissible is False
 
 
 def test_a_branch_is_proved_around_its_fold() -> None:

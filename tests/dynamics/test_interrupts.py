@@ -24,11 +24,11 @@ from contbreather.dynamics import (
     sweep,
     verdict,
 )
-from contbreather.dynamics.held import held
 from contbreather.dynamics.states import State
 from contbreather.dynamics.verdicts import judge
 from contbreather.paper import figure6, figure7, figure8
 from contbreather.paper.fates import growth
+from contbreather.signals import deferred
 
 from ..apart import begun
 
@@ -187,7 +187,7 @@ def test_ctrl_c_waits_for_the_end_of_compiled_code_and_is_not_lost():
     done = []
 
     def block():
-        with held():
+        with deferred():
             signal.raise_signal(signal.SIGINT)
             done.append("the rest of the block")
 

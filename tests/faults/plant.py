@@ -50,7 +50,6 @@ from record import HOME, MAP, TREE, copy, environment  # noqa: E402
 PACKAGE = "contbreather"
 STRUCTURE = ("tests/test_floors.py", "tests/test_project.py", "tests/test_import_cost.py")
 READS_DEFAULTS = ("tests/test_defaults.py",)  # from the source, so that no line of it is executed
-READS_NAMES = "tests/test_spelling.py"
 TESTS, SECONDS = 60, 120.0  # at most, for one fault
 DEEP_TESTS, DEEP_SECONDS = 400, 600.0
 COMPILED_SECONDS = 420.0  # compiling all loops anew comes on top
@@ -645,8 +644,6 @@ class Map:
         order = own[: limit // 2] + [t for pair in zip_longest(home, spread) for t in pair if t]
         order += own[limit // 2 :]
         first = sorted(read) if fault.how in ("default", "import") else []
-        if fault.kind == "string":
-            first += sorted(t for t, e in self.tests.items() if e["file"] == READS_NAMES)
         order = list(dict.fromkeys([*first, *sorted(rare, key=quick)[: limit // 3], *order]))
         chosen, total = [], 0.0
         for t in order:
