@@ -31,7 +31,7 @@ from contbreather.errors import BadInput
 FloatArray = NDArray[np.float64]
 
 _SINGULAR = 1e-6  # least singular value of G_x, relative to its largest
-_NEXT = 1e-5  # of the asymmetry: rounding of a first difference is as small as its error
+_NEXT = 1e-3  # of the asymmetry: of differences of fourth order rounding and error are 1e-12 there
 _STEPS = [0.05 / 2**i for i in range(7)]  # of the same, for a second one
 _AGREED = 1e-6  # of that by five places: by seven it is then good to 1e-10
 # both, without the middle one, where it is of what vanishes
@@ -139,8 +139,11 @@ def _slots(curve: Curve, half: int) -> list[int]:
 def _bend(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> float:
     """Of the parameter along the arms."""
     n, aside = v.size, _NEXT * np.append(v, 0.0)
-    ahead, behind = (curve.jacobian(curve.start + side * aside) for side in (1.0, -1.0))
-    change = (ahead - behind) / (2.0 * _NEXT)
+    near, far = (
+        curve.jacobian(curve.start + i * aside) - curve.jacobian(curve.start - i * aside)
+        for i in (1.0, 2.0)
+    )
+    change = (8.0 * near - far) / (12.0 * _NEXT)
     whole, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
     whole[:n, :n], whole[:n, n], whole[:n, -1] = matrix[:, :-1], w, matrix[:, -1]
     whole[n, :n] = v

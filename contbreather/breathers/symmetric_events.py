@@ -53,6 +53,7 @@ Slope = Callable[[SymmetricFlight, str], float]
 # k = 1 there are none: within rounding of the edge the curve cannot be followed.
 _ELASTIC = 1.0 - 1e-5
 _ALL_BUT = 1.0 - 1e-15
+_ROUNDED = 1e-13  # of the entry b and 1: what is left of a difference that is zero
 _ZERO = 1e-8  # a located event's own scalar, relative to the terms in it
 
 
@@ -296,14 +297,17 @@ def _pairs(point: Point) -> tuple[float, int]:
     that window are below b: two that are passed in one step are seen.
 
     Along a curve in k, elastic impacts are the limit of those before: what is neutral only there
-    is no event.
+    is no event. Elsewhere they have an end of that window where the pitchfork is: on a curve of
+    pitchforks the distance is zero, but for rounding.
     """
 
     def pairs(z: Array) -> tuple[float, int]:
         map = _chain_map(_flight(point))
         if map.k == 1.0 and "k" in point.curve.varied:
             map = replace(map, k=_ALL_BUT)
-        return map.pairs()
+        off, below = map.pairs()
+        rounded = map.k == 1.0 and abs(off) <= _ROUNDED * (1.0 + abs(map.b))
+        return (0.0 if rounded else off), below
 
     found: tuple[float, int] = point.curve.once("pairs", point.z, pairs)
     return found

@@ -111,7 +111,7 @@ def find(
     if curve.problem.beneath is not None:
         located = list(_one_a_place(located))
     good = tuple(point for point in located if point.located)
-    doubtful = _at_one_place([point for point in located if not point.located])
+    doubtful = _at_one_place([p for p in located if not p.located and not _seen_again(p, good)])
     return Found(good, doubtful, after)
 
 
@@ -200,6 +200,14 @@ def _at_one_place(doubtful: Sequence[Point]) -> tuple[Point, ...]:
             latest[id(point.event)] = len(kept)
             kept.append(point)
     return tuple(kept)
+
+
+def _seen_again(point: Point, located: Sequence[Point]) -> bool:
+    """Whether an event was located where it was seen, too: at the start of a walk rounding decides
+    from which side it is come upon."""
+    near = GAP * (1 + point.curve.length(point.z))
+    same = (one for one in located if one.event is point.event)
+    return any(abs(one.arclength - point.arclength) <= near for one in same)
 
 
 def _two(kind: str) -> str:

@@ -348,3 +348,15 @@ def test_only_orbits_with_impacts_have_longer_ones_beside_them() -> None:
     branch = cb.trace(grown, "r", within={"r": (2.9, 3.1)}, events=[cb.period_doubling()])
     with pytest.raises(cb.BadInput, match=r"PD1.* is on no branch of orbits with impacts"):
         lift(branch.first("PD"))
+
+
+@pytest.mark.parametrize("spring", [None, 0.0])
+def test_at_elastic_impacts_no_pair_leaves_along_the_curve_of_pitchforks(spring) -> None:
+    """There the window of a pair ends at the pitchfork: how far off it is rounding all along."""
+    forcing = cb.Fourier(cos={1: -1.0, 3: 0.0306}, sin={3: 0.269})
+    more = {} if spring is None else {"spring": spring}
+    start = cb.symmetric(0.6, 0.0395, 1.0, forcing=forcing, **more)
+    fork = cb.trace(start, "a", within={"a": (0.5, 0.95)}).first("PF")
+    line = cb.boundary(fork, ("gamma", "a"), within={"gamma": (0, 0.24)})
+    assert [point.kind for point in line.special] == ["EP", "PF-GR"]
+    assert line.doubtful == ()

@@ -112,3 +112,13 @@ def test_null_vectors_on_a_curve_of_folds_have_one_sign() -> None:
         assert [point.kind for point in line.special] == ["EP", "EP"]
         signs.add(tuple(np.sign(line[len(line) // 2]["null"][:2])))
     assert len(signs) == 1
+
+
+@pytest.mark.parametrize("towards", ["up", "down", "both"])
+def test_a_branch_point_at_the_start_is_not_doubtful_as_well(towards: str) -> None:
+    for seed in SEEDS:
+        problem = mixed(crossed, START, seed)
+        events, within = [cb.branch_point()], {"mu": (-0.3, 0.3)}
+        branch = cb.trace(problem, "mu", towards=towards, events=events, within=within)
+        assert [point.kind for point in branch.special].count("BP") == 1, seed
+        assert branch.doubtful == (), seed
