@@ -31,12 +31,11 @@ from contbreather.errors import BadInput
 FloatArray = NDArray[np.float64]
 
 _SINGULAR = 1e-6  # least singular value of G_x, relative to its largest
-_STEPS = [0.05 / 2**i for i in range(7)]  # of the asymmetry, for differences
-_AGREED = 1e-6  # of a third derivative by five places: by seven it is then good to 1e-10
-# differences of second order, by seven places and by five, and of first order, by seven; the value
-# in the middle is zero
-_SECOND = np.array([[90.0, -36.0, 6.0], [80.0, -20.0, 0.0]]) / 60.0
-_FIRST = np.array([45.0, -9.0, 1.0]) / 60.0
+_NEXT = 1e-3  # of the asymmetry: of differences of fourth order rounding and error are 1e-12 there
+_STEPS = [0.05 / 2**i for i in range(7)]  # of the same, for a second one
+_AGREED = 1e-6  # of that by five places: by seven it is then good to 1e-10
+# both, without the middle one, where it is of what vanishes
+_SECOND = np.array([[2, -27, 270, 270, -27, 2], [0, -15, 240, 240, -15, 0]]) / 180
 _STEEP = 1e9  # a bend beyond it is rounding over rounding
 _ASIDE = 1e-3  # how far off the pitchfork its multiplier is looked at
 _PASSED = 1e-6  # and how far beyond 1 it is then outside: those of a free mean are at 1 to rounding
@@ -139,41 +138,38 @@ def _slots(curve: Curve, half: int) -> list[int]:
 
 def _bend(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> float:
     """Of the parameter along the arms."""
-    n = v.size
-    change, cubic = _turned(curve, v, w)
+    n, aside = v.size, _NEXT * np.append(v, 0.0)
+    near, far = (
+        curve.jacobian(curve.start + i * aside) - curve.jacobian(curve.start - i * aside)
+        for i in (1.0, 2.0)
+    )
+    change = (8.0 * near - far) / (12.0 * _NEXT)
     whole, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
     whole[:n, :n], whole[:n, n], whole[:n, -1] = matrix[:, :-1], w, matrix[:, -1]
     whole[n, :n] = v
     row = w @ change
     whole[-1, :n], whole[-1, -1] = row[:-1], row[-1]
-    right[:n], right[-1] = -0.5 * (change[:, :-1] @ v), -cubic / 6.0
+    right[:n], right[-1] = -0.5 * (change[:, :-1] @ v), -_cubic(curve, v, w) / 6.0
     bend = float(solve(whole, right)[-1])
     if abs(bend) > _STEEP:
         raise Undefined("the multiplier touches 1 and does not pass it: no normal form")
     return bend
 
 
-def _turned(curve: Curve, v: FloatArray, w: FloatArray) -> tuple[FloatArray, float]:
-    """The derivative of the Jacobian along v, and ``w G_xxx v v v``, by a step that suits them.
-
-    Of Jacobians, which are exact, a third derivative is a second difference: of the equations it
-    would be a third one, and of steps as short as impacts close together ask for all rounding.
-    """
-    change, best, doubt = np.zeros_like(curve.jacobian(curve.start)), math.nan, math.inf
+def _cubic(curve: Curve, v: FloatArray, w: FloatArray) -> float:
+    """``w G_xxx v v v``, by a step that suits it."""
+    places, best, doubt = np.array([-3, -2, -1, 1, 2, 3]), math.nan, math.inf
     for step in _STEPS:
-        aside = step * np.append(v, 0.0)
-        ahead, behind = (
-            np.array([curve.jacobian(curve.start + side * i * aside) for i in (1, 2, 3)])
-            for side in (1.0, -1.0)
-        )
-        squares = (w @ (ahead + behind)[:, :, :-1] @ v) / (step * np.array([1, 2, 3])) ** 2
-        fine, rough = _SECOND @ squares
+        aside = [curve.equations(curve.start + i * step * np.append(v, 0.0)) for i in places]
+        # w G begins with the cube of s: over s it is the square, three of whose second derivatives
+        # are its third
+        squares = np.array(aside) @ w / (places * step)
+        fine, rough = 3.0 * _SECOND @ squares / step**2
         if abs(fine - rough) < doubt:
             best, doubt = float(fine), abs(fine - rough)
-            change = np.tensordot(_FIRST / step, ahead - behind, 1)
         if doubt < _AGREED * abs(best):
             break
-    return change, best
+    return best
 
 
 def _loss(point: Point) -> int:
