@@ -361,8 +361,7 @@ def gaps_of_flights(orbit: Watch) -> Iterator[Gap]:
             yield Gap(own.length, own.site, own.end, i)
             continue
         room, s, ends = seen(orbit, own)
-        # an impact that vanishes is at both ends of half a period: not rounding chooses the first
-        least, when = min(_limits(orbit.k, own, room.width), key=lambda end: round(end[0], 12))
+        least, when = min(_limits(orbit.k, own, room.width))
         if own.length > SHORT:
             path = orbit.path(own.site, own.start + s)
             ratio = room.of(path) / denominator(orbit.k, own.length, s)
