@@ -203,8 +203,10 @@ def _at_one_place(doubtful: Sequence[Point]) -> tuple[Point, ...]:
 
 
 def _seen_again(point: Point, located: Sequence[Point]) -> bool:
-    """Whether an event was located where it was seen, too: at the start of a walk rounding decides
-    from which side it is come upon."""
+    """Whether a branch point was located where it was seen, too: at the start of a walk rounding
+    decides from which side it is come upon."""
+    if point.event is None or not point.event.crosses:
+        return False
     near = GAP * (1 + point.curve.length(point.z))
     same = (one for one in located if one.event is point.event)
     return any(abs(one.arclength - point.arclength) <= near for one in same)
