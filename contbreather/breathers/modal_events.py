@@ -51,12 +51,7 @@ def events_of(section: Section, threshold: float = THRESHOLD) -> tuple[Event, ..
 
 def symmetry_breaking() -> Event:
     """PF, on half a symmetric orbit: its half map has the multiplier +1."""
-    return replace(_PITCHFORK, test=_symmetry_test, locus=_symmetry_locus, examine=bends)
-
-
-def _symmetry_test(point: Point) -> float:
-    # without coupling idle sites have it all along, wherever they are
-    return math.nan if _loose(point) and point["gamma"] < ADRIFT else _PITCHFORK.value(point)
+    return replace(_PITCHFORK, locus=_symmetry_locus, examine=bends)
 
 
 def _symmetry_locus(point: Point) -> Locus:
@@ -86,7 +81,7 @@ def _branching_test(point: Point) -> float:
     return flight.map.in_units_of_flight(whole, flight.section.sign)
 
 
-def _beyond_closing(point: Point) -> int:
+def _beyond_closing(point: Point) -> float:
     return beyond(point.solution.section.sign, point)
 
 

@@ -32,7 +32,7 @@ EPS = float(np.finfo(float).eps)
 STEP = 1e-4  # of unknowns of the order of one, and of parameters
 DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it is located
 AT_ONCE = 1e-6  # impacts less apart than this are at once: mirror images of each other
-VANISHED = 1e-12  # an impact this slow has a saltation that is all rounding
+BLURRED = 1e-4  # of rounding in a multiplier: neither a sign nor a count is to be had from it
 
 
 def by_differences(
@@ -124,14 +124,20 @@ def crosses(mu: float, point: Point) -> float:
     Each impact brings a pole where its velocity vanishes, which is divided out.
     """
     orbit = point.solution
+    if _rounding(orbit) > BLURRED:
+        return math.nan
     velocities = orbit.incoming * [one.wall for one in orbit.impacts]
-    if np.abs(velocities).min() < VANISHED:
-        return math.nan  # the end of the branch, where rounding decides
     return float(orbit.map.crosses(mu) * velocities.prod())
 
 
-def beyond(mu: float, point: Point) -> int:
-    return int(point.solution.map.beyond(mu))
+def beyond(mu: float, point: Point) -> float:
+    orbit = point.solution
+    return math.nan if _rounding(orbit) > BLURRED else int(orbit.map.beyond(mu))
+
+
+def _rounding(orbit: Any) -> float:
+    """Of all multipliers: where an impact loses its velocity one grows beyond all bounds."""
+    return float(EPS * np.linalg.norm(orbit.map.matrix))
 
 
 def examine_real(mu: float, point: Point) -> str:
@@ -154,9 +160,7 @@ def pair_beyond(threshold: float, slopes: Slopes = by_differences) -> Event:
 
 def _outermost(threshold: float, point: Point) -> float:
     orbit = point.solution
-    # where an impact loses its velocity one multiplier grows beyond all bounds, and with it
-    # the rounding of all others: no pair can be told from that
-    if EPS * np.linalg.norm(orbit.map.matrix) > REAL:
+    if _rounding(orbit) > REAL:  # no pair can be told from two real ones
         return math.nan
     return float(orbit.map.outermost(_radius(orbit, threshold)))
 

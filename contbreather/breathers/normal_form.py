@@ -31,11 +31,13 @@ from contbreather.errors import BadInput
 FloatArray = NDArray[np.float64]
 
 _SINGULAR = 1e-6  # least singular value of G_x, relative to its largest
-_NEXT = 1e-3  # of the asymmetry: of differences of fourth order rounding and error are 1e-12 there
-_STEPS = [0.05 / 2**i for i in range(7)]  # of the same, for a second one
-_AGREED = 1e-6  # of that by five places: by seven it is then good to 1e-10
-# both, without the middle one, where it is of what vanishes
-_SECOND = np.array([[2, -27, 270, 270, -27, 2], [0, -15, 240, 240, -15, 0]]) / 180
+# of the asymmetry: rounding is 1e-10 of a third derivative
+_STEPS = [2e-3 * 0.7**i for i in range(12)]
+_AGREED = 3e-5  # of that by three places: by five it is then good to 1e-9
+# differences of second order by five places and by three, the value in the middle being zero, and
+# of first order by five
+_SECOND = np.array([[16.0, -1.0], [12.0, 0.0]]) / 12.0
+_FIRST = np.array([8.0, -1.0]) / 12.0
 _STEEP = 1e9  # a bend beyond it is rounding over rounding
 _ASIDE = 1e-3  # how far off the pitchfork its multiplier is looked at
 _PASSED = 1e-6  # and how far beyond 1 it is then outside: those of a free mean are at 1 to rounding
@@ -138,38 +140,41 @@ def _slots(curve: Curve, half: int) -> list[int]:
 
 def _bend(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> float:
     """Of the parameter along the arms."""
-    n, aside = v.size, _NEXT * np.append(v, 0.0)
-    near, far = (
-        curve.jacobian(curve.start + i * aside) - curve.jacobian(curve.start - i * aside)
-        for i in (1.0, 2.0)
-    )
-    change = (8.0 * near - far) / (12.0 * _NEXT)
+    n = v.size
+    change, cubic = _turned(curve, matrix, v, w)
     whole, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
     whole[:n, :n], whole[:n, n], whole[:n, -1] = matrix[:, :-1], w, matrix[:, -1]
     whole[n, :n] = v
     row = w @ change
     whole[-1, :n], whole[-1, -1] = row[:-1], row[-1]
-    right[:n], right[-1] = -0.5 * (change[:, :-1] @ v), -_cubic(curve, v, w) / 6.0
+    right[:n], right[-1] = -0.5 * (change[:, :-1] @ v), -cubic / 6.0
     bend = float(solve(whole, right)[-1])
     if abs(bend) > _STEEP:
         raise Undefined("the multiplier touches 1 and does not pass it: no normal form")
     return bend
 
 
-def _cubic(curve: Curve, v: FloatArray, w: FloatArray) -> float:
-    """``w G_xxx v v v``, by a step that suits it."""
-    places, best, doubt = np.array([-3, -2, -1, 1, 2, 3]), math.nan, math.inf
+def _turned(
+    curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray
+) -> tuple[FloatArray, float]:
+    """The derivative of the Jacobian along v, and ``w G_xxx v v v``, by a step that suits them.
+
+    Of Jacobians, which are exact, a third derivative is a second difference: of the equations it
+    would be a third one, and all rounding for steps as short as impacts close together ask for.
+    """
+    best: tuple[float, FloatArray, float] = math.inf, np.zeros_like(matrix), math.nan
     for step in _STEPS:
-        aside = [curve.equations(curve.start + i * step * np.append(v, 0.0)) for i in places]
-        # w G begins with the cube of s: over s it is the square, three of whose second derivatives
-        # are its third
-        squares = np.array(aside) @ w / (places * step)
-        fine, rough = 3.0 * _SECOND @ squares / step**2
-        if abs(fine - rough) < doubt:
-            best, doubt = float(fine), abs(fine - rough)
-        if doubt < _AGREED * abs(best):
+        ahead, behind = (
+            np.array([curve.jacobian(curve.start + i * step * np.append(v, 0.0)) for i in places])
+            for places in ((1, 2), (-1, -2))
+        )
+        fine, rough = _SECOND @ (w @ (ahead + behind)[:, :, :-1] @ v) / step**2
+        if abs(fine - rough) < best[0]:
+            change = np.tensordot(_FIRST / step, ahead - behind, 1)
+            best = abs(fine - rough), change, float(fine)
+        if best[0] < _AGREED * abs(best[2]):
             break
-    return best
+    return best[1:]
 
 
 def _loss(point: Point) -> int:

@@ -28,7 +28,7 @@ SHORT = 1e-2  # from one impact to the next: the site flies on a cubic
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 Speed = Callable[[int, int, FloatArray], FloatArray | None]
 
-WEAK = 1e-9  # below this coupling sites do not feel each other: they may rest anywhere
+WEAK = 1e-6  # below this coupling sites hardly feel each other: rounding decides where they rest
 
 
 class Impact(NamedTuple):

@@ -32,6 +32,7 @@ GRID = 96  # times in a half period at which contacts are looked for
 MOST = 200  # impacts in one section
 TOGETHER = 8  # digits to which the times of impacts are compared
 OUTSIDE = 1e-6  # a seed may be beyond a wall by this much
+MEETS = 1e-9  # a site on its wall and faster than this on its way out meets it
 
 
 class Contact(NamedTuple):
@@ -85,6 +86,8 @@ class Motion:
         beyond = (u > high) | (u < low)
         # a site that has just been reset, or starts on its wall, leaves it
         inside = np.logical_or.accumulate(~beyond, axis=0)
+        # others may be past it by a rounding, where several meet their walls at once
+        inside[0] |= self._meets(u[0])
         hit = np.argwhere(beyond[1:] & inside[:-1])
         if not hit.size:
             return None
@@ -97,6 +100,11 @@ class Motion:
         self.q, self.r = self.turned(moment)(self.q, self.r)
         self.time += moment
         return Contact(site, wall, self.time)
+
+    def _meets(self, u: FloatArray) -> NDArray[np.bool_]:
+        """Whether sites on their walls or past them are on their way out."""
+        v = self.basis.to_sites(self.r) + self.on.a * self.forced.everywhere(self.time, 1)
+        return ((u > self.walls[1]) & (v > MEETS)) | ((u < self.walls[0]) & (v < -MEETS))
 
     def _touch(self, site: int, wall: int, before: float, after: float) -> float:
         if self.gap(site, wall, before) <= 0.0:
@@ -135,8 +143,9 @@ def from_state(
         contact = motion.next(time + T - motion.time)
         if contact is None:
             break
-        seen.append(contact)
-        states.append(motion.free())
+        if not any(_again(contact, earlier, T) for earlier in seen):
+            seen.append(contact)
+            states.append(motion.free())
         motion.reset(contact.site)
     words = " ".join(f"({one.site}, {one.wall:+d}) at t = {one.time:.6g}" for one in seen[:12])
     if not seen or len(seen) == MOST:
@@ -155,6 +164,12 @@ def from_state(
     times = np.array([one.time for one in own])
     times -= section.period * math.floor((times[0] + 0.5 * section.period) / section.period)
     return Modes(section, times, q, r, on)
+
+
+def _again(contact: Contact, earlier: Contact, length: float) -> bool:
+    """Whether a section that begins at an impact ends at it, too."""
+    apart = contact.time - earlier.time - length
+    return contact.site == earlier.site and abs(apart) < 10.0**-TOGETHER
 
 
 def _course(contacts: Sequence[Contact], length: float, sign: int) -> list[Contact]:

@@ -31,6 +31,7 @@ Found = tuple["Kind", str]
 Ran = Run | SmoothRun
 TURN = 2.0 * math.pi
 
+STILL = 1e-14  # of its largest state: a section that extends no further is a point
 LEAST = 100  # periods that must be seen before anything can be said
 LONGEST = 64  # periods after which a motion may close to count as periodic or locked
 CLOSED = 1e-9  # how well it must close
@@ -96,7 +97,9 @@ def rotation(u: ArrayLike, v: ArrayLike) -> Rotation:
     x, y = x.reshape(len(x), -1), y.reshape(len(y), -1)
     if len(x) < 20:
         raise BadInput(f"{len(x)} states are too few for a rotation number; give at least 20.")
-    whitened = [plane / plane.std(axis=0) for plane in _planes(x, y) if np.all(plane.std(0) > 0.0)]
+    still = STILL * max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))
+    spread = [(plane, plane.std(axis=0)) for plane in _planes(x, y)]
+    whitened = [plane / widths for plane, widths in spread if np.all(widths > still)]
     if not whitened:
         return Rotation(0.0, 0.0, 0.0, 0.0)
     holes = [float(radius.min() / radius.max()) for radius in (np.hypot(*p.T) for p in whitened)]

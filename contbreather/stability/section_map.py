@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
@@ -31,6 +31,8 @@ Array = NDArray[Any]
 LARGE = 90  # multipliers: of more, those next to a circle are found without all others
 BESIDE = 1e-6  # how far off the poles of free modes on the circle multipliers beyond are looked for
 _SHORT = 0.7  # of the longest: below that, not the one of several alike that comes first
+DRIFTS = 1e-10  # a squared frequency of no account
+ROUNDING = 1e-15
 DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
 
@@ -150,14 +152,29 @@ class ModalMap:
 
     def crosses(self, mu: float) -> float:
         """``det(M - mu)`` in units of what it is without impacts."""
-        return self.in_units_of_flight(self.matrix - mu * np.eye(len(self.matrix)), mu)
+        own = self._tied if mu > 0.0 else self
+        return own.in_units_of_flight(own.matrix - mu * np.eye(2 * self.z.size), mu)
+
+    @cached_property
+    def _tied(self) -> ModalMap:
+        """With springs next to none where several modes only drift, as they do without coupling:
+        all but one have a double multiplier 1 there, and the determinant is 0/0."""
+        drifts = self.z < DRIFTS
+        if np.count_nonzero(drifts) < 2:
+            return self
+        turns = [t._replace(pull=t.pull + DRIFTS * drifts * t.reach) for t in self.turns]
+        return replace(self, z=np.where(drifts, DRIFTS, self.z), turns=tuple(turns))
 
     def in_units_of_flight(self, matrix: FloatArray, mu: float) -> float:
         """A determinant over that of all flights less mu."""
         sign, size = np.linalg.slogdet(matrix)
         one, other = free_multipliers(self.z, self.damping, self.length)
-        free = np.maximum(abs(((one - mu) * (other - mu)).real), DAMPED)
-        return float(sign * math.exp(min(size - np.log(free).sum(), 700.0)))
+        unit = np.sort(np.maximum(abs(((one - mu) * (other - mu)).real), ROUNDING))
+        # of modes alike a site that is hit holds one, and where that has the multiplier mu itself
+        # nothing diverges
+        held = len({blow.shape.tobytes() for blow in self.blows})
+        unit[:held] = np.maximum(unit[:held], DAMPED)
+        return float(sign * math.exp(min(size - np.log(unit).sum(), 700.0)))
 
     def outermost(self, radius: float) -> float:
         """By how much the first pair has left a circle, negative where none has (far inside by as
@@ -170,7 +187,7 @@ class ModalMap:
     def beyond(self, place: float) -> int:
         """How many real multipliers are farther out than 1 or -1, on its side."""
         if "coupled" in self.__dict__ or 2 * self.z.size <= LARGE:
-            return beyond(self.coupled, place)
+            return beyond(self.coupled, place * (1.0 + BESIDE))
         return self._secular.beyond(place * (1.0 + BESIDE))
 
     @cached_property

@@ -482,6 +482,17 @@ def test_orbits_between_any_walls_return_under_the_integrator(walls, impacts: in
     assert verdict.neighbours == pytest.approx(nearest, abs=1e-6)
 
 
+@pytest.mark.parametrize("past", [-1e-16, 0.0, 1e-16, 1e-12])
+def test_sites_that_meet_their_walls_at_once_all_bounce_whatever_the_rounding(past: float) -> None:
+    """A state in which one of three sites is past its wall already, by next to nothing."""
+    orbit = settled((None, 0.6), 0.9)
+    t, on = orbit.times[0], {"lattice": cb.OpenChain(3), "a": 0.9, "walls": (None, 0.6)}
+    seed = np.array([0.6, 0.6 + past, 0.6]), np.full(3, orbit.incoming[0])
+    again = orbit_at(cb.shooting(seed, t=t, **on, **ONE_WALL))
+    assert sorted(again.section.impacts) == [(0, 1), (1, 1), (2, 1)]
+    assert again.times == pytest.approx(np.full(3, t), abs=1e-9)
+
+
 def test_between_unequal_walls_only_shifts_by_whole_periods_make_images() -> None:
     walls = {0: (-0.55, 0.7), 1: None, 2: (-4, 4)}
     once = settled(walls, 0.9)

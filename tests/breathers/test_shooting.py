@@ -1078,3 +1078,14 @@ def test_a_branch_of_a_large_ring_takes_few_derivatives_and_no_eigenproblem(monk
     assert calls["outermost"] < 1.3 * len(branch)
     assert calls["jacobian"] < 4 * len(branch)
     assert calls["residual"] < 6 * len(branch)
+
+
+@pytest.mark.parametrize("to", [0.0, 1e-12, 1e-7])
+def test_a_pitchfork_is_found_between_the_last_step_and_no_coupling_at_all(to: float) -> None:
+    """Without coupling all modes of a ring but one drift, and the determinant is 0/0."""
+    on = {"k": 0.8, "lattice": cb.Ring(8)}
+    start, other = cb.symmetric(0.6961468, 0.047, **on), cb.symmetric(0.6961468, 0.01, **on)
+    branch = cb.trace(cb.shooting(start, sites=8), "gamma", within={"gamma": (to, 0.05)})
+    closed = cb.trace(other, "gamma", within={"gamma": (1e-3, 0.01)}).first("PF")
+    assert branch.first("PF")["gamma"] == pytest.approx(closed["gamma"], abs=1e-9)
+    assert closed["gamma"] == pytest.approx(0.0023467, abs=1e-7)

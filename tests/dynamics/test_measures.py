@@ -116,8 +116,10 @@ def test_number_error_and_drift_say_what_their_names_say() -> None:
     assert found.hole == pytest.approx(1.0 / 1.1, abs=0.05)
 
 
-def test_a_section_that_stands_still_does_not_turn() -> None:
-    found = rotation(np.full((50, 2), 0.3), np.zeros((50, 2)))
+@pytest.mark.parametrize("rounding", [0.0, 1e-17, 1e-16])
+def test_a_section_that_stands_still_does_not_turn(rounding: float) -> None:
+    noise = rounding * np.random.default_rng(0).standard_normal((2, 50, 2))
+    found = rotation(0.3 + noise[0], noise[1])
     assert (found.number, found.error, found.hole, found.drift) == (0.0, 0.0, 0.0, 0.0)
 
 
