@@ -9,6 +9,8 @@ from importlib.metadata import version as installed
 from pathlib import Path
 from typing import Any
 
+from contbreather.parameters import table
+
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
 sys.path.insert(0, str(HERE))
@@ -33,7 +35,10 @@ extensions = [
 exclude_patterns = ["_build", "jupyter_execute", "auto_examples/*.ipynb", "**sg_execution_times*"]
 suppress_warnings = ["config.cache"]  # the gallery's settings hold functions
 
-myst_enable_extensions = ["amsmath", "dollarmath", "deflist"]
+myst_enable_extensions = ["amsmath", "dollarmath", "deflist", "substitution"]
+HEAD = ("name", "what it is", "range, or how it is typed", "unit", "unless given")
+ROWS = [HEAD, ("---",) * len(HEAD), *table()]
+myst_substitutions = {"parameters": "\n".join(f"| {' | '.join(row)} |" for row in ROWS)}
 myst_heading_anchors = 3
 nb_execution_mode = "cache"
 nb_execution_timeout = 120

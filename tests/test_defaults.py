@@ -42,7 +42,7 @@ MEANS: dict[str, set[str]] = {
     "free": {"'a'", "None", "()"},
     "growth": {"1.5"},
     "half": {"False"},
-    "high": {"math.pi", "0.0"},
+    "high": {"math.pi", "0.0", "math.inf"},
     "image": {"False"},
     "inadmissible": {"False"},
     "inside": {"False"},

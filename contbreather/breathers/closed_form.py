@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from contbreather.breathers.closure import EPS, Closure, sprung
 from contbreather.breathers.section import Impact, Section
 from contbreather.breathers.watched import ClosedWatch
-from contbreather.checks import real
+from contbreather.checks import parameter, real
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
-from contbreather.lattice.conditions import Conditions, check_amplitude, restitution_ratio
+from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.green import TERMS, Flight, flight
 from contbreather.lattice.held import Held
 from contbreather.stability.half_period import HalfMap
@@ -85,7 +85,7 @@ class SymmetricFlight:
         object.__setattr__(self, "lattice", sprung(self.lattice, self.forcing))
         self.lattice.check(self.gamma)
         restitution_ratio(self.k)
-        check_amplitude(self.a)
+        parameter("a", self.a)
         if not (math.isfinite(real(self.phi)) and 0.0 < real(self.p) < math.inf):
             raise BadInput(
                 f"p = {self.p!r}, phi = {self.phi!r}: a breather needs a finite phase and an "

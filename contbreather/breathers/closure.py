@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers import closed_loops
 from contbreather.breathers.closed_loops import FIRST, GAMMA, A, K
+from contbreather.checks import parameter
 from contbreather.continuation.strider import Loops
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import (
@@ -32,7 +33,7 @@ from contbreather.lattice import (
     forcing_of,
     lattice_of,
 )
-from contbreather.lattice.conditions import check_amplitude, restitution_ratio
+from contbreather.lattice.conditions import restitution_ratio
 from contbreather.lattice.forcing import Series
 from contbreather.lattice.held import Held
 
@@ -179,7 +180,7 @@ def roots(
     NoSolution
         Below the fold; the sentence names the smallest a.
     """
-    a, q = check_amplitude(a), restitution_ratio(k)
+    a, q = parameter("a", a), restitution_ratio(k)
     chi = sprung(lattice, forcing).chi(gamma)
     if isinstance(forcing, Harmonic):
         found = _harmonic_roots(a, chi, q)

@@ -8,7 +8,6 @@ of the answer, and no mode needs a treatment of its own.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -28,6 +27,7 @@ from contbreather.breathers.watched import ModalWatch
 from contbreather.continuation import Point, Problem
 from contbreather.lattice import Ring
 from contbreather.lattice.conditions import Conditions
+from contbreather.parameters import NUMBERS
 from contbreather.stability.verdict import THRESHOLD
 
 FloatArray = NDArray[np.float64]
@@ -161,7 +161,7 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     shooting = ShootingEquations(section, on)
     times = {f"t{j + 1}": float(time) for j, time in enumerate(flight.t)}
     least = WEAK if _loose(section, on) else 0.0
-    bounds = dict.fromkeys(("a", "damping", "spring"), (0.0, math.inf))
+    bounds = {name: (one.low, one.high) for name, one in NUMBERS.items()}
     return orbit_problem(
         "shooting",
         shooting.flight,
@@ -173,7 +173,7 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         derivatives=shooting.derivatives,
         events=events_of(section, threshold),
         record=_columns(section, threshold),
-        domain={**bounds, "gamma": (least, on.lattice.highest_gamma), "k": (0.0, 1.0)},
+        domain={**bounds, "gamma": (least, on.lattice.highest_gamma)},
         label=f"shooting, {on.lattice.describe()}, {section.describe()}",
     )
 

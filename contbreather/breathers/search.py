@@ -12,7 +12,7 @@ import numpy as np
 from contbreather.breathers.closure import smallest_amplitude
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.symmetric import rooted, symmetric_roots
-from contbreather.breathers.zones import WINDOWS, up_to_the_fold
+from contbreather.breathers.zones import up_to_the_fold
 from contbreather.checks import check_kind, one_of, whole
 from contbreather.continuation import Branch, Point, Problem, trace
 from contbreather.continuation.boundary import named_pair
@@ -22,17 +22,11 @@ from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import forcing_of
 from contbreather.lattice.conditions import Walls
 from contbreather.lattice.finite import Lattice
+from contbreather.parameters import NAMES, NEEDED, OPTIONAL, window_of
 from contbreather.stability.verdict import THRESHOLD
 
-SMALL = ("damping", "spring")  # 0 unless given, and at least 0
 REACH = 10.0  # how far a window without end is looked at
 Window = tuple[float, float]
-
-
-def window_of(name: str) -> Window:
-    """Where a parameter is looked at unless a window is given."""
-    least = 0.0 if name in SMALL else -math.inf
-    return WINDOWS.get(name, (least, math.inf))
 
 
 def find_symmetric(free: str, within: Window, *, root: int | None = None, **given: Any) -> Any:
@@ -69,7 +63,7 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **give
     reason, refusal = "", None
     check_kind(free, str, "the name of a parameter")
     whole("root", 1 if root is None else root, 1)
-    missing = {"a", "gamma", "k"} - {free, *given}
+    missing = {*NEEDED} - {free, *given}
     if missing:
         raise BadInput(f"a breather needs {' and '.join(sorted(missing))}, too")
     within = windows({free: within})[free]
@@ -89,7 +83,7 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **give
             reason = f"at {free} = {value:.6g} {verdict.reason}"
     if refusal is not None and not reason:
         raise refusal
-    fixed = [f"{n} = {given[n]:g}" for n in ("a", "gamma", "k", *SMALL) if n in given and n != free]
+    fixed = [f"{n} = {given[n]:g}" for n in NAMES if n in given and n != free]
     raise NoSolution(
         f"no breather with {', '.join(fixed)} for {free} between {within[0]:g} and "
         f"{within[1]:g}: {reason}"
@@ -101,14 +95,14 @@ def _with(given: Mapping[str, Any], name: str, value: float) -> dict[str, Any]:
     forcing = forcing_of(given.get("forcing"))
     if name in forcing.params:
         return {**given, "forcing": forcing.at(**{name: value})}
-    one_of("the parameter", name, ("a", "gamma", "k", *SMALL, *forcing.params))
+    one_of("the parameter", name, (*NAMES, *forcing.params))
     return {**given, name: value}
 
 
 def _places(free: str, within: Window, given: Mapping[str, Any]) -> Iterator[float]:
     """Where to look for a breather in a window: first next to the fold, then evenly spread."""
     low, high = within
-    first = given.get(free, 0.0 if free in SMALL else None)
+    first = given.get(free, 0.0 if free in OPTIONAL else None)
     near = [] if first is None else [first]
     if free == "a":
         width = abs(Walls.given(given.get("walls")).position(given.get("site", 0), 1))
@@ -217,9 +211,9 @@ def _combed(name: str, given: float | None, span: Window) -> Iterator[float]:
             )
         yield given
         return
-    if name in SMALL and span[0] == 0.0:
+    if name in OPTIONAL and span[0] == 0.0:
         yield 0.0
-    open_ = math.isinf(span[1]) and name in SMALL
+    open_ = math.isinf(span[1]) and name in OPTIONAL
     low, reach = max(span[0], -REACH), 1.0 if open_ or name == "a" else REACH
     high = min(span[1], max(reach, 2.0 * low))
     for fraction in (0.5, 0.25, 0.75, 0.1, 0.9, 0.4, 0.6, 0.02, 0.98):

@@ -18,8 +18,9 @@ from contbreather.checks import flag, kind_of, number, real
 from contbreather.continuation import Point, Problem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Ring, forcing_of
-from contbreather.lattice.conditions import OWN, Conditions, Walls
+from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
+from contbreather.parameters import NAMES, NEEDED
 from contbreather.stability.verdict import THRESHOLD
 
 LONGEST = 10_000  # periods of the forcing that a seed is followed over
@@ -196,9 +197,9 @@ def _conditions(given: Mapping[str, Any], lattice: Finite, seed: Orbit | None = 
     values: dict[str, Any] = {
         name: getattr(seed, name, None) if value is None else value for name, value in given.items()
     }
-    missing = [name for name in ("a", "gamma", "k") if values[name] is None]
+    missing = [name for name in NEEDED if values[name] is None]
     if missing:
         raise BadInput(f"this seed does not know {', '.join(missing)}: give them by name.")
-    known = {name: values[name] for name in OWN if values[name] is not None}
+    known = {name: values[name] for name in NAMES if values[name] is not None}
     walls, drive = Walls.given(values["walls"]), forcing_of(values["forcing"])
     return Conditions(**known, forcing=drive, walls=walls, lattice=lattice).checked()

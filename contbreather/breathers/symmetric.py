@@ -21,7 +21,7 @@ from contbreather.breathers.road import Impacts, Offsets, Road, road
 from contbreather.breathers.section import Section
 from contbreather.breathers.symmetric_events import grazing, neimark_sacker, pitchfork, saddle_node
 from contbreather.breathers.wave_road import asymmetric_problem
-from contbreather.checks import number, real
+from contbreather.checks import parameter, real
 from contbreather.continuation import Event, Point, Problem
 from contbreather.continuation.point import Judged
 from contbreather.continuation.recipes import Recipe, maker
@@ -35,15 +35,15 @@ from contbreather.lattice import (
     forcing_of,
     lattice_of,
 )
-from contbreather.lattice.conditions import Conditions, Walls, check_amplitude, restitution_ratio
+from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.held import held
 from contbreather.lattice.plain import made, plain
+from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.verdict import THRESHOLD
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
-# forcing that is at a = 1, where the far field grazes. Without forcing there is no phase, and at
-# gamma = 1/4 everything ends in one singular point.
-DOMAIN = {"gamma": (0.0, 0.24999), "k": (0.0, 1.0), "a": (1e-9, math.inf), "p": (1e-14, math.inf)}
+# forcing that is at a = 1, where the far field grazes.
+DOMAIN = {name: NUMBERS[name].domain for name in NEEDED} | {"p": (1e-14, math.inf)}
 
 
 @road(1)
@@ -155,8 +155,13 @@ def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
     """With springs as far as the band stays below the drive, along either parameter by itself."""
     if "spring" not in breather.flight.forcing.params:
         return DOMAIN
-    low, high = 0.25 * breather.spring, 0.99999 - 4.0 * breather.gamma
-    return {**DOMAIN, "gamma": (0.0, 0.24999 - low), "spring": (0.0, high)}
+    gamma = NUMBERS["gamma"]
+    stiffest = 1.0 - gamma.margin - 4.0 * breather.gamma
+    return {
+        **DOMAIN,
+        "gamma": (0.0, gamma.domain[1] - 0.25 * breather.spring),
+        "spring": (0.0, stiffest),
+    }
 
 
 def events_on(lattice: Lattice, threshold: float = THRESHOLD) -> tuple[Event, ...]:
@@ -272,7 +277,7 @@ def symmetric_roots(
         return symmetric_orbits(site, on)
     chain = lattice_of(lattice)
     if more:
-        number("damping", damping, 0.0, 1e300, "at least 0")
+        parameter("damping", damping)
         raise BadInput(
             f"site = {site!r}, damping = {damping!r}, walls = {walls!r}: on the infinite chain "
             "site 0 impacts, between walls at -1 and 1, without damping; take a ring or another "
@@ -280,7 +285,7 @@ def symmetric_roots(
         )
     if spring is not None and chain.sites is None:
         drive = held(drive, InfiniteChain(spring).spring)
-    gamma, a = sprung(chain, drive).check(gamma), check_amplitude(a)
+    gamma, a = sprung(chain, drive).check(gamma), parameter("a", a)
     restitution_ratio(k)
     found = roots(a, gamma, float(k), drive, chain)
     if not all(math.isfinite(p) for p, _ in found):

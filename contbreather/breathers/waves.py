@@ -34,9 +34,10 @@ from contbreather.breathers.section import (
     told_apart,
     told_apart_slopes,
 )
+from contbreather.checks import parameter
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, wave_loops
-from contbreather.lattice.conditions import Conditions, check_amplitude, restitution_ratio
+from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.periodic import check_coupling, wave, wave_slope, wave_table
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.saltation import Kick
@@ -305,7 +306,7 @@ class GreenFlight:
 
     def __post_init__(self) -> None:
         on = self.conditions
-        check_amplitude(on.a)
+        parameter("a", on.a)
         restitution_ratio(on.k)
         check_coupling(on.lattice, on.gamma, self.section.turns)
         sites = self.equations.section.hit  # or a sentence why there are no equations

@@ -22,7 +22,7 @@ from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.regions import PROBES, Box, Region, regions
 from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
 from contbreather.breathers.symmetric_events import unstable
-from contbreather.checks import flag
+from contbreather.checks import flag, parameter
 from contbreather.columns import Columns, stacked
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.checkpoint import Checkpoint, Inner, Nowhere, Save, checkpoint
@@ -31,8 +31,8 @@ from contbreather.continuation.point import Meeting
 from contbreather.continuation.starts import windows
 from contbreather.display import Shown
 from contbreather.errors import BadInput, NoSolution, keeping, taking
-from contbreather.lattice import Forcing, Lattice, check_gamma, forcing_of, lattice_of
-from contbreather.lattice.conditions import check_amplitude, restitution_ratio
+from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
+from contbreather.parameters import window_of
 from contbreather.progress import Counter, line_of
 from contbreather.stability.verdict import THRESHOLD
 
@@ -40,17 +40,13 @@ Array = NDArray[np.float64]
 Place = Point | Mapping[str, float]
 
 KINDS = ("LP", "GR", "PF", "NS")
-# Windows of the three parameters, and the comb of values on which branches are traced.
-# At gamma = 1/4 everything ends in one point; 0.2499 is as near as numbers are vouched for.
-# At k = 1 the arc is neutral throughout, at k = 0 the impact of site 0 degenerates.
-WINDOWS = {"gamma": (0.0, 0.2499), "a": (0.0, math.inf), "k": (0.01, 0.999)}
+# the comb of values on which branches are traced
 COMBS = {
     "gamma": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.235, 0.245),
     "k": (0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 0.99, 0.997, 0.999),
     "a": (0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
 }
 PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
-CHECKS: dict[str, Any] = {"a": check_amplitude, "gamma": check_gamma, "k": restitution_ratio}
 FEWEST = 80  # points on a curve
 FAMILIES = ("upper", "lower")  # breathers before and behind a fold
 JOINT = "NS-NS"  # between two pieces of the envelope that is the paper's rule on a ring
@@ -150,7 +146,7 @@ class Zones(Columns, Shown):
         for i, name in enumerate(self.pair if within is not None else ()):
             across = np.linspace(*spans[1 - i], PROBES + 2)[1:-1].tolist()
             ends = list(spans[i])
-            reach = {**WINDOWS, **windows(within)}[name]
+            reach = windows(within).get(name, window_of(name))
             for end in (0, 1):
                 # beyond the outermost curve nothing changes: any breather there speaks for all
                 beyond = 0.5 * (ends[end] + reach[end])
@@ -324,8 +320,7 @@ def zones(
     if np.iterable(value) and not isinstance(value, str):
         shared = {"forcing": forcing, "lattice": lattice, "within": within, "progress": progress}
         return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds)
-    CHECKS[name](value)
-    value = float(value)
+    value = parameter(name, value)
     if name == "k" and value in (0.0, 1.0):
         raise BadInput(
             f"k = {value:g}: zones need 0 < k < 1. At k = 1 the folds are at a = 0 and every "
@@ -524,12 +519,12 @@ def up_to_the_fold(event: Event) -> Event:
 
 
 def _narrowed(name: str, window: tuple[float, float] | None) -> tuple[float, float]:
-    low, high = WINDOWS[name]
+    low, high = reach = window_of(name)
     if window is None:
         return low, high
     low, high = max(low, window[0]), min(high, window[1])
     if not low < high:
-        raise BadInput(f"the window {window} of {name!r} leaves nothing of {WINDOWS[name]}")
+        raise BadInput(f"the window {window} of {name!r} leaves nothing of {reach}")
     return low, high
 
 

@@ -33,13 +33,14 @@ from contbreather.certified.closure import equations
 from contbreather.certified.points import UNKNOWNS, zero_near
 from contbreather.certified.walls import admissible
 from contbreather.certified.winding import unstable_count
+from contbreather.parameters import NUMBERS
 
 NARROW = 1e-9  # where breathers or their clearance are not proved, tiles are halved down to this
 COUNTED = 1e-5  # and where only the number of multipliers is not proved
 OVERLAP = 1e-12  # by which tiles reach beyond the points that they share
 MOST = 400  # tiles between two points of a branch
 TURNING = 0.03  # of a unit tangent: with less, the curve turns over in the parameter
-DOMAIN = {"gamma": (0.0, 0.25), "k": (0.0, 1.0)}
+DOMAIN = {name: (NUMBERS[name].low, NUMBERS[name].high) for name in ("gamma", "k")}
 
 Place = tuple[float, ...]  # p, phi, parameter
 

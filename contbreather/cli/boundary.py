@@ -5,8 +5,9 @@ from __future__ import annotations
 import contbreather as cb
 from contbreather.cli.branch import leave
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import PARAMETERS, Keep, Span, Where, interval
+from contbreather.cli.options import Keep, Where, Window, interval
 from contbreather.errors import BadInput
+from contbreather.parameters import NEEDED
 
 KINDS = ("LP", "PF", "PD", "NS", "GR")
 
@@ -16,7 +17,7 @@ def boundary(
     where: Where = Where(),
     *,
     pair: tuple[str, str] = ("gamma", "a"),
-    window: Span | None = None,
+    window: Window = None,
     into: Keep = Keep(),
 ) -> None:
     """A curve of folds (LP), pitchforks (PF), Neimark-Sacker points (NS), grazings (GR) or period
@@ -33,10 +34,7 @@ def boundary(
     kind
         LP, PF, PD, NS or GR.
     pair
-        The two parameters to vary.
-    window
-        Lowest and highest value of the first; 0 to 0.2499 for gamma, 0.01 to 0.999 for k unless
-        given.
+        The two parameters to vary; the window is that of the first.
     """
     into.check(where.read)
     wanted = _kind(kind)
@@ -44,7 +42,7 @@ def boundary(
     first, second = pair
     if first == second:
         raise BadInput(f"--pair {first} {second}: two different parameters are expected")
-    given = where.need(*(name for name in PARAMETERS if name not in pair))
+    given = where.need(*(name for name in NEEDED if name not in pair))
     within = {first: interval(first, window, on.reach), second: interval(second, None, {})}
     like = {**given, **on.given, "within": within, "threshold": on.threshold}
     seed = cb.breathers.find_event(wanted, pair, **like)

@@ -23,23 +23,15 @@ from contbreather.cli.output import (
     to_json,
 )
 from contbreather.errors import BadInput
+from contbreather.parameters import CHOICES, NAMES, NEEDED, NUMBERS, usual_windows, window_of
 
 if TYPE_CHECKING:
     from cyclopts import Token
 
-HARMONIC = "-cos(t)"
-ROUND = 1e-6  # a window that is wider than its parameter's by less is as good as the same
-PARAMETERS = ("a", "gamma", "k")
-NAMES = (*PARAMETERS, "damping", "spring")
-MEANING = {
-    "a": "the amplitude of the forcing",
-    "gamma": "the coupling, in [0, 1/4)",
-    "k": "the restitution coefficient, in [0, 1]",
-    "damping": "at least 0",
-    "spring": "at least 0",
-}
+HARMONIC: str = CHOICES["forcing"].default
 Span = tuple[float, float]
 T = TypeVar("T")
+ROUND = 1e-6  # a window that is wider than its parameter's by less is as good as the same
 
 
 def whole_number(_: Any, tokens: Sequence[Token]) -> int:
@@ -60,7 +52,26 @@ def some_workers(kind: Any, tokens: Sequence[Token]) -> int:
 
 Whole = Annotated[int, Parameter(converter=whole_number)]
 Workers = Annotated[int, Parameter(converter=some_workers)]
-Formula = Annotated[str, Parameter(allow_leading_hyphen=True)]
+
+
+def about(name: str) -> Parameter:
+    """What help says of a parameter of the model."""
+    return Parameter(help={**NUMBERS, **CHOICES}[name].help)
+
+
+def looked_at(name: str) -> Parameter:
+    """What help says of its window."""
+    low, high = window_of(name)
+    usual = "all" if high == math.inf else f"{low:g} to {high:g}"
+    number = NUMBERS[name]
+    words = f"Lowest and highest {number.meaning} to look at, {usual} unless given{number.rim}."
+    return Parameter(help=words)
+
+
+Formula = Annotated[str, Parameter(allow_leading_hyphen=True), about("forcing")]
+Window = Annotated[
+    Span | None, Parameter(help=f"Lowest and highest value; {usual_windows()} unless given.")
+]
 
 
 @Parameter(name="*")
@@ -70,44 +81,24 @@ class Where:
 
     Parameters
     ----------
-    a
-        Amplitude of the forcing.
-    gamma
-        Coupling, in [0, 1/4) on chain and ring.
-    k
-        Restitution, in [0, 1].
-    damping
-        Linear damping of every site.
-    spring
-        On-site stiffness.
-    lattice
-        ring:20, open:9, open:9:fixed, grid:5x5, grid:5x5:periodic, a stiffness matrix in a .csv, a
-        graph in a .graphml; the infinite chain unless given.
     sites
         Short for --lattice ring:N; of a point, that ring as well.
     threshold
         On finite lattices: modulus over a period beyond which it is unstable, 1.005 unless given.
-    site
-        The site that impacts.
-    walls
-        LOW,HIGH of all sites, or SITE:LOW,HIGH of one, once for each; a wall that is not there is
-        none. -1,1 unless given.
-    forcing
-        F(t)/a as a formula in t, antisymmetric over half the period 2 pi.
     set
         NAME=VALUE of a parameter in the formula.
     """
 
-    a: float | None = None
-    gamma: float | None = None
-    k: float | None = None
-    damping: float | None = None
-    spring: float | None = None
-    lattice: str | None = None
+    a: Annotated[float | None, about("a")] = None
+    gamma: Annotated[float | None, about("gamma")] = None
+    k: Annotated[float | None, about("k")] = None
+    damping: Annotated[float | None, about("damping")] = None
+    spring: Annotated[float | None, about("spring")] = None
+    lattice: Annotated[str | None, about("lattice")] = None
     sites: Whole | None = None
     threshold: float | None = None
-    site: Whole = 0
-    walls: Annotated[tuple[str, ...], Parameter(allow_leading_hyphen=True)] = ()
+    site: Annotated[Whole, about("site")] = 0
+    walls: Annotated[tuple[str, ...], Parameter(allow_leading_hyphen=True), about("walls")] = ()
     forcing: Formula = HARMONIC
     set: tuple[str, ...] = ()
 
@@ -126,7 +117,7 @@ class Where:
         """The values that were given, or which of these is missing."""
         for name in names:
             if name not in self.given:
-                raise BadInput(f"--{name} is missing: {MEANING[name]}")
+                raise BadInput(f"--{name} is missing: {_meaning(name)}")
         return self.given
 
     def drive(self, free: Iterable[str] = ()) -> cb.lattice.Forcing:
@@ -164,14 +155,6 @@ class Plane:
 
     Parameters
     ----------
-    gamma_window
-        Lowest and highest coupling to look at, 0 to 0.2499 unless given.
-    a_window
-        Lowest and highest amplitude, all unless given.
-    k_window
-        Lowest and highest restitution, 0.01 to 0.999 unless given: at 0 and 1 curves degenerate.
-    forcing
-        F(t)/a as a formula in t.
     set
         NAME=VALUE of a parameter in the formula.
     sites
@@ -183,9 +166,9 @@ class Plane:
         no upper one does.
     """
 
-    gamma_window: Span | None = None
-    a_window: Span | None = None
-    k_window: Span | None = None
+    gamma_window: Annotated[Span | None, looked_at("gamma")] = None
+    a_window: Annotated[Span | None, looked_at("a")] = None
+    k_window: Annotated[Span | None, looked_at("k")] = None
     forcing: Formula = HARMONIC
     set: tuple[str, ...] = ()
     sites: Whole | None = None
@@ -195,10 +178,9 @@ class Plane:
     @property
     def within(self) -> dict[str, Span]:
         """The windows that were given."""
-        from contbreather.breathers.zones import WINDOWS
-
-        typed = {name: getattr(self, f"{name}_window") for name in WINDOWS}
-        return {n: interval(n, window, WINDOWS) for n, window in typed.items() if window}
+        typed = {name: getattr(self, f"{name}_window") for name in NEEDED}
+        reach = {name: window_of(name) for name in NEEDED}
+        return {name: interval(name, span, reach) for name, span in typed.items() if span}
 
     def on(self, *begin: str) -> On:
         """What breathers live on, with further assignments."""
@@ -226,12 +208,10 @@ class On(NamedTuple):
     @property
     def reach(self) -> dict[str, Span]:
         """The domain of each parameter that has one."""
-        from contbreather.breathers.symmetric import DOMAIN
-
-        own = {"damping": (0.0, math.inf), "spring": (0.0, math.inf)}
+        reach = {name: one.domain for name, one in NUMBERS.items()}
         if getattr(self.lattice, "highest_gamma", 0.0) == math.inf:
-            own["gamma"] = (0.0, math.inf)
-        return {**DOMAIN, **own}
+            reach["gamma"] = (0.0, math.inf)
+        return reach
 
     def entry(self) -> dict[str, Any]:
         """For JSON; of the infinite chain the forcing alone."""
@@ -276,10 +256,12 @@ def _check_name(name: str, forcing: cb.lattice.Forcing) -> None:
         raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")
 
 
+def _meaning(name: str) -> str:
+    return f"the {NUMBERS[name].meaning}, {NUMBERS[name].span}" if name in NUMBERS else "bounded"
+
+
 def interval(name: str, window: Span | None, reach: Mapping[str, Span]) -> Span:
     """What was typed, as far as it lies in `reach`; by default all that is looked at."""
-    from contbreather.breathers.search import window_of
-
     if window is None:
         return window_of(name)
     low, high = reach.get(name, (-math.inf, math.inf))
@@ -289,7 +271,7 @@ def interval(name: str, window: Span | None, reach: Mapping[str, Span]) -> Span:
             f"window {typed} of {name}: two finite numbers were expected, the smaller first"
         )
     inside = max(low, window[0]), min(high, window[1])
-    meaning = MEANING.get(name, "bounded")
+    meaning = _meaning(name)
     if not inside[0] < inside[1]:
         raise BadInput(f"the window {typed} contains no breather: {name} is {meaning}")
     if max(abs(inside[0] - window[0]), abs(inside[1] - window[1])) > ROUND:
@@ -309,19 +291,17 @@ class Along:
     ----------
     free
         Parameter to vary: a, gamma, k, damping, spring, or one of the forcing's.
-    window
-        Lowest and highest value; 0 to 0.2499 for gamma, 0.01 to 0.999 for k unless given.
     """
 
     free: str | None = None
-    window: Span | None = None
+    window: Window = None
 
     def start(self, where: Where, root: int | None = None) -> Start:
         """A breather at the value of the free parameter, if one is given, or in its window."""
         if self.free is None:
             raise BadInput("--free is missing: which parameter is to vary, a for instance?")
         free, on = self.free, where.on(self.free)
-        given = where.need(*(name for name in PARAMETERS if name != free))
+        given = where.need(*(name for name in NEEDED if name != free))
         span = interval(free, self.window, on.reach)
         near = (given[free], given[free]) if free in given else span
         if not span[0] <= near[0] <= near[1] <= span[1]:

@@ -6,9 +6,10 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
-from contbreather.cli.options import NAMES, PARAMETERS, On, Where, Whole
+from contbreather.cli.options import On, Where, Whole
 from contbreather.cli.output import say, sentences, to_json
 from contbreather.errors import NotConverged
+from contbreather.parameters import NAMES, NEEDED, OPTIONAL
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -31,7 +32,7 @@ def point(
     """
     from contbreather.breathers.symmetric import rooted
 
-    values, rule = where.need(*PARAMETERS), where.on()
+    values, rule = where.need(*NEEDED), where.on()
     # of a point, --sites asks for a ring besides the infinite chain
     on = rule if where.lattice else replace(where, sites=None, threshold=None).on()
     found: tuple[Any, ...] = cb.breathers.symmetric_roots(**{**values, **on.given})
@@ -103,7 +104,7 @@ def _table(content: dict[str, Any]) -> Table:
     table.add_column()
     table.add_column(justify="right")
     for name in (*NAMES, "p", "phi", "chi"):
-        if content[name] or name not in ("damping", "spring"):
+        if content[name] or name not in OPTIONAL:
             table.add_row(name, f"{content[name]:.15g}")
     table.add_row("max |u_1|", f"{content['max_neighbour']:.15g}")
     for mu in content.get("multipliers", ()) if content["admissible"] else ():

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 import contbreather as cb
 from contbreather.cli.interrupts import computing, end
-from contbreather.cli.options import PARAMETERS, KeepRun, On, Where, Whole
+from contbreather.cli.options import KeepRun, On, Where, Whole
 from contbreather.cli.output import (
     note,
     printed,
@@ -25,6 +25,7 @@ from contbreather.cli.output import (
 from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
 from contbreather.cli.starts import read_state, write_state
 from contbreather.errors import BadInput
+from contbreather.parameters import NEEDED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -104,7 +105,7 @@ class Asked:
             return self._simulate(where, bar)
 
     def _simulate(self, where: Where, bar: Bar) -> Seen:
-        values, on = where.need(*PARAMETERS), where.on()
+        values, on = where.need(*NEEDED), where.on()
         lattice = None if on.lattice.sites is None else on.lattice
         state, t0 = (
             self._read(where, lattice) if self.start is not None else _breather(where, on, lattice)
@@ -262,7 +263,7 @@ def _window(run: Any, site: int) -> Any:
 def _content(seen: Seen, where: Where, asked: Asked) -> dict[str, Any]:
     run, c = seen.run, seen.run.conditions
     content: dict[str, Any] = {
-        **where.need(*PARAMETERS),
+        **where.need(*NEEDED),
         "damping": c.damping,
         "forcing": c.forcing.describe(),
         "m": asked.smooth,

@@ -37,11 +37,11 @@ def zones(
     a
         Amplitude: diagrams in (k, gamma) instead.
     """
-    from contbreather.breathers.zones import CHECKS
+    from contbreather.checks import parameter
 
     name, values = _fixed(k, gamma, a)
     for value in values:
-        CHECKS[name](value)
+        parameter(name, value)
     if into == Keep():
         into = Keep(csv=TABLE, output=FIGURE)
     into.check()

@@ -52,8 +52,9 @@ from contbreather.dynamics.stretches import (
 from contbreather.errors import BadInput
 from contbreather.files import alone, named, write_whole
 from contbreather.lattice import Forcing, Fourier, Harmonic, Ring
-from contbreather.lattice.conditions import OWN, Conditions, Walls
+from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, Lattice
+from contbreather.parameters import NAMES
 from contbreather.progress import Bar, line_of
 
 EVERY = 5.0  # seconds between two files: what a crash may cost
@@ -262,7 +263,7 @@ def open_recording(path: str | Path) -> Recording:
     arrays = _arrays(folder / START)
     with _as_written(folder / START):
         about = json.loads(str(arrays["about"]))
-        numbers = {name: about[name] for name in OWN}
+        numbers = {name: about[name] for name in NAMES}
         own = tuple((site, (low, high)) for site, low, high in about["walls"][1:])
         walls = Walls(tuple(about["walls"][0]), own)
         lattice = _lattice(arrays, about["lattice"])
@@ -292,7 +293,7 @@ def _about(run: Recording) -> dict[str, Any]:
     c = run.conditions
     sample = run.sample and {**vars(run.sample), "sites": list(run.sample.sites)}
     harmonics = [[int(m), float(c), float(s)] for m, c, s in c.forcing.harmonics]
-    numbers = {name: float(getattr(c, name)) for name in OWN}
+    numbers = {name: float(getattr(c, name)) for name in NAMES}
     walls = [list(c.walls.of_all), *([site, *pair] for site, pair in c.walls.own)]
     where = {"walls": walls, "lattice": getattr(c.lattice, "name", "ring")}
     return {**numbers, "t0": run.t0, "sample": sample, **where, "harmonics": harmonics}

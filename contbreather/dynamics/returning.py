@@ -33,6 +33,7 @@ from contbreather.dynamics.tangent import variation
 from contbreather.errors import BadInput, ContbreatherError, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.plain import plain
+from contbreather.parameters import NUMBERS, SMOOTH
 
 Array = NDArray[Any]
 Params = Mapping[str, float]
@@ -43,10 +44,7 @@ SOLVED = 1e-11
 ROUGHLY = 1e-9  # to what an integration is exact
 OUTSIDE = 1e-9  # a modulus is above 1 by more than rounding
 INTEGRATED = 1e-7  # and by more than the integration's error
-DOMAIN = {
-    "a": (0.0, math.inf),
-    "k": (0.0, 1.0),
-    "lam": (0.0, 2.0),
+DOMAIN = {name: (one.low, one.high) for name, one in {**NUMBERS, **SMOOTH}.items()} | {
     "m": (1.0, 2000.0),
     "damping": (0.0, HEAVIEST),
     "spring": (0.0, HEAVIEST**2),

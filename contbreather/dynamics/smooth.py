@@ -23,11 +23,10 @@ from typing import Any, ClassVar, Protocol, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import number
+from contbreather.checks import parameter
 from contbreather.dynamics.impacting import States, advance, gathered
 from contbreather.dynamics.states import (
     PERIOD,
-    RANGES,
     State,
     Under,
     check_state,
@@ -62,7 +61,7 @@ def damping_of(k: float) -> float:
     >>> round(damping_of(0.8), 12)
     0.141700600391
     """
-    k = number("k", k, *RANGES["k"])
+    k = parameter("k", k)
     if k == 0.0:
         return 2.0
     loss = -math.log(k)
@@ -77,7 +76,7 @@ def restitution_of(lam: float) -> float:
     >>> round(restitution_of(damping_of(0.8)), 12)
     0.8
     """
-    lam = number("lam", lam, *RANGES["lam"])
+    lam = parameter("lam", lam)
     if lam == 2.0:
         return 0.0
     return math.exp(-0.5 * math.pi * lam / math.sqrt(1.0 - 0.25 * lam * lam))

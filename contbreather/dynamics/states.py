@@ -8,11 +8,12 @@ from typing import Any, NamedTuple, Protocol, Required, TypedDict, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import number, state_rows
+from contbreather.checks import number, parameter, state_rows
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Ring, check_gamma, forcing_of
+from contbreather.lattice import Forcing, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
+from contbreather.parameters import NAMES, SMOOTH
 
 Array = NDArray[Any]
 PERIOD = 2.0 * math.pi
@@ -20,14 +21,11 @@ OUTSIDE = 1e-9  # beyond a wall by more than this is no rounding
 FASTEST = 1e6
 HEAVIEST = 1e4  # damping, or frequency; steps are 3/mu at most, a period takes 2 pi mu/3 of them
 
-# from where to where a simulation takes them, and what they are; lam and m on smooth walls only
-RANGES = {
-    "k": (0.0, 1.0, "a restitution coefficient between 0 and 1"),
-    "lam": (0.0, 2.0, "a damping of the wall between 0 and 2"),
-    "m": (0.5, 1e4, "a hardness of the wall from 0.5 to 1e4 (natural in (21), here any real one)"),
-    "a": (0.0, math.inf, "an amplitude, at least 0"),
-    "damping": (0.0, HEAVIEST, "a damping coefficient, at least 0 and at most 1e4"),
-    "spring": (0.0, HEAVIEST**2, "an on-site stiffness, at least 0, at most 1e8"),
+# A lattice may be at rest, or ring freely: without forcing, too. `HEAVIEST` bounds the rest.
+RANGES: dict[str, dict[str, Any]] = {
+    "a": {"above": False},
+    "damping": {"high": HEAVIEST},
+    "spring": {"high": HEAVIEST**2},
 }
 
 
@@ -108,13 +106,11 @@ def conditions_of(
 
 def ranged(on: C) -> C:
     """The same conditions, with numbers that a simulation can have."""
-    for name, allowed in RANGES.items():
+    free = {"high": HEAVIEST**2, "below": False, "why": ""}
+    coupling = {} if isinstance(on.lattice, Ring) else free
+    for name in (*NAMES, *SMOOTH):
         if hasattr(on, name):
-            number(name, getattr(on, name), *allowed)
-    number("gamma", on.gamma, -math.inf, math.inf, "a coupling")
-    if isinstance(on.lattice, Ring):
-        check_gamma(on.gamma)
-    number("gamma", on.gamma, 0.0, HEAVIEST**2, "a coupling, at least 0 and at most 1e8")
+            parameter(name, getattr(on, name), **{"gamma": coupling, **RANGES}.get(name, {}))
     return on
 
 

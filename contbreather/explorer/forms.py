@@ -9,7 +9,6 @@ from typing import Any
 
 import panel as pn
 
-from contbreather.breathers.zones import WINDOWS
 from contbreather.errors import BadInput
 from contbreather.explorer import work
 from contbreather.explorer.fields import (
@@ -28,9 +27,10 @@ from contbreather.explorer.session import Session
 from contbreather.explorer.state import Chosen, State
 from contbreather.explorer.style import CARD, FORMS, WORDS
 from contbreather.lattice.typed import as_typed
+from contbreather.parameters import NEEDED, window_of
 
-ABOUT = ("a", "gamma", "k")
-REACH = {**WINDOWS, "a": (0.01, 1.2)}  # where walks go unless a window is typed
+# where walks go unless a window is typed
+REACH = {**{name: window_of(name) for name in NEEDED}, "a": (0.01, 1.2)}
 MANY = 100_000  # periods
 
 
@@ -98,7 +98,7 @@ class Forms:
     # --- walks ------------------------------------------------------------------------------------
 
     def _walks(self) -> Any:
-        self.free = pn.widgets.Select(label="in", options=list(ABOUT), sizing_mode="stretch_width")
+        self.free = pn.widgets.Select(label="in", options=list(NEEDED), sizing_mode="stretch_width")
         low, high = (f"{end:g}" for end in REACH["a"])
         self.window = {
             "low": Field("from", low, a_number("from")),
@@ -123,8 +123,8 @@ class Forms:
     # --- special points ---------------------------------------------------------------------------
 
     def _special(self) -> Any:
-        self.first = pn.widgets.Select(label="in", options=list(ABOUT), value="gamma", width=120)
-        self.second = pn.widgets.Select(label="and", options=list(ABOUT), value="a", width=120)
+        self.first = pn.widgets.Select(label="in", options=list(NEEDED), value="gamma", width=120)
+        self.second = pn.widgets.Select(label="and", options=list(NEEDED), value="a", width=120)
         self.special_trouble = Trouble()
         return card(
             "From a special point",
@@ -232,7 +232,7 @@ class Forms:
         if orbit is None or orbit is self.orbit:
             return
         self.orbit, lattice = orbit, orbit.lattice
-        texts = {name: f"{getattr(orbit, name):.10g}" for name in ABOUT}
+        texts = {name: f"{getattr(orbit, name):.10g}" for name in NEEDED}
         for name in ("spring", "damping"):
             value = getattr(orbit, name)
             texts[name] = f"{value:.10g}" if value or name in chosen.free else ""

@@ -8,40 +8,17 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
-from contbreather.checks import number, real, whole
+from contbreather.checks import parameter, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.modes import InfiniteChain
-
-OWN = ("a", "gamma", "k", "damping", "spring")
+from contbreather.parameters import NAMES
 
 
 def restitution_ratio(k: float) -> float:
-    """``q = (1 - k)/(1 + k)``: the loss at an impact.
-
-    Raises
-    ------
-    BadInput
-        If k is not a number in [0, 1].
-    """
-    number = real(k)
-    if 0.0 <= number <= 1.0:
-        return (1.0 - number) / (1.0 + number)
-    raise BadInput(
-        f"k = {k!r}: the restitution coefficient must be a number with 0 <= k <= 1 "
-        "(0 sticks, 1 loses nothing); choose k in that range."
-    )
-
-
-def check_amplitude(a: float) -> float:
-    """Return ``a`` as a float; `BadInput` unless it is finite and positive."""
-    number = real(a)
-    if 0.0 < number < math.inf:
-        return number
-    raise BadInput(
-        f"a = {a!r}: the amplitude of the forcing must be a finite number > 0; "
-        "its sign belongs in the forcing."
-    )
+    """``q = (1 - k)/(1 + k)``: the loss at an impact; `BadInput` unless k is in [0, 1]."""
+    number = parameter("k", k)
+    return (1.0 - number) / (1.0 + number)
 
 
 Pair = tuple[float, float]  # low and high; infinite where there is no wall
@@ -135,16 +112,16 @@ class Conditions:
     def checked(self) -> Conditions:
         """The same, or what is wrong with it. Derivatives by differences look beyond the edges of
         the domain, where everything is defined still: so this is asked where numbers come in."""
-        check_amplitude(self.a)
-        restitution_ratio(self.k)
-        for name in ("gamma", "damping", "spring"):
-            number(name, getattr(self, name), 0.0, 1e300, "at least 0")
+        for name in NAMES:
+            # how far gamma goes its lattice knows: no further than 1/4 on chain and ring
+            other = {"high": math.inf, "why": ""} if name == "gamma" else {}
+            parameter(name, getattr(self, name), **other)
         return self.at({})
 
     @property
     def params(self) -> dict[str, float]:
         """All parameters by name, those of the forcing last."""
-        return {**{name: getattr(self, name) for name in OWN}, **self.forcing.params}
+        return {**{name: getattr(self, name) for name in NAMES}, **self.forcing.params}
 
     def at(self, params: Mapping[str, float]) -> Conditions:
         """The same with other values of its parameters."""
@@ -156,6 +133,6 @@ class Conditions:
 def _moved(forcing: Forcing, walls: Walls, lattice: Any, values: tuple[float, ...]) -> Conditions:
     names = tuple(forcing.params)
     if names:
-        forcing = forcing.at(**dict(zip(names, values[len(OWN) :], strict=True)))
-    a, gamma, k, damping, spring = values[: len(OWN)]
+        forcing = forcing.at(**dict(zip(names, values[len(NAMES) :], strict=True)))
+    a, gamma, k, damping, spring = values[: len(NAMES)]
     return Conditions(a, gamma, k, damping, spring, forcing, walls, lattice)

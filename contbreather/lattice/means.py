@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import real
+from contbreather.checks import real, shown
 from contbreather.errors import BadInput
 from contbreather.lattice.green import TERMS, flight
 from contbreather.lattice.zeta import binomial, zeta
+from contbreather.parameters import NUMBERS
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -39,11 +40,7 @@ def check_gamma(gamma: float, spring: float = 0.0) -> float:
     if found >= 0.0 and held >= 0.0 and 4.0 * found < 1.0 - held:
         return found
     if not held:
-        raise BadInput(
-            f"gamma = {gamma!r}: the coupling must be a number with 0 <= gamma < 1/4, so that the "
-            "band [0, 2 sqrt(gamma)] stays below the forcing frequency 1; choose gamma in that "
-            "range."
-        )
+        raise BadInput(f"gamma = {shown(gamma)}: {NUMBERS['gamma'].wanted}")
     raise BadInput(
         f"gamma = {gamma!r}, spring = {spring!r}: the band [spring, spring + 4 gamma] of w^2 must "
         "stay below 1, the harmonic of the drive that the infinite chain would radiate; choose "

@@ -13,12 +13,13 @@ import numpy as np
 
 from contbreather.continuation.recipes import NotPlain
 from contbreather.errors import BadInput
-from contbreather.lattice.conditions import OWN, Conditions, Pair, Walls
+from contbreather.lattice.conditions import Conditions, Pair, Walls
 from contbreather.lattice.finite import Lattice
 from contbreather.lattice.forcing import Fourier, Harmonic, Samples
 from contbreather.lattice.formula import Symbolic
 from contbreather.lattice.held import Held, held
 from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.parameters import NAMES
 
 __all__ = ["NotPlain", "made", "plain"]
 
@@ -95,7 +96,7 @@ def _walls(of: Plain) -> Walls:
 
 
 def _of_conditions(on: Conditions) -> dict[str, Any]:
-    numbers = {name: float(getattr(on, name)) for name in OWN}
+    numbers = {name: float(getattr(on, name)) for name in NAMES}
     return {**numbers, **{name: plain(getattr(on, name)) for name in _BESIDE}}
 
 
@@ -103,7 +104,7 @@ _BESIDE = ("forcing", "walls", "lattice")
 
 
 def _conditions(of: Plain) -> Conditions:
-    values = {name: made(of[name]) for name in (*OWN, *_BESIDE)}
+    values = {name: made(of[name]) for name in (*NAMES, *_BESIDE)}
     return Conditions(**values)
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from contbreather.breathers import Orbit, smallest_amplitude, symmetric
-from contbreather.checks import number, real, row, whole
+from contbreather.checks import parameter, real, row, whole
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.characteristic import D
@@ -167,7 +167,7 @@ def pitchfork_line(
     nu = 1j * _depth(threshold)
     chain, ring = InfiniteChain(), Ring(sites)
     couplings = row("gamma", gamma, "couplings")
-    number("k", k, 0.0, 1.0, "a restitution coefficient")
+    parameter("k", k)
     amplitudes = []
     for one in couplings.tolist():
         at_zero = complex(D(one, nu, k, 0.0, ring)).real

@@ -31,6 +31,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.checks import parameter
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain
 from contbreather.lattice.periodic import check_coupling
@@ -100,8 +101,7 @@ class OrbitMap:
             raise BadInput("an orbit without impacts is neutral: give at least one impact.")
         if not all(math.isfinite(kick.time + kick.b) for kick in kicks):
             raise BadInput("the times of impact and the entries b must be finite numbers.")
-        if not 0.0 <= self.k <= 1.0:
-            raise BadInput(f"k = {self.k}: a restitution coefficient lies between 0 and 1.")
+        parameter("k", self.k)
         times = [kick.time for kick in kicks]
         late = times[-1] - times[0] - 2.0 * math.pi * self.periods
         if late > 0.0 or any(b < a for a, b in pairwise(times)):

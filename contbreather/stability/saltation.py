@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import number, real, shown
+from contbreather.checks import number, parameter, real, shown
 from contbreather.errors import BadInput
 
 
@@ -34,10 +34,7 @@ def check_kb(k: float, b: float) -> tuple[float, float]:
         for x, given in zip(numbers, (k, b), strict=True)
     ):
         raise BadInput(f"k = {k!r}, b = {b!r}: both must be real numbers.")
-    if not 0.0 <= numbers[0] <= 1.0:
-        raise BadInput(
-            f"k = {k!r}: a restitution coefficient lies between 0 and 1; choose one there."
-        )
+    parameter("k", numbers[0])
     if not math.isfinite(numbers[1]):
         raise BadInput(f"b = {b!r}: the entry of the saltation matrix must be a finite number.")
     return numbers

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidationInfo,
+    model_validator,
+)
 
 from contbreather.breathers.zones import PAIRS
-from contbreather.checks import number, spread
-from contbreather.lattice import Forcing, check_gamma, forcing_of
-from contbreather.lattice.conditions import check_amplitude, restitution_ratio
+from contbreather.checks import number, parameter, spread
+from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.typed import lattice_by, walls_by
 from contbreather.stability.verdict import THRESHOLD
 
@@ -42,23 +49,17 @@ def window(given: Any) -> list[float]:
     return [float(one) for one in numbers]
 
 
-def within(check: Callable[[float], object]) -> AfterValidator:
-    """Each of several values in the range that a check knows."""
-
-    def checked(several: list[float]) -> list[float]:
-        for one in several:
-            check(one)
-        return several
-
-    return AfterValidator(checked)
+def in_range(given: Any, info: ValidationInfo) -> Any:
+    """A value, or several, in the range of the parameter that has the name of the key."""
+    for one in given if isinstance(given, list) else [given]:
+        parameter(str(info.field_name), one)
+    return given
 
 
 Values = Annotated[list[float], PlainValidator(values)]
-Gamma = Annotated[list[float], PlainValidator(values), within(check_gamma)]
-K = Annotated[list[float], PlainValidator(values), within(restitution_ratio)]
-Amplitude = Annotated[list[float], PlainValidator(values), within(check_amplitude)]
+Ranged = Annotated[list[float], PlainValidator(values), AfterValidator(in_range)]
 Window = Annotated[list[float], PlainValidator(window)]
-Least = Annotated[float, Field(ge=0.0)]
+Least = Annotated[float, AfterValidator(in_range)]
 
 
 class Table(BaseModel):
@@ -126,6 +127,11 @@ class Chain(Table):
 class Grid(Table):
     """Values of parameters: something for each combination of them."""
 
+    a: Ranged | None = None
+    gamma: Ranged | None = None
+    k: Ranged | None = None
+    over: dict[str, Values] = Field(default_factory=dict)
+
     @property
     def given(self) -> list[str]:
         """Those of the three that have values."""
@@ -140,10 +146,6 @@ class Branch(Grid):
     """Breathers along one parameter; of several values a branch each."""
 
     free: str
-    a: Amplitude | None = None
-    gamma: Gamma | None = None
-    k: K | None = None
-    over: dict[str, Values] = Field(default_factory=dict)
     window: Window | None = None
     root: Annotated[int, Field(ge=1)] | None = None
     largest: Annotated[float, Field(gt=0.0)] | None = None
@@ -180,10 +182,6 @@ class Boundary(Table):
 class Zones(Grid):
     """Zone diagrams, one for each value."""
 
-    a: Amplitude | None = None
-    gamma: Gamma | None = None
-    k: K | None = None
-    over: dict[str, Values] = Field(default_factory=dict)
     within: dict[str, Window] = Field(default_factory=dict)
     past_folds: bool = False
 

@@ -11,6 +11,7 @@ import pytest
 import contbreather as cb
 from contbreather import progress
 from contbreather.breathers import find_event, find_symmetric, search, smallest_amplitude
+from contbreather.parameters import window_of
 
 WHERE = {"gamma": (0.0, 0.24), "a": (0.86, 0.95)}
 
@@ -64,7 +65,7 @@ def looked(free: str, within: tuple[float, float], **given: Any) -> list[float]:
 
 
 def test_where_nothing_is_said_all_values_are_looked_at() -> None:
-    known = {name: search.window_of(name) for name in ("a", "gamma", "k", "damping", "spring")}
+    known = {name: window_of(name) for name in ("a", "gamma", "k", "damping", "spring")}
     assert known == {
         "a": (0.0, math.inf),
         "gamma": (0.0, 0.2499),
@@ -72,7 +73,7 @@ def test_where_nothing_is_said_all_values_are_looked_at() -> None:
         "damping": (0.0, math.inf),
         "spring": (0.0, math.inf),
     }
-    assert search.window_of("c3") == (-math.inf, math.inf)
+    assert window_of("c3") == (-math.inf, math.inf)
 
 
 def test_what_is_given_is_tried_first_then_the_window_from_end_to_end() -> None:

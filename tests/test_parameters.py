@@ -1,0 +1,65 @@
+"""The model's parameters are declared once: what is made of the list says the same everywhere."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+import re
+
+import pytest
+
+import contbreather as cb
+from contbreather.checks import parameter
+from contbreather.cli import main
+from contbreather.errors import BadInput
+from contbreather.explorer.forms import Forms
+from contbreather.explorer.session import Session
+from contbreather.lattice.conditions import Conditions
+from contbreather.parameters import CHOICES, NAMES, NEEDED, NUMBERS, SMOOTH, table, window_of
+from contbreather.studies.plan import Branch, Chain
+
+DECLARED = {**NUMBERS, **CHOICES}
+
+
+def test_conditions_are_what_is_declared_in_this_order_with_these_defaults() -> None:
+    fields = {one.name: one for one in dataclasses.fields(Conditions)}
+    assert tuple(fields)[: len(NAMES)] == NAMES
+    assert set(fields) == {*DECLARED} - {"site"}
+    assert {n for n in NAMES if fields[n].default is dataclasses.MISSING} == {*NEEDED}
+    assert all(fields[n].default == NUMBERS[n].default for n in NAMES if n not in NEEDED)
+
+
+def test_the_library_the_command_line_studies_and_the_explorer_have_them_all(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert set(inspect.signature(cb.symmetric).parameters) == {*DECLARED, "root"}
+    assert main(["point", "--help"]) == 0
+    said = " ".join(re.sub("[│╭╮╰╯─]", " ", capsys.readouterr().out).split())
+    for name, one in DECLARED.items():
+        assert f"--{name}" in said
+        assert " ".join(one.help.split()) in said
+    assert {*Chain.model_fields, *Branch.model_fields} >= {*DECLARED}
+    assert set(Forms(Session()).breather) == {*DECLARED}
+    assert {row[0] for row in table()} == {*DECLARED, *SMOOTH}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_in_the_range_is_taken_and_what_is_not_is_told_it(name: str) -> None:
+    low, high = NUMBERS[name].domain
+    for value in (low, min(high, 7.0)):
+        assert parameter(name, value) == value
+    for value in (low - 1.0, high + 1.0, math.nan, math.inf, "x", None, 1j):
+        with pytest.raises(BadInput, match=rf"^{name} = .*: the {NUMBERS[name].meaning} must be"):
+            parameter(name, value)
+
+
+def test_the_coupling_has_one_limit() -> None:
+    """1/4, where the band reaches the drive; curves end a margin before."""
+    top = math.nextafter(0.25, 0.0)
+    assert cb.symmetric(a=0.5, gamma=top, k=0.8).gamma == top
+    with pytest.raises(BadInput, match="0 <= gamma < 1/4"):
+        cb.symmetric(a=0.5, gamma=0.25, k=0.8)
+    with pytest.raises(BadInput, match="0 <= gamma < 1/4"):
+        cb.simulate(([0.1, 0.0], [0.0, 0.0]), a=0.5, gamma=0.25, k=0.8, periods=1)
+    assert cb.symmetric(a=0.5, gamma=0.1, k=0.8).problem.domain["gamma"] == window_of("gamma")
