@@ -11,26 +11,26 @@ from typing import Any
 import panel as pn
 from bokeh.models.widgets import Div
 
-from contbreather.checks import number
+from contbreather.checks import number, parameter
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.explorer.style import WORDS
 from contbreather.lattice.typed import lattice_by
+from contbreather.parameters import CHOICES, NUMBERS, OPTIONAL
 
 Read = Callable[[str], Any]
 MOST = 2000  # sites
 
 
+def _float(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise BadInput(f"{text!r} is not a number; 0.5, say, is one.") from None
+
+
 def a_number(name: str, low: float = -math.inf, high: float = math.inf, wanted: str = "") -> Read:
     """Text as a number in a range."""
-
-    def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            raise BadInput(f"{text!r} is not a number; 0.5, say, is one.") from None
-        return number(name, value, low, high, wanted or "a value")
-
-    return read
+    return lambda text: number(name, _float(text), low, high, wanted or "a value")
 
 
 def a_count(name: str, least: int, most: int) -> Read:
@@ -72,6 +72,19 @@ def a_lattice(text: str) -> str:
 def optional(read: Read, otherwise: Any = None) -> Read:
     """The same, but nothing typed is an answer, too."""
     return lambda text: read(text) if text.strip() else otherwise
+
+
+def of_the_model(name: str, value: str = "", read: Read = str.strip) -> Field:
+    """The field of a parameter of the model: its label, its range, and what it is unless given."""
+    if name not in NUMBERS:
+        return Field(CHOICES[name].label, value, read, hint=str(CHOICES[name].default))
+
+    def in_range(text: str) -> float:
+        return parameter(name, _float(text))
+
+    free = name in OPTIONAL
+    how = optional(in_range) if free else in_range
+    return Field(NUMBERS[name].label, value, how, hint="none" if free else "")
 
 
 class Field:

@@ -19,6 +19,7 @@ from contbreather.explorer.fields import (
     a_lattice,
     a_number,
     in_rows,
+    of_the_model,
     optional,
     read_all,
     tried,
@@ -67,17 +68,11 @@ class Forms:
     # --- one breather -----------------------------------------------------------------------------
 
     def _breather(self) -> Any:
-        k = f"{self.explorer.state.k:g}"
+        first = {"a": "0.5", "gamma": "0.08", "k": f"{self.explorer.state.k:g}", "site": "0"}
+        how = {"lattice": optional(a_lattice, ""), "site": a_count("site", 0, MOST - 1)}
         self.breather = {
-            "a": Field("amplitude a", "0.5", a_number("a", 0.0, 1e6, "above 0")),
-            "gamma": Field("coupling γ", "0.08", a_number("gamma", 0.0, 0.25, "from 0 to 1/4")),
-            "k": Field("restitution k", k, a_number("k", 0.0, 1.0, "from 0 to 1")),
-            "forcing": Field("forcing F/a", "", str.strip, hint="-cos(t)"),
-            "lattice": Field("lattice", "", optional(a_lattice, ""), hint="infinite chain"),
-            "site": Field("impacts at site", "0", a_count("site", 0, MOST - 1)),
-            "spring": Field("spring", "", optional(a_number("spring", 0.0)), hint="none"),
-            "damping": Field("damping", "", optional(a_number("damping", 0.0)), hint="none"),
-            "walls": Field("walls", "", str.strip, hint="-1,1"),
+            name: of_the_model(name, first.get(name, ""), how.get(name, str.strip))
+            for name in (*NEEDED, "forcing", "lattice", "site", "spring", "damping", "walls")
         }
         self.breather_trouble = Trouble()
         button = self._button("Show", self._show, self.breather_trouble, color="primary")

@@ -11,7 +11,7 @@ from typing import Any
 
 from contbreather.breathers import zones
 from contbreather.breathers.zones import Zones
-from contbreather.checks import number, whole
+from contbreather.checks import parameter, whole
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
 from contbreather.explorer.background import Background, Job, Progress
@@ -32,7 +32,7 @@ class Session:
     """What an `Explorer` does, whoever shows it; its parameters are those of that."""
 
     def __init__(self, *curves: Branch, run: str | Path | None = None, k: float = 0.8) -> None:
-        self.state = State(k=number("k", k, 0.0, 1.0, "a restitution between 0 and 1"))
+        self.state = State(k=parameter("k", k))
         self.message = self.progress = ""
         self._listeners: list[Listener] = []
         self._changing = threading.RLock()
@@ -73,7 +73,7 @@ class Session:
         """Have the zone diagram of another restitution: until it is computed what lies between
         known neighbours is shown, or the last one stays."""
         forcing = self.state.forcing if forcing is None else forcing
-        k = number("k", k, 0.0, 1.0, "a restitution between 0 and 1")
+        k = parameter("k", k)
         known = self._planes.get((k, forcing))
         if known is not None:
             self.change(k=k, forcing=forcing, plane=known, sketch=sketch_of(known))

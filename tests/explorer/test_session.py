@@ -254,7 +254,7 @@ def test_what_cannot_be_is_refused_with_a_sentence() -> None:
     explorer.choose_at(a=0.5, gamma=0.08)
     with pytest.raises(BadInput, match="choose one of the labelled points"):
         work.switched(explorer.chosen)
-    with pytest.raises(BadInput, match="between 0 and 1"):
+    with pytest.raises(BadInput, match="0 <= k <= 1"):
         Explorer(k=2.0)
 
 
