@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import product
 from numbers import Complex, Real
 from typing import Any
@@ -13,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import BadInput
-from .parameters import NUMBERS, SMOOTH
 
 MOST = 2**53  # what a double still counts one by one
 MANY = 100_000  # values of a parameter, and combinations of values: with zones a day of work
@@ -63,25 +61,6 @@ def number(name: str, value: object, low: float, high: float, wanted: str) -> fl
     if low <= found <= high and math.isfinite(found):
         return found
     raise BadInput(f"{name} = {shown(value)}: {wanted}, a finite number, was expected.")
-
-
-_DECLARED = {**NUMBERS, **SMOOTH}
-
-
-def parameter(name: str, value: object, **range_: Any) -> float:
-    """A parameter of the model as a float in its range, or its sentence; some functions have
-    another range than the model.
-
-    Examples
-    --------
-    >>> parameter("k", 1), parameter("damping", 0.5, high=1e4)
-    (1.0, 0.5)
-    """
-    declared = replace(_DECLARED[name], **range_) if range_ else _DECLARED[name]
-    found = real(value)
-    if declared.holds(found):
-        return found
-    raise BadInput(f"{name} = {shown(value)}: {declared.wanted}")
 
 
 def flag(name: str, value: object) -> bool:

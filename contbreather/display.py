@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from .tables import Sheet
 
 
 class Shown:
@@ -16,6 +19,10 @@ class Shown:
 
     __slots__ = ()
     painter: ClassVar[Callable[[Any], str] | None] = None
+
+    def table(self) -> Sheet:
+        """What it consists of, for people: in a terminal, a notebook and the explorer."""
+        raise NotImplementedError
 
     def _repr_html_(self) -> str | None:
         return None if Shown.painter is None else Shown.painter(self)

@@ -2,15 +2,17 @@
 
 Checks and their sentences, the domains of curves, the options of commands, the keys of a study,
 the fields of the explorer and the table in the documentation are made from it. Lengths are
-in distances d of a wall, times in 1/Omega of the drive. Nothing is imported: so help is at once.
+in distances d of a wall, times in 1/Omega of the drive. No numerics are loaded: so help is at once.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+
+from .errors import BadInput
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,9 +189,29 @@ CHOICES: dict[str, Parameter] = _listed(
         "there is none. -1,1 unless given.",
     ),
 )  # fmt: skip
+_DECLARED = {**NUMBERS, **SMOOTH}
 NAMES = tuple(NUMBERS)  # a, gamma, k, damping, spring
 NEEDED = tuple(name for name, one in NUMBERS.items() if one.default is None)
 OPTIONAL = tuple(name for name in NAMES if name not in NEEDED)
+
+
+def parameter(name: str, value: object, **range_: Any) -> float:
+    """A parameter as a float in its range, or its sentence; some functions have another range.
+
+    Examples
+    --------
+    >>> parameter("k", 1), parameter("damping", 0.5, high=1e4)
+    (1.0, 0.5)
+    """
+    from .checks import real, shown
+
+    declared = _DECLARED[name]
+    if range_:
+        declared = replace(declared, **range_)
+    number = real(value)
+    if declared.holds(number):
+        return number
+    raise BadInput(f"{name} = {shown(value)}: {declared.wanted}")
 
 
 def window_of(name: str) -> tuple[float, float]:

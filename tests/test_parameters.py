@@ -10,13 +10,21 @@ import re
 import pytest
 
 import contbreather as cb
-from contbreather.checks import parameter
 from contbreather.cli import main
 from contbreather.errors import BadInput
 from contbreather.explorer.forms import Forms
 from contbreather.explorer.session import Session
 from contbreather.lattice.conditions import Conditions
-from contbreather.parameters import CHOICES, NAMES, NEEDED, NUMBERS, SMOOTH, table, window_of
+from contbreather.parameters import (
+    CHOICES,
+    NAMES,
+    NEEDED,
+    NUMBERS,
+    SMOOTH,
+    parameter,
+    table,
+    window_of,
+)
 from contbreather.studies.plan import Branch, Chain
 
 DECLARED = {**NUMBERS, **CHOICES}

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from contbreather.breathers.closure import EPS, Closure, sprung
 from contbreather.breathers.section import Impact, Section
 from contbreather.breathers.watched import ClosedWatch
-from contbreather.checks import parameter, real
+from contbreather.checks import real
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.green import TERMS, Flight, flight
 from contbreather.lattice.held import Held
+from contbreather.parameters import parameter
 from contbreather.stability.half_period import HalfMap
 
 FloatArray = NDArray[np.float64]

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from contbreather.breathers import closed_loops
 from contbreather.breathers.closed_loops import FIRST, GAMMA, A, K
-from contbreather.checks import parameter
 from contbreather.continuation.strider import Loops
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import (
@@ -36,6 +35,7 @@ from contbreather.lattice import (
 from contbreather.lattice.conditions import restitution_ratio
 from contbreather.lattice.forcing import Series
 from contbreather.lattice.held import Held
+from contbreather.parameters import parameter
 
 FloatArray = NDArray[np.float64]
 PLAIN = {"a": (A, 1.0), "gamma": (GAMMA, 1.0), "k": (K, 1.0)}

@@ -27,7 +27,9 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import finite
+from contbreather.parameters import OPTIONAL
 from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
+from contbreather.tables import Sheet
 
 if TYPE_CHECKING:
     from contbreather.certified import Certificate
@@ -486,6 +488,18 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
         found = self.road.rewritten(longer, (*self.impacts, *later), self.offsets)
         assert found is not None  # every road can be repeated
         return Orbit(found)
+
+    def table(self) -> Sheet:
+        """Its parameters, and what there is of p, phi, times, impulses."""
+        found = {n: v for n, v in self.conditions.params.items() if v or n not in OPTIONAL}
+        if self.symmetric and self.section.count == 1:
+            found |= {"p": self.p, "phi": self.phi, "chi": self.chi}
+            found["max |u_1|"] = self.admissibility().max_neighbour
+        else:
+            for i, one in enumerate(self.impacts, start=1):
+                found |= {f"t{i}": one.time, f"impulse {i}": one.impulse}
+            found |= {"c": self.c} if self.c else {}
+        return Sheet.of(found.items(), digits=15)
 
     def describe(self) -> str:
         return f"{self.section.describe()} on the {self.lattice.describe()}"

@@ -21,7 +21,7 @@ from contbreather.breathers.road import Impacts, Offsets, Road, road
 from contbreather.breathers.section import Section
 from contbreather.breathers.symmetric_events import grazing, neimark_sacker, pitchfork, saddle_node
 from contbreather.breathers.wave_road import asymmetric_problem
-from contbreather.checks import parameter, real
+from contbreather.checks import real
 from contbreather.continuation import Event, Point, Problem
 from contbreather.continuation.point import Judged
 from contbreather.continuation.recipes import Recipe, maker
@@ -38,7 +38,7 @@ from contbreather.lattice import (
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.held import held
 from contbreather.lattice.plain import made, plain
-from contbreather.parameters import NEEDED, NUMBERS
+from contbreather.parameters import NEEDED, NUMBERS, parameter
 from contbreather.stability.verdict import THRESHOLD
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic

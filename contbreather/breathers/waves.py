@@ -34,11 +34,11 @@ from contbreather.breathers.section import (
     told_apart,
     told_apart_slopes,
 )
-from contbreather.checks import parameter
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, wave_loops
 from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.periodic import check_coupling, wave, wave_slope, wave_table
+from contbreather.parameters import parameter
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.saltation import Kick
 from contbreather.stability.section_map import ModalMap, ring_map

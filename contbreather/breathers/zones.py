@@ -22,7 +22,7 @@ from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.regions import PROBES, Box, Region, regions
 from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
 from contbreather.breathers.symmetric_events import unstable
-from contbreather.checks import flag, parameter
+from contbreather.checks import flag
 from contbreather.columns import Columns, stacked
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.checkpoint import Checkpoint, Inner, Nowhere, Save, checkpoint
@@ -32,14 +32,16 @@ from contbreather.continuation.starts import windows
 from contbreather.display import Shown
 from contbreather.errors import BadInput, NoSolution, keeping, taking
 from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
-from contbreather.parameters import window_of
+from contbreather.parameters import parameter, window_of
 from contbreather.progress import Counter, line_of
 from contbreather.stability.verdict import THRESHOLD
+from contbreather.tables import Column, Sheet
 
 Array = NDArray[np.float64]
 Place = Point | Mapping[str, float]
 
 KINDS = ("LP", "GR", "PF", "NS")
+ORDER = ("PF", "NS", "LP", "GR")  # of the two names of a meeting
 # the comb of values on which branches are traced
 COMBS = {
     "gamma": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.235, 0.245),
@@ -118,6 +120,18 @@ class Zones(Columns, Shown):
                 if not any(self._same(point, one) for one in found):
                     found.append(point)
         return tuple(found)
+
+    def table(self) -> Sheet:
+        """Where curves meet: the two kinds, stability first, and the breather there."""
+        places = [point.solution for point in self.special]
+        columns = [Column("k", [b.k for b in places]), Column("meeting", self.meetings())]
+        names = ("gamma", "a", "p", "phi")
+        columns += [Column(name, [getattr(b, name) for b in places]) for name in names]
+        return Sheet(columns, "Where the curves meet")
+
+    def meetings(self) -> list[str]:
+        """The two kinds of curves of each special point, stability first."""
+        return ["-".join(sorted(p.kind.split("-"), key=ORDER.index)) for p in self.special]
 
     def _same(self, one: Point, other: Point) -> bool:
         """Whether two meetings are one, seen from either curve."""

@@ -9,10 +9,10 @@ import contbreather as cb
 from contbreather.cli.options import On, Where, Whole
 from contbreather.cli.output import say, sentences, to_json
 from contbreather.errors import NotConverged
-from contbreather.parameters import NAMES, NEEDED, OPTIONAL
+from contbreather.parameters import NAMES, NEEDED
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from contbreather.tables import Sheet
 
 
 def point(
@@ -46,7 +46,7 @@ def point(
     if json:
         to_json({**content, "root": found.index(breather) + 1})
     else:
-        say(_table(content))
+        say(_table(breather, verdicts[0]))
         say(*_sentences(breather, verdicts, others), *([] if proof is None else [proof.describe()]))
     if proof is not None and proof.unproved:
         raise NotConverged(f"not all is proved: {'; '.join(proof.unproved)}")
@@ -97,19 +97,10 @@ def _content(
     return content
 
 
-def _table(content: dict[str, Any]) -> Table:
-    from rich.table import Table
-
-    table = Table(title="Symmetric breather", title_justify="left", show_header=False)
-    table.add_column()
-    table.add_column(justify="right")
-    for name in (*NAMES, "p", "phi", "chi"):
-        if content[name] or name not in OPTIONAL:
-            table.add_row(name, f"{content[name]:.15g}")
-    table.add_row("max |u_1|", f"{content['max_neighbour']:.15g}")
-    for mu in content.get("multipliers", ()) if content["admissible"] else ():
-        table.add_row("isolated multiplier of QS", f"{mu:.12g}")
-    return table
+def _table(breather: Any, verdict: Any) -> Sheet:
+    multipliers = getattr(verdict, "multipliers", ()) if breather.admissibility().ok else ()
+    rows = [("isolated multiplier of QS", f"{mu:.12g}") for mu in multipliers]
+    return replace(breather.table().further(*rows), title="Symmetric breather")
 
 
 def _sentences(breather: Any, verdicts: list[Any], others: list[Any]) -> list[str]:

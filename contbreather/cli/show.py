@@ -27,7 +27,7 @@ def show(run: str | None = None, name: str | None = None, /, *, into: Into = Int
     if name is None and len(found) > 1:
         into.leave(
             lambda: {"path": str(found.path), "results": {n: _entry(v) for n, v in found.items()}},
-            _brief(found),
+            [found.table()],
             lambda: _table_of(found, None),
             lambda: _drawn(found),
         )
@@ -47,15 +47,6 @@ def opened(path: str | None) -> cb.Run:
         raise BadInput("RUN is missing: the file, or the folder, that --save has kept")
     cb.load(path)  # says what is wrong
     return cb.Run(path)
-
-
-def _brief(found: Mapping[str, Any]) -> Iterator[object]:
-    from contbreather.continuation.tabular import Column, Sheet
-
-    described = [_described(result) for result in found.values()]
-    labels = [", ".join(p.label for p in getattr(r, "special", ())) for r in found.values()]
-    columns = [Column("name", list(found)), Column("what", described), Column("points", labels)]
-    yield Sheet(columns)
 
 
 def _described(result: Any) -> str:

@@ -26,10 +26,10 @@ from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, see
 from contbreather.cli.starts import read_state, write_state
 from contbreather.errors import BadInput
 from contbreather.parameters import NEEDED
+from contbreather.tables import Sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.table import Table
 
     from contbreather.dynamics import SmoothRun
     from contbreather.progress import Bar
@@ -182,9 +182,8 @@ def simulate(where: Where = Where(), asked: Asked = Asked(), into: KeepRun = Kee
         length = seen.periods if seen.stream else length_of(seen.run)
         lattice = seen.run.conditions.lattice.describe()
         say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}", aside=aside)
-        table = _table(seen, asked)
-        if table.row_count:
-            say(table, aside=aside)
+        if rows := list(_rows(seen, asked)):
+            say(Sheet.of(rows), aside=aside)
         say(*_sentences(seen), *(f"Wrote {path}." for path in made), aside=aside)
     end(seen.interrupted)
 
@@ -292,27 +291,20 @@ WORDS = {
 }
 
 
-def _table(seen: Seen, asked: Asked) -> Table:
-    from rich.table import Table
-
-    table = Table(show_header=False)
-    table.add_column()
-    table.add_column(justify="right")
+def _rows(seen: Seen, asked: Asked) -> Iterator[tuple[str, str]]:
     if seen.by_site is not None:
-        own = seen.by_site.get(seen.site, 0)
-        table.add_row("impacts", str(sum(seen.by_site.values())))
-        table.add_row(f"of them at site {seen.site}", str(own))
+        yield "impacts", str(sum(seen.by_site.values()))
+        yield f"of them at site {seen.site}", str(seen.by_site.get(seen.site, 0))
         if asked.start is None:
             lost = "to the end" if seen.lost is None else periods_in_words(seen.lost)
-            table.add_row("breather kept for", lost)
+            yield "breather kept for", lost
     if "return" in seen.evidence:
         count = int(seen.evidence["periods"])
         after = "a period" if count == 1 else f"{count} periods"
-        table.add_row(f"returns after {after} to", f"{seen.evidence['return']:.2g}")
+        yield f"returns after {after} to", f"{seen.evidence['return']:.2g}"
     for name, (words, shape) in WORDS.items():
         if name in seen.evidence:
-            table.add_row(words, shape.format(seen.evidence[name]))
-    return table
+            yield words, shape.format(seen.evidence[name])
 
 
 def _sentences(seen: Seen) -> list[str]:

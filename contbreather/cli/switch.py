@@ -23,7 +23,7 @@ from contbreather.errors import BadInput
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from contbreather.continuation.tabular import Sheet
+    from contbreather.tables import Sheet
 
 TIMES = ("t1", "t2", "t3", "t4")
 SHOWN = ("p", *TIMES, "c", "asymmetry", "unstable")  # columns of the table
@@ -97,7 +97,7 @@ def _lines(
 
 def _table(arms: Sequence[cb.Branch]) -> Sheet:
     """A line for each special point of each arm."""
-    from contbreather.continuation.tabular import Column, Sheet
+    from contbreather.tables import Column, Sheet
 
     free, there = arms[0].free, columns_of(arms[0])
     names = [free, *(name for name in SHOWN if name in there)]

@@ -37,7 +37,7 @@ def zones(
     a
         Amplitude: diagrams in (k, gamma) instead.
     """
-    from contbreather.checks import parameter
+    from contbreather.parameters import parameter
 
     name, values = _fixed(k, gamma, a)
     for value in values:
@@ -128,24 +128,15 @@ def _entry(diagram: cb.breathers.Zones) -> dict[str, Any]:
 
 def _points(diagram: cb.breathers.Zones) -> Iterator[dict[str, Any]]:
     """The codim-2 points, each once."""
-    from contbreather.plotting.zones import names_of_meetings
-
-    for point, (_, _, name) in zip(diagram.special, names_of_meetings(diagram), strict=True):
-        numbers = {name: getattr(point.solution, name) for name in ("gamma", "a", "p", "phi")}
-        meeting = name.replace("\N{EN DASH}", "-")
-        yield {"k": point.solution.k, "meeting": meeting, **numbers}
+    table = diagram.table()
+    names = [column.heading for column in table.columns]
+    return (dict(zip(names, row, strict=True)) for row in table.rows)
 
 
 def _lines(found: Sequence[cb.breathers.Zones]) -> Iterator[object]:
     """Where the curves meet, and how many points they have."""
-    from contbreather.continuation.tabular import Column, Sheet
-
-    rows = [row for one in found for row in _points(one)]
-    if rows:
-        columns = [Column(name, [row[name] for row in rows]) for name in rows[0]]
-        yield Sheet(columns, "Where the curves meet")
-    else:
-        yield "No two curves meet there."
+    table = found[0].table().further(*(row for one in found[1:] for row in one.table().rows))
+    yield table if table.rows else "No two curves meet there."
     for one in found:
         sizes = ", ".join(f"{kind} {sum(map(len, c))}" for kind, c in one.curves.items() if c)
         cut = "; interrupted, curves may be missing" if one.interrupted else ""

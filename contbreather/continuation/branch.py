@@ -16,17 +16,16 @@ from ..checks import check_kind, shown
 from ..columns import Columns
 from ..display import Shown
 from ..errors import BadInput
+from ..tables import Column, Sheet
 from .curve import Curve
 from .newton import Array
 from .point import Event, Point
 from .points import Points
 from .problem import Problem
 from .steps import Steps
-from .tabular import Column, Sheet
 
 if TYPE_CHECKING:
-    from rich.console import Console, ConsoleOptions, RenderResult
-    from rich.table import Table
+    pass
 
 
 _SEAM = 1e-10  # relative arclength within which two branches meet
@@ -233,16 +232,10 @@ class Branch(Columns, Shown):
             doubtful=tuple(_turned(point, end) for point in reversed(self.doubtful)),
         )
 
-    def table(self, width: int | None = None) -> Table:
-        """A rich table with a line for each special point, the free parameters first.
+    def table(self) -> Sheet:
+        """A line for each special point, the free parameters first.
 
         A count of unstable directions is left blank where one of them is on the verge.
-
-        Parameters
-        ----------
-        width : int, optional
-            Columns of text to fit into, by fewer digits and without arclength and residual if
-            need be. Printed on a rich console, the branch itself takes its width.
         """
         start = self.points[0]
         free = self.curve.varied
@@ -259,7 +252,7 @@ class Branch(Columns, Shown):
             Column("arclength", [p.arclength for p in points], digits=6, spare=True),
             Column("residual", [f"{p.residual:.1e}" for p in points], spare=True, right=True),
         ]
-        return Sheet(columns, self.describe()).table(width)
+        return Sheet(columns, self.describe())
 
     def shown(self, point: Point, name: str) -> complex | None:
         """A number of one of its points, but no count where rounding decides it."""
@@ -284,8 +277,8 @@ class Branch(Columns, Shown):
         hint = f"; {self.curve.hint}" if self.curve.hint else ""
         return f"{head}: {len(self)} points; {end}{moved}{hint}"
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        yield self.table(width=options.max_width)
+    def __rich__(self) -> Sheet:
+        return self.table()
 
     def __repr__(self) -> str:
         return f"<Branch {self.describe()}; special {[point.label for point in self.special]}>"

@@ -16,6 +16,7 @@ from ..columns import Columns, stacked
 from ..display import Shown
 from ..errors import ContbreatherError, NotConverged, keeping, taking
 from ..progress import Counter
+from ..tables import Column, Sheet
 from .branch import Branch, Stop
 from .checkpoint import Checkpoint, Inner, Save, checkpoint
 from .contents import Said, content
@@ -176,6 +177,20 @@ class Diagram(Columns, Shown):
 
     def __repr__(self) -> str:
         return f"<Diagram {self.describe()}>"
+
+    def table(self) -> Sheet:
+        """A line for each branch; in a terminal it is a tree."""
+        branches, places = self.branches, [birth.place for birth in self.births]
+        return Sheet(
+            [
+                Column("branch", [str(i) for i in range(len(branches))]),
+                Column("born at", ["" if place is None else place.name for place in places]),
+                Column("points", [len(branch) for branch in branches]),
+                Column("special", [" ".join(p.label for p in one.special) for one in branches]),
+                Column("end", [branch.stop.value for branch in branches]),
+            ],
+            self.describe(),
+        )
 
     def __rich__(self) -> Tree:
         """Branches as a tree: under each its special points, under each of these what was born."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..checks import check_kind, flag, number
 from ..display import Shown
 from ..errors import BadInput
+from ..tables import Sheet
 from .curve import Curve
 from .newton import Array
 from .problem import Problem
@@ -101,6 +102,13 @@ class Point(Shown):
         if own != name and own in self.detail:
             return self.detail[own]
         raise BadInput(f"no {name!r} at this point; it has {[*problem.names, *problem.record]}")
+
+    def table(self) -> Sheet:
+        """Its numbers, and what was found here."""
+        names = [*self.curve.problem.names, *self.curve.problem.record]
+        numbers: list[Any] = [(name, self[name]) for name in names if np.ndim(self[name]) == 0]
+        numbers += [("arclength", self.arclength), ("residual", f"{self.residual:.1e}")]
+        return Sheet.of(numbers + [(n, v) for n, v in self.detail.items() if np.isscalar(v)])
 
     @property
     def x(self) -> Array:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ..display import Shown
 from ..errors import BadInput
 from ..files import named
+from ..tables import Column, Sheet
 from . import diagram  # noqa: F401 - enters diagrams
 from .contents import made_of
 from .groups import about_in, check_names
@@ -88,6 +89,14 @@ class Run(Shown, Mapping[str, Any]):
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries())
+
+    def table(self) -> Sheet:
+        """A line for each result, with its special points."""
+        results = list(self.values())
+        labels = [", ".join(p.label for p in getattr(one, "special", ())) for one in results]
+        said = [one.describe() if hasattr(one, "describe") else repr(one) for one in results]
+        what = [text.strip("<>") for text in said]
+        return Sheet([Column("name", list(self)), Column("what", what), Column("points", labels)])
 
     def __len__(self) -> int:
         return len(self._entries())

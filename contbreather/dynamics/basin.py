@@ -23,6 +23,7 @@ from contbreather.dynamics.states import On, State, check_state, conditions_of, 
 from contbreather.dynamics.stretches import RunStop
 from contbreather.errors import Interrupted, NotConverged
 from contbreather.lattice.conditions import Conditions
+from contbreather.tables import Sheet
 from contbreather.workers import NO_WORKERS, Failed, each
 
 Array = NDArray[Any]
@@ -109,6 +110,12 @@ class Basin(Columns, Shown):
     complete: bool
 
     along = "start"
+
+    def table(self) -> Sheet:
+        """How many starts have which fate."""
+        counts = [(fate.words, int(np.sum(self.fate == fate))) for fate in Fate]
+        rows: list[Any] = [row for row in counts if row[1]]
+        return Sheet.of([*rows, ("share that returned", self.share)])
 
     def columns(self) -> dict[str, Any]:
         """Starts row by row, with the names of their fates."""

@@ -38,7 +38,9 @@ from contbreather.dynamics.stretches import (
 )
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
+from contbreather.parameters import NEEDED
 from contbreather.progress import Bar
+from contbreather.tables import Sheet
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -75,6 +77,15 @@ class States(Columns, Shown):
     reason: str = ""
 
     along = "strobe"
+
+    def table(self) -> Sheet:
+        """Its size, its end, and what it moved under."""
+        on = self.conditions
+        rows: list[Any] = [("sites", self.sites), ("periods", self.periods)]
+        if hasattr(self, "impacts"):
+            rows.append(("impacts", len(self.impacts)))
+        rows += [("until t =", self.end), ("then |u| <=", abs(self.final.u).max())]
+        return Sheet.of(rows + [(name, getattr(on, name)) for name in (*NEEDED, "damping")])
 
     def columns(self) -> dict[str, Array]:
         """The states at the strobe."""

@@ -24,6 +24,7 @@ from contbreather.dynamics.states import On, State, check_state, ranged
 from contbreather.dynamics.stretches import RunStop
 from contbreather.errors import BadInput
 from contbreather.progress import Bar
+from contbreather.tables import Column, Sheet
 
 Array = NDArray[Any]
 
@@ -75,6 +76,12 @@ class Sweep(Columns, Shown):
     stop: RunStop
 
     along = "step"
+
+    def table(self) -> Sheet:
+        """A line for each value."""
+        names = {"value": self.name, "p": "p", "amplitude": "amplitude"}
+        names |= {name: name for name in ("participation", "tilt", "change")}
+        return Sheet([Column(h, getattr(self, n).tolist(), digits=5) for n, h in names.items()])
 
     def columns(self) -> dict[str, Array]:
         """All that it saw, under the name of its parameter."""

@@ -23,7 +23,6 @@ from typing import Any, ClassVar, Protocol, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import parameter
 from contbreather.dynamics.impacting import States, advance, gathered
 from contbreather.dynamics.states import (
     PERIOD,
@@ -42,6 +41,7 @@ from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.plain import plain
+from contbreather.parameters import parameter
 from contbreather.progress import Bar
 from contbreather.signals import deferred
 

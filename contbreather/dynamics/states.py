@@ -8,12 +8,12 @@ from typing import Any, NamedTuple, Protocol, Required, TypedDict, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import number, parameter, state_rows
+from contbreather.checks import number, state_rows
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
-from contbreather.parameters import NAMES, SMOOTH
+from contbreather.parameters import NAMES, SMOOTH, parameter
 
 Array = NDArray[Any]
 PERIOD = 2.0 * math.pi

@@ -11,11 +11,11 @@ from typing import Any
 import panel as pn
 from bokeh.models.widgets import Div
 
-from contbreather.checks import number, parameter
+from contbreather.checks import number
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.explorer.style import WORDS
 from contbreather.lattice.typed import lattice_by
-from contbreather.parameters import CHOICES, NUMBERS, OPTIONAL
+from contbreather.parameters import CHOICES, NUMBERS, OPTIONAL, parameter
 
 Read = Callable[[str], Any]
 MOST = 2000  # sites

@@ -307,17 +307,14 @@ def _described(state: State) -> str:
     """Numbers and verdicts of what is looked at."""
     chosen = state.chosen
     assert chosen is not None
+    shown = chosen.point if chosen.orbit is None else chosen.orbit
+    table = "" if shown is None else shown.table().html()
     if chosen.orbit is None:
-        values = {} if chosen.point is None else chosen.point.values
         sentences = [("equations", "this curve has none here: only its numbers are known")]
     else:
-        values, sentences = (
-            seen.numbers(chosen.orbit),
-            list(seen.verdicts(chosen.orbit, state.ring)),
-        )
-    rows = "".join(f"<tr><td>{escape(n)}</td><td>{v:.12g}</td></tr>" for n, v in values.items())
+        sentences = list(seen.verdicts(chosen.orbit, state.ring))
     said = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)
-    return f"<h2>{escape(chosen.title)}</h2><table>{rows}</table><dl>{said}</dl>"
+    return f"<h2>{escape(chosen.title)}</h2>{table}<dl>{said}</dl>"
 
 
 def for_notebook(explorer: Session, include: Any, exclude: Any) -> Any:

@@ -147,14 +147,3 @@ def _sentence(ask: Callable[[], str]) -> str:
         return f"not known: {error}"
     except ContbreatherError as error:
         return str(error)
-
-
-def numbers(orbit: Orbit) -> dict[str, float]:
-    """Its parameters, and what there is of p, phi, times, impulses."""
-    found = dict(orbit.conditions.params)
-    found = {n: v for n, v in found.items() if v or n not in ("damping", "spring")}
-    if orbit.symmetric and orbit.section.count == 1:
-        return {**found, "p": orbit.p, "phi": orbit.phi}
-    for i, one in enumerate(orbit.impacts, start=1):
-        found |= {f"t{i}": one.time, f"impulse {i}": one.impulse}
-    return {**found, "c": orbit.c} if orbit.c else found

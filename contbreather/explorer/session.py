@@ -11,7 +11,7 @@ from typing import Any
 
 from contbreather.breathers import zones
 from contbreather.breathers.zones import Zones
-from contbreather.checks import parameter, whole
+from contbreather.checks import whole
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
 from contbreather.explorer.background import Background, Job, Progress
@@ -19,6 +19,7 @@ from contbreather.explorer.sketch import LADDER, Sketch, between, sketch_of
 from contbreather.explorer.state import Chosen, State
 from contbreather.explorer.work import Work, breather, point_of
 from contbreather.files import writable
+from contbreather.parameters import parameter
 from contbreather.plotting import plot, plot_motion, plot_zones, save_figure
 from contbreather.runs import load, save
 

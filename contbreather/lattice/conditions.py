@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
-from contbreather.checks import parameter, whole
+from contbreather.checks import whole
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.modes import InfiniteChain
-from contbreather.parameters import NAMES
+from contbreather.parameters import NAMES, parameter
 
 
 def restitution_ratio(k: float) -> float:

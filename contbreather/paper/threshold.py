@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from contbreather.breathers import Orbit, smallest_amplitude, symmetric
-from contbreather.checks import parameter, real, row, whole
+from contbreather.checks import real, row, whole
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring
+from contbreather.parameters import parameter
 from contbreather.stability.characteristic import D
 from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import unstable_multipliers

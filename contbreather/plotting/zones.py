@@ -41,7 +41,6 @@ LINES: dict[str, dict[str, Any]] = {
     "PF": {"color": VERMILLION, "linestyle": (0, (6, 1.2, 1.2, 1.2)), "label": "pitchfork (PF)"},
     "NS": {"color": BLUE, "linestyle": "-", "label": "Neimark\N{EN DASH}Sacker (NS)"},
 }
-ORDER = ("PF", "NS", "LP", "GR")  # of the two names of a meeting
 CEILING: dict[str, Any] = {"color": BLACK, "linestyle": ":", "label": r"no impact left, $p \to 0$"}
 SHADES = {"S": "#D9EAF5", "US": "#FBE6D5"}
 # Sizes of letters, and how far away the rim of the region must be for each.
@@ -219,11 +218,9 @@ def explain(panels: Sequence[Axes], figure: Figure | None = None) -> None:
 
 def names_of_meetings(zones: Zones) -> list[tuple[float, float, str]]:
     """Codim-2 points as words: where, and the two kinds that meet, stability first."""
+    x, y = zones.pair
+    words = (name.replace("-", "\N{EN DASH}") for name in zones.meetings())
     return [
-        (
-            float(point[zones.pair[0]]),
-            float(point[zones.pair[1]]),
-            "\N{EN DASH}".join(sorted(point.kind.split("-"), key=ORDER.index)),
-        )
-        for point in zones.special
+        (float(point[x]), float(point[y]), name)
+        for point, name in zip(zones.special, words, strict=True)
     ]

@@ -31,10 +31,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import parameter
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain
 from contbreather.lattice.periodic import check_coupling
+from contbreather.parameters import parameter
 from contbreather.stability import orbit_loops as loops
 from contbreather.stability.propagators import (
     DEEP,

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import number, parameter, real, shown
+from contbreather.checks import number, real, shown
 from contbreather.errors import BadInput
+from contbreather.parameters import parameter
 
 
 class Kick(NamedTuple):

@@ -17,9 +17,10 @@ from pydantic import (
 )
 
 from contbreather.breathers.zones import PAIRS
-from contbreather.checks import number, parameter, spread
+from contbreather.checks import number, spread
 from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.typed import lattice_by, walls_by
+from contbreather.parameters import parameter
 from contbreather.stability.verdict import THRESHOLD
 
 SPREAD = {"from", "to", "count"}

@@ -46,7 +46,7 @@ def sentence(trouble: Any) -> str:
 
 def test_a_click_into_the_zones_shows_that_breather(page: Page) -> None:
     page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
-    assert "<td>p</td><td>0.808749129989</td>" in page.words.text.text
+    assert '>p</th><td style="text-align:left">0.808749129989</td>' in page.words.text.text
     assert page.zones.here.data == {"x": [0.08], "y": [0.5]}
     assert page.profile.sites.data["n"].size == 21
     assert page.motion.lines.data["site"] == ["site 0", "site 1", "site 2"]

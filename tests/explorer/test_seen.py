@@ -76,6 +76,6 @@ def test_arms_are_described_by_their_impacts() -> None:
     arm = cb.switch(
         cb.trace(cb.symmetric(a=0.7, gamma=0.04, k=0.8), "a", within={"a": (0.7, 0.9)}).first("PF")
     )[0]
-    names = list(seen.numbers(arm[3].solution))
+    names = [name for name, _ in arm[3].solution.table().rows]
     assert names == ["a", "gamma", "k", "t1", "impulse 1", "t2", "impulse 2", "c"]
     assert "over-reflection" not in dict(seen.verdicts(arm[3].solution, 60))

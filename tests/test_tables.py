@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from contbreather.continuation.tabular import Column, Sheet
+from contbreather.tables import Column, Sheet
 
 THIRD, NAMES = Column("third", [1 / 3, 200 / 3]), Column("label", ["LP1", "a longer word"])
 SPARE = Column("spare", [2.0, None], spare=True)

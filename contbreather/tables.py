@@ -1,15 +1,20 @@
-"""Numbers in a table that fits: fewer digits, then fewer columns, never half a number."""
+"""Numbers in a table that fits: fewer digits, then fewer columns, never half a number.
+
+What results show of themselves is such a table, in a terminal, a notebook and the explorer.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from html import escape
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
     from rich.table import Table
 
+Cell = str | complex | None
 DIGITS = 12  # where there is room
 FEWEST = 4
 NOTHING = "\N{EN DASH}"
@@ -25,7 +30,7 @@ class Column:
     cells : sequence of str, numbers or None
         None stands for a number that would mean nothing.
     digits : int
-        Significant ones, at most.
+        Significant ones, at most; more than 12 where nothing has to fit.
     spare : bool
         Left out first where there is no room.
     right : bool, optional
@@ -33,7 +38,7 @@ class Column:
     """
 
     heading: str
-    cells: Sequence[str | complex | None]
+    cells: Sequence[Cell]
     digits: int = DIGITS
     spare: bool = False
     right: bool | None = None
@@ -70,6 +75,27 @@ class Sheet:
     title: str = ""
     caption: str = ""
 
+    @classmethod
+    def of(cls, rows: Iterable[tuple[str, Cell]], title: str = "", digits: int = DIGITS) -> Sheet:
+        """Names and their values, without headings."""
+        names, cells = zip(*rows, strict=True)
+        return cls([Column("", names), Column("", cells, digits, right=True)], title)
+
+    def further(self, *rows: Sequence[Cell]) -> Sheet:
+        """With more rows below."""
+        if not rows:
+            return self
+        columns = [
+            replace(column, cells=[*column.cells, *cells])
+            for column, cells in zip(self.columns, zip(*rows, strict=True), strict=True)
+        ]
+        return replace(self, columns=columns)
+
+    @property
+    def rows(self) -> list[tuple[Cell, ...]]:
+        """All cells, as they are."""
+        return list(zip(*(column.cells for column in self.columns), strict=True))
+
     def table(self, width: int | None = None) -> Table:
         """All digits and columns, or those for which `width` is enough."""
         from rich.table import Table
@@ -78,6 +104,7 @@ class Sheet:
         table = Table(
             title=self.title or None, title_justify="left",
             caption=self.caption or None, caption_justify="left",
+            show_header=any(column.heading for column in kept),
         )  # fmt: skip
         for column in kept:
             # too narrow even so: a number goes on in the next line, an ellipsis would hide its end
@@ -89,15 +116,28 @@ class Sheet:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         yield self.table(width=options.max_width)
 
+    def html(self, width: int | None = None, most: int | None = None) -> str:
+        """The same for a page, what is said in it as text; of many rows the first ones."""
+        kept, digits = self._room(width)
+        texts = (column.texts(min(digits, DIGITS)) for column in kept)
+        lines = list(zip(*texts, strict=True))
+        heading = "".join(f"<th>{escape(column.heading)}</th>" for column in kept)
+        head = f"<tr>{heading}</tr>" if any(column.heading for column in kept) else ""
+        rows = "".join(f"<tr>{''.join(_cells(*line))}</tr>" for line in lines[:most])
+        left = 0 if most is None else len(lines) - most
+        return f"<table>{head}{rows}</table>" + (f"<p>and {left} more</p>" if left > 0 else "")
+
     def _room(self, width: int | None) -> tuple[list[Column], int]:
         """The columns that are kept, and the digits of their numbers."""
-        kept, digits = list(self.columns), DIGITS
+        kept = list(self.columns)
+        digits = max((column.digits for column in kept), default=DIGITS)
         if width is None or _width(kept, digits) <= width:
             return kept, digits
         kept = [column for column in kept if not column.spare]
         while digits > FEWEST and _width(kept, digits) > width:
             digits -= 1
-        return kept, digits
+        # words as wide as that are not helped by fewer digits
+        return kept, digits if _width(kept, digits) < _width(kept, DIGITS) else DIGITS
 
 
 def _width(columns: Sequence[Column], digits: int) -> int:
@@ -105,7 +145,12 @@ def _width(columns: Sequence[Column], digits: int) -> int:
     return 1 + sum(column.width(digits) + 3 for column in columns)
 
 
-def _text(cell: str | complex | None, digits: int) -> str:
+def _cells(name: str, *others: str) -> Iterable[str]:
+    yield f'<th style="text-align:left">{escape(name)}</th>'
+    yield from (f'<td style="text-align:left">{escape(cell)}</td>' for cell in others)
+
+
+def _text(cell: Cell, digits: int) -> str:
     if cell is None:
         return NOTHING
     return cell if isinstance(cell, str) else f"{cell:.{digits}g}"
