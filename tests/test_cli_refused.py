@@ -122,7 +122,7 @@ OF_THE_CHAIN = {
     ),
     "zones where nothing can be": (
         "zones --a 2",
-        r"no breather at a = 2 for k between 0\.01 and 0\.999 and gamma between 0 and 0\.24999;",
+        r"no breather at a = 2 for k between 0\.01 and 0\.999 and gamma between 0 and 0\.2499;",
     ),
     "two fixed parameters": ("zones --k 0.8 --a 0.5", r"leave one"),
     "unknown kind": ("boundary HB --k 0.8", r"'HB' is not one of them"),

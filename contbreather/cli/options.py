@@ -23,7 +23,7 @@ from contbreather.cli.output import (
     to_json,
 )
 from contbreather.errors import BadInput
-from contbreather.parameters import CHOICES, NAMES, NEEDED, NUMBERS, usual_windows, window_of
+from contbreather.parameters import CHOICES, NAMES, NEEDED, NUMBERS, window_of
 
 if TYPE_CHECKING:
     from cyclopts import Token
@@ -61,16 +61,20 @@ def about(name: str) -> Parameter:
 
 def looked_at(name: str) -> Parameter:
     """What help says of its window."""
-    low, high = window_of(name)
-    usual = "all" if high == math.inf else f"{low:g} to {high:g}"
     number = NUMBERS[name]
-    words = f"Lowest and highest {number.meaning} to look at, {usual} unless given{number.rim}."
-    return Parameter(help=words)
+    words = f"Lowest and highest {number.meaning} to look at, {_usual(name)} unless given"
+    return Parameter(help=f"{words}{number.rim}.")
+
+
+def _usual(name: str) -> str:
+    low, high = window_of(name)
+    return "all" if high == math.inf else f"{low:g} to {high:g}"
 
 
 Formula = Annotated[str, Parameter(allow_leading_hyphen=True), about("forcing")]
+_WINDOWS = f"{_usual('gamma')} for gamma, {_usual('k')} for k"
 Window = Annotated[
-    Span | None, Parameter(help=f"Lowest and highest value; {usual_windows()} unless given.")
+    Span | None, Parameter(help=f"Lowest and highest value; {_WINDOWS} unless given.")
 ]
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import singledispatch
+from collections.abc import Callable, Iterator
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +21,6 @@ from contbreather.plotting.diagrams import plot_diagram
 from contbreather.plotting.orbits import plot_orbit
 from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motion, plot_sweep
 from contbreather.plotting.zones import plot_zones
-from contbreather.tables import Sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,17 +28,6 @@ if TYPE_CHECKING:
 MOST = 30  # rows
 ROOM = 90  # characters in a row of a table
 SMALL = 100  # sites of a lattice whose multipliers are found at once
-
-Draw = Callable[["Axes"], object]
-
-
-@dataclass(frozen=True)
-class Card:
-    """What is shown: a sentence, the picture, and the value's own table."""
-
-    sentence: str
-    draw: Draw | None
-    table: Sheet
 
 
 def card(value: Any) -> str:
@@ -58,88 +44,67 @@ def card(value: Any) -> str:
     >>> "<svg" in shown, "<table" in shown, "src=" in shown
     (True, True, False)
     """
-    made = _card(value)
+    draw = _drawn(value)
     try:
-        picture = "" if made.draw is None else inline(made.draw)
+        picture = "" if draw is None else inline(draw)
     except ContbreatherError as error:  # an interrupted diagram without a curve, say
         picture = f"<p>no picture: {escape(str(error))}</p>"
+    table = value.table().further(*(_in_words(value) if isinstance(value, Orbit) else ()))
     return (
-        f"<div><p>{escape(made.sentence)}</p>"
+        f"<div><p>{escape(_sentence(value))}</p>"
         '<div style="display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start">'
         f'<div style="background:white">{picture}</div>'
-        f'<div style="overflow-x:auto;max-width:40em">{made.table.html(ROOM, MOST)}</div>'
-        "</div></div>"
+        f'<div style="overflow-x:auto;max-width:40em">{table.html(ROOM, MOST)}</div></div></div>'
     )
 
 
-# --- what is said of each, and how it is drawn ----------------------------------------------------
+def _sentence(value: Any) -> str:
+    match value:
+        case Branch() | Diagram() | Orbit():
+            return value.describe()
+        case Kept():
+            return str(value.path)
+        case Zones():
+            return ". ".join([repr(value).strip("<>"), *value.told()])
+        case _:
+            return repr(value).strip("<>")
 
 
-@singledispatch
-def _card(value: Any) -> Card:
-    raise TypeError(f"nothing is known of how to show {type(value).__name__}")
-
-
-@_card.register
-def _branch(branch: Branch) -> Card:
-    return Card(branch.describe(), lambda ax: plot(branch, ax=ax), branch.table())
-
-
-@_card.register
-def _point(point: Point) -> Card:
-    orbit = point.ground.curve.problem.interpret is not None and isinstance(point.solution, Orbit)
-    draw = plot_orbit if orbit else _place
-    return Card(repr(point), lambda ax: draw(point, ax=ax), point.table())
-
-
-@_card.register
-def _orbit(orbit: Orbit) -> Card:
-    rows = [("forcing", orbit.forcing.describe())]
-    rows += [
-        (f"impact of site {one.site}", f"wall {one.wall:+d}, t = {one.time:.6g}, "
-         f"velocity {one.before:.6g}") for one in orbit.hits
-    ]  # fmt: skip
-    rows.append(("admissible", repr(orbit.admissibility()).strip("<>").partition(" ")[2]))
+def _in_words(orbit: Orbit) -> Iterator[tuple[str, str]]:
+    """Its forcing, its impacts and its verdicts."""
+    yield "forcing", orbit.forcing.describe()
+    for one in orbit.hits:
+        said = f"wall {one.wall:+d}, t = {one.time:.6g}, velocity {one.before:.6g}"
+        yield f"impact of site {one.site}", said
+    yield "admissible", repr(orbit.admissibility()).strip("<>").partition(" ")[2]
     if orbit.lattice.sites is None or orbit.lattice.sites <= SMALL:
-        rows.append(("stability", repr(orbit.stability()).strip("<>")))
-    table = orbit.table().further(*rows)
-    return Card(orbit.describe(), lambda ax: plot_orbit(orbit, ax=ax), table)
+        yield "stability", repr(orbit.stability()).strip("<>")
 
 
-@_card.register
-def _zones(zones: Zones) -> Card:
-    sentence = ". ".join([repr(zones).strip("<>"), *zones.told()])
-    return Card(sentence, lambda ax: plot_zones(zones, ax, legend=False), zones.table())
+def _drawn(value: Any) -> Callable[[Axes], object] | None:
+    """The picture of a value; of what is on disk that of the first result."""
+    match value:
+        case Kept():
+            return _drawn(next(iter(value.values()), None))
+        case Zones():
+            return lambda ax: plot_zones(value, ax, legend=False)
+        case Point():
+            known = value.ground.curve.problem.interpret is not None
+            draw: Any = plot_orbit if known and isinstance(value.solution, Orbit) else _place
+        case Run() | SmoothRun():
+            draw = plot_localisation if value.record is None else plot_motion
+        case _:
+            draw = next((_PLOTS[kind] for kind in _PLOTS if isinstance(value, kind)), None)
+    return None if draw is None else lambda ax: draw(value, ax=ax)
 
 
-@_card.register
-def _diagram(tree: Diagram) -> Card:
-    return Card(tree.describe(), lambda ax: plot_diagram(tree, ax=ax), tree.table())
-
-
-@_card.register(Run)
-@_card.register(SmoothRun)
-def _run(run: Run | SmoothRun) -> Card:
-    draw = plot_localisation if run.record is None else plot_motion
-    return Card(repr(run).strip("<>"), lambda ax: draw(run, ax=ax), run.table())
-
-
-@_card.register
-def _sweep(sweep: Sweep) -> Card:
-    return Card(repr(sweep).strip("<>"), lambda ax: plot_sweep(sweep, ax=ax), sweep.table())
-
-
-@_card.register
-def _basin(basin: Basin) -> Card:
-    return Card(repr(basin).strip("<>"), lambda ax: plot_basin(basin, ax=ax), basin.table())
-
-
-@_card.register
-def _kept(run: Kept) -> Card:
-    """The first result as a picture."""
-    first = next(iter(run.values()), None)
-    known = _card.dispatch(type(first)) is not _card.dispatch(object)
-    return Card(str(run.path), _card(first).draw if known else None, run.table())
+_PLOTS: dict[type, Any] = {
+    Branch: plot,
+    Orbit: plot_orbit,
+    Diagram: plot_diagram,
+    Sweep: plot_sweep,
+    Basin: plot_basin,
+}
 
 
 def _place(point: Point, ax: Axes) -> None:
