@@ -36,7 +36,7 @@ class Parameter:
 class Number(Parameter):
     """A number from `low` to `high`; `above` and `below` exclude these ends themselves."""
 
-    unit: str = "1"
+    dimension: str = "1"
     low: float = 0.0
     high: float = math.inf
     above: bool = False
@@ -90,19 +90,19 @@ def _plainly(end: float) -> str:
 
 _MODEL = (
     # without forcing there is no phase; simulations may have none
-    Number("a", "amplitude of the forcing", "amplitude a", unit="d Omega^2", above=True,
+    Number("a", "amplitude of the forcing", "amplitude a", dimension="d Omega^2", above=True,
            margin=1e-9, why="; its sign belongs in the forcing", window=(0.0, math.inf)),
     # At 1/4 the band reaches the drive: chi grows as (1/4 - gamma)^(-1/2), p goes to 0 and all
     # curves end in one point. Within 1e-5 of it the equations of NS hold to 1e-9 no longer, within
     # 1e-6 Newton's iteration fails on NS and on the fold.
-    Number("gamma", "coupling", "coupling \N{GREEK SMALL LETTER GAMMA}", unit="Omega^2", high=0.25,
+    Number("gamma", "coupling", "coupling \N{GREEK SMALL LETTER GAMMA}", dimension="Omega^2", high=0.25,
            below=True, margin=1e-4, where=" on chain and ring",
            why=", so that the band [0, 2 sqrt(gamma)] stays below the forcing frequency 1"),
     # the arc of multipliers is neutral throughout at 1; the impact of site 0 degenerates at 0
     Number("k", "restitution coefficient", "restitution k", high=1.0, window=(0.01, 0.999),
            why=" (0 sticks, 1 loses nothing)", rim=": at 0 and 1 curves degenerate"),
-    Number("damping", "damping coefficient", "damping", 0.0, unit="Omega"),
-    Number("spring", "on-site stiffness", "spring", 0.0, unit="Omega^2"),
+    Number("damping", "damping coefficient", "damping", 0.0, dimension="Omega"),
+    Number("spring", "on-site stiffness", "spring", 0.0, dimension="Omega^2"),
 )  # fmt: skip
 _WALLS = (  # smooth ones, (21), in place of k
     Number("lam", "damping of the wall", "wall's damping", high=2.0),
@@ -162,9 +162,9 @@ def window_of(name: str) -> tuple[float, float]:
 
 
 def table() -> Iterator[tuple[str, str, str, str, str]]:
-    """Name, meaning, range or how it is typed, unit and default of each."""
+    """Name, meaning, range or how it is typed, dimension and default of each."""
     for one in (*_MODEL, *_WALLS):
         default = "" if one.default is None else f"{one.default:g}"
-        yield one.name, one.meaning, one.span, one.unit, default
+        yield one.name, one.meaning, one.span, one.dimension, default
     for other in _CHOICES:
         yield other.name, other.meaning, other.typed, "", str(other.default)

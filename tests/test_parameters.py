@@ -25,7 +25,7 @@ from contbreather.parameters import (
     table,
     window_of,
 )
-from contbreather.studies.plan import Branch, Chain
+from contbreather.studies.schema import Branch, Chain
 
 DECLARED = {**NUMBERS, **CHOICES}
 

@@ -19,10 +19,10 @@ import pytest
 import contbreather as cb
 from contbreather.breathers.search import window_of
 from contbreather.breathers.zones_many import Slice
-from contbreather.studies import Report, parts, read
+from contbreather.studies import Report, read, tasks
 from contbreather.studies import run as conduct
 from contbreather.studies.cluster import cluster
-from contbreather.studies.parts import Worker, parts_of
+from contbreather.studies.tasks import Worker, tasks_of
 
 from .apart import HUNG
 
@@ -271,7 +271,7 @@ def test_values_are_a_grid(tmp_path: Path) -> None:
         '[chain]\nforcing = "cos(t) + c3*cos(3*t)"\nparameters = {c3 = 0.0}\n'
         "[atlas.all]\nk = {from = 0.5, to = 0.6, count = 3}\nover = {c3 = [0.0, 0.1]}\n"
     )
-    labels = [part.label for part in parts_of(read(path))]
+    labels = [task.label for task in tasks_of(read(path))]
     assert labels[:3] == ["k=0.5,c3=0.0", "k=0.5,c3=0.1", "k=0.55,c3=0.0"]
 
 
@@ -350,9 +350,9 @@ def test_every_key_of_a_study_reaches_the_library(
     arm = object.__new__(cb.Branch)
     monkeypatch.setattr(cb.Branch, "first", lambda self, label: (label, self))
     kept = {"arms.nc": {"arm1": None, "arm2": arm}, "ways.nc": arm}
-    monkeypatch.setattr(parts, "load", lambda path: kept[path.name])
+    monkeypatch.setattr(tasks, "load", lambda path: kept[path.name])
     for name in ("find_symmetric", "problem_with", "trace", "switch", "boundary", "drawn"):
-        monkeypatch.setattr(parts, name, told(name))
+        monkeypatch.setattr(tasks, name, told(name))
     path.write_text(ALL)
     plane = tmp_path / "plane.toml"
     plane.write_text(PLANE)
@@ -361,7 +361,7 @@ def test_every_key_of_a_study_reaches_the_library(
         "lattice": cb.OpenChain(6), "site": 2, "damping": 0.02, "spring": 0.3,
         "walls": dict.fromkeys(range(6), (-1.0, 1.0)) | {3: (-0.8, 0.8)},
     }  # fmt: skip
-    own = {part.name: part for file in (path, plane) for part in parts_of(read(file))}
+    own = {task.name: task for file in (path, plane) for task in tasks_of(read(file))}
     assert list(own) == ["ways", "fixed", "arms", "line", "soft", "plane"]
     drives = [cb.Symbolic("-cos(t) + c3*cos(3*t)", c3=c3) for c3 in (0.05, 0.1)]
     wanted = {
@@ -398,7 +398,7 @@ def test_every_key_of_a_study_reaches_the_library(
     }  # fmt: skip
     for name, calls in wanted.items():
         asked.clear()
-        parts._COMPUTED[own[name].kind](own[name], tmp_path)
+        tasks._COMPUTED[own[name].kind](own[name], tmp_path)
         assert asked == calls
 
 
@@ -461,10 +461,10 @@ def test_an_interrupted_study_says_what_is_done_and_goes_on(
 ) -> None:
     plain, count = Worker.__call__, iter([0, 0])
 
-    def twice(self: Worker, part: Any) -> Any:
+    def twice(self: Worker, task: Any) -> Any:
         if next(count, None) is None:
             raise KeyboardInterrupt
-        return plain(self, part)
+        return plain(self, task)
 
     monkeypatch.setattr(Worker, "__call__", twice)
     with pytest.raises(cb.errors.Interrupted) as stopped:

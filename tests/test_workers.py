@@ -258,8 +258,8 @@ def test_what_many_zones_are_over_is_checked_first() -> None:
         "breathers.zones_many",
         "breathers.atlas",
         "plotting.atlas",
-        "studies.conduct",
-        "studies.mistakes",
+        "studies.run",
+        "studies.validation",
     ],
 )
 def test_examples_give_what_they_show(name: str) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Into, Plane, Workers, letter, once
+from contbreather.cli.options import Output, Workers, ZoneWindows, letter, once
 from contbreather.cli.output import table_of
 from contbreather.errors import BadInput
 
@@ -23,10 +23,10 @@ def atlas(
     gamma: tuple[str, ...] = (),
     a: tuple[str, ...] = (),
     over: tuple[str, ...] = (),
-    plane: Plane = Plane(),
+    plane: ZoneWindows = ZoneWindows(),
     workers: Workers | None = None,
     save: str | None = None,
-    into: Into = Into(),
+    into: Output = Output(),
 ) -> None:
     """Surfaces of LP, GR, PF and NS: a zone diagram for each of many values.
 
@@ -51,8 +51,8 @@ def atlas(
     from contbreather.breathers.atlas import save_atlas
     from contbreather.checks import values_by
 
-    if into == Into() and save is None:
-        into, save = Into(output=FIGURE), DATA
+    if into == Output() and save is None:
+        into, save = Output(output=FIGURE), DATA
     into.check(save=save)
     typed = {"k": k, "gamma": gamma, "a": a}
     fixed = {n: values_by(f"--{n}", ",".join(texts)) for n, texts in typed.items() if texts}

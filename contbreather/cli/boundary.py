@@ -5,7 +5,7 @@ from __future__ import annotations
 import contbreather as cb
 from contbreather.cli.branch import leave
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Keep, Where, Window, interval
+from contbreather.cli.options import ModelOptions, SavedOutput, Window, interval
 from contbreather.errors import BadInput
 from contbreather.parameters import NEEDED
 
@@ -14,11 +14,11 @@ KINDS = ("LP", "PF", "PD", "NS", "GR")
 
 def boundary(
     kind: str | None = None,
-    where: Where = Where(),
+    where: ModelOptions = ModelOptions(),
     *,
     pair: tuple[str, str] = ("gamma", "a"),
     window: Window = None,
-    into: Keep = Keep(),
+    into: SavedOutput = SavedOutput(),
 ) -> None:
     """A curve of folds (LP), pitchforks (PF), Neimark-Sacker points (NS), grazings (GR) or period
     doublings (PD).

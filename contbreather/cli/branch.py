@@ -7,17 +7,17 @@ from typing import Any, Literal
 
 import contbreather as cb
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Along, Into, Keep, Where, Whole
+from contbreather.cli.options import BranchWindow, ModelOptions, Output, SavedOutput, Whole
 from contbreather.cli.output import branch_entry, branch_table, check_ends, lines_of
 
 
 def branch(
-    where: Where = Where(),
-    along: Along = Along(),
+    where: ModelOptions = ModelOptions(),
+    along: BranchWindow = BranchWindow(),
     *,
     towards: Literal["both", "up", "down"] = "both",
     root: Whole | None = None,
-    into: Keep = Keep(),
+    into: SavedOutput = SavedOutput(),
 ) -> None:
     """A branch of breathers in one parameter, with its special points.
 
@@ -39,7 +39,7 @@ def branch(
     leave(found, "branch", start.entry(), into, cut)
 
 
-def leave(found: cb.Branch, what: str, about: Mapping[str, Any], into: Into, cut: bool) -> None:
+def leave(found: cb.Branch, what: str, about: Mapping[str, Any], into: Output, cut: bool) -> None:
     """All that is wanted of one branch or boundary; raise if it broke off."""
     into.leave(
         lambda: {**about, **branch_entry(found)},

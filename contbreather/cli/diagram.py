@@ -7,18 +7,18 @@ from typing import Any
 
 import contbreather as cb
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Along, Keep, Where, Whole
+from contbreather.cli.options import BranchWindow, ModelOptions, SavedOutput, Whole
 from contbreather.cli.output import branch_entry, branch_table, point_entry
 from contbreather.errors import NotConverged
 
 
 def diagram(
-    where: Where = Where(),
-    along: Along = Along(),
+    where: ModelOptions = ModelOptions(),
+    along: BranchWindow = BranchWindow(),
     *,
     depth: Whole = 2,
     most: Whole = 100,
-    into: Keep = Keep(),
+    into: SavedOutput = SavedOutput(),
 ) -> None:
     """Follow the breathers, switch wherever other branches leave, follow these, and so on.
 

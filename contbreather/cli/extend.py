@@ -8,7 +8,7 @@ from typing import Any, Literal
 import contbreather as cb
 from contbreather.cli.branch import leave
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Keep, Span, Whole
+from contbreather.cli.options import SavedOutput, Span, Whole
 from contbreather.cli.show import opened
 from contbreather.errors import BadInput
 from contbreather.files import identity
@@ -22,7 +22,7 @@ def extend(
     window: Span | None = None,
     end: Literal["both", "last", "first"] = "both",
     most: Whole | None = None,
-    into: Keep = Keep(),
+    into: SavedOutput = SavedOutput(),
 ) -> None:
     """Follow a branch or a boundary that was kept further, and keep it where it was.
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 from contbreather.cli.interrupts import computing
-from contbreather.cli.options import Into
+from contbreather.cli.options import Output
 from contbreather.errors import BadInput
 
 
-def figure(number: str | None = None, *, into: Into = Into()) -> None:
+def figure(number: str | None = None, *, into: Output = Output()) -> None:
     """A figure of the paper, with what is exact beside what the paper says, and our verdict.
 
     It is drawn to the file that --output names; without --output, --csv and --json to figure2.png
@@ -26,7 +26,7 @@ def figure(number: str | None = None, *, into: Into = Into()) -> None:
     if number is None or number not in map(str, FIGURES):
         there = ", ".join(map(str, FIGURES))
         raise BadInput(f"figure {number or '(none given)'}: there are the figures {there}")
-    if into == Into():
+    if into == Output():
         into = replace(into, output=f"figure{number}.png")
     into.check()
     with computing():

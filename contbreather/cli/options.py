@@ -80,7 +80,7 @@ Window = Annotated[
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Where:
+class ModelOptions:
     """Parameters and lattice of a breather as they were typed.
 
     Parameters
@@ -134,7 +134,7 @@ class Where:
                 letters.setdefault(name, 1.0)
         return cb.Symbolic(self.forcing, **letters)
 
-    def on(self, *free: str) -> On:
+    def on(self, *free: str) -> ModelParameters:
         """What it lives on, and is judged by."""
         from contbreather.lattice.typed import lattice_by, walls_by
         from contbreather.stability.verdict import THRESHOLD
@@ -149,12 +149,12 @@ class Where:
         for name in free:
             _check_name(name, forcing)
         more = {"site": self.site, "walls": walls_by(self.walls, lattice.sites)}
-        return On(lattice, threshold, forcing, more)
+        return ModelParameters(lattice, threshold, forcing, more)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Plane:
+class ZoneWindows:
     """Windows of zone diagrams, and what their breathers live on.
 
     Parameters
@@ -186,9 +186,9 @@ class Plane:
         reach = {name: window_of(name) for name in NEEDED}
         return {name: interval(name, span, reach) for name, span in typed.items() if span}
 
-    def on(self, *begin: str) -> On:
+    def on(self, *begin: str) -> ModelParameters:
         """What breathers live on, with further assignments."""
-        return Where(
+        return ModelOptions(
             forcing=self.forcing,
             set=(*self.set, *begin),
             sites=self.sites,
@@ -196,7 +196,7 @@ class Plane:
         ).on()
 
 
-class On(NamedTuple):
+class ModelParameters(NamedTuple):
     """What a breather lives on: its lattice with a threshold, the forcing, site and walls."""
 
     lattice: Any
@@ -288,7 +288,7 @@ def interval(name: str, window: Span | None, reach: Mapping[str, Span]) -> Span:
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Along:
+class BranchWindow:
     """What varies along a branch.
 
     Parameters
@@ -300,7 +300,7 @@ class Along:
     free: str | None = None
     window: Window = None
 
-    def start(self, where: Where, root: int | None = None) -> Start:
+    def start(self, where: ModelOptions, root: int | None = None) -> Start:
         """A breather at the value of the free parameter, if one is given, or in its window."""
         if self.free is None:
             raise BadInput("--free is missing: which parameter is to vary, a for instance?")
@@ -320,7 +320,7 @@ class Start(NamedTuple):
     """Where a branch begins: the breather, what it lives on, what varies, and its window."""
 
     breather: Any
-    on: On
+    on: ModelParameters
     free: str
     within: dict[str, Span]
 
@@ -355,7 +355,7 @@ class Start(NamedTuple):
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Into:
+class Output:
     """Where results go.
 
     Parameters
@@ -409,7 +409,7 @@ class Into:
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Keep(Into):
+class SavedOutput(Output):
     """Where results go that are kept as they are found.
 
     Parameters
@@ -428,7 +428,7 @@ class Keep(Into):
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class KeepRun(Keep):
+class SavedRun(SavedOutput):
     """Where a run goes.
 
     Parameters

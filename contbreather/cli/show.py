@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import contbreather as cb
-from contbreather.cli.options import Into
+from contbreather.cli.options import Output
 from contbreather.cli.output import branch_entry, lines_of, point_entry, table_of
 from contbreather.errors import BadInput
 
 
-def show(run: str | None = None, name: str | None = None, /, *, into: Into = Into()) -> None:
+def show(run: str | None = None, name: str | None = None, /, *, into: Output = Output()) -> None:
     """What is in a file that --save has kept, or in a folder of such files.
 
     Parameters

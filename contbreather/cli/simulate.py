@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 import contbreather as cb
 from contbreather.cli.interrupts import computing, end
-from contbreather.cli.options import KeepRun, On, Where, Whole
+from contbreather.cli.options import ModelOptions, ModelParameters, SavedRun, Whole
 from contbreather.cli.output import (
     note,
     printed,
@@ -22,7 +22,14 @@ from contbreather.cli.output import (
     to_figure,
     to_json,
 )
-from contbreather.cli.seen import Seen, judged, length_of, periods_in_words, seen_in, seen_of
+from contbreather.cli.run_summary import (
+    RunSummary,
+    judged,
+    length_of,
+    periods_in_words,
+    summary_in,
+    summary_of,
+)
 from contbreather.cli.starts import read_state, write_state
 from contbreather.errors import BadInput
 from contbreather.parameters import NEEDED
@@ -42,7 +49,7 @@ IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "accele
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class RunOptions:
     """A run as it was typed.
 
     Parameters
@@ -74,7 +81,7 @@ class Asked:
     impacts: str | None = None
     final: str | None = None
 
-    def check(self, where: Where, into: KeepRun) -> None:
+    def check(self, where: ModelOptions, into: SavedRun) -> None:
         """Refuse what cannot be, before anything is computed."""
         read = where.read | {"--start": self.start if self.start != self.final else None}
         into.check(read, impacts=self.impacts, final=self.final)
@@ -95,7 +102,7 @@ class Asked:
             raise BadInput("--threshold: the verdict on a run has none; leave it out")
 
     @computing()
-    def simulate(self, where: Where) -> Seen:
+    def simulate(self, where: ModelOptions) -> RunSummary:
         """Run it."""
         from contbreather.dynamics.impacting import length_of
         from contbreather.progress import Bar
@@ -104,7 +111,7 @@ class Asked:
         with Bar(None, int(length_of(self.periods, 0))) as bar:
             return self._simulate(where, bar)
 
-    def _simulate(self, where: Where, bar: Bar) -> Seen:
+    def _simulate(self, where: ModelOptions, bar: Bar) -> RunSummary:
         values, on = where.need(*NEEDED), where.on()
         lattice = None if on.lattice.sites is None else on.lattice
         state, t0 = (
@@ -114,17 +121,17 @@ class Asked:
         shared["progress"] = bar
         if self.smooth is not None:
             smooth: dict[str, Any] = {"m": self.smooth, "periods": self.periods}
-            return seen_of(cb.dynamics.simulate_smooth(self._pushed(state), **smooth, **shared))
+            return summary_of(cb.dynamics.simulate_smooth(self._pushed(state), **smooth, **shared))
         shared |= {"walls": on.more["walls"]}
         if self.stream is not None:
             kept = cb.dynamics.record(
                 self.stream, self._pushed(state), periods=int(self.periods), **shared
             )
-            return seen_in(kept, int(self.periods), where.site)
+            return summary_in(kept, int(self.periods), where.site)
         run = cb.simulate(self._pushed(state), periods=self.periods, **shared)
-        return seen_of(run, where.site)
+        return summary_of(run, where.site)
 
-    def _read(self, where: Where, lattice: Any) -> tuple[Any, float]:
+    def _read(self, where: ModelOptions, lattice: Any) -> tuple[Any, float]:
         """The state in a file, and its time."""
         (u, v), t0 = read_state(str(self.start))
         if lattice is not None and lattice.sites != len(u):
@@ -146,7 +153,7 @@ class Asked:
         return state[0] + push[0], state[1] + push[1]
 
 
-def _breather(where: Where, on: On, lattice: Any) -> tuple[Any, float]:
+def _breather(where: ModelOptions, on: ModelParameters, lattice: Any) -> tuple[Any, float]:
     """The exact breather at t = 0, or a quarter of a period later if it hits just then. That of
     a ring is the one without damping, as in the paper; that of --lattice has all."""
     values = where.given | ({} if where.lattice else {"damping": 0.0})
@@ -159,7 +166,11 @@ def _breather(where: Where, on: On, lattice: Any) -> tuple[Any, float]:
     return found.state(t=t0), t0
 
 
-def simulate(where: Where = Where(), asked: Asked = Asked(), into: KeepRun = KeepRun()) -> None:
+def simulate(
+    where: ModelOptions = ModelOptions(),
+    asked: RunOptions = RunOptions(),
+    into: SavedRun = SavedRun(),
+) -> None:
     """A lattice in motion, impact by impact, and a verdict on it.
 
     It is a ring of 20 unless a lattice or a state is given. It starts on the exact breather at
@@ -168,55 +179,55 @@ def simulate(where: Where = Where(), asked: Asked = Asked(), into: KeepRun = Kee
     that was simulated until then is written, then judged; a second one leaves the verdict out.
     """
     asked.check(where, into)
-    seen = asked.simulate(where)
-    if seen.interrupted:
+    summary = asked.simulate(where)
+    if summary.interrupted:
         note("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
-    made = [str(path) for path in _files(seen, asked, into)]
-    seen = judged(seen)
+    made = [str(path) for path in _files(summary, asked, into)]
+    summary = judged(summary)
     aside = printed(into.csv, asked.impacts, asked.final)
     if into.json:
-        to_json({**_content(seen, where, asked), "written": made})
+        to_json({**_content(summary, where, asked), "written": made})
     else:
         rigid = asked.smooth is None
         walls = "rigid walls" if rigid else f"smooth walls, m = {asked.smooth:g}"
-        length = seen.periods if seen.stream else length_of(seen.run)
-        lattice = seen.run.conditions.lattice.describe()
+        length = summary.periods if summary.stream else length_of(summary.run)
+        lattice = summary.run.conditions.lattice.describe()
         say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}", aside=aside)
-        if rows := list(_rows(seen, asked)):
+        if rows := list(_rows(summary, asked)):
             say(Sheet.of(rows), aside=aside)
-        say(*_sentences(seen), *(f"Wrote {path}." for path in made), aside=aside)
-    end(seen.interrupted)
+        say(*_sentences(summary), *(f"Wrote {path}." for path in made), aside=aside)
+    end(summary.interrupted)
 
 
 # --- what is left ---------------------------------------------------------------------------------
 
 
-def _files(seen: Seen, asked: Asked, into: KeepRun) -> Iterator[Any]:
+def _files(summary: RunSummary, asked: RunOptions, into: SavedRun) -> Iterator[Any]:
     """What goes on from here first: large tables take long enough to be interrupted."""
     if asked.final is not None:
-        yield write_state(asked.final, seen.run.final, seen.run.end)
+        yield write_state(asked.final, summary.run.final, summary.run.end)
     if into.save is not None:
-        cb.save(into.save, run=seen.run)
+        cb.save(into.save, run=summary.run)
         yield into.save
     if into.csv is not None:
-        names = [f"{name}_{n}" for name in "uv" for n in range(seen.run.sites)]
-        yield to_csv(into.csv, _strobes(seen), ["period", "time", *names])
+        names = [f"{name}_{n}" for name in "uv" for n in range(summary.run.sites)]
+        yield to_csv(into.csv, _strobes(summary), ["period", "time", *names])
     if asked.impacts is not None:
-        yield to_csv(asked.impacts, _impacts(seen), IMPACTS)
+        yield to_csv(asked.impacts, _impacts(summary), IMPACTS)
     if into.output is not None:
-        yield to_figure(into.output, lambda: draw(seen.run, seen.site))
+        yield to_figure(into.output, lambda: draw(summary.run, summary.site))
 
 
-def _strobes(seen: Seen) -> Iterator[dict[str, float]]:
+def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
     """One row for each stroboscopic state; those of a stream are read piece by piece."""
     import numpy as np
 
     from contbreather.dynamics.states import PERIOD
 
-    kept, run = seen.stream, seen.run
+    kept, run = summary.stream, summary.run
     t0, begin = (float(run.times[0]), run.strobe) if kept is None else (kept.t0, kept.start)
     start: Any = (0, *(np.atleast_2d(row)[:1] for row in begin))
-    later = ((one.first + 1, one.u, one.v) for one in seen.stretches())
+    later = ((one.first + 1, one.u, one.v) for one in summary.stretches())
     for first_period, u, v in chain([start], later):
         for i in range(len(u)):
             period = first_period + i
@@ -226,8 +237,8 @@ def _strobes(seen: Seen) -> Iterator[dict[str, float]]:
             yield row
 
 
-def _impacts(seen: Seen) -> Iterator[dict[str, float]]:
-    for one in seen.stretches():
+def _impacts(summary: RunSummary) -> Iterator[dict[str, float]]:
+    for one in summary.stretches():
         for row in one.impacts.tolist():
             yield dict(zip(IMPACTS, row, strict=True))
 
@@ -259,8 +270,8 @@ def _window(run: Any, site: int) -> Any:
     return completed(let_go(state, run.conditions, **window)).record
 
 
-def _content(seen: Seen, where: Where, asked: Asked) -> dict[str, Any]:
-    run, c = seen.run, seen.run.conditions
+def _content(summary: RunSummary, where: ModelOptions, asked: RunOptions) -> dict[str, Any]:
+    run, c = summary.run, summary.run.conditions
     content: dict[str, Any] = {
         **where.need(*NEEDED),
         "damping": c.damping,
@@ -268,16 +279,16 @@ def _content(seen: Seen, where: Where, asked: Asked) -> dict[str, Any]:
         "m": asked.smooth,
         "lattice": c.lattice.describe(),
         "sites": run.sites,
-        "periods": seen.periods,
-        "stop": seen.stop,
-        "interrupted": seen.interrupted,
-        "verdict": {"kind": seen.kind, "reason": seen.reason, "evidence": seen.evidence},
+        "periods": summary.periods,
+        "stop": summary.stop,
+        "interrupted": summary.interrupted,
+        "verdict": {"kind": summary.kind, "reason": summary.reason, "evidence": summary.evidence},
         "final": {"t": run.end, "u": run.final.u, "v": run.final.v},
     }
-    if seen.by_site is not None:
-        content["impacts"] = {"total": sum(seen.by_site.values()), "by_site": seen.by_site}
+    if summary.by_site is not None:
+        content["impacts"] = {"total": sum(summary.by_site.values()), "by_site": summary.by_site}
         if asked.start is None:
-            content["lost_after"] = seen.lost
+            content["lost_after"] = summary.lost
     return content
 
 
@@ -291,24 +302,24 @@ WORDS = {
 }
 
 
-def _rows(seen: Seen, asked: Asked) -> Iterator[tuple[str, str]]:
-    if seen.by_site is not None:
-        yield "impacts", str(sum(seen.by_site.values()))
-        yield f"of them at site {seen.site}", str(seen.by_site.get(seen.site, 0))
+def _rows(summary: RunSummary, asked: RunOptions) -> Iterator[tuple[str, str]]:
+    if summary.by_site is not None:
+        yield "impacts", str(sum(summary.by_site.values()))
+        yield f"of them at site {summary.site}", str(summary.by_site.get(summary.site, 0))
         if asked.start is None:
-            lost = "to the end" if seen.lost is None else periods_in_words(seen.lost)
+            lost = "to the end" if summary.lost is None else periods_in_words(summary.lost)
             yield "breather kept for", lost
-    if "return" in seen.evidence:
-        count = int(seen.evidence["periods"])
+    if "return" in summary.evidence:
+        count = int(summary.evidence["periods"])
         after = "a period" if count == 1 else f"{count} periods"
-        yield f"returns after {after} to", f"{seen.evidence['return']:.2g}"
+        yield f"returns after {after} to", f"{summary.evidence['return']:.2g}"
     for name, (words, shape) in WORDS.items():
-        if name in seen.evidence:
-            yield words, shape.format(seen.evidence[name])
+        if name in summary.evidence:
+            yield words, shape.format(summary.evidence[name])
 
 
-def _sentences(seen: Seen) -> list[str]:
-    lines = [seen.reason]
-    if seen.interrupted or seen.stop != "went through all its periods":
-        lines.append(seen.stop)
+def _sentences(summary: RunSummary) -> list[str]:
+    lines = [summary.reason]
+    if summary.interrupted or summary.stop != "went through all its periods":
+        lines.append(summary.stop)
     return sentences(lines)

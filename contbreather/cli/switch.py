@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Along, Keep, Where
+from contbreather.cli.options import BranchWindow, ModelOptions, SavedOutput
 from contbreather.cli.output import (
     branch_entry,
     branch_table,
@@ -30,11 +30,11 @@ SHOWN = ("p", *TIMES, "c", "asymmetry", "unstable")  # columns of the table
 
 
 def switch(
-    where: Where = Where(),
-    along: Along = Along(),
+    where: ModelOptions = ModelOptions(),
+    along: BranchWindow = BranchWindow(),
     *,
     at: tuple[str, ...] = ("PF",),
-    into: Keep = Keep(),
+    into: SavedOutput = SavedOutput(),
 ) -> None:
     """The branches that leave a branch of breathers: both arms of a pitchfork, doubled orbits.
 

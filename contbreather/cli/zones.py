@@ -7,7 +7,7 @@ from typing import Any
 
 import contbreather as cb
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Keep, Plane
+from contbreather.cli.options import SavedOutput, ZoneWindows
 from contbreather.errors import BadInput
 
 RESTITUTIONS = (0.8, 0.4)  # the paper's
@@ -20,8 +20,8 @@ def zones(
     k: tuple[float, ...] = (),
     gamma: tuple[float, ...] = (),
     a: tuple[float, ...] = (),
-    plane: Plane = Plane(),
-    into: Keep = Keep(),
+    plane: ZoneWindows = ZoneWindows(),
+    into: SavedOutput = SavedOutput(),
 ) -> None:
     """Zone diagrams: limits of existence LP and GR, of stability PF and NS, where they meet.
 
@@ -42,8 +42,8 @@ def zones(
     name, values = _fixed(k, gamma, a)
     for value in values:
         parameter(name, value)
-    if into == Keep():
-        into = Keep(csv=TABLE, output=FIGURE)
+    if into == SavedOutput():
+        into = SavedOutput(csv=TABLE, output=FIGURE)
     into.check()
     on, windows = plane.on(), plane.within
     asked: dict[str, Any] = {"ks" if name == "k" else name: values, "within": windows}

@@ -96,7 +96,7 @@ class Field:
             label=label, value=value, placeholder=hint, sizing_mode="stretch_width",
             margin=(2, 5), **more,
         )  # fmt: skip
-        self.trouble = Trouble()
+        self.trouble = ErrorLabel()
         self.view = pn.Column(self.input, self.trouble.view, sizing_mode="stretch_width", margin=0)
 
     def get(self) -> Any:
@@ -145,7 +145,7 @@ class Words:
         pn.io.push_notebook(self.view)
 
 
-class Trouble(Words):
+class ErrorLabel(Words):
     """A sentence that is not there as long as nothing is wrong; screen readers say it."""
 
     def say(self, sentence: str) -> None:

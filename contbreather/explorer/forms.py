@@ -13,8 +13,8 @@ from contbreather.errors import BadInput
 from contbreather.explorer import work
 from contbreather.explorer.fields import (
     MOST,
+    ErrorLabel,
     Field,
-    Trouble,
     a_count,
     a_lattice,
     a_number,
@@ -58,7 +58,7 @@ class Forms:
             stylesheets=[FORMS],
         )  # fmt: skip
 
-    def _button(self, name: str, do: Callable[[], object], trouble: Trouble, **more: Any) -> Any:
+    def _button(self, name: str, do: Callable[[], object], trouble: ErrorLabel, **more: Any) -> Any:
         """A button that does something, or says why not."""
         more = {"sizing_mode": "stretch_width", "margin": (3, 5), **more}
         self.buttons[name] = pn.widgets.Button(label=name, **more)
@@ -74,7 +74,7 @@ class Forms:
             name: of_the_model(name, first.get(name, ""), how.get(name, str.strip))
             for name in (*NEEDED, "forcing", "lattice", "site", "spring", "damping", "walls")
         }
-        self.breather_trouble = Trouble()
+        self.breather_trouble = ErrorLabel()
         button = self._button("Show", self._show, self.breather_trouble, color="primary")
         return card("Breather", in_rows(self.breather.values(), 2), button,
                     self.breather_trouble.view)  # fmt: skip
@@ -100,7 +100,7 @@ class Forms:
             "high": Field("to", high, a_number("to")),
         }
         self.free.param.watch(self._usual_window, "value")
-        self.walk_trouble = Trouble()
+        self.walk_trouble = ErrorLabel()
         button = self._button("Continue", self._walk, self.walk_trouble, color="primary")
         fields = pn.Row(self.free, *(field.view for field in self.window.values()), margin=0)
         return card("Continue from here", fields, button, self.walk_trouble.view)
@@ -120,7 +120,7 @@ class Forms:
     def _special(self) -> Any:
         self.first = pn.widgets.Select(label="in", options=list(NEEDED), value="gamma", width=120)
         self.second = pn.widgets.Select(label="and", options=list(NEEDED), value="a", width=120)
-        self.special_trouble = Trouble()
+        self.special_trouble = ErrorLabel()
         return card(
             "From a special point",
             self._button("Switch branch here", self._switch, self.special_trouble),
@@ -144,7 +144,7 @@ class Forms:
             "periods": Field("periods", "100", a_count("periods", 1, MANY)),
             "push": Field("push", "0.001", a_number("push", -10.0, 10.0, "a small velocity")),
         }
-        self.run_trouble = Trouble()
+        self.run_trouble = ErrorLabel()
         button = self._button("Simulate from here", self._simulate, self.run_trouble)
         return card("Simulation", in_rows(self.length.values(), 3), button, self.run_trouble.view)
 
@@ -157,7 +157,7 @@ class Forms:
 
     def _keep(self) -> Any:
         self.file = Field("file", "run.nc", str)
-        self.keep_trouble = Trouble()
+        self.keep_trouble = ErrorLabel()
         self.what = pn.widgets.Select(
             label="figure", options=["zones", "branches", "motion"], width=120
         )

@@ -21,10 +21,10 @@ from panel.io.notebook import block_comm, patch_inline_stylesheets
 
 from contbreather.display import in_notebook
 from contbreather.errors import ContbreatherError
-from contbreather.explorer import seen
+from contbreather.explorer import summary
 from contbreather.explorer.fields import (
+    ErrorLabel,
     Field,
-    Trouble,
     Words,
     a_count,
     read_all,
@@ -32,10 +32,10 @@ from contbreather.explorer.fields import (
     tried,
 )
 from contbreather.explorer.forms import Forms, card, offered
-from contbreather.explorer.ink import DARK, LIGHT
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import State
 from contbreather.explorer.style import GRID, OUTER, STUCK
+from contbreather.explorer.theme import DARK, LIGHT
 from contbreather.explorer.views import (
     BranchView,
     MotionView,
@@ -57,11 +57,11 @@ class Page:
         self.explorer = explorer
         self.drawn = State()  # what is drawn by now
         self.document: Any = pn.state.curdoc
-        ink = DARK if pn.config.theme == "dark" else LIGHT
-        self.zones, self.branches = ZonesView(ink), BranchView(ink)
-        self.profile, self.multipliers = ProfileView(ink), MultipliersView(ink)
-        self.motion = MotionView(ink, "t/2π")
-        self.run = MotionView(ink, "t/2π")
+        theme = DARK if pn.config.theme == "dark" else LIGHT
+        self.zones, self.branches = ZonesView(theme), BranchView(theme)
+        self.profile, self.multipliers = ProfileView(theme), MultipliersView(theme)
+        self.motion = MotionView(theme, "t/2π")
+        self.run = MotionView(theme, "t/2π")
         self.forms = Forms(explorer)
         self._zone_controls()
         self._branch_controls()
@@ -85,7 +85,7 @@ class Page:
             label="restitution k", start=0.01, end=0.99, step=STEP, value=self.explorer.state.k,
             sizing_mode="stretch_width",
         )  # fmt: skip
-        self.zones_trouble = Trouble()
+        self.zones_trouble = ErrorLabel()
         self._on(self.k, lambda k: self.explorer.look_at(round(k, 9)))
         for tap in TAPS:
             self.zones.figure.on_event(tap, self._zones_tapped)
@@ -243,9 +243,9 @@ class Page:
     def _render_zones(self, new: State, old: State) -> None:
         self.k.value = new.k
         self.zones.title(new)
-        if new.sketch is not None and new.sketch is not old.sketch:
-            self.zones.show(new.sketch)
-        k = new.k if new.sketch is None else new.sketch.k
+        if new.preview is not None and new.preview is not old.preview:
+            self.zones.show(new.preview)
+        k = new.k if new.preview is None else new.preview.k
         self.zones.boundaries(new.curves, k)
         self.zones.choose(new.chosen, k)
 
@@ -286,10 +286,10 @@ class Page:
         self.words.show(_described(new))
         if orbit is None:
             return
-        self.profile.show(seen.profile(orbit))
-        self.motion.show(seen.motion(orbit, new.sites))
+        self.profile.show(summary.profile(orbit))
+        self.motion.show(summary.motion(orbit, new.sites))
         try:
-            self.multipliers.show(seen.multipliers(orbit, new.ring))
+            self.multipliers.show(summary.multipliers(orbit, new.ring))
         except ContbreatherError as error:
             self.multipliers.nothing(str(error))
 
@@ -312,7 +312,7 @@ def _described(state: State) -> str:
     if chosen.orbit is None:
         sentences = [("equations", "this curve has none here: only its numbers are known")]
     else:
-        sentences = list(seen.verdicts(chosen.orbit, state.ring))
+        sentences = list(summary.verdicts(chosen.orbit, state.ring))
     said = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)
     return f"<h2>{escape(chosen.title)}</h2>{table}<dl>{said}</dl>"
 

@@ -14,8 +14,8 @@ from contbreather.breathers.zones import Zones
 from contbreather.checks import whole
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
-from contbreather.explorer.background import Background, Job, Progress
-from contbreather.explorer.sketch import LADDER, Sketch, between, sketch_of
+from contbreather.explorer.jobs import Job, JobThread, Progress
+from contbreather.explorer.preview import LADDER, Preview, between, preview_of
 from contbreather.explorer.state import Chosen, State
 from contbreather.explorer.work import Work, breather, point_of
 from contbreather.files import writable
@@ -37,7 +37,7 @@ class Session:
         self.message = self.progress = ""
         self._listeners: list[Listener] = []
         self._changing = threading.RLock()
-        self._long, self._quick = Background(), Background()
+        self._long, self._quick = JobThread(), JobThread()
         self._planes: dict[tuple[float, str], Zones] = {}
         self._looks_ahead = self._ahead = False
         self._count = 0
@@ -77,10 +77,10 @@ class Session:
         k = parameter("k", k)
         known = self._planes.get((k, forcing))
         if known is not None:
-            self.change(k=k, forcing=forcing, plane=known, sketch=sketch_of(known))
+            self.change(k=k, forcing=forcing, plane=known, preview=preview_of(known))
             return
         rough = self._rough(k, forcing)
-        self.change(k=k, forcing=forcing, sketch=rough or self.state.sketch)
+        self.change(k=k, forcing=forcing, preview=rough or self.state.preview)
         with self._changing:
             if self._ahead:
                 self._quick.stop()  # what is computed ahead can wait
@@ -93,7 +93,7 @@ class Session:
         if not self._quick.busy:
             self._next_ahead()
 
-    def _rough(self, k: float, forcing: str) -> Sketch | None:
+    def _rough(self, k: float, forcing: str) -> Preview | None:
         known = [known for known, drive in self._planes if drive == forcing]
         below = max((one for one in known if one < k), default=None)
         above = min((one for one in known if one > k), default=None)
@@ -123,8 +123,8 @@ class Session:
             self.tell(trouble)
             return
         state = self.state
-        if plane.fixed[1] == state.k or state.sketch is None or state.sketch.exact:
-            self.change(plane=plane, sketch=sketch_of(plane))
+        if plane.fixed[1] == state.k or state.preview is None or state.preview.exact:
+            self.change(plane=plane, preview=preview_of(plane))
 
     def _next_ahead(self) -> None:
         """Begin with the nearest diagram that is not known yet, unless another one waits."""

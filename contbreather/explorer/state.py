@@ -11,7 +11,7 @@ from contbreather.continuation import Branch, Point
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.switching import lift_of
 from contbreather.dynamics import Run
-from contbreather.explorer.sketch import Sketch, sketch_of
+from contbreather.explorer.preview import Preview, preview_of
 
 RING = 400  # sites of the ring that is judged besides, the paper's
 
@@ -67,7 +67,7 @@ class State:
     k: float = 0.8
     forcing: str = ""
     plane: Zones | None = None  # the last that was computed
-    sketch: Sketch | None = None  # what is drawn: that, or what lies between its neighbours
+    preview: Preview | None = None  # what is drawn: that, or what lies between its neighbours
     curves: tuple[Named, ...] = ()
     hidden: frozenset[str] = frozenset()  # curves that are not drawn, by their code
     axes: tuple[str, str] = ("", "")  # columns; empty: those of the first curve
@@ -119,7 +119,7 @@ class State:
             curves=(*self.curves, *curves),
             run=runs[-1] if runs else self.run,
             plane=plane,
-            sketch=sketch_of(plane) if planes and plane is not None else self.sketch,
+            preview=preview_of(plane) if planes and plane is not None else self.preview,
             k=plane.fixed[1] if planes and plane is not None else self.k,
         )
 

@@ -14,10 +14,10 @@ from contbreather.breathers.regions import Region
 from contbreather.continuation import Branch, Point
 from contbreather.dynamics import Run
 from contbreather.dynamics.states import PERIOD
-from contbreather.explorer.ink import Ink
-from contbreather.explorer.seen import Motion, Multipliers, Profile
-from contbreather.explorer.sketch import Sketch
+from contbreather.explorer.preview import Preview
 from contbreather.explorer.state import Chosen, Named, State
+from contbreather.explorer.summary import Motion, Multipliers, Profile
+from contbreather.explorer.theme import Theme
 from contbreather.plotting.branches import (
     BEYOND,
     STABLE,
@@ -62,35 +62,35 @@ def symbol(name: str) -> str:
     return GREEK.get(name, name)
 
 
-def _sheet(ink: Ink, x: str, y: str, height: int | None, **more: Any) -> Any:
+def _sheet(theme: Theme, x: str, y: str, height: int | None, **more: Any) -> Any:
     """An empty figure."""
     fig: Any = figure(
         height=height, sizing_mode="stretch_width", x_axis_label=x, y_axis_label=y,
         tools="pan,wheel_zoom,box_zoom,reset,save", toolbar_location="right",
         x_range=Range1d(start=0.0, end=1.0), y_range=Range1d(start=0.0, end=1.0), min_border=4,
-        background_fill_color=None, border_fill_color=None, outline_line_color=ink.faint, **more,
+        background_fill_color=None, border_fill_color=None, outline_line_color=theme.faint, **more,
     )  # fmt: skip
     fig.toolbar.logo = None
     fig.toolbar.autohide = True
-    fig.title.text_color = ink.text
+    fig.title.text_color = theme.text
     fig.title.text_font_size = "13px"
     for axis in (*fig.xaxis, *fig.yaxis):
-        axis.axis_label_text_color = axis.major_label_text_color = ink.text
+        axis.axis_label_text_color = axis.major_label_text_color = theme.text
         axis.axis_label_text_font_size = "14px"
-        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = ink.faint
+        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = theme.faint
         axis.axis_label_standoff = 2
-    fig.grid.grid_line_color = ink.grid
+    fig.grid.grid_line_color = theme.grid
     return fig
 
 
-def _legend(fig: Any, ink: Ink, place: str = "top_right") -> None:
+def _legend(fig: Any, theme: Theme, place: str = "top_right") -> None:
     if not fig.legend:
         return
     legend = fig.legend[0]
     legend.location = place
-    legend.label_text_color = ink.text
+    legend.label_text_color = theme.text
     legend.label_text_font_size = "11px"
-    legend.background_fill_color = ink.paper
+    legend.background_fill_color = theme.paper
     legend.background_fill_alpha = 0.75
     legend.border_line_color = None
     legend.padding, legend.spacing, legend.glyph_width = 4, 0, 26
@@ -109,14 +109,14 @@ def _reach(axis: Range1d, values: Iterable[float], least: float = 0.0) -> None:
 class ZonesView:
     """The plane of two parameters: regions, their limits, where these meet, what is looked at."""
 
-    def __init__(self, ink: Ink) -> None:
-        self.figure = fig = _sheet(ink, "γ", "a", 470)
-        self.shades = {"S": ink.stable, "US": ink.unstable}
+    def __init__(self, theme: Theme) -> None:
+        self.figure = fig = _sheet(theme, "γ", "a", 470)
+        self.shades = {"S": theme.stable, "US": theme.unstable}
         self.regions = _source("xs", "ys", "colour")
         fig.multi_polygons(
             "xs", "ys", source=self.regions, fill_color="colour", line_color="colour"
         )
-        colours = {"LP": ink.line, "GR": ink.line, "PF": ink.vermillion, "NS": ink.blue}
+        colours = {"LP": theme.line, "GR": theme.line, "PF": theme.vermillion, "NS": theme.blue}
         self.curves = {kind: _source("xs", "ys") for kind in LINES}
         for kind, source in self.curves.items():
             fig.multi_line(
@@ -125,24 +125,24 @@ class ZonesView:
             )  # fmt: skip
         self.letters = _source("x", "y", "text")
         fig.text(
-            "x", "y", "text", source=self.letters, text_color=ink.text, text_align="center",
+            "x", "y", "text", source=self.letters, text_color=theme.text, text_align="center",
             text_baseline="middle", text_font_style="bold", text_font_size="16px",
         )  # fmt: skip
         self.meetings = _source("x", "y", "text")
         fig.scatter(
-            "x", "y", source=self.meetings, marker="hex", size=9, fill_color=ink.paper,
-            line_color=ink.line,
+            "x", "y", source=self.meetings, marker="hex", size=9, fill_color=theme.paper,
+            line_color=theme.line,
         )  # fmt: skip
         fig.text(
-            "x", "y", "text", source=self.meetings, text_color=ink.text, x_offset=8, y_offset=-4,
+            "x", "y", "text", source=self.meetings, text_color=theme.text, x_offset=8, y_offset=-4,
             text_font_size="12px",
         )  # fmt: skip
         self.traced = _source("xs", "ys")
-        fig.multi_line("xs", "ys", source=self.traced, color=ink.cycle[2], line_width=1.5)
-        self.here = _here(fig, ink)
-        _legend(fig, ink)
+        fig.multi_line("xs", "ys", source=self.traced, color=theme.cycle[2], line_width=1.5)
+        self.here = _here(fig, theme)
+        _legend(fig, theme)
 
-    def show(self, drawn: Sketch) -> None:
+    def show(self, drawn: Preview) -> None:
         """Another diagram."""
         shaded = [one for one in drawn.regions if one.verdict]
         _fill(self.regions, (self._region(one) for one in shaded))
@@ -161,7 +161,7 @@ class ZonesView:
 
     def title(self, wanted: State) -> None:
         """Say what is shown, and what is on its way."""
-        drawn = wanted.sketch
+        drawn = wanted.preview
         words = "no diagram yet" if drawn is None else f"k = {drawn.k:g}"
         if drawn is None or drawn.k != wanted.k:
             words += f"; k = {wanted.k:g} is being computed"
@@ -188,10 +188,10 @@ class ZonesView:
         _fill(self.here, place)
 
 
-def _here(fig: Any, ink: Ink) -> ColumnDataSource:
+def _here(fig: Any, theme: Theme) -> ColumnDataSource:
     """The mark of what is looked at."""
     source = _source("x", "y")
-    for size, colour, width in ((15, ink.paper, 5), (15, ink.vermillion, 2.5)):
+    for size, colour, width in ((15, theme.paper, 5), (15, theme.vermillion, 2.5)):
         fig.scatter(
             "x", "y", source=source, size=size, fill_color=None, line_color=colour,
             line_width=width, level="annotation",
@@ -208,9 +208,9 @@ def marked(branch: Branch) -> list[tuple[int, Point]]:
 class BranchView:
     """The bifurcation diagram: solid where stable, special points labelled."""
 
-    def __init__(self, ink: Ink) -> None:
-        self.ink = ink
-        self.figure = fig = _sheet(ink, "a", "p", 380, title="no branch yet")
+    def __init__(self, theme: Theme) -> None:
+        self.theme = theme
+        self.figure = fig = _sheet(theme, "a", "p", 380, title="no branch yet")
         self.lines = {}
         for style, dash in DASHES.items():
             self.lines[style] = _source("xs", "ys", "colour")
@@ -224,17 +224,17 @@ class BranchView:
         )  # fmt: skip
         fig.add_tools(HoverTool(renderers=[marks], tooltips=[("", "@what")]))
         fig.text(
-            "x", "y", "text", source=self.special, text_color=ink.text, x_offset="dx",
+            "x", "y", "text", source=self.special, text_color=theme.text, x_offset="dx",
             y_offset="dy", text_font_size="12px",
         )  # fmt: skip
-        self.here = _here(fig, ink)
+        self.here = _here(fig, theme)
 
     def show(self, curves: Sequence[Named], x: str, y: str) -> None:
         """Other curves, or other columns of them."""
         drawn: dict[str, list[Any]] = {style: [] for style in DASHES}
         marked = []
         for i, one in enumerate(curves):
-            colour = self.ink.cycle[i % len(self.ink.cycle)]
+            colour = self.theme.cycle[i % len(self.theme.cycle)]
             for style, xs, ys in pieces(one.branch, x, y):
                 drawn[style].append((xs, ys, colour))
             marked += [_mark(point, one, x, y, colour) for point in one.branch.special]
@@ -326,16 +326,16 @@ def _mark(point: Any, one: Named, x: str, y: str, colour: str) -> tuple[Any, ...
 class ProfileView:
     """Sites at the first impact, and the stretch each of them moves in."""
 
-    def __init__(self, ink: Ink) -> None:
-        self.figure = fig = _sheet(ink, "site n", "u", 260, title="profile")
+    def __init__(self, theme: Theme) -> None:
+        self.figure = fig = _sheet(theme, "site n", "u", 260, title="profile")
         self.walls = _source("x0", "x1", "y")
-        fig.segment("x0", "y", "x1", "y", source=self.walls, line_color=ink.faint, line_width=2)
+        fig.segment("x0", "y", "x1", "y", source=self.walls, line_color=theme.faint, line_width=2)
         self.sites = _source("n", "u", "low", "high")
         fig.segment(
-            "n", "low", "n", "high", source=self.sites, line_color=ink.blue, line_alpha=0.35,
+            "n", "low", "n", "high", source=self.sites, line_color=theme.blue, line_alpha=0.35,
             line_width=7,
         )  # fmt: skip
-        fig.scatter("n", "u", source=self.sites, color=ink.vermillion, size=6)
+        fig.scatter("n", "u", source=self.sites, color=theme.vermillion, size=6)
 
     def show(self, seen: Profile) -> None:
         """The profile of another orbit."""
@@ -351,12 +351,12 @@ class ProfileView:
 class MotionView:
     """Some sites over a period of an orbit, or over all of a simulation."""
 
-    def __init__(self, ink: Ink, x: str) -> None:
-        self.ink = ink
-        self.figure = fig = _sheet(ink, x, "u", 260)
+    def __init__(self, theme: Theme, x: str) -> None:
+        self.theme = theme
+        self.figure = fig = _sheet(theme, x, "u", 260)
         self.walls = _source("xs", "ys")
         fig.multi_line(
-            "xs", "ys", source=self.walls, color=ink.faint, line_dash="dashed", line_width=1.5
+            "xs", "ys", source=self.walls, color=theme.faint, line_dash="dashed", line_width=1.5
         )
         self.lines = _source("xs", "ys", "colour", "site")
         fig.multi_line(
@@ -364,7 +364,7 @@ class MotionView:
         )
         self.hits = _source("x", "y", "colour")
         fig.scatter("x", "y", source=self.hits, color="colour", size=8)
-        _legend(fig, ink)
+        _legend(fig, theme)
         fig.legend[0].orientation, fig.legend[0].spacing = "horizontal", 12
         fig.add_layout(fig.legend[0], "above")
 
@@ -385,7 +385,7 @@ class MotionView:
         self.figure.title.text = f"{name}: {run.periods} periods, {count} impacts; {run.stop.value}"
 
     def _draw(self, times: Array, by_site: dict[int, Array]) -> dict[int, str]:
-        colours = {n: self.ink.cycle[i % len(self.ink.cycle)] for i, n in enumerate(by_site)}
+        colours = {n: self.theme.cycle[i % len(self.theme.cycle)] for i, n in enumerate(by_site)}
         rows = ((times, u, colours[n], f"site {n}") for n, u in by_site.items())
         _fill(self.lines, rows)
         _reach(self.figure.x_range, times[[0, -1]])
@@ -402,16 +402,16 @@ class MotionView:
 class MultipliersView:
     """Multipliers: the unit circle, on it the band, and what stands alone."""
 
-    def __init__(self, ink: Ink) -> None:
-        self.figure = fig = _sheet(ink, "Re μ", "Im μ", None, title="multipliers")
-        self.ink = ink
+    def __init__(self, theme: Theme) -> None:
+        self.figure = fig = _sheet(theme, "Re μ", "Im μ", None, title="multipliers")
+        self.theme = theme
         fig.update(sizing_mode="fixed", align="center", width=340, height=340)
         # what the axes and the title need, so that the frame is a square and a circle one
         fig.update(min_border_left=65, min_border_right=35, min_border_top=40, min_border_bottom=60)
         self.band = _source("xs", "ys")
-        fig.multi_line("xs", "ys", source=self.band, color=ink.band, line_width=11)
+        fig.multi_line("xs", "ys", source=self.band, color=theme.band, line_width=11)
         angle = np.linspace(-np.pi, np.pi, 361)
-        fig.line(np.cos(angle), np.sin(angle), color=ink.faint, line_width=1)
+        fig.line(np.cos(angle), np.sin(angle), color=theme.faint, line_width=1)
         self.dots = _source("x", "y", "colour", "size")
         fig.scatter("x", "y", source=self.dots, color="colour", size="size")
 
@@ -420,7 +420,7 @@ class MultipliersView:
         mu, out = seen.mu, seen.alone & (np.abs(seen.mu) > 1.0)
         self.dots.data = {
             "x": mu.real, "y": mu.imag,
-            "colour": np.where(out, self.ink.vermillion, self.ink.blue).tolist(),
+            "colour": np.where(out, self.theme.vermillion, self.theme.blue).tolist(),
             "size": np.where(seen.alone, 8.0, 2.5),
         }  # fmt: skip
         arcs = [] if seen.edge is None else [np.linspace(0, s * np.pi * seen.edge) for s in (1, -1)]

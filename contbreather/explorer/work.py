@@ -13,7 +13,7 @@ from contbreather.continuation import Branch, boundary, trace
 from contbreather.continuation.switching import switch
 from contbreather.dynamics import Sample, simulate
 from contbreather.errors import BadInput
-from contbreather.explorer.background import Job, Progress
+from contbreather.explorer.jobs import Job, Progress
 from contbreather.explorer.state import Chosen
 from contbreather.lattice import Ring
 from contbreather.lattice.typed import lattice_by, walls_by

@@ -6,8 +6,8 @@ with the rest.
 
 from __future__ import annotations
 
-from contbreather.studies.conduct import run
-from contbreather.studies.mistakes import read
 from contbreather.studies.report import Report
+from contbreather.studies.run import run
+from contbreather.studies.validation import read
 
 __all__ = ["Report", "read", "run"]

@@ -11,17 +11,17 @@ from contbreather.continuation import Branch
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.plotting import plot, plot_atlas, plot_zones, save_figure
 from contbreather.runs import Run, load
-from contbreather.studies.parts import Part
-from contbreather.studies.plan import Figure, Study
 from contbreather.studies.report import Report
+from contbreather.studies.schema import Figure, Study
+from contbreather.studies.tasks import Task
 from contbreather.workers import Failed
 
 ATLAS = ".nc4"  # beside the results that `load` reads
 
 
-def drawn(study: Study, parts: Sequence[Part], report: Report) -> None:
+def drawn(study: Study, tasks: Sequence[Task], report: Report) -> None:
     """All figures of which everything is there, and all atlases."""
-    shown = _Shown(study, parts, report)
+    shown = _Shown(study, tasks, report)
     for name in study.atlas:
         if shown.there(name):
             path = report.folder / f"{name}{ATLAS}"
@@ -41,23 +41,23 @@ def drawn(study: Study, parts: Sequence[Part], report: Report) -> None:
 class _Shown:
     """The results of a study, read for drawing."""
 
-    def __init__(self, study: Study, parts: Sequence[Part], report: Report) -> None:
+    def __init__(self, study: Study, tasks: Sequence[Task], report: Report) -> None:
         self.study, self.report = study, report
-        self.families: dict[str, list[Part]] = {}
-        for part in parts:
-            self.families.setdefault(part.family, []).append(part)
+        self.families: dict[str, list[Task]] = {}
+        for task in tasks:
+            self.families.setdefault(task.family, []).append(task)
 
     def there(self, name: str) -> bool:
-        return any(part.name not in self.report.failed for part in self.families[name])
+        return any(task.name not in self.report.failed for task in self.families[name])
 
     def results(self, name: str) -> list[Any]:
         """All of a family, as far as they are there; arms one by one."""
         family, _, member = name.partition("/")
         found: list[Any] = []
-        for part in self.families[family]:
-            if part.name in self.report.failed:
+        for task in self.families[family]:
+            if task.name in self.report.failed:
                 continue
-            one = load(part.file(self.report.folder))
+            one = load(task.file(self.report.folder))
             several = one.values() if isinstance(one, Run) else [one]
             found += [one[member]] if member and isinstance(one, Run) else several
         return found
@@ -66,10 +66,10 @@ class _Shown:
         table, drive = self.study.atlas[name], self.study.chain.drive
         slices = slices_of({table.fixed: getattr(table, table.fixed)}, table.over, drive)
         diagrams = [
-            Failed(part.name, BadInput(self.report.failed[part.name]))
-            if part.name in self.report.failed
-            else load(part.file(self.report.folder))
-            for part in self.families[name]
+            Failed(task.name, BadInput(self.report.failed[task.name]))
+            if task.name in self.report.failed
+            else load(task.file(self.report.folder))
+            for task in self.families[name]
         ]
         return surfaces(slices, diagrams)
 

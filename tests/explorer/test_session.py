@@ -14,8 +14,8 @@ from shapely import LineString
 import contbreather as cb
 from contbreather.errors import BadInput, NoSolution
 from contbreather.explorer import Explorer, session, work
-from contbreather.explorer.background import Background, Progress
-from contbreather.explorer.sketch import LADDER, _mixed, between
+from contbreather.explorer.jobs import JobThread, Progress
+from contbreather.explorer.preview import LADDER, _mixed, between
 from contbreather.explorer.work import Work
 
 from ..apart import HUNG
@@ -173,7 +173,7 @@ def test_an_error_of_the_numerics_is_a_sentence_and_the_next_work_goes_on() -> N
 
 
 def test_a_slider_that_moves_has_the_last_diagram_computed_and_not_every_one() -> None:
-    queue, seen, go = Background(), list[int](), threading.Event()
+    queue, seen, go = JobThread(), list[int](), threading.Event()
 
     def job(i: int) -> Any:
         return lambda _: (go.wait(HUNG), i)[1]
@@ -208,11 +208,11 @@ def test_between_neighbours_a_diagram_is_drawn_at_once_and_says_that_it_is_no_ex
     explorer = Explorer(k=0.8)
     explorer._planes |= {(0.75, ""): left, (0.8, ""): right}
     explorer.look_at(0.77)
-    rough = explorer.state.sketch
+    rough = explorer.state.preview
     assert rough is not None
     assert (rough.k, rough.exact) == (0.77, False)
     assert explorer.wait(HUNG)
-    exact = explorer.state.sketch
+    exact = explorer.state.preview
     assert exact is not None
     assert (exact.k, exact.exact) == (0.77, True)
     for kind in ("LP", "GR", "PF", "NS"):

@@ -14,10 +14,10 @@ from matplotlib.colors import rgb_to_hsv, to_rgb
 
 import contbreather as cb
 from contbreather.breathers.regions import Region
-from contbreather.explorer import seen, views
-from contbreather.explorer.ink import DARK, LIGHT
-from contbreather.explorer.sketch import Sketch, sketch_of
+from contbreather.explorer import summary, views
+from contbreather.explorer.preview import Preview, preview_of
 from contbreather.explorer.state import Chosen, Named, State
+from contbreather.explorer.theme import DARK, LIGHT
 from contbreather.plotting import canvas, plot
 from contbreather.plotting.zones import LINES, SHADES
 
@@ -51,15 +51,15 @@ def around(axis: Any, low: float, high: float) -> None:
     assert ends == pytest.approx((low - room, high + room) * 2)
 
 
-def every(ink: Any) -> list[Any]:
+def every(theme: Any) -> list[Any]:
     kinds = views.ZonesView, views.BranchView, views.ProfileView, views.MultipliersView
-    return [*(kind(ink) for kind in kinds), views.MotionView(ink, "t")]
+    return [*(kind(theme) for kind in kinds), views.MotionView(theme, "t")]
 
 
-@pytest.mark.parametrize("ink", [LIGHT, DARK])
-def test_all_is_drawn_in_the_inks_of_its_paper_in_sizes_that_are_seen(ink: Any) -> None:
-    inks = {one for one in vars(ink).values() if isinstance(one, str)} | {*ink.cycle}
-    for view in every(ink):
+@pytest.mark.parametrize("theme", [LIGHT, DARK])
+def test_all_is_drawn_in_the_colours_of_its_theme_in_sizes_that_are_seen(theme: Any) -> None:
+    inks = {one for one in vars(theme).values() if isinstance(one, str)} | {*theme.cycle}
+    for view in every(theme):
         fig = view.figure
         for one in glyphs(fig):
             for name, given in one.glyph.properties_with_values().items():
@@ -69,17 +69,20 @@ def test_all_is_drawn_in_the_inks_of_its_paper_in_sizes_that_are_seen(ink: Any) 
                 if name in ("size", "line_width") and isinstance(value, int | float):
                     assert 1 <= value <= 15
         for axis in (*fig.xaxis, *fig.yaxis):
-            assert axis.axis_label_text_color == axis.major_label_text_color == ink.text
-            assert axis.axis_line_color == axis.major_tick_line_color == ink.faint
-            assert axis.minor_tick_line_color == fig.outline_line_color == ink.faint
+            assert axis.axis_label_text_color == axis.major_label_text_color == theme.text
+            assert axis.axis_line_color == axis.major_tick_line_color == theme.faint
+            assert axis.minor_tick_line_color == fig.outline_line_color == theme.faint
             assert axis.axis_label_text_font_size == "14px"
-        assert {line.grid_line_color for line in fig.grid} == {ink.grid}
-        assert (fig.title.text_color, fig.title.text_font_size) == (ink.text, "13px")
+        assert {line.grid_line_color for line in fig.grid} == {theme.grid}
+        assert (fig.title.text_color, fig.title.text_font_size) == (theme.text, "13px")
         assert fig.background_fill_color is fig.border_fill_color is fig.toolbar.logo is None
         assert 200 <= fig.height * fig.toolbar.autohide <= 500
         assert len(fig.legend) == isinstance(view, views.ZonesView | views.MotionView)
         for legend in fig.legend:
-            assert (legend.label_text_color, legend.background_fill_color) == (ink.text, ink.paper)
+            assert (legend.label_text_color, legend.background_fill_color) == (
+                theme.text,
+                theme.paper,
+            )
             assert (legend.border_line_color, legend.label_text_font_size) == (None, "11px")
             assert (legend.padding, legend.glyph_width) == (4, 26)
     assert [legend.orientation for legend in fig.above] == ["horizontal"]
@@ -116,11 +119,19 @@ def test_inks_are_those_of_the_figures_on_white_and_lighter_ones_of_the_same_hue
     names = "BLUE", "VERMILLION", "GREEN", "PURPLE", "ORANGE", "SKY", "BLACK"
     assert LIGHT.cycle == tuple(getattr(canvas, name) for name in names)
     assert {"S": LIGHT.stable, "US": LIGHT.unstable} == SHADES
-    for ink in (LIGHT, DARK):
-        assert (ink.blue, ink.vermillion, ink.line) == (*ink.cycle[:2], ink.cycle[-1])
-        cool = ink.text, ink.grid, ink.faint, ink.paper, ink.stable, ink.band, ink.line
+    for theme in (LIGHT, DARK):
+        assert (theme.blue, theme.vermillion, theme.line) == (*theme.cycle[:2], theme.cycle[-1])
+        cool = (
+            theme.text,
+            theme.grid,
+            theme.faint,
+            theme.paper,
+            theme.stable,
+            theme.band,
+            theme.line,
+        )
         assert all(list(to_rgb(one)) == sorted(to_rgb(one)) for one in cool)
-        assert list(to_rgb(ink.unstable)) == sorted(to_rgb(ink.unstable), reverse=True)
+        assert list(to_rgb(theme.unstable)) == sorted(to_rgb(theme.unstable), reverse=True)
     for one, other in zip(LIGHT.cycle[:-1], DARK.cycle[:-1], strict=True):
         assert sum(to_rgb(one)) < sum(to_rgb(other))
         assert np.ptp([rgb_to_hsv(to_rgb(colour))[0] for colour in (one, other)]) < 0.02
@@ -132,7 +143,7 @@ def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(plane: Any)
         Region(ring, (0.5 * ring + 0.1,), 0.15, 0.22, 0.1, (2, 2)),
         Region(ring, (), 0.1, 0.2, 0.1, (None, None)),  # no breathers: white, without a letter
     )
-    view, drawn = views.ZonesView(LIGHT), sketch_of(plane)
+    view, drawn = views.ZonesView(LIGHT), preview_of(plane)
     view.show(replace(drawn, regions=(*plane.regions, *extra)))
     shaded = [one for one in (*plane.regions, extra[0]) if one.verdict]
     letters = [(one.x, one.y, one.verdict) for one in shaded]
@@ -162,13 +173,13 @@ def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(plane: Any)
 
 def test_the_title_says_what_is_shown_and_what_is_on_its_way() -> None:
     view, coming = views.ZonesView(LIGHT), "; k = 0.8 is being computed"
-    for sketch, words in (
+    for preview, words in (
         (None, f"no diagram yet{coming}"),
         ((0.7, True), f"k = 0.7{coming}"),
         ((0.8, False), "k = 0.8, between its neighbours; the exact one is being computed"),
         ((0.8, True), "k = 0.8"),
     ):
-        view.title(State(k=0.8, sketch=sketch and Sketch(*sketch, {}, (), ())))
+        view.title(State(k=0.8, preview=preview and Preview(*preview, {}, (), ())))
         assert view.figure.title.text == words
 
 
@@ -237,7 +248,7 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
 
 
 def test_the_motion_shows_each_site_between_its_walls() -> None:
-    view, shown = views.MotionView(LIGHT, "t/2π"), seen.motion(B, (1, 0))
+    view, shown = views.MotionView(LIGHT, "t/2π"), summary.motion(B, (1, 0))
     run = cb.simulate(B.state(12), a=0.5, gamma=0.08, k=0.8, periods=2, t0=2 * np.pi,
                       sample=cb.dynamics.Sample((0, 3), 32))  # fmt: skip
     view.show(shown)
@@ -259,7 +270,7 @@ def test_the_motion_shows_each_site_between_its_walls() -> None:
 def test_multipliers_are_drawn_on_a_square_those_outside_red(largest: float, reach: float) -> None:
     mu, alone = np.array([1j, -1j, largest, 1.0 / largest]), np.array([False, False, True, True])
     view = views.MultipliersView(LIGHT)
-    view.show(seen.Multipliers(mu, alone, 0.25, "over a period"))
+    view.show(summary.Multipliers(mu, alone, 0.25, "over a period"))
     x, y, size = (np.asarray(view.dots.data[name]) for name in ("x", "y", "size"))
     same(x + 1j * y, mu)
     colours = [LIGHT.vermillion if mu == largest > 1.0 else LIGHT.blue for mu in mu]
@@ -276,7 +287,7 @@ def test_multipliers_are_drawn_on_a_square_those_outside_red(largest: float, rea
         assert ends == pytest.approx((-reach, reach) * 2)
     frame = fig.width - fig.min_border_left - fig.min_border_right
     assert frame == fig.height - fig.min_border_top - fig.min_border_bottom == 240
-    view.show(seen.Multipliers(mu, alone, None, "damped"))
+    view.show(summary.Multipliers(mu, alone, None, "damped"))
     assert view.band.data == {"xs": [], "ys": []}
     view.nothing("too large")
     assert fig.title.text == "too large"

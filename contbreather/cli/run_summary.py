@@ -21,7 +21,7 @@ ENOUGH = 50  # and at least
 
 
 @dataclass(frozen=True)
-class Seen:
+class RunSummary:
     """A run (of a stream its last periods), what it is in the end, and how it ended."""
 
     run: cb.dynamics.Run | SmoothRun
@@ -52,33 +52,35 @@ class Seen:
             yield one
 
 
-def seen_of(run: cb.dynamics.Run | SmoothRun, site: int = 0) -> Seen:
+def summary_of(run: cb.dynamics.Run | SmoothRun, site: int = 0) -> RunSummary:
     """A whole run and how it ended, not judged yet."""
     stop = getattr(run, "reason", "") or run.stop.value
-    return Seen(run, run.periods, run.stop is cb.dynamics.RunStop.INTERRUPTED, stop, site=site)
+    return RunSummary(
+        run, run.periods, run.stop is cb.dynamics.RunStop.INTERRUPTED, stop, site=site
+    )
 
 
-def seen_in(kept: cb.dynamics.Recording, wanted: int, site: int = 0) -> Seen:
+def summary_in(kept: cb.dynamics.Recording, wanted: int, site: int = 0) -> RunSummary:
     """A run on disk, not judged yet: it is read piece by piece, only its end is held."""
     run = _end_of(kept, 2 * JUDGED)
     interrupted = kept.interrupted
     stop = run.reason or run.stop.value
     if interrupted:
         stop = f"interrupted after {kept.periods} of {wanted} periods; the same command goes on"
-    return Seen(run, kept.periods, interrupted, stop, kept, site)
+    return RunSummary(run, kept.periods, interrupted, stop, kept, site)
 
 
 @computing()
-def judged(seen: Seen) -> Seen:
+def judged(summary: RunSummary) -> RunSummary:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
     try:
-        if isinstance(seen.run, cb.dynamics.Run):
-            by_site = _counted(one.impacts for one in seen.stretches())
-            seen = replace(seen, by_site=by_site, lost=_lost_in(seen))
-        kind, reason, evidence = _judged(seen.run)
+        if isinstance(summary.run, cb.dynamics.Run):
+            by_site = _counted(one.impacts for one in summary.stretches())
+            summary = replace(summary, by_site=by_site, lost=_lost_in(summary))
+        kind, reason, evidence = _judged(summary.run)
     except KeyboardInterrupt:
-        return replace(seen, interrupted=True)
-    return replace(seen, kind=kind, reason=reason, evidence=evidence)
+        return replace(summary, interrupted=True)
+    return replace(summary, kind=kind, reason=reason, evidence=evidence)
 
 
 def _counted(tables: Iterable[Any]) -> dict[int, int]:
@@ -92,15 +94,15 @@ def _counted(tables: Iterable[Any]) -> dict[int, int]:
     return dict(sorted(found.items()))
 
 
-def _lost_in(seen: Seen) -> int | None:
+def _lost_in(summary: RunSummary) -> int | None:
     """After which period it was no breather any more, if ever."""
     import numpy as np
 
     from contbreather.paper.fates import unlike_a_breather
 
     wall = 0
-    for one in seen.stretches():
-        wrong = unlike_a_breather(one.impacts, one.periods, one.first, wall, seen.site)
+    for one in summary.stretches():
+        wrong = unlike_a_breather(one.impacts, one.periods, one.first, wall, summary.site)
         gone = np.flatnonzero(wrong)
         if gone.size:
             return one.first + int(gone[0])

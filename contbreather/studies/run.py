@@ -9,9 +9,9 @@ from pathlib import Path
 from contbreather.errors import BadInput, keeping
 from contbreather.files import named
 from contbreather.studies.figures import drawn
-from contbreather.studies.mistakes import read
-from contbreather.studies.parts import Part, Worker, parts_of
 from contbreather.studies.report import Report
+from contbreather.studies.tasks import Task, Worker, tasks_of
+from contbreather.studies.validation import read
 from contbreather.workers import Failed, each
 
 
@@ -68,14 +68,14 @@ def run(
     study = read(path)
     place = named("write", folder) if folder is not None else Path(path).with_suffix("")
     place = place.resolve()
-    parts, report = parts_of(study), Report(place)
+    tasks, report = tasks_of(study), Report(place)
     _made(place)
-    _check(parts, place, again)
+    _check(tasks, place, again)
     with keeping(report.so_far):
-        for level in sorted({part.level for part in parts}):
-            todo = _left([part for part in parts if part.level == level], report, again)
+        for level in sorted({task.level for task in tasks}):
+            todo = _left([task for task in tasks if task.level == level], report, again)
             _do(todo, report, executor, progress)
-        drawn(study, parts, report)
+        drawn(study, tasks, report)
     return report
 
 
@@ -86,12 +86,12 @@ def _made(folder: Path) -> None:
         raise BadInput(f"cannot write to {folder}: {error.strerror}; name a folder") from error
 
 
-def _check(parts: Sequence[Part], folder: Path, again: bool) -> None:
+def _check(tasks: Sequence[Task], folder: Path, again: bool) -> None:
     """Refuse to replace what may have taken weeks."""
     other = [
-        part.name
-        for part in parts
-        if (mark := part.known(folder)) and mark["settings"] != part.fingerprint
+        task.name
+        for task in tasks
+        if (mark := task.known(folder)) and mark["settings"] != task.fingerprint
     ]
     if other and not again:
         raise BadInput(
@@ -100,30 +100,30 @@ def _check(parts: Sequence[Part], folder: Path, again: bool) -> None:
         )
 
 
-def _left(level: Sequence[Part], report: Report, again: bool) -> list[Part]:
+def _left(level: Sequence[Task], report: Report, again: bool) -> list[Task]:
     """What is not finished, and can be begun."""
     todo = []
-    for part in level:
-        mark = part.known(report.folder)
-        done = mark is not None and mark["settings"] == part.fingerprint
-        if part.needs is not None and part.needs.name in report.failed:
-            report.failed[part.name] = f"there is no {part.needs.name} to start from"
+    for task in level:
+        mark = task.known(report.folder)
+        done = mark is not None and mark["settings"] == task.fingerprint
+        if task.needs is not None and task.needs.name in report.failed:
+            report.failed[task.name] = f"there is no {task.needs.name} to start from"
         elif not done or (again and mark and mark["failed"]):
-            todo.append(part)
+            todo.append(task)
         elif mark and mark["failed"]:
-            report.failed[part.name] = mark["failed"]
+            report.failed[task.name] = mark["failed"]
         else:
-            report.kept.append(part.name)
+            report.kept.append(task.name)
     return todo
 
 
 def _do(
-    todo: Sequence[Part], report: Report, executor: Executor | int | None, progress: bool | None
+    todo: Sequence[Task], report: Report, executor: Executor | int | None, progress: bool | None
 ) -> None:
     work = Worker(report.folder)
     results = each(work, todo, executor=executor, progress=progress, unit="parts", together=1)
-    for part, found in zip(todo, results, strict=False):
+    for task, found in zip(todo, results, strict=False):
         if isinstance(found, Failed):
-            report.failed[part.name] = found.reason
+            report.failed[task.name] = found.reason
         else:
-            report.computed.append(part.name)
+            report.computed.append(task.name)

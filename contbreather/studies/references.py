@@ -10,7 +10,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.stability.verdict import THRESHOLD
-from contbreather.studies.plan import Chain, Figure, Study
+from contbreather.studies.schema import Chain, Figure, Study
 
 Fault = tuple[tuple[str, ...], str]  # where it is said, and what is wrong
 KINDS = ("branch", "arms", "boundary", "zones", "atlas")

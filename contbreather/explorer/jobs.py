@@ -76,7 +76,7 @@ Job = Callable[[Progress], Any]
 Done = Callable[[Any, bool, str], object]  # the result, whether it was cut short, what went wrong
 
 
-class Background:
+class JobThread:
     """One thread that does one job at a time.
 
     Of jobs that come while it is busy the last one waits, and only that: a slider that moves asks

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.explorer import seen
+from contbreather.explorer import summary
 
 B = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
 
 
 def test_profile_has_the_site_that_impacts_at_its_wall() -> None:
-    found = seen.profile(B)
+    found = summary.profile(B)
     centre = list(found.sites).index(0)
     assert found.at_impact[centre] == pytest.approx(1.0, abs=1e-14)
     assert found.highest[centre] == pytest.approx(1.0, abs=1e-12)
@@ -22,12 +22,12 @@ def test_profile_has_the_site_that_impacts_at_its_wall() -> None:
 
 def test_small_lattices_are_shown_whole() -> None:
     ends = cb.symmetric(a=0.6, gamma=0.05, k=0.8, lattice=cb.OpenChain(9), site=0, damping=0.01)
-    assert list(seen.profile(ends).sites) == list(range(9))
-    assert list(seen.profile(B.on(cb.Ring(20))).sites) == list(range(20))
+    assert list(summary.profile(ends).sites) == list(range(9))
+    assert list(summary.profile(B.on(cb.Ring(20))).sites) == list(range(20))
 
 
 def test_motion_marks_every_impact_on_its_wall() -> None:
-    found = seen.motion(B, (0, 1))
+    found = summary.motion(B, (0, 1))
     assert {(site, wall) for site, _, wall in found.hits} == {(0, -1.0), (0, 1.0)}
     for site, time, wall in found.hits:
         assert B.displacement(site, 2 * np.pi * time) == pytest.approx(wall, abs=1e-12)
@@ -36,13 +36,13 @@ def test_motion_marks_every_impact_on_its_wall() -> None:
 
 def test_sites_that_a_lattice_lacks_are_left_out() -> None:
     ring = B.on(cb.Ring(10))
-    assert list(seen.motion(ring, (0, 3, 40)).by_site) == [0, 3]
-    assert list(seen.motion(ring, (-1,)).by_site) == [-1]
-    assert list(seen.motion(ring, (40,)).by_site) == [0]
+    assert list(summary.motion(ring, (0, 3, 40)).by_site) == [0, 3]
+    assert list(summary.motion(ring, (-1,)).by_site) == [-1]
+    assert list(summary.motion(ring, (40,)).by_site) == [0]
 
 
 def test_multipliers_of_a_symmetric_breather_are_those_of_half_a_period() -> None:
-    found = seen.multipliers(B, 100)
+    found = summary.multipliers(B, 100)
     np.testing.assert_array_equal(found.mu, B.multipliers(sites=100, half=True))
     assert found.about == "over half a period, ring of 100"
     assert found.edge == pytest.approx(2.0 * 0.08**0.5)  # exp(+-i pi w), w up to 2 sqrt(gamma)
@@ -51,13 +51,13 @@ def test_multipliers_of_a_symmetric_breather_are_those_of_half_a_period() -> Non
 
 def test_multipliers_of_a_finite_lattice_are_its_own() -> None:
     damped = cb.symmetric(a=0.6, gamma=0.05, k=0.8, lattice=cb.Ring(12), damping=0.02)
-    found = seen.multipliers(damped, 400)
+    found = summary.multipliers(damped, 400)
     assert found.mu.size == 24
     assert found.edge is None  # damped waves are on no circle of radius 1
 
 
 def test_verdicts_are_those_of_the_library() -> None:
-    said = dict(seen.verdicts(B, 400))
+    said = dict(summary.verdicts(B, 400))
     assert said["own lattice"] == B.stability().describe()
     assert said["ring of 400"] == B.stability(sites=400).describe()
     assert f"{B.stability().over_reflection.growth:.6g}/N" in said["over-reflection"]
@@ -66,7 +66,7 @@ def test_verdicts_are_those_of_the_library() -> None:
 
 def test_nothing_is_said_of_the_stability_of_what_goes_through_a_wall() -> None:
     through = cb.symmetric(a=0.9, gamma=0.08, k=0.8, root=1)
-    said = dict(seen.verdicts(through, 400))
+    said = dict(summary.verdicts(through, 400))
     assert said["not admissible"] == through.admissibility().reason
     assert said["stability"].startswith("nothing is said of it")
     assert len(said) == 2
@@ -78,4 +78,4 @@ def test_arms_are_described_by_their_impacts() -> None:
     )[0]
     names = [name for name, _ in arm[3].solution.table().rows]
     assert names == ["a", "gamma", "k", "t1", "impulse 1", "t2", "impulse 2", "c"]
-    assert "over-reflection" not in dict(seen.verdicts(arm[3].solution, 60))
+    assert "over-reflection" not in dict(summary.verdicts(arm[3].solution, 60))

@@ -15,7 +15,7 @@ from contbreather.files import read_text
 if TYPE_CHECKING:
     from pydantic import ValidationError
 
-    from contbreather.studies.plan import Study
+    from contbreather.studies.schema import Study
 
 Place = tuple[str, ...]
 ONE_BY_ONE = ("branch", "arms", "boundary", "zones", "atlas", "figure")  # tables of tables
@@ -67,8 +67,8 @@ def _checked(said: Mapping[str, Any]) -> tuple[Study, list[tuple[Place, str]]]:
         from pydantic import ValidationError
     except ImportError as error:
         raise BadInput("studies need pydantic; install it: pip install pydantic") from error
-    from contbreather.studies.fitting import faults
-    from contbreather.studies.plan import Study
+    from contbreather.studies.references import faults
+    from contbreather.studies.schema import Study
 
     unread: set[str] = set()
     wrong: list[tuple[Place, str]] = []
@@ -98,7 +98,7 @@ def _without(said: Mapping[str, Any], places: set[Any]) -> dict[str, Any]:
 def _sentences(error: ValidationError, study: Any) -> Iterator[tuple[Place, str]]:
     """What pydantic found, in our words."""
     for one in error.errors(include_url=False):
-        place = tuple(str(part) for part in one["loc"])
+        place = tuple(str(task) for task in one["loc"])
         given = one["input"]
         match one["type"]:
             case "missing":
@@ -115,8 +115,8 @@ def _sentences(error: ValidationError, study: Any) -> Iterator[tuple[Place, str]
 def _guess(place: Place, study: Any) -> str:
     """The keys that are known where an unknown one is."""
     model = study
-    for part in place[:-1]:
-        field = getattr(model, "model_fields", {}).get(part)
+    for task in place[:-1]:
+        field = getattr(model, "model_fields", {}).get(task)
         if field is not None:
             inner = getattr(field.annotation, "__args__", (None, field.annotation))
             model = inner[-1]
@@ -143,7 +143,7 @@ def _lines(text: str) -> Iterator[tuple[Place, int]]:
 
 
 def _dotted(name: str) -> Place:
-    return tuple(part.strip().strip("\"'") for part in name.split("."))
+    return tuple(task.strip().strip("\"'") for task in name.split("."))
 
 
 def _line(lines: Mapping[Place, int], place: Place) -> int:

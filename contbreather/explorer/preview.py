@@ -24,7 +24,7 @@ LADDER = (0.02, 0.05, *(round(0.05 * i, 2) for i in range(2, 20)), 0.98)
 
 
 @dataclass(frozen=True, eq=False)
-class Sketch:
+class Preview:
     """What is drawn of a diagram."""
 
     k: float
@@ -34,13 +34,13 @@ class Sketch:
     meetings: tuple[Meeting, ...]
 
 
-def sketch_of(zones: Zones) -> Sketch:
+def preview_of(zones: Zones) -> Preview:
     """A diagram that is computed."""
     curves = {kind: tuple(_line(zones, branch) for branch in zones[kind]) for kind in KINDS}
-    return Sketch(zones.fixed[1], True, curves, zones.regions, tuple(names_of_meetings(zones)))
+    return Preview(zones.fixed[1], True, curves, zones.regions, tuple(names_of_meetings(zones)))
 
 
-def between(one: Zones, other: Zones, k: float) -> Sketch | None:
+def between(one: Zones, other: Zones, k: float) -> Preview | None:
     """The diagram at k by those at two values beside it; None where these have not the same curves
     and meetings, for then something happens between them.
 
@@ -69,7 +69,7 @@ def between(one: Zones, other: Zones, k: float) -> Sketch | None:
     lines = [line for kind in KINDS for line in curves[kind]]
     places = np.vstack(lines)
     box: Any = tuple(zip(places.min(axis=0).tolist(), places.max(axis=0).tolist(), strict=True))
-    return Sketch(k, False, curves, regions(lines, box, there.unstable, there.lower), meetings)
+    return Preview(k, False, curves, regions(lines, box, there.unstable, there.lower), meetings)
 
 
 def _line(zones: Zones, branch: Any) -> Array:

@@ -1,4 +1,4 @@
-"""The parts of a study: each computed by itself, kept in a file of its own, and never again."""
+"""The tasks of a study: each computed by itself, kept in a file of its own, and never again."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from contbreather.errors import BadInput, ContbreatherError
 from contbreather.files import write_whole
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
-from contbreather.studies.plan import Chain, Study, Table
+from contbreather.studies.schema import Chain, Study, Table
 
-MARKS = ".study"  # the folder of what is known of the parts
+MARKS = ".study"  # the folder of what is known of the tasks
 
 
 @dataclass(frozen=True)
-class Part:
+class Task:
     """What one process computes: plain data, so that it goes anywhere."""
 
     family: str  # the name in the study
     label: str  # which of its family, "k=0.8"; empty where it is alone
     kind: str  # branch, arms, boundary or zones
     asked: Mapping[str, Any]  # all that its result depends on, but for the part it starts from
-    needs: Part | None = None  # that part
+    needs: Task | None = None  # that task
 
     @property
     def name(self) -> str:
@@ -69,10 +69,10 @@ class Part:
         write_whole(self._mark(folder), lambda file: file.write(text.encode()))
 
 
-def parts_of(study: Study) -> list[Part]:
-    """All parts, those that others start from first."""
+def tasks_of(study: Study) -> list[Task]:
+    """All tasks, those that others start from first."""
     chain = study.chain.plain
-    found: dict[str, list[Part]] = {}
+    found: dict[str, list[Task]] = {}
     for name, branch in study.branch.items():
         found[name] = _over(name, "branch", branch.grid, {**branch.plain, "chain": chain})
     for name, zones in {**study.zones, **study.atlas}.items():
@@ -84,7 +84,7 @@ def parts_of(study: Study) -> list[Part]:
             if source in found:
                 kind = "arms" if name in study.arms else "boundary"
                 found[name] = [
-                    Part(name, one.label, kind, table.plain, one) for one in found[source]
+                    Task(name, one.label, kind, table.plain, one) for one in found[source]
                 ]
                 del rest[name]
     return sorted((one for family in found.values() for one in family), key=lambda one: one.level)
@@ -92,25 +92,25 @@ def parts_of(study: Study) -> list[Part]:
 
 def _over(
     name: str, kind: str, grid: Mapping[str, list[float]], asked: Mapping[str, Any]
-) -> list[Part]:
-    """A part for each combination of values."""
+) -> list[Task]:
+    """A task for each combination of values."""
     several = [one for one in grid if len(grid[one]) > 1]
     # a result depends on its own values only, so that more of them may be asked for later
     alike = {key: value for key, value in asked.items() if key not in (*grid, "over")}
     family = []
     for at in combinations(grid):
         label = ",".join(f"{one}={at[one]!r}" for one in several)
-        family.append(Part(name, label, kind, {**alike, "at": at}))
+        family.append(Task(name, label, kind, {**alike, "at": at}))
     return family
 
 
 @dataclass(frozen=True)
 class Worker:
-    """Computes parts, and keeps them in a folder that all workers see."""
+    """Computes tasks, and keeps them in a folder that all workers see."""
 
     folder: Path
 
-    def __call__(self, part: Part) -> Part:
+    def __call__(self, task: Task) -> Task:
         """The part, once its result is on disk.
 
         Raises
@@ -119,18 +119,18 @@ class Worker:
             Where there is none; the folder knows why, so that it is not tried again.
         """
         try:
-            result = _COMPUTED[part.kind](part, self.folder)
+            result = _COMPUTED[task.kind](task, self.folder)
         except ContbreatherError as error:
-            part.mark(self.folder, str(error))
+            task.mark(self.folder, str(error))
             raise
-        path = part.file(self.folder)
+        path = task.file(self.folder)
         path.parent.mkdir(parents=True, exist_ok=True)
         if isinstance(result, tuple):
             save(path, **{f"arm{i}": arm for i, arm in enumerate(result, start=1)})
         else:
-            save(path, **{part.kind: result})
-        part.mark(self.folder)
-        return part
+            save(path, **{task.kind: result})
+        task.mark(self.folder)
+        return task
 
 
 # --- what is computed -------------------------------------------------------------------------
@@ -144,8 +144,8 @@ def _chain(asked: Mapping[str, Any]) -> tuple[Chain, Any]:
     return chain, drive.at(**own) if own else drive
 
 
-def _branch(part: Part, folder: Path) -> Branch:
-    asked, free = part.asked, part.asked["free"]
+def _branch(task: Task, folder: Path) -> Branch:
+    asked, free = task.asked, task.asked["free"]
     chain, drive = _chain(asked)
     span = tuple(asked.get("window") or window_of(free))
     at = {name: value for name, value in asked["at"].items() if name in ("a", "gamma", "k")}
@@ -157,26 +157,26 @@ def _branch(part: Part, folder: Path) -> Branch:
     return trace(problem, free, within={free: span}, steps=_steps(asked), progress=False)
 
 
-def _arms(part: Part, folder: Path) -> tuple[Branch, ...]:
-    return switch(_source(part, folder), within=_within(part), progress=False)
+def _arms(task: Task, folder: Path) -> tuple[Branch, ...]:
+    return switch(_source(task, folder), within=_within(task), progress=False)
 
 
-def _boundary(part: Part, folder: Path) -> Branch:
-    one, other = part.asked["pair"]
-    steps, point = _steps(part.asked), _source(part, folder)
-    return boundary(point, (one, other), within=_within(part), steps=steps, progress=False)
+def _boundary(task: Task, folder: Path) -> Branch:
+    one, other = task.asked["pair"]
+    steps, point = _steps(task.asked), _source(task, folder)
+    return boundary(point, (one, other), within=_within(task), steps=steps, progress=False)
 
 
-def _zones(part: Part, folder: Path) -> Any:
-    asked = part.asked
+def _zones(task: Task, folder: Path) -> Any:
+    asked = task.asked
     chain, drive = _chain(asked)
     name = next(name for name in asked["at"] if name not in drive.params)
-    shared = {"lattice": chain.place, "threshold": chain.verge, "within": _within(part)}
+    shared = {"lattice": chain.place, "threshold": chain.verge, "within": _within(task)}
     plane = Slice(name, asked["at"][name], drive)
     return drawn(plane, **shared, past_folds=asked["past_folds"])
 
 
-_COMPUTED: Mapping[str, Callable[[Part, Path], Any]] = {
+_COMPUTED: Mapping[str, Callable[[Task, Path], Any]] = {
     "branch": _branch,
     "arms": _arms,
     "boundary": _boundary,
@@ -188,15 +188,15 @@ def _steps(asked: Mapping[str, Any]) -> Steps | None:
     return Steps(largest=asked["largest"]) if "largest" in asked else None
 
 
-def _within(part: Part) -> dict[str, tuple[float, float]]:
-    return {name: (low, high) for name, (low, high) in part.asked.get("within", {}).items()}
+def _within(task: Task) -> dict[str, tuple[float, float]]:
+    return {name: (low, high) for name, (low, high) in task.asked.get("within", {}).items()}
 
 
-def _source(part: Part, folder: Path) -> Point:
+def _source(task: Task, folder: Path) -> Point:
     """The special point that it starts from."""
-    assert part.needs is not None
-    found, member = load(part.needs.file(folder)), part.asked["of"].partition("/")[2]
+    assert task.needs is not None
+    found, member = load(task.needs.file(folder)), task.asked["of"].partition("/")[2]
     branch: Branch = found[member] if member and not isinstance(found, Branch) else found
     if not isinstance(branch, Branch):
-        raise BadInput(f"{part.name}: no {member!r} in {part.needs.name}; it has {list(found)}")
-    return branch.first(part.asked["at"])
+        raise BadInput(f"{task.name}: no {member!r} in {task.needs.name}; it has {list(found)}")
+    return branch.first(task.asked["at"])
