@@ -95,8 +95,8 @@ _MODEL = (
     # At 1/4 the band reaches the drive: chi grows as (1/4 - gamma)^(-1/2), p goes to 0 and all
     # curves end in one point. Within 1e-5 of it the equations of NS hold to 1e-9 no longer, within
     # 1e-6 Newton's iteration fails on NS and on the fold.
-    Number("gamma", "coupling", "coupling \N{GREEK SMALL LETTER GAMMA}", dimension="Omega^2", high=0.25,
-           below=True, margin=1e-4, where=" on chain and ring",
+    Number("gamma", "coupling", "coupling \N{GREEK SMALL LETTER GAMMA}", dimension="Omega^2",
+           high=0.25, below=True, margin=1e-4, where=" on chain and ring",
            why=", so that the band [0, 2 sqrt(gamma)] stays below the forcing frequency 1"),
     # the arc of multipliers is neutral throughout at 1; the impact of site 0 degenerates at 0
     Number("k", "restitution coefficient", "restitution k", high=1.0, window=(0.01, 0.999),
