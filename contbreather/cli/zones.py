@@ -8,6 +8,7 @@ from typing import Any
 import contbreather as cb
 from contbreather.cli.interrupts import kept
 from contbreather.cli.options import SavedOutput, ZoneWindows
+from contbreather.cli.output import Table, table_of
 from contbreather.errors import BadInput
 
 RESTITUTIONS = (0.8, 0.4)  # the paper's
@@ -58,7 +59,7 @@ def zones(
     into.leave(
         lambda: {**on.entry(), "zones": [_entry(one) for one in found]},
         _lines(found),
-        lambda: ((row for one in found for row in _rows(one)), COLUMNS),
+        lambda: _table(found),
         lambda: cb.plotting.plot_zones(found, within=windows)[0],
         cut=cut,
     )
@@ -95,16 +96,13 @@ def _fixed(
     return next(iter(given.items()))
 
 
-def _rows(diagram: cb.breathers.Zones) -> Iterator[dict[str, Any]]:
+def _table(found: Sequence[cb.breathers.Zones]) -> Table:
     """Points of all curves, in order along each; `piece` tells curves of one kind apart."""
-    fixed = dict([diagram.fixed])
-    for kind, branches in diagram.curves.items():
-        for piece, branch in enumerate(branches, start=1):
-            columns = _columns(branch)
-            for i, point in enumerate(branch):
-                numbers = {name: float(column[i]) for name, column in columns.items()}
-                label = {"curve": kind, "piece": piece, "label": point.label}
-                yield {**fixed, **numbers, **label}
+    from contbreather.columns import stacked
+
+    there = (one for one in found if any(one.curves.values()))
+    rows, _ = table_of(stacked((dict([one.fixed]), one.columns()) for one in there))
+    return rows, COLUMNS
 
 
 def _columns(branch: cb.Branch) -> dict[str, Any]:
