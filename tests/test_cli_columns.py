@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.cli import BAD_INPUT, DONE, seen
+from contbreather.cli import BAD_INPUT, DONE, run_summary
 from contbreather.cli.output import say, to_csv, to_json
 from contbreather.dynamics import open_recording, there_and_back
 
@@ -188,8 +188,8 @@ def test_sentences_in_a_pipe_are_wrapped(capsys) -> None:
 def test_the_end_of_a_long_stream_is_a_run_of_its_own(run, monkeypatch) -> None:
     """Its periods are counted from where it begins, its times from the start of the stream."""
     run(f"{ELASTIC} --periods 30 --stream kept")
-    monkeypatch.setattr(seen, "JUDGED", 5)
-    shown = seen.seen_in(open_recording("kept"), 30).run
+    monkeypatch.setattr(run_summary, "JUDGED", 5)
+    shown = run_summary.summary_in(open_recording("kept"), 30).run
     whole = cb.simulate(
         cb.symmetric(0.2, 0.08, 1.0, lattice=cb.Ring(3)).state(3, 0.5 * math.pi),
         a=0.2, gamma=0.08, k=1.0, periods=30, t0=0.5 * math.pi,
