@@ -93,8 +93,8 @@ _MODEL = (
     Number("a", "amplitude of the forcing", "amplitude a", dimension="d Omega^2", above=True,
            margin=1e-9, why="; its sign belongs in the forcing", window=(0.0, math.inf)),
     # At 1/4 the band reaches the drive: chi grows as (1/4 - gamma)^(-1/2), p goes to 0 and all
-    # curves end in one point. Within 1e-5 of it the equations of NS hold to 1e-9 no longer, within
-    # 1e-6 Newton's iteration fails on NS and on the fold.
+    # curves end in one point. The equations of NS hold to 2e-10 at 0.2499, to 1e-7 at 0.24999;
+    # within 1e-6 Newton's iteration fails on NS and on the fold.
     Number("gamma", "coupling", "coupling \N{GREEK SMALL LETTER GAMMA}", dimension="Omega^2",
            high=0.25, below=True, margin=1e-4, where=" on chain and ring",
            why=", so that the band [0, 2 sqrt(gamma)] stays below the forcing frequency 1"),
