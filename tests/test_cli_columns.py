@@ -31,6 +31,14 @@ def column(rows: list[dict[str, str]], name: str) -> list[float]:
     return [float(row[name]) for row in rows]
 
 
+def test_isolated_multipliers_are_rows_on_the_infinite_chain_only(run) -> None:
+    words = "isolated multiplier of QS"
+    assert words in cells(run("point --a 0.2 --gamma 0.11 --k 0.8")[1])
+    _, out, _ = run("point --a 1.2 --gamma 0.05 --k 0.8 --lattice open:9 --site 4 --walls -2,2")
+    assert words not in cells(out)
+    assert list(cells(out)) == ["a", "gamma", "k", "p", "phi", "chi", "max |u_1|"]
+
+
 # --- simulate -----------------------------------------------------------------------------------
 
 

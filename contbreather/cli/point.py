@@ -102,8 +102,9 @@ def _content(
 
 
 def _table(breather: Any, verdict: Any) -> Sheet:
-    multipliers = getattr(verdict, "multipliers", ()) if breather.admissibility().ok else ()
-    rows = [("isolated multiplier of QS", f"{mu:.12g}") for mu in multipliers]
+    judged = breather.lattice.sites is None and breather.admissibility().ok
+    isolated = verdict.multipliers if judged else ()
+    rows = [("isolated multiplier of QS", f"{mu:.12g}") for mu in isolated]
     return replace(breather.table().further(*rows), title="Symmetric breather")
 
 
