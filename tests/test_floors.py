@@ -169,6 +169,7 @@ def outside_the_engine(found: list[Import]) -> list[str]:
             "compiler",
             "kernels",
             "progress",
+            "storage",
             "workers",
         )
     }

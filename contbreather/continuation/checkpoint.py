@@ -13,12 +13,32 @@ from typing import Any, TypeVar
 
 from ..checks import kind_of
 from ..errors import BadInput, Interrupted, keeping, taking
-from .netcdf import target_of, write
+from ..storage import netcdf
+from ..storage.serialise import NotSerialisable
+from .branch_to_dict import result_to_dict
 
 T = TypeVar("T")
 
 EVERY = 3.0  # seconds between two files
 SHARE = 0.03  # of the time that a run takes, at most, goes into writing them
+
+
+def write(
+    path: str | Path, results: Mapping[str, Any], *, alone: bool, recorded: bool | None = True
+) -> Path:
+    """Write results by their names to one file; `alone` if the only one is what the file is, and
+    `recorded` as of `result_to_dict`."""
+    target = netcdf.target_of(path)  # recorded columns may take long
+    try:
+        contents = {
+            name: result_to_dict(result, recorded=recorded) for name, result in results.items()
+        }
+    except NotSerialisable as error:
+        raise BadInput(
+            f"{kind_of(error.args[0])} cannot be kept in a file; branches, boundaries, diagrams, "
+            "zones and simulated runs can"
+        ) from error
+    return netcdf.write(target, contents, alone=alone)
 
 
 class NotKept(BadInput):
@@ -36,7 +56,7 @@ class Checkpoint:
     """
 
     def __init__(self, path: str | Path, name: str) -> None:
-        self.path, self.name = target_of(path), name
+        self.path, self.name = netcdf.target_of(path), name
         self.soonest = self.due = time.monotonic() + EVERY
 
     def look(self, special: bool, piece: Callable[[], Any]) -> None:

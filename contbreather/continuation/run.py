@@ -11,17 +11,14 @@ from typing import TYPE_CHECKING, Any
 from ..display import Shown
 from ..errors import BadInput
 from ..files import named
+from ..storage.netcdf import check_names, read
 from . import diagram  # noqa: F401 - enters diagrams
-from .contents import made_of
-from .groups import about_in, check_names
-from .netcdf import read, write
+from .branch_from_dict import result_from_dict
+from .checkpoint import write
 from .point import Point
 from .problem import Problem, problem_in
-from .restored import restored
 
 if TYPE_CHECKING:
-    from xarray import DataTree
-
     from .trace import Startable
 
 _SUFFIX = ".nc"
@@ -154,20 +151,12 @@ class Run(Shown, Mapping[str, Any]):
 
 def _read_file(path: Path, problem: Problem | None) -> Found:
     """All values of a file by their names, and whether the only one is what the file is."""
-    with read(path) as tree:
-        try:
-            found = {str(name): _value(group, problem) for name, group in tree.children.items()}
-            return found, bool(tree.attrs["alone"])
-        except BadInput as error:
-            raise BadInput(f"{path}: {error}") from error
-
-
-def _value(group: DataTree, problem: Problem | None) -> Any:
-    told = about_in(group)
-    if told["content"] == "branch":
-        return restored(group, problem)
-    parts = {name: _value(group.children[name], problem) for name in told["parts"]}
-    return made_of(group, told, parts)
+    contents, alone = read(path)
+    try:
+        found = {name: result_from_dict(content, problem) for name, content in contents.items()}
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from error
+    return found, alone
 
 
 def save(path: str | Path, *results: Any, **named: Any) -> None:

@@ -9,10 +9,10 @@ from typing import Any, Literal
 from ..checks import check_kind, one_of
 from ..errors import BadInput, keeping, taking
 from .branch import Branch, Settings, Stop
+from .branch_from_dict import missing
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
 from .extended import event_of
 from .point import Event
-from .restored import missing
 from .starts import Within, all_of, windows
 from .steps import Steps, steps_of
 from .trace import trace
