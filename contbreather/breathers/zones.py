@@ -25,7 +25,7 @@ from contbreather.breathers.symmetric_events import unstable
 from contbreather.checks import flag
 from contbreather.columns import Columns, stacked
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
-from contbreather.continuation.checkpoint import Checkpoint, Inner, Nowhere, Save, checkpoint
+from contbreather.continuation.checkpoint import Checkpoint, Inner, Save, checkpoint
 from contbreather.continuation.point import Meeting
 from contbreather.continuation.starts import windows
 from contbreather.display import Shown
@@ -371,7 +371,7 @@ class _Search:
     given: Mapping[str, tuple[float, float]]
     threshold: float
     past_folds: bool
-    kept: Checkpoint = field(default_factory=Nowhere)
+    kept: Checkpoint = field(default_factory=Checkpoint)
 
     def __post_init__(self) -> None:
         self.pair = PAIRS[self.name]

@@ -155,16 +155,18 @@ def test_a_file_that_this_version_does_not_write_is_refused(tmp_path) -> None:
     for changed, words in (
         ({"gamma": 0.3}, r"^gamma = 0\.3"),
         ({"damping": -1.0}, r"^damping = -1\.0"),
-        ({"harmonics": [[2, 1.0, 0.0]]}, "must be antisymmetric"),
+        ({"forcing": {"kind": "fourier", "cos": [[2, 1.0]], "sin": []}}, "must be antisymmetric"),
+        ({"forcing": {"kind": "of somebody"}}, "'of somebody' is of no kind that is known here"),
     ):
-        text = np.array(json.dumps({**about, **changed}))
+        conditions = {**about["conditions"], **changed}
+        text = np.array(json.dumps({**about, "conditions": conditions}))
         recording.save(start, {"about": text, **kept.start._asdict()})
         with pytest.raises(BadInput, match=words):
             open_recording(tmp_path / "run")
-    for missing in ("k", "t0", "sample"):
+    for missing, word in (("conditions", "walls"), ("t0", "t0"), ("sample", "sample")):
         text = np.array(json.dumps({k: v for k, v in about.items() if k != missing}))
         recording.save(start, {"about": text, **kept.start._asdict()})
-        with pytest.raises(BadInput, match=rf"does not write such a file \('{missing}'\)"):
+        with pytest.raises(BadInput, match=rf"does not write such a file \('{word}'\)"):
             open_recording(tmp_path / "run")
     recording.save(start, {"about": np.array("no json"), **kept.start._asdict()})
     with pytest.raises(BadInput, match="this version does not write such a file"):
