@@ -221,12 +221,12 @@ class Recorder(Executor):
 
     def __init__(self, workers: int, context: Any, *, initializer: Any, initargs: Any) -> None:
         Recorder.made = {"workers": workers, "method": context.get_start_method(),
-                         "told": initargs[0]}  # fmt: skip
+                         "ended": initargs[0]}  # fmt: skip
 
     def submit(self, call: Any, *given: Any) -> Any:
         from concurrent.futures import Future
 
-        assert not Recorder.made["told"].poll(0)
+        assert not Recorder.made["ended"].poll(0)
         done: Any = Future()
         done.set_result(call(*given))
         return done
@@ -241,7 +241,7 @@ def test_unless_told_otherwise_all_cores_compute_in_fresh_processes(monkeypatch)
     found = attraction(([0.0], [0.0]), *axes, a=0.1, gamma=0.0, k=0.8, periods=2)
     assert found.complete
     assert (Recorder.made["workers"], Recorder.made["method"]) == (7, "spawn")
-    assert Recorder.made["told"].poll(0)  # before the pool waits for what is under way
+    assert Recorder.made["ended"].poll(0)  # before the pool waits for what is under way
 
 
 def test_a_stop_of_a_walk_and_of_a_run_are_sentences() -> None:
