@@ -36,7 +36,7 @@ def write(
     except NotSerialisable as error:
         raise BadInput(
             f"{kind_of(error.args[0])} cannot be kept in a file; branches, boundaries, diagrams, "
-            "zones and simulated runs can"
+            "zones, and simulated runs can"
         ) from error
     return netcdf.write(target, contents, alone=alone)
 

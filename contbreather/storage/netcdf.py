@@ -68,7 +68,7 @@ def write(path: str | Path, contents: Mapping[str, Mapping[str, Any]], *, alone:
 
     target = target_of(path)
     check_names("branch", contents)
-    groups = {"/": Dataset(attrs={**_root(), "alone": int(alone)})}
+    groups = {"/": encoded(Dataset(attrs={**_root(), "alone": int(alone)}))}
     for name, content in contents.items():
         groups |= _groups(f"/{name}", **content)
     return write_checked(target, DataTree.from_dict(groups))
@@ -78,7 +78,7 @@ def _groups(
     path: str,
     *,
     kind: str,
-    columns: Mapping[str, Any] | None = None,
+    columns: Mapping[str, Column] | None = None,
     groups: Mapping[str, Any] | None = None,
     attributes: Mapping[str, str] | None = None,
     **plain: Any,
@@ -86,35 +86,44 @@ def _groups(
     """A dict and those in it as datasets, by their paths in the file."""
     from xarray import Dataset
 
-    variables = {name: _encoded(column) for name, column in (columns or {}).items()}
-    check_names("column", variables)
-    inside, dimensions = groups or {}, {name for column in variables.values() for name in column[0]}
-    within = {f"{name}_{dimension}" for name in inside for dimension in dimensions}
-    if taken := sorted((RESERVED | dimensions | within | set(inside)) & set(variables)):
+    columns, groups = columns or {}, groups or {}
+    check_names("column", columns)
+    dimensions = {dimension for column in columns.values() for dimension in column[0]}
+    within = {f"{name}_{dimension}" for name in groups for dimension in dimensions}
+    if taken := sorted((RESERVED | dimensions | within | set(groups)) & set(columns)):
         raise BadInput(f"{taken[0]!r} is a name that the file needs itself; choose another")
-    about = {"content": kind, **plain, "parts": [*inside]}
+    about = {"content": kind, **plain, "parts": [*groups]}
     image = json.dumps(about, separators=(",", ":")).encode()
-    attrs = {n: text(v) for n, v in (attributes or {"content": kind}).items() if v}
-    yield path, Dataset({**variables, ABOUT: ((), np.array(image))}, attrs=attrs)
-    for name, inner in inside.items():
+    words = {name: value for name, value in (attributes or {"content": kind}).items() if value}
+    yield path, encoded(Dataset({**columns, ABOUT: ((), np.array(image))}, attrs=words))
+    for name, inner in groups.items():
         for where, data in _groups(f"{path}/{name}", **inner):
             # xarray wants dimensions of one name to have one size in a group and in those inside it
-            own = {one: f"{name}_{one}" for one in data.sizes} if variables else {}
+            own = {one: f"{name}_{one}" for one in data.sizes} if columns else {}
             yield where, data.rename_dims(own)
 
 
-def _encoded(column: Column) -> Column:
-    dimensions, values, attributes = column
-    values = np.asarray(values)
-    attributes = {n: text(v) if isinstance(v, str) else v for n, v in attributes.items()}
-    if values.dtype.kind == "c":
-        values, dimensions = np.stack([values.real, values.imag], axis=-1), (*dimensions, "complex")
-    elif values.dtype.kind == "U":
-        values = np.array([text(word) for word in values.tolist()])
-    elif values.dtype.kind == "b":
-        values = values.astype("i1")
-        attributes |= {"flag_meanings": text("false true"), "flag_values": np.arange(2, dtype="i1")}
-    return dimensions, values, attributes
+def encoded(data: Dataset) -> Dataset:
+    """With text as bytes, truth as 0 and 1, and complex numbers as pairs."""
+    from xarray import Dataset
+
+    columns = {}
+    for name, column in data.variables.items():
+        dimensions, values, flags = column.dims, column.values, {}
+        if values.dtype.kind == "c":
+            values = np.stack([values.real, values.imag], axis=-1)
+            dimensions = (*dimensions, "complex")
+        elif values.dtype.kind == "b":
+            values = values.astype("i1")
+            flags = {"flag_meanings": "false true", "flag_values": np.arange(2, dtype="i1")}
+        elif values.dtype.kind == "U":
+            values = np.array([text(word) for word in values.flat], "S").reshape(values.shape)
+        columns[name] = dimensions, values, _encoded(column.attrs | flags)
+    return Dataset(columns, attrs=_encoded(data.attrs))
+
+
+def _encoded(attributes: Mapping[Any, Any]) -> dict[Any, Any]:
+    return {n: text(value) if isinstance(value, str) else value for n, value in attributes.items()}
 
 
 def _decoded(variable: Any) -> Array:
@@ -155,23 +164,21 @@ def write_checked(path: str | Path, data: Dataset | DataTree) -> Path:
 
 def _root() -> dict[str, Any]:
     """What others, and later versions, are told of the whole file."""
-    versions = [f"{name} {_version(name)}".strip() for name in ("contbreather", "numpy", "scipy")]
-    words = {
-        "format": FORMAT,
-        "Conventions": "CF-1.11",
-        "made_by": ", ".join([f"Python {platform.python_version()}", *versions]),
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-    return {**{name: text(value) for name, value in words.items()}, "format_number": NUMBER}
-
-
-def _version(package: str) -> str:
     from importlib.metadata import PackageNotFoundError, version  # a tenth of a first breather
 
-    try:
-        return version(package)
-    except PackageNotFoundError:  # run from its source
-        return ""
+    made_by = [f"Python {platform.python_version()}"]
+    for package in ("contbreather", "numpy", "scipy"):
+        try:
+            made_by.append(f"{package} {version(package)}")
+        except PackageNotFoundError:  # run from its source
+            made_by.append(package)
+    return {
+        "format": FORMAT,
+        "Conventions": "CF-1.11",
+        "made_by": ", ".join(made_by),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "format_number": NUMBER,
+    }
 
 
 def read(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
