@@ -299,24 +299,26 @@ def _about(run: Recording) -> dict[str, Any]:
 
 
 def _check_same(there: Recording, wanted: Recording) -> None:
-    if not all(np.array_equal(a, b) for a, b in zip(there.start, wanted.start, strict=True)):
-        raise BadInput(
-            f"{there.path} holds a run from another state; choose another folder, or start from "
-            f"open_recording({str(there.path)!r}).start to go on with it."
-        )
-    for name in (*OWN, "forcing", "walls", "lattice", "t0", "sample"):
+    for name in (*OWN, "forcing", "walls", "t0", "sample", "start", "lattice"):
         old, new = (
             getattr(run if hasattr(run, name) else run.conditions, name) for run in (there, wanted)
         )
-        same = old == new
         if name == "forcing":  # the harmonics of F and of f are converted into each other
             rows, other = np.array([*old.harmonics]), np.array([*new.harmonics])
             same = rows.shape == other.shape and np.allclose(rows, other, rtol=1e-14, atol=0)
-        if not same:
-            described = [x.describe() if hasattr(x, "describe") else x for x in (old, new)]
+        else:
+            same = np.array_equal(old, new) if name == "start" else old == new
+        if not same and name == "start":
             raise BadInput(
-                f"{there.path} holds a run with another {name}, {described[0]}; here it is "
-                f"{described[1]}. Choose another folder, or the same settings to go on with it."
+                f"{there.path} holds a run from another state; choose another folder, or start "
+                f"from open_recording({str(there.path)!r}).start to go on with it."
+            )
+        if not same:
+            was, here = (x.describe() if hasattr(x, "describe") else x for x in (old, new))
+            what = f"is {was} there and {here}" if was != here else f"is another {here} than"
+            raise BadInput(
+                f"{there.path} holds another run: {name} {what} here; choose another folder, or "
+                "the same settings to go on with it."
             )
 
 

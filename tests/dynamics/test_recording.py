@@ -111,11 +111,11 @@ def recording_elsewhere(tmp_path: Path, state):
 @pytest.mark.parametrize(
     ("changed", "sentence"),
     [
-        ({"a": 0.21}, r"holds a run with another a, 0\.2; here it is 0\.21\. Choose"),
-        ({"sample": Sample((0,), 4)}, "holds a run with another sample, None; here"),
+        ({"a": 0.21}, "holds another run: a is 0.2 there and 0.21 here"),
+        ({"sample": Sample((0,), 4)}, "holds another run: sample is None there"),
         (
             {"forcing": Fourier(cos={1: -1.0, 3: 0.1})},
-            r"holds a run with another forcing, .*; here it is .*0\.1",
+            "holds another run: forcing is .* there and .*0.1",
         ),
         ({"state": ([0.0], [0.0])}, "holds a run from another state"),
     ],
