@@ -324,7 +324,7 @@ def processes(most: int) -> Iterator[Executor]:
             yield pool
         finally:
             ending.close()
-        if not any(one.done() and one.exception() is None for one in ready):
+        if not any(job.done() and job.exception() is None for job in ready):
             raise NotConverged(NO_WORKERS)
 
 

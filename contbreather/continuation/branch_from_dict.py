@@ -113,11 +113,11 @@ class _Stored:
         if absent:
             raise BadInput(f"the problem has {absent}, which the file has not: it has {list(here)}")
         problem = problem.at(**{name: here[name] for name in problem.names})
-        known = (*problem.events, fold(), branch_point(), hopf())
-        settings = self._settings(known)
+        candidates = (*problem.events, fold(), branch_point(), hopf())
+        settings = self._settings(candidates)
         asked = settings or Settings()
         if content["boundary"]:
-            longer, events = self._boundary(problem, asked, known, origin)
+            longer, events = self._boundary(problem, asked, candidates, origin)
         else:
             longer, events = scope(problem, asked.events, inadmissible=asked.inadmissible)
         curve = self._curve(longer)
@@ -125,16 +125,16 @@ class _Stored:
             raise BadInput(f"the file has {list(here)}, the problem has {list(longer.names)}")
         if not content["boundary"]:
             _check_fit(curve)
-        return curve, settings, (*events, *known)
+        return curve, settings, (*events, *candidates)
 
     def _boundary(
-        self, problem: Problem, asked: Settings, known: Sequence[Event], origin: Point | None
+        self, problem: Problem, asked: Settings, candidates: Sequence[Event], origin: Point | None
     ) -> tuple[Problem, tuple[Event, ...]]:
         """The problem of a boundary: with the conditions that it had, those of its origin."""
         free, released = self.content["free"][0], self.content["unknowns"][-1]
         curve = Curve(problem, (released, free))
         _check_fit(curve)
-        event = _event_from_dict(self.content["boundary"], known)
+        event = _event_from_dict(self.content["boundary"], candidates)
         if event is None:
             kind = self.content["boundary"]["kind"]
             raise BadInput(f"this is a boundary of {kind}, which the problem has no event for")
@@ -148,7 +148,7 @@ class _Stored:
         inadmissible = asked.inadmissible
         make = partial(boundary_problem, near, event, (free, released), inadmissible=inadmissible)
         longer = make(asked.events)
-        return longer, (*longer.events, *make(known).events)
+        return longer, (*longer.events, *make(candidates).events)
 
     def _without_equations(self) -> Curve:
         """A curve that has its names and numbers alone."""
@@ -176,14 +176,14 @@ class _Stored:
             record[name] = Counting(column, column.rows) if counts else column
         return Curve(replace(problem, record=record), tuple(self.content["free"]))
 
-    def _settings(self, known: Sequence[Event]) -> Settings | None:
+    def _settings(self, candidates: Sequence[Event]) -> Settings | None:
         """How the walk was asked for; of its events those that can be made again."""
         content = self.content["settings"]
         if content is None:
             return None
         events = content["events"]
         if events is not None:
-            every = (_event_from_dict(event, known) for event in events)
+            every = (_event_from_dict(event, candidates) for event in events)
             events = tuple(event for event in every if event is not None)
         within = {name: (low, high) for name, (low, high) in content["within"].items()}
         return Settings(within, events, Steps(**content["steps"]), content["inadmissible"])
@@ -245,12 +245,12 @@ def missing(*_: Any) -> Any:
     )
 
 
-def _event_from_dict(content: Content, known: Iterable[Event]) -> Event | None:
-    """An event that was written down: made again, or the one of its kind that is known."""
+def _event_from_dict(content: Content, candidates: Iterable[Event]) -> Event | None:
+    """An event that was written down: made again, or the candidate of its kind."""
     if "ends" not in content:
-        made: Event | None = from_dict(content) if can_read(content) else None
-        return made
-    alike = next((event for event in known if event.kind == content["kind"]), None)
+        event: Event | None = from_dict(content) if can_read(content) else None
+        return event
+    alike = next((event for event in candidates if event.kind == content["kind"]), None)
     return alike and replace(alike, ends=content["ends"])
 
 

@@ -120,14 +120,14 @@ def _over(branch: Branch, side: str, asked: Settings) -> str:
 def _edges(branch: Branch, at: int, within: Windows) -> list[str]:
     """The windows on whose edge an end is, which may be wider than those it stopped at: each with
     the place, and with what was asked for if that is another."""
-    found = []
+    edges = []
     for name, asked in within.items():
         value = float(branch[name][at])
         if any(abs(value - edge) <= _EDGE * (1.0 + abs(value)) for edge in asked):
-            own = branch.settings.within.get(name, asked) if branch.settings else asked
-            more = "" if own == asked else f", and {_span(asked)} was asked for"
-            found.append(f"{name} in {_span(own)}, at {name} = {value:g}{more}")
-    return found
+            walked = branch.settings.within.get(name, asked) if branch.settings else asked
+            more = "" if walked == asked else f", and {_span(asked)} was asked for"
+            edges.append(f"{name} in {_span(walked)}, at {name} = {value:g}{more}")
+    return edges
 
 
 def _span(window: tuple[float, float]) -> str:

@@ -90,9 +90,9 @@ class Recording:
     @property
     def files(self) -> list[Path]:
         """Finished files in order of time; a sentence where one between them is missing."""
-        found = sorted(p for p in _listed(self.path) if NAME.fullmatch(p.name))
+        files = sorted(p for p in _listed(self.path) if NAME.fullmatch(p.name))
         end, before = 0, START
-        for path in found:
+        for path in files:
             first, after = _span(path)
             if first != end:
                 raise BadInput(
@@ -101,7 +101,7 @@ class Recording:
                     f"{path.name} and those after it to go on from there."
                 )
             end, before = after, path.name
-        return found
+        return files
 
     @property
     def periods(self) -> int:
@@ -113,9 +113,9 @@ class Recording:
     def final(self) -> State:
         """The state after the last period on disk."""
         for path in reversed(self.files):
-            one = read(path)
-            if one.periods:
-                return State(one.u[-1], one.v[-1])
+            stretch = read(path)
+            if stretch.periods:
+                return State(stretch.u[-1], stretch.v[-1])
         return self.start
 
     @property
@@ -144,8 +144,8 @@ class Recording:
 
     def strobe(self, n: int | slice = slice(None)) -> State:
         """Stroboscopic displacements and velocities of one site, or of all of them."""
-        u = [self.start.u[None, n], *(one.u[:, n] for one in self.stretches())]
-        v = [self.start.v[None, n], *(one.v[:, n] for one in self.stretches())]
+        u = [self.start.u[None, n], *(s.u[:, n] for s in self.stretches())]
+        v = [self.start.v[None, n], *(s.v[:, n] for s in self.stretches())]
         return State(np.concatenate(u), np.concatenate(v))
 
 
@@ -220,10 +220,10 @@ def _go_on(run: Recording, done: int, count: int, progress: bool | Bar | None) -
     began = time.monotonic()
     machine = Machine(run.final, run.conditions, reduced(run.t0), run.sample)
     ahead = walk(machine, periods=count - done, first=done, progress=False)
-    with line_of(progress, lambda own: Bar(own, count)) as bar:
+    with line_of(progress, lambda shown: Bar(shown, count)) as bar:
         try:
-            for one in ahead:
-                pending.append(one)
+            for stretch in ahead:
+                pending.append(stretch)
                 size = sum(p.u.size + p.dense_u.size for p in pending) * 2
                 if time.monotonic() - began > EVERY or size > LARGEST:
                     done = _write(run, pending)
@@ -262,22 +262,23 @@ def open_recording(path: str | Path) -> Recording:
     arrays = _arrays(folder / START)
     with _as_written(folder / START):
         about = json.loads(str(arrays["about"]))
-        own = from_dict(about["conditions"]) if "conditions" in about else _earlier(about, arrays)
+        earlier = "conditions" not in about
+        conditions = _earlier(about, arrays) if earlier else from_dict(about["conditions"])
         sample = Sample(**about["sample"]) if about["sample"] else None
         start = State(arrays["u"], arrays["v"])
-        run = Recording(folder, ranged(own), about["t0"], sample, start)
+        run = Recording(folder, ranged(conditions), about["t0"], sample, start)
     _ = run.files  # those that are missing are told of before anything is read
     return run
 
 
 def _earlier(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Conditions:
     """As versions wrote them whose forcings were harmonics and whose lattices were arrays."""
-    of_all, *own = about["walls"]
+    of_all, *of_sites = about["walls"]
     parts = [arrays[name] for name in ("stiffness", "masses", "drive") if name in arrays]
     return Conditions(
         **{name: about[name] for name in OWN},
         forcing=_by_harmonics(about["harmonics"]),
-        walls=Walls(tuple(of_all), tuple((site, (low, high)) for site, low, high in own)),
+        walls=Walls(tuple(of_all), tuple((site, (low, high)) for site, low, high in of_sites)),
         lattice=Lattice(*parts, name=about["lattice"]) if parts else Ring(arrays["u"].size),
     )
 
@@ -370,9 +371,9 @@ def _listed(folder: Path) -> list[Path]:
 
 def _span(path: Path) -> tuple[int, int]:
     """First period of a file, and the one after its last, by its name."""
-    found = NAME.fullmatch(path.name)
-    assert found is not None
-    return int(found[1]), int(found[2])
+    name = NAME.fullmatch(path.name)
+    assert name is not None
+    return int(name[1]), int(name[2])
 
 
 def _write(run: Recording, pieces: list[Stretch]) -> int:
@@ -397,12 +398,12 @@ def read(path: Path, *, after: Path | None = None) -> Stretch:
         link = arrays.pop("link").tobytes()
         stop, first = str(arrays.pop("stop")), int(arrays.pop("first"))
         texts = {"reason": str(arrays.pop("reason")), "first": first}
-        found = Stretch(**arrays, **texts, stop=RunStop[stop] if stop else None)  # type: ignore[arg-type]
-        if _span(path) != (first, first + found.periods):
+        stretch = Stretch(**arrays, **texts, stop=RunStop[stop] if stop else None)  # type: ignore[arg-type]
+        if _span(path) != (first, first + stretch.periods):
             raise ValueError("its name is that of another file")
     if after is not None and link != _bytes(after, last=CHECKSUM):
         raise _damaged(path, f"it was not written after the {after.name} that is there")
-    return found
+    return stretch
 
 
 def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:

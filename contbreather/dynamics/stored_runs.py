@@ -29,7 +29,7 @@ def _to_dict(run: Run | SmoothRun) -> dict[str, Any]:
             "forcing as Fourier, Symbolic or Samples, and simulate with that"
         ) from error
     variables = run.to_xarray().variables.items()
-    columns = {str(name): (one.dims, one.values, one.attrs) for name, one in variables}
+    columns = {str(name): (v.dims, v.values, v.attrs) for name, v in variables}
     return {
         "conditions": conditions,
         "stop": run.stop.name,

@@ -99,8 +99,8 @@ def _groups(
     for name, inner in groups.items():
         for where, data in _groups(f"{path}/{name}", **inner):
             # xarray wants dimensions of one name to have one size in a group and in those inside it
-            own = {one: f"{name}_{one}" for one in data.sizes} if columns else {}
-            yield where, data.rename_dims(own)
+            longer = {size: f"{name}_{size}" for size in data.sizes} if columns else {}
+            yield where, data.rename_dims(longer)
 
 
 def encoded(data: Dataset) -> Dataset:
@@ -212,7 +212,7 @@ def read(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
 
 def _content(group: DataTree) -> dict[str, Any]:
     """The dict of a group."""
-    variables = {str(name): one for name, one in group.to_dataset(inherit=False).variables.items()}
+    variables = {str(n): column for n, column in group.to_dataset(inherit=False).variables.items()}
     about = json.loads(variables.pop(ABOUT).values.tobytes())
     about.pop("parts", None)
     columns = {name: _decoded(variable) for name, variable in variables.items()}
