@@ -1,4 +1,4 @@
-"""Results kept on disk while they are computed: what a killed process loses is some seconds."""
+"""Results on disk while they are computed: what a killed process loses is some seconds."""
 
 from __future__ import annotations
 
@@ -121,13 +121,13 @@ class Inner(Checkpoint):
 
 @contextmanager
 def piece_of(
-    kept: Checkpoint | None, whole: Callable[[Any], Any], before: Any = None
+    file: Checkpoint | None, whole: Callable[[Any], Any], before: Any = None
 ) -> Iterator[Checkpoint | None]:
     """The file for a call within another, of whose result `whole` makes that of the outer one: on
     disk, and where it is interrupted; `before` is what the outer one has by then without it."""
     pieces: list[Any] = []
     with keeping(lambda: whole(pieces[0]) if pieces else before), taking(pieces.append):
-        yield kept and Inner(kept, whole)
+        yield file and Inner(file, whole)
 
 
 Save = str | Path | Checkpoint | None
@@ -144,10 +144,10 @@ def checkpoint(save: Save, name: str) -> Iterator[Checkpoint]:
     """
     if not (save is None or isinstance(save, Checkpoint | str | os.PathLike)):
         raise BadInput(f"save takes the name of a file, 'run.nc' for instance; got {kind_of(save)}")
-    kept = save if isinstance(save, Checkpoint) else Checkpoint(save, name)
+    file = save if isinstance(save, Checkpoint) else Checkpoint(save, name)
     try:
-        yield kept
+        yield file
     except Interrupted as stop:
         if stop.partial is not None:
-            kept.finish(stop.partial)
+            file.finish(stop.partial)
         raise

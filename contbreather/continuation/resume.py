@@ -78,17 +78,17 @@ def extend(
         raise BadInput("a boundary goes on with the events it was asked for; leave events out")
     asked = _asked(branch, within, events, steps)
     done, over = [branch], dict[str, str]()
-    with checkpoint(save, "branch") as kept, keeping(lambda: done[-1]), taking(done.append):
+    with checkpoint(save, "branch") as file, keeping(lambda: done[-1]), taking(done.append):
         for side in ("last", "first") if end == "both" else (end,):
             why = _over(branch, side, asked)
             if why:
                 over[side] = why
             else:
-                done.append(_further(done[-1], side, asked, progress, kept))
+                done.append(_further(done[-1], side, asked, progress, file))
         if len(done) == 1:
             reasons = "; ".join(f"at its {side} point {why}" for side, why in over.items())
             raise BadInput(f"the {branch.problem.label or 'branch'} goes no further: {reasons}")
-        kept.finish(done[-1])
+        file.finish(done[-1])
     return done[-1]
 
 
@@ -135,7 +135,7 @@ def _span(window: tuple[float, float]) -> str:
 
 
 def _further(
-    branch: Branch, side: str, asked: Settings, progress: bool | None, kept: Checkpoint
+    branch: Branch, side: str, asked: Settings, progress: bool | None, file: Checkpoint
 ) -> Branch:
     """The branch with what lies beyond one end."""
     line = branch if side == "last" else branch.reversed()
@@ -144,7 +144,7 @@ def _further(
         longer = replace(line.join(piece), settings=asked)
         return longer if side == "last" else longer.reversed()
 
-    with piece_of(kept, whole, branch) as own:
+    with piece_of(file, whole, branch) as own:
         piece = trace(
             line[-1].problem,
             branch.free,
