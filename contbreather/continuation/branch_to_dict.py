@@ -27,6 +27,8 @@ from .problem import Problem
 
 Array = NDArray[Any]
 
+_PARTS = {"columns", "groups"}  # what a result has besides plain values
+
 
 def result_to_dict(result: Any, *, recorded: bool | None = True) -> dict[str, Any]:
     """A branch, or what consists of branches, or anything else that has a dict.
@@ -45,7 +47,7 @@ def result_to_dict(result: Any, *, recorded: bool | None = True) -> dict[str, An
     if isinstance(result, Branch):
         return branch_to_dict(result, recorded=recorded)
     content = to_dict(result)
-    if not (isinstance(content, dict) and "kind" in content):
+    if not (isinstance(content, dict) and "kind" in content and content.keys() & _PARTS):
         raise NotSerialisable(result)
     groups = content.get("groups", {}).items()
     inside = {name: result_to_dict(part, recorded=recorded) for name, part in groups}

@@ -57,8 +57,12 @@ def test_what_somebody_has_written_has_no_dict() -> None:
     for value in (Mine(), object(), np.cos):
         with pytest.raises(NotSerialisable):
             to_dict({"forcing": value})
-        with pytest.raises(NotSerialisable):
-            result_to_dict(value)
+
+
+@pytest.mark.parametrize("value", [3, object(), {"kind": "ring"}, cb.Ring(3), cb.Harmonic()])
+def test_what_has_neither_columns_nor_parts_is_no_result(value) -> None:
+    with pytest.raises(NotSerialisable):
+        result_to_dict(value)
 
 
 def test_a_forcing_of_somebody_s_own_is_recorded_by_its_harmonics(tmp_path: Path) -> None:
