@@ -60,7 +60,7 @@ class _Page:
         self.handle.update(self.display.HTML(""))
 
 
-class _Shown:
+class _Progress:
     """What both kinds share: `shown` True or False forces it on or off, None asks where it is."""
 
     def __init__(self, shown: bool | None, total: int | None = None, unit: str = "periods") -> None:
@@ -109,15 +109,15 @@ class _Shown:
             self.line.show(*self.latest)
 
 
-S = TypeVar("S", bound=_Shown)
+S = TypeVar("S", bound=_Progress)
 
 
 def line_of(progress: bool | S | None, make: Callable[[bool | None], S]) -> nullcontext[S] | S:
     """What shows the progress of an outer call already, or a line of its own."""
-    return nullcontext(progress) if isinstance(progress, _Shown) else make(progress)
+    return nullcontext(progress) if isinstance(progress, _Progress) else make(progress)
 
 
-class Bar(_Shown):
+class Bar(_Progress):
     """Counts periods (or whatever the unit is) up to a known total."""
 
     def __init__(self, shown: bool | None, total: int, unit: str = "periods") -> None:
@@ -130,7 +130,7 @@ class Bar(_Shown):
             self.show(f"{done}/{self.total} {self.unit}", done)
 
 
-class Counter(_Shown):
+class Counter(_Progress):
     """A status line with the number of points of a walk and its free parameter."""
 
     def __init__(self, shown: bool | None, free: str) -> None:

@@ -21,13 +21,13 @@ def deferred(*signals: signal.Signals) -> Iterator[None]:
         return
     came: list[int] = []
     wanted = signals or (signal.SIGINT,)
-    before = {one: signal.signal(one, lambda number, frame: came.append(number)) for one in wanted}
+    before = {s: signal.signal(s, lambda number, frame: came.append(number)) for s in wanted}
     try:
         yield
     finally:
-        for one, handler in before.items():
+        for waiting, handler in before.items():
             # None: a handler that is not Python's, which cannot be put back from here
-            usual = signal.default_int_handler if one is signal.SIGINT else signal.SIG_DFL
-            signal.signal(one, usual if handler is None else handler)
+            usual = signal.default_int_handler if waiting is signal.SIGINT else signal.SIG_DFL
+            signal.signal(waiting, usual if handler is None else handler)
         for number in dict.fromkeys(came):
             signal.raise_signal(number)

@@ -144,43 +144,40 @@ def _shown(
 ) -> Iterator[Any]:
     with Bar(progress, len(asked.items), unit) as bar, keeping(asked.so_far):
         for _ in asked.done(executor):
-            bar.advance(len(asked.found))
+            bar.advance(len(asked.results))
             yield from asked.next()
 
 
 @dataclass
 class _Work:
-    """A function, its items, and what became of them; results are yielded in order by `next`."""
+    """A function, its items, and what became of them by number; `next` yields that in order."""
 
     work: Callable[[Any], Any]
     items: Sequence[Any]
     together: int
-    found: dict[int, Any] = field(default_factory=dict)
+    results: dict[int, Any] = field(default_factory=dict)
     passed: int = 0  # how many were yielded
 
     def next(self) -> Iterator[Any]:
-        while self.passed in self.found:
+        while self.passed in self.results:
             self.passed += 1
-            yield self.found[self.passed - 1]
+            yield self.results[self.passed - 1]
 
     def so_far(self) -> tuple[Any, ...] | None:
         whole = min(self.left, default=len(self.items))
-        return tuple(self.found[number] for number in range(whole)) or None
+        return tuple(self.results[number] for number in range(whole)) or None
 
     @property
     def left(self) -> list[int]:
-        return [number for number in range(len(self.items)) if number not in self.found]
+        return [number for number in range(len(self.items)) if number not in self.results]
 
     def done(self, executor: Executor | int | None) -> Iterator[None]:
         """Work, and pause whenever there are new results."""
         cores = os.cpu_count() or 1
-        if executor == 1 or (executor is None and cores == 1):
-            yield from self._here(math.inf)
-        elif executor is None:
-            yield from self._here(WORTH)
-            yield from self._by_processes(cores)
-        elif isinstance(executor, int):
-            yield from self._by_processes(min(executor, cores))
+        if executor is None or executor == 1:
+            yield from self._here(math.inf if executor == 1 or cores == 1 else WORTH)
+        if executor is None or isinstance(executor, int):
+            yield from self._by_processes(min(executor or cores, cores))
         else:
             yield from self._by(executor)
 
@@ -191,74 +188,57 @@ class _Work:
             spent = time.monotonic() - begun
             if number and spent > GLANCE and spent * (len(self.items) / number - 1) > worth:
                 return
-            with taking(partial(self.found.__setitem__, number)):
-                self.found[number] = _attempt(self.work, item)
+            with taking(partial(self.results.__setitem__, number)):
+                self.results[number] = _attempt(self.work, item)
             yield
-
-    # --- by processes of our own ---
 
     def _by_processes(self, most: int) -> Iterator[None]:
+        """Where one dies all of its pool do: another pool, after what was in hand has been done
+        again, each item in a process of its own, to see whether it was this that ended the first.
+        """
         while self.left:
             chunks = self._chunks(most)
-            try:
-                with processes(min(most, len(chunks))) as pool:
-                    yield from self._sent(pool, chunks)
-            except BrokenExecutor:  # items are handed out in order: those under way come first
-                unfinished = [numbers for numbers in chunks if numbers[0] not in self.found]
-                for number in chain.from_iterable(unfinished[:most]):
-                    yield from self._alone(number)
-
-    def _alone(self, number: int) -> Iterator[None]:
-        """Again, in a process of its own: whether it was this item that ended the last one."""
-        try:
-            with processes(1) as pool:
-                yield from self._sent(pool, [[number]])
-        except BrokenExecutor:
-            self.found[number] = Failed(self.items[number], NotConverged(DIED))
-            yield
-
-    def _sent(self, pool: Executor, chunks: Iterable[Sequence[int]]) -> Iterator[None]:
-        sent = {pool.submit(_unpacked, self._packed(numbers)): numbers for numbers in chunks}
-        try:
-            for future in as_completed(sent):
-                self._take(sent[future], future)
-                yield
-        except BrokenExecutor:
-            for future, numbers in sent.items():
-                if future.done() and future.exception() is None:
-                    self._take(numbers, future)
-            raise
-
-    def _packed(self, numbers: Sequence[int]) -> bytes:
-        try:
-            return pickle.dumps((self.work, [self.items[number] for number in numbers]))
-        except (pickle.PicklingError, AttributeError, TypeError) as error:
-            raise BadInput(UNSENT.format(error)) from error
-
-    # --- by an executor that was given ---
+            with processes(min(most, len(chunks))) as pool:
+                yield from self._sent(pool, chunks, packed=True)
+            # portions are handed out in order: those in hand come first
+            lost = [numbers for numbers in chunks if numbers[0] not in self.results]
+            for number in chain.from_iterable(lost[:most]):
+                with processes(1) as pool:
+                    yield from self._sent(pool, [[number]], packed=True)
+                if number not in self.results:
+                    self.results[number] = Failed(self.items[number], NotConverged(DIED))
+                    yield
 
     def _by(self, executor: Executor) -> Iterator[None]:
         """All of it, then once more, one by one, what was lost with its workers."""
         workers = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
-        yield from self._given(executor, self._chunks(workers))
-        yield from self._given(executor, [[number] for number in self.left])
+        yield from self._sent(executor, self._chunks(workers))
+        yield from self._sent(executor, [[number] for number in self.left])
         for number in self.left:
-            self.found[number] = Failed(self.items[number], NotConverged(LOST))
+            self.results[number] = Failed(self.items[number], NotConverged(LOST))
         yield
 
-    def _given(self, executor: Executor, chunks: Iterable[Sequence[int]]) -> Iterator[None]:
+    def _sent(
+        self, pool: Executor, chunks: Iterable[Sequence[int]], *, packed: bool = False
+    ) -> Iterator[None]:
+        """Work on portions by an executor; what is lost with its worker is left.
+
+        A pool of processes ends with an item that its workers cannot unpack, so its items are
+        `packed` by us, and then each fault is a sentence.
+        """
         sent: dict[Future[Any], Sequence[int]] = {}
         try:
             for numbers in chunks:
-                chosen = [self.items[number] for number in numbers]
+                items = [self.items[number] for number in numbers]
+                call = (_unpacked, _packed(self.work, items)) if packed else None
                 with suppress(BrokenExecutor):
-                    sent[executor.submit(_several, self.work, chosen)] = numbers
+                    sent[pool.submit(*(call or (_several, self.work, items)))] = numbers
             for future in as_completed(sent):
                 with _losing():
-                    self._take(sent[future], future)
+                    self.results.update(zip(sent[future], future.result(), strict=True))
                 yield
         finally:
-            for future in sent:
+            for future in () if packed else sent:  # a pool that ends complains of what is cancelled
                 future.cancel()
 
     def _chunks(self, workers: int) -> list[list[int]]:
@@ -270,9 +250,6 @@ class _Work:
             left = left[size:]
         return chunks
 
-    def _take(self, numbers: Sequence[int], future: Future[Any]) -> None:
-        self.found.update(zip(numbers, future.result(), strict=True))
-
 
 def _attempt(work: Callable[[Any], Any], item: Any) -> Any:
     try:
@@ -283,6 +260,13 @@ def _attempt(work: Callable[[Any], Any], item: Any) -> Any:
 
 def _several(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
     return [_attempt(work, item) for item in items]
+
+
+def _packed(work: Callable[[Any], Any], items: Sequence[Any]) -> bytes:
+    try:
+        return pickle.dumps((work, items))
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise BadInput(UNSENT.format(error)) from error
 
 
 def _unpacked(packed: bytes) -> list[Any]:
@@ -303,7 +287,7 @@ def _losing() -> Iterator[None]:
     except Exception as error:
         if type(error).__name__ == "KilledWorker":
             return
-        if "pickle" in str(error):
+        if "pickle" in str(error) and not isinstance(error, ContbreatherError):
             raise BadInput(UNSENT.format(error)) from error
         raise
 
@@ -329,19 +313,19 @@ def processes(most: int) -> Iterator[Executor]:
         # a worker that reads its script, which calls without a guard: who started it will say so
         raise SystemExit(1)
     fresh = get_context("spawn")
-    told, telling = fresh.Pipe(duplex=False)
-    workers = ProcessPoolExecutor(most, fresh, initializer=_begin, initargs=(told,))
+    ended, ending = fresh.Pipe(duplex=False)
+    ready: list[Future[int]] = []
+    workers = ProcessPoolExecutor(most, fresh, initializer=_begin, initargs=(ended,))
     with _leaving_in_order(), workers as pool:
         try:
-            with _begun_quietly():  # as many as there may be, now
-                ready = [pool.submit(os.getpid) for _ in range(most)]
+            with suppress(BrokenExecutor), _begun_quietly():
+                for _ in range(most):  # as many as there may be, now
+                    ready.append(pool.submit(os.getpid))
             yield pool
-        except BrokenExecutor:
-            if not any(one.done() and one.exception() is None for one in ready):
-                raise NotConverged(NO_WORKERS) from None
-            raise
         finally:
-            telling.close()
+            ending.close()
+        if not any(job.done() and job.exception() is None for job in ready):
+            raise NotConverged(NO_WORKERS)
 
 
 @contextmanager
@@ -379,14 +363,14 @@ def _begun_quietly() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _begin(told: Any) -> None:
-    """In a worker: leave when told."""
+def _begin(ended: Any) -> None:
+    """In a worker: leave when the other end of the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):  # a pool ends its workers by SIGTERM
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
-    threading.Thread(target=_leave, args=(told,), daemon=True).start()
+    threading.Thread(target=_leave, args=(ended,), daemon=True).start()
 
 
-def _leave(told: Any) -> None:
-    told.poll(None)  # until the other end is closed
+def _leave(ended: Any) -> None:
+    ended.poll(None)
     os._exit(1)

@@ -170,6 +170,7 @@ def outside_the_engine(found: list[Import]) -> list[str]:
             "kernels",
             "progress",
             "tables",
+            "storage",
             "workers",
         )
     }

@@ -7,7 +7,13 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, CancelledError, Future, ThreadPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+)
 from functools import partial
 from importlib import import_module
 from itertools import count
@@ -297,10 +303,22 @@ class KilledWorker(Exception):
     """As a cluster has it, which is not imported for its sake."""
 
 
+class Faulty(Executor):
+    """Its futures end with a fault."""
+
+    def __init__(self, fault: BaseException) -> None:
+        self.fault = fault
+
+    def submit(self, call: Callable[..., Any], /, *given: Any, **more: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_exception(self.fault)
+        return future
+
+
 @pytest.mark.parametrize("lost", [BrokenExecutor(), CancelledError(), KilledWorker("twice")])
-def test_what_is_lost_with_its_worker_is_left_for_another_time(lost: Exception) -> None:
-    with workers._losing():
-        raise lost
+def test_what_is_lost_with_its_worker_twice_is_a_failure(lost: Exception) -> None:
+    found = list(each(abs, range(3), executor=Faulty(lost)))
+    assert ["of the executor ended" in one.reason for one in found] == [True, True, True]
 
 
 @pytest.mark.parametrize(
@@ -309,9 +327,9 @@ def test_what_is_lost_with_its_worker_is_left_for_another_time(lost: Exception) 
         (TypeError("cannot pickle 'generator' object"), cb.BadInput, "cannot pickle 'generator'"),
         (OSError("no route to host"), OSError, "no route"),
         (RuntimeError("cannot schedule new futures"), RuntimeError, "new futures"),
-        (KeyboardInterrupt("now"), KeyboardInterrupt, "now"),
+        (KeyboardInterrupt("now"), cb.errors.Interrupted, "nothing is done yet"),
     ],
 )
 def test_any_other_fault_of_an_executor_is_seen(fault, seen, words) -> None:
-    with pytest.raises(seen, match=words), workers._losing():
-        raise fault
+    with pytest.raises(seen, match=words):
+        list(each(abs, range(3), executor=Faulty(fault)))

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from contbreather.breathers.zones import KINDS, Zones
 from contbreather.breathers.zones_many import Slice, drawn, slices_of
 from contbreather.checks import kind_of
-from contbreather.continuation.groups import text
-from contbreather.continuation.netcdf import ATLAS, write_sealed
 from contbreather.errors import BadInput, keeping, taking
 from contbreather.lattice import Forcing, Lattice
 from contbreather.stability.verdict import THRESHOLD
+from contbreather.storage.netcdf import ATLAS, encoded, write_checked
 from contbreather.workers import Failed, each
 
 if TYPE_CHECKING:
@@ -182,10 +181,4 @@ def save_atlas(path: str | Path, atlas: Dataset) -> Path:
     reads it, ``xarray.open_dataset(path, decode_cf=False)`` for instance."""
     if not hasattr(atlas, "reason"):
         raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {kind_of(atlas)}")
-    reason = atlas.reason.to_numpy()
-    reason = np.char.encode(reason, "utf-8") if reason.dtype.kind == "U" else reason
-    plain = atlas.assign(reason=("failed", reason))
-    parts: list[Any] = [plain, *plain.variables.values()]
-    for one in parts:  # as HDF5 and all that read it take text
-        one.attrs = {n: text(v) if isinstance(v, str) else v for n, v in one.attrs.items()}
-    return write_sealed(path, plain)
+    return write_checked(path, encoded(atlas))

@@ -19,11 +19,10 @@ from contbreather.breathers.problem import unstable_by
 from contbreather.checks import shown
 from contbreather.continuation import Event, Locus, Point, Problem
 from contbreather.continuation.point import Judged
-from contbreather.continuation.recipes import Recipe, maker
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.lattice.plain import made, plain
 from contbreather.stability.verdict import THRESHOLD
+from contbreather.storage.serialise import serialised
 
 WHY: Mapping[str, str] = {
     "PF": "only a symmetric orbit, known by half its period, has a pitchfork",
@@ -54,7 +53,7 @@ class OfProblem(Event):
 
     def of(self, problem: Problem) -> Event:
         found = self.choose(problem)
-        return replace(found, recipe=self.recipe) if self.recipe else found
+        return replace(found, serialised=self.serialised) if self.serialised else found
 
 
 def _own(kind: str) -> Event:
@@ -140,14 +139,12 @@ def neimark_sacker(
     if on is None and threshold is None:
         return _own("NS")
     modulus = THRESHOLD if threshold is None else threshold
-    recipe = Recipe("NS", {"on": on, "threshold": threshold}, plain)
+    form = {"kind": "NS", "on": on, "threshold": threshold}
     elsewhere = symmetric_events.neimark_sacker(on=on, threshold=modulus)  # or a sentence
-    return OfProblem("NS", choose=partial(_pair_leaves, on, modulus, elsewhere), recipe=recipe)
+    return OfProblem("NS", choose=partial(_pair_leaves, on, modulus, elsewhere), serialised=form)
 
 
-@maker("NS")
-def _again(of: Mapping[str, Any]) -> Event:
-    return neimark_sacker(on=made(of["on"]), threshold=of["threshold"])
+serialised("NS")(neimark_sacker)
 
 
 def _pair_leaves(

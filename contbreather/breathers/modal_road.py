@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from contbreather.breathers.modal_events import events_of
 from contbreather.breathers.modal_flight import ModalFlight
 from contbreather.breathers.orbit import Orbit
-from contbreather.breathers.problem import made_again, orbit_problem, unstable_by
+from contbreather.breathers.problem import orbit_problem, read_by, unstable_by
 from contbreather.breathers.road import Impacts, Offsets, road
 from contbreather.breathers.section import WEAK, Section, check_order, check_possible
 from contbreather.breathers.watched import ModalWatch
@@ -146,7 +146,7 @@ def _derived(flight: Modes, names: tuple[str, ...]) -> FloatArray:
     return found
 
 
-@made_again("shooting", Modes.of)
+@read_by("shooting", Modes.of)
 def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The shooting equations with an orbit as their start, and all its events.
 

@@ -16,11 +16,11 @@ from contbreather.breathers.road import Road
 from contbreather.breathers.section import Section
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.point import Counting
-from contbreather.continuation.recipes import Recipe, maker
-from contbreather.lattice.plain import made, plain
+from contbreather.lattice.conditions import Conditions
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.verdict import beyond
 from contbreather.stability.winding import Count
+from contbreather.storage.serialise import serialised
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -34,7 +34,7 @@ def orbit_problem(kind: str, at: At, orbit: Orbit, threshold: float, **equations
     Parameters
     ----------
     kind : str
-        By which files make it again, see `made_again`.
+        By which files make it again, see `read_by`.
     at : callable
         The road with given unknowns and parameters.
     orbit : Orbit
@@ -43,14 +43,18 @@ def orbit_problem(kind: str, at: At, orbit: Orbit, threshold: float, **equations
     **equations
         What else a `Problem` takes: the equations, their start, events and columns.
     """
-    made_of = {"conditions": orbit.conditions, "section": orbit.section, "threshold": threshold}
     shared: dict[str, Any] = {
         "interpret": partial(_interpreted, at),
         "images": partial(_images, at),
         "simpler": _simpler,
         "lifts": {"PF" if orbit.symmetric else "PD": lift},
         "wider": partial(with_parameters, threshold),
-        "recipe": Recipe(kind, made_of, plain),
+        "serialised": {
+            "kind": kind,
+            "conditions": orbit.conditions,
+            "section": orbit.section,
+            "threshold": threshold,
+        },
     }
     return Problem(**{**shared, **equations})
 
@@ -61,28 +65,29 @@ def on_ring(lattice: Any, threshold: float) -> str:
     return "" if sites is None else f" (ring of {sites}, threshold {threshold:g})"
 
 
-def made_again(kind: str, of: Callable[..., Road]) -> Callable[[Make], Make]:
-    """Enter what makes a problem of a kind again from a file: conditions, a section, unknowns and
+def read_by(kind: str, of: Callable[..., Road]) -> Callable[[Make], Make]:
+    """Enter what reads the serialised form of a kind: conditions, a section, unknowns and
     parameters are a road by `of`, and that is a problem."""
 
     def entered(problem: Make) -> Make:
-        maker(kind)(partial(_again, of, problem))
+        serialised(kind)(partial(_from_dict, of, problem))
         return problem
 
     return entered
 
 
-def _again(
+def _from_dict(
     of: Callable[..., Road],
     problem: Callable[..., Problem],
-    made_of: Mapping[str, Any],
+    *,
+    conditions: Conditions,
+    section: Mapping[str, Any],
+    threshold: float,
     start: Mapping[str, Any],
     params: Params,
 ) -> Problem:
     x = np.concatenate([np.ravel(value) for value in start.values()])
-    section = Section(**made_of["section"])
-    road = of(made(made_of["conditions"]), section, x, params)
-    return problem(Orbit(road), made_of["threshold"])
+    return problem(Orbit(of(conditions, Section(**section), x, params)), threshold)
 
 
 def _interpreted(at: At, point: Point) -> Orbit:

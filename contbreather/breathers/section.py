@@ -179,7 +179,7 @@ class Section:
         """On another lattice: sites go around a ring, elsewhere they stay what they are."""
         return self.around(lattice.sites) if isinstance(lattice, Ring) else self.placed(lattice)
 
-    def plain(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """By numbers, for files."""
         return {"impacts": [*map(list, self.impacts)], "turns": self.turns, "sign": self.sign}
 

@@ -24,7 +24,6 @@ from contbreather.breathers.wave_road import asymmetric_problem
 from contbreather.checks import real
 from contbreather.continuation import Event, Point, Problem
 from contbreather.continuation.point import Judged
-from contbreather.continuation.recipes import Recipe, maker
 from contbreather.errors import BadInput
 from contbreather.lattice import (
     Forcing,
@@ -37,9 +36,9 @@ from contbreather.lattice import (
 )
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.held import held
-from contbreather.lattice.plain import made, plain
 from contbreather.parameters import NEEDED, NUMBERS, parameter
 from contbreather.stability.verdict import THRESHOLD
+from contbreather.storage.serialise import serialised
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
 # forcing that is at a = 1, where the far field grazes.
@@ -118,21 +117,28 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         lifts={"PF": lift},
         wider=partial(_wider, threshold),
         label=f"symmetric breather{on_ring(lattice, threshold)}",
-        recipe=Recipe(
-            "symmetric breather",
-            {"forcing": forcing, "lattice": lattice, "threshold": threshold},
-            plain,
-        ),
+        serialised={
+            "kind": "symmetric breather",
+            "forcing": forcing,
+            "lattice": lattice,
+            "threshold": threshold,
+        },
     )
 
 
-@maker("symmetric breather")
-def _again(of: Mapping[str, Any], start: Mapping[str, Any], params: Mapping[str, float]) -> Problem:
-    forcing = made(of["forcing"])
+@serialised("symmetric breather")
+def _from_dict(
+    *,
+    forcing: Forcing,
+    lattice: Lattice,
+    threshold: float,
+    start: Mapping[str, Any],
+    params: Mapping[str, float],
+) -> Problem:
     drive = forcing.at(**{name: params[name] for name in forcing.params})
     a, gamma, k = (params[name] for name in ("a", "gamma", "k"))
-    found = ClosedForm(a, gamma, k, start["p"], start["phi"], drive, made(of["lattice"]))
-    return symmetric_problem(Orbit(found), of["threshold"])
+    breather = ClosedForm(a, gamma, k, start["p"], start["phi"], drive, lattice)
+    return symmetric_problem(Orbit(breather), threshold)
 
 
 def _interpreted(forcing: Forcing, lattice: Lattice, point: Point) -> Orbit:

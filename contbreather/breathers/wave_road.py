@@ -16,7 +16,7 @@ from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
 from contbreather.breathers.grazing import merging
 from contbreather.breathers.lifts import from_arms, lift
 from contbreather.breathers.orbit import Orbit, orbit_of
-from contbreather.breathers.problem import made_again, on_ring, orbit_problem, unstable_by
+from contbreather.breathers.problem import on_ring, orbit_problem, read_by, unstable_by
 from contbreather.breathers.road import Impacts, Offsets, Road, road
 from contbreather.breathers.section import Impact, Section, check_order
 from contbreather.breathers.watched import GreenWatch
@@ -108,7 +108,7 @@ class Waves(GreenFlight):
 # --- any impacts ----------------------------------------------------------------------------------
 
 
-@made_again("orbit with impacts", Waves.of)
+@read_by("orbit with impacts", Waves.of)
 def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The equations of an orbit with any impacts, with the orbit as their start.
 
@@ -162,7 +162,7 @@ def domain_of(equations: OrbitEquations) -> dict[str, tuple[float, float]]:
 # --- two impacts of one site ----------------------------------------------------------------------
 
 
-@made_again("asymmetric breather", Waves.arm)
+@read_by("asymmetric breather", Waves.arm)
 def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The four equations with an orbit of two impacts as their start, and all its events.
 

@@ -25,8 +25,7 @@ from contbreather.breathers.symmetric_events import unstable
 from contbreather.checks import flag
 from contbreather.columns import Columns, stacked
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
-from contbreather.continuation.checkpoint import Checkpoint, Inner, Nowhere, Save, checkpoint
-from contbreather.continuation.contents import Said, content
+from contbreather.continuation.checkpoint import Checkpoint, Inner, Save, checkpoint
 from contbreather.continuation.point import Meeting
 from contbreather.continuation.starts import windows
 from contbreather.display import Shown
@@ -35,6 +34,7 @@ from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
 from contbreather.parameters import parameter, window_of
 from contbreather.progress import Counter, line_of
 from contbreather.stability.verdict import THRESHOLD
+from contbreather.storage.serialise import serialised
 from contbreather.tables import Column, Sheet
 
 Array = NDArray[np.float64]
@@ -380,7 +380,7 @@ class _Search:
     given: Mapping[str, tuple[float, float]]
     threshold: float
     past_folds: bool
-    kept: Checkpoint = field(default_factory=Nowhere)
+    kept: Checkpoint = field(default_factory=Checkpoint)
 
     def __post_init__(self) -> None:
         self.pair = PAIRS[self.name]
@@ -575,23 +575,27 @@ def _on_curve(branch: Branch, place: Place, names: tuple[str, ...], near: float)
 PLAIN = ("fixed", "pair", "threshold", "past_folds", "interrupted", "ceiling")
 
 
-def _said(zones: Zones) -> Said:
-    about = {name: getattr(zones, name) for name in PLAIN}
-    about["curves"] = {kind: len(own) for kind, own in zones.curves.items()}
-    parts = {
+def _to_dict(zones: Zones) -> dict[str, Any]:
+    branches = {
         f"{kind}{i}": branch
-        for kind, own in zones.curves.items()
-        for i, branch in enumerate(own, start=1)
+        for kind, branches in zones.curves.items()
+        for i, branch in enumerate(branches, start=1)
     }
-    return Said(about, {}, parts)
+    counts = {kind: len(branches) for kind, branches in zones.curves.items()}
+    return {name: getattr(zones, name) for name in PLAIN} | {"curves": counts, "groups": branches}
 
 
-@content(Zones, "zones", _said)
-def _made(about: Mapping[str, Any], data: object, parts: Mapping[str, Any]) -> Zones:
-    curves = {
-        kind: tuple(parts[f"{kind}{i}"] for i in range(1, 1 + count))
-        for kind, count in about["curves"].items()
+@serialised("zones", Zones, _to_dict)
+def _from_dict(
+    *,
+    fixed: Sequence[Any],
+    pair: Sequence[str],
+    curves: Mapping[str, int],
+    groups: Mapping[str, Branch] | None = None,
+    **plain: Any,  # older files have no ceiling
+) -> Zones:
+    by_kind = {
+        kind: tuple((groups or {})[f"{kind}{i}"] for i in range(1, 1 + count))
+        for kind, count in curves.items()
     }
-    plain = {name: about[name] for name in PLAIN if name in about}  # older files have no ceiling
-    plain |= {name: tuple(about[name]) for name in ("fixed", "pair")}
-    return Zones(curves=curves, **plain)
+    return Zones(tuple(fixed), tuple(pair), by_kind, **plain)  # type: ignore[arg-type]

@@ -62,7 +62,7 @@ def check_places(
 
 
 def _check_kept(path: str) -> None:
-    from contbreather.continuation.netcdf import target_of
+    from contbreather.storage.netcdf import target_of
 
     target_of(path)
 

@@ -6,10 +6,10 @@ from .boundary import boundary
 from .branch import Branch, Stop, with_columns
 from .equilibria import branch_point, cusp, fold, hopf
 from .lift import Lift
-from .onward import extend
 from .point import Event, Locus, Point, user
 from .problem import Problem
 from .refine import refined
+from .resume import extend
 from .run import Run, load, save
 from .steps import Steps
 from .trace import trace, walk

@@ -14,6 +14,7 @@ import numpy as np
 from ..checks import check_kind
 from ..errors import BadInput
 from ..progress import Counter
+from ..storage.serialise import from_dict, to_dict
 from .branch import Branch, Settings
 from .branch_points import Crossings, branch_point_test, branches_cross
 from .checkpoint import Save, checkpoint, piece_of
@@ -22,7 +23,6 @@ from .extended import Extended, event_of, extended, lifted
 from .newton import Undefined
 from .point import Counting, Event, Examined, Locus, Meeting, Point
 from .problem import Problem
-from .recipes import remade
 from .scope import scope, titled, walls_are_lifted
 from .starts import Within, all_of, windows
 from .steps import Steps, steps_of
@@ -229,7 +229,7 @@ def _having(ground: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, 
     if problem.residual is ground.curve.problem.residual:
         return ground, event
     own = next((one for one in problem.events if one.kind == event.kind), event)
-    event = (remade(event.recipe.said()) if event.recipe else own).of(problem)
+    event = (from_dict(to_dict(event.serialised)) if event.serialised else own).of(problem)
     problem, _ = scope(problem, (event,))
     curve = Curve(problem, ground.curve.free)
     return replace(ground, curve=curve, z=curve.start, tangent=None), event

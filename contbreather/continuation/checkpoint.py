@@ -1,4 +1,4 @@
-"""Results kept on disk while they are computed: what a killed process loses is some seconds."""
+"""Results on disk while they are computed: what a killed process loses is some seconds."""
 
 from __future__ import annotations
 
@@ -13,12 +13,32 @@ from typing import Any, TypeVar
 
 from ..checks import kind_of
 from ..errors import BadInput, Interrupted, keeping, taking
-from .netcdf import target_of, write
+from ..storage import netcdf
+from ..storage.serialise import NotSerialisable
+from .branch_to_dict import result_to_dict
 
 T = TypeVar("T")
 
 EVERY = 3.0  # seconds between two files
 SHARE = 0.03  # of the time that a run takes, at most, goes into writing them
+
+
+def write(
+    path: str | Path, results: Mapping[str, Any], *, alone: bool, recorded: bool | None = True
+) -> Path:
+    """Write results by their names to one file; `alone` if the only one is what the file is, and
+    `recorded` as of `result_to_dict`."""
+    target = netcdf.target_of(path)  # recorded columns may take long
+    try:
+        contents = {
+            name: result_to_dict(result, recorded=recorded) for name, result in results.items()
+        }
+    except NotSerialisable as error:
+        raise BadInput(
+            f"{kind_of(error.args[0])} cannot be kept in a file; branches, boundaries, diagrams, "
+            "zones, and simulated runs can"
+        ) from error
+    return netcdf.write(target, contents, alone=alone)
 
 
 class NotKept(BadInput):
@@ -32,31 +52,32 @@ class NotKept(BadInput):
 class Checkpoint:
     """A file that is written anew every few seconds, and where something happens.
 
-    `name` is that of the result in it; those of a tuple are numbered, a dict has names.
+    Parameters
+    ----------
+    path : str or Path or None
+        None where no file is wanted.
+    name : str
+        That of the result in it; those of a tuple are numbered, a dict has names.
     """
 
-    def __init__(self, path: str | Path, name: str) -> None:
-        self.path, self.name = target_of(path), name
-        self.soonest = self.due = time.monotonic() + EVERY
+    def __init__(self, path: str | Path | None = None, name: str = "") -> None:
+        self.path, self.name = None if path is None else netcdf.target_of(path), name
+        self.soonest = self.due = math.inf if path is None else time.monotonic() + EVERY
 
     def look(self, special: bool, piece: Callable[[], Any]) -> None:
         """Write what there is, if it is time; `piece` gives it, or None."""
         now = time.monotonic()
         if now < (self.soonest if special else self.due):
             return
-        found = piece()
-        if found is not None:
-            self._try(found)
+        result = piece()
+        if result is not None:
+            try:
+                self._write(result, recorded=False)  # these columns may take as long as the run
+            except BadInput as error:  # a disk that is full now may not be later
+                logging.getLogger("contbreather").warning("%s; the run goes on", error)
         end = time.monotonic()
         self.soonest = end + (end - now) / SHARE
         self.due = max(self.soonest, end + EVERY)
-
-    def _try(self, result: Any) -> None:
-        """Write it, or say that this was not possible: a disk that is full now may not be later."""
-        try:
-            self._write(result, recorded=False)  # these columns may take as long as the run
-        except BadInput as error:
-            logging.getLogger("contbreather").warning("%s; the run goes on", error)
 
     def finish(self, result: Any) -> None:
         """Write it now.
@@ -72,11 +93,13 @@ class Checkpoint:
             raise NotKept(str(error), result) from error
 
     def _write(self, result: Any, *, recorded: bool | None) -> None:
+        if self.path is None:
+            return
+        several = isinstance(result, tuple)
         named = result if isinstance(result, Mapping) else {self.name: result}
-        if isinstance(result, tuple):
-            named = {f"{self.name}{i}": one for i, one in enumerate(result, start=1)}
-        alone = len(named) == 1 and not isinstance(result, tuple)
-        write(self.path, named, alone=alone, recorded=recorded)
+        if several:
+            named = {f"{self.name}{i}": part for i, part in enumerate(result, start=1)}
+        write(self.path, named, alone=len(named) == 1 and not several, recorded=recorded)
 
 
 class Inner(Checkpoint):
@@ -87,8 +110,8 @@ class Inner(Checkpoint):
 
     def look(self, special: bool, piece: Callable[[], Any]) -> None:
         def all_of_it() -> Any:
-            found = piece()
-            return None if found is None else self.whole(found)
+            result = piece()
+            return None if result is None else self.whole(result)
 
         self.outer.look(special, all_of_it)
 
@@ -96,25 +119,15 @@ class Inner(Checkpoint):
         """Nothing: the outermost call does."""
 
 
-class Nowhere(Checkpoint):
-    """No file is wanted."""
-
-    def __init__(self) -> None:
-        self.soonest = self.due = math.inf
-
-    def finish(self, result: Any) -> None:
-        """Nothing."""
-
-
 @contextmanager
 def piece_of(
-    kept: Checkpoint | None, whole: Callable[[Any], Any], before: Any = None
+    file: Checkpoint | None, whole: Callable[[Any], Any], before: Any = None
 ) -> Iterator[Checkpoint | None]:
     """The file for a call within another, of whose result `whole` makes that of the outer one: on
     disk, and where it is interrupted; `before` is what the outer one has by then without it."""
     pieces: list[Any] = []
     with keeping(lambda: whole(pieces[0]) if pieces else before), taking(pieces.append):
-        yield kept and Inner(kept, whole)
+        yield file and Inner(file, whole)
 
 
 Save = str | Path | Checkpoint | None
@@ -129,17 +142,12 @@ def checkpoint(save: Save, name: str) -> Iterator[Checkpoint]:
     BadInput
         If it cannot be written: before anything is computed.
     """
-    if save is None:
-        kept: Checkpoint = Nowhere()
-    elif isinstance(save, Checkpoint):
-        kept = save
-    elif isinstance(save, str | os.PathLike):
-        kept = Checkpoint(save, name)
-    else:
+    if not (save is None or isinstance(save, Checkpoint | str | os.PathLike)):
         raise BadInput(f"save takes the name of a file, 'run.nc' for instance; got {kind_of(save)}")
+    file = save if isinstance(save, Checkpoint) else Checkpoint(save, name)
     try:
-        yield kept
+        yield file
     except Interrupted as stop:
         if stop.partial is not None:
-            kept.finish(stop.partial)
+            file.finish(stop.partial)
         raise

@@ -16,10 +16,10 @@ from ..columns import Columns, stacked
 from ..display import Shown
 from ..errors import ContbreatherError, NotConverged, keeping, taking
 from ..progress import Counter
+from ..storage.serialise import serialised
 from ..tables import Column, Sheet
 from .branch import Branch, Stop
 from .checkpoint import Checkpoint, Inner, Save, checkpoint
-from .contents import Said, content
 from .lift import Seed
 from .point import Event, Point
 from .problem import Problem
@@ -429,8 +429,8 @@ class _Growth:
 # --- in files -----------------------------------------------------------------------------------
 
 
-def _said(tree: Diagram) -> Said:
-    """Branches as parts, places by the branch they were found on first and their number there."""
+def _to_dict(tree: Diagram) -> dict[str, Any]:
+    """Branches as groups, places by the branch they were found on first and their number there."""
     own = {
         id(place): [place.branch, _number(tree.branches[place.branch], place.point)]
         for row in tree.places
@@ -439,24 +439,24 @@ def _said(tree: Diagram) -> Said:
     births = [
         [birth.depth, birth.place and own[id(birth.place)], birth.image_of] for birth in tree.births
     ]
-    about = {
+    return {
         "births": births,
         "places": [[own[id(place)] for place in row] for row in tree.places],
         "meetings": [[own[id(one.place)], one.branch] for one in tree.meetings],
         "failed": [[own[id(one.place)], one.reason] for one in tree.failed],
         "left": [own[id(place)] for place in tree.left],
         "interrupted": tree.interrupted,
+        "groups": {f"branch{i}": branch for i, branch in enumerate(tree)},
     }
-    return Said(about, {}, {f"branch{i}": branch for i, branch in enumerate(tree)})
 
 
 def _number(branch: Branch, point: Point) -> int:
     return next(i for i, one in enumerate(branch) if one is point)
 
 
-@content(Diagram, "diagram", _said)
-def _made(about: Mapping[str, Any], data: object, parts: Mapping[str, Any]) -> Diagram:
-    branches = [parts[f"branch{i}"] for i in range(len(parts))]
+@serialised("diagram", Diagram, _to_dict)
+def _from_dict(*, groups: Mapping[str, Branch], **about: Any) -> Diagram:
+    branches = [groups[f"branch{i}"] for i in range(len(groups))]
     places: dict[tuple[int, int], Place] = {}
 
     def at(where: Sequence[int]) -> Place:

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from ..checks import check_kind, flag, number
 from ..display import Shown
 from ..errors import BadInput
+from ..storage.serialise import serialised
 from ..tables import Sheet
 from .curve import Curve
 from .newton import Array
 from .problem import Problem
-from .recipes import Recipe, maker
 from .strider import Loops
 
 
@@ -294,8 +294,9 @@ class Event:
     ends : {'', 'branch', 'domain'}
         Whether the branch ends at the event, and whether solutions mean something on the positive
         side of the test only: then a start beyond is refused.
-    recipe : Recipe, optional
-        What it was made of where its kind alone does not say that, for files to make it again.
+    serialised : dict, optional
+        What it was made of where its kind alone does not say that, for files to make it again, as
+        of a `Problem`.
 
     Examples
     --------
@@ -310,7 +311,7 @@ class Event:
     locus: Callable[[Point], Locus] | None = None
     examine: Callable[[Point], Examined] | None = None
     ends: Literal["", "branch", "domain"] = ""
-    recipe: Recipe | None = None
+    serialised: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         if self.ends not in ("", "branch", "domain"):
@@ -443,10 +444,8 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
         level,
         locus=Always(Locus({}, level.conditions)),
         ends="branch" if flag("terminal", terminal) else "",
-        recipe=Recipe("UZ", {"name": name, "value": value, "terminal": bool(terminal)}),
+        serialised={"kind": "UZ", "name": name, "value": value, "terminal": bool(terminal)},
     )
 
 
-@maker("UZ")
-def _user(of: Mapping[str, Any]) -> Event:
-    return user(of["name"], of["value"], terminal=of["terminal"])
+serialised("UZ")(user)

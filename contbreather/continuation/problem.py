@@ -14,7 +14,6 @@ from ..checks import check_kind, kind_of, number, numbers, real
 from ..errors import BadInput, NotConverged
 from .curve import Curve, Params
 from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, approach, newton, rounding
-from .recipes import Recipe
 from .sparse import Matrix, Pattern
 from .strider import Compilable
 
@@ -73,8 +72,9 @@ class Problem:
     derivatives : callable, optional
         ``derivatives(x, params, names) -> (n, n + len(names)) array``, in place of `jacobian` and
         `sensitivity`: in `x` and the named parameters.
-    recipe : Recipe, optional
-        What the equations are made of, where a file can say it and make them again.
+    serialised : dict, optional
+        What the equations are made of, where a file can say it and make them again: their ``kind``,
+        known to `contbreather.storage`, and the values that its reader takes.
     sparsity : array_like or scipy.sparse array, shape (n, n), optional
         Which entries of the derivative in `x` may differ from zero, in place of `jacobian`: large
         problems are then differentiated with as few residuals as that allows, and solved as with a
@@ -123,7 +123,7 @@ class Problem:
     wider: Wider | None = None
     label: str = ""
     derivatives: Callable[[Array, Params, tuple[str, ...]], Matrix] | None = None
-    recipe: Recipe | None = None
+    serialised: Mapping[str, Any] | None = None
     sparsity: Any = None
     beneath: Callable[[Array, Params, tuple[str, ...]], tuple[Curve, Array]] | None = None
     compiled: bool = False

@@ -6,27 +6,32 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..display import Shown
 from ..errors import BadInput
 from ..files import named
+from ..storage.netcdf import check_names, read
 from ..tables import Column, Sheet
 from . import diagram  # noqa: F401 - enters diagrams
-from .contents import made_of
-from .groups import about_in, check_names
-from .netcdf import read, write
+from .branch_from_dict import result_from_dict
+from .checkpoint import write
 from .point import Point
 from .problem import Problem, problem_in
-from .restored import restored
 
 if TYPE_CHECKING:
-    from xarray import DataTree
-
     from .trace import Startable
 
 _SUFFIX = ".nc"
-Found = tuple[dict[str, Any], bool]
+Contents = tuple[dict[str, Any], bool]  # results by name, whether the only one is the whole file
+
+
+class Entry(NamedTuple):
+    """A result, the file it is in, and its name there."""
+
+    result: Any
+    path: Path
+    name: str
 
 
 class Run(Shown, Mapping[str, Any]):
@@ -64,15 +69,15 @@ class Run(Shown, Mapping[str, Any]):
     def __init__(self, path: str | Path, *, problem: Problem | None = None) -> None:
         self.path = named("read", path)
         self.problem = problem
-        self._read: dict[Path, tuple[Any, Found]] = {}
+        self._cache: dict[Path, tuple[Any, Contents]] = {}
 
     @property
     def files(self) -> tuple[Path, ...]:
         """The files it consists of."""
         if not os.path.isdir(self.path):
             return (self.path,) if os.path.exists(self.path) else ()
-        found = (*self.path.glob(f"*{_SUFFIX}"), *self.path.glob(f"*/*{_SUFFIX}"))
-        return tuple(sorted(path for path in found if not path.name.startswith(".")))
+        paths = (*self.path.glob(f"*{_SUFFIX}"), *self.path.glob(f"*/*{_SUFFIX}"))
+        return tuple(sorted(path for path in paths if not path.name.startswith(".")))
 
     def file(self, name: str) -> Path:
         """Where a result of that name is, or will be, in a folder."""
@@ -102,13 +107,13 @@ class Run(Shown, Mapping[str, Any]):
         return len(self._entries())
 
     def __getitem__(self, key: str) -> Any:
-        found = self._entries()
-        if key in found:
-            return found[key][0]
+        entries = self._entries()
+        if key in entries:
+            return entries[key].result
         on, _, label = key.rpartition("/")
-        inside = getattr(found[on][0], "branches", ()) if on in found else ()
-        if label.isdecimal() and int(label) < len(inside):
-            return inside[int(label)]
+        branches = getattr(entries[on].result, "branches", ()) if on in entries else ()
+        if label.isdecimal() and int(label) < len(branches):
+            return branches[int(label)]
         places = [(name, p) for name, p in self.points() if p.label == label and on in ("", name)]
         if len(places) == 1:
             return places[0][1]
@@ -119,7 +124,7 @@ class Run(Shown, Mapping[str, Any]):
                 f"{places[0][0] + '/' + label!r} for instance"
             )
         labels = sorted({p.label for _, p in self.points() if p.kind})
-        raise BadInput(f"no {key!r} in {self.path}; there are {list(found)} and points {labels}")
+        raise BadInput(f"no {key!r} in {self.path}; there are {list(entries)} and points {labels}")
 
     def place(self, name: str) -> tuple[Path, str]:
         """The file that a result is in, and its name there."""
@@ -128,55 +133,43 @@ class Run(Shown, Mapping[str, Any]):
     def points(self) -> Iterator[tuple[str, Point]]:
         """Special points of everything that has any, with the names of what they are on: of a
         diagram its branches, by number."""
-        for name, (result, *_) in self._entries().items():
-            inside = enumerate(getattr(result, "branches", ()))
-            for on, one in [(f"{name}/{i}", one) for i, one in inside] or [(name, result)]:
-                for point in getattr(one, "special", ()):
+        for name, entry in self._entries().items():
+            branches = enumerate(getattr(entry.result, "branches", ()))
+            curves = {f"{name}/{i}": branch for i, branch in branches} or {name: entry.result}
+            for on, curve in curves.items():
+                for point in getattr(curve, "special", ()):
                     yield on, point
 
-    def _entries(self) -> dict[str, tuple[Any, Path, str]]:
-        """All results by their names, with the file of each and its name there."""
-        found: dict[str, tuple[Any, Path, str]] = {}
+    def _entries(self) -> dict[str, Entry]:
+        """All results by their names."""
+        entries = {}
         for path in self.files:
-            inside, alone = self.inside(path)
-            for own, result in inside.items():
-                name = own
+            results, alone = self.inside(path)
+            for name, result in results.items():
+                key = name
                 if path != self.path:
                     stem = path.relative_to(self.path).with_suffix("").as_posix()
-                    name = stem if alone else f"{stem}/{own}"
-                found[name] = result, path, own
-        return found
+                    key = stem if alone else f"{stem}/{name}"
+                entries[key] = Entry(result, path, name)
+        return entries
 
-    def inside(self, path: Path) -> Found:
+    def inside(self, path: Path) -> Contents:
         """What is in a file, read once as long as it stays the same."""
         state = None
         with suppress(OSError, ValueError):  # reading says what is wrong
             here = path.stat()
             state = (here.st_mtime_ns, here.st_size, here.st_ino)
-        if path not in self._read or self._read[path][0] != state:
-            self._read[path] = state, _read_file(path, self.problem)
-        return self._read[path][1]
+        if path not in self._cache or self._cache[path][0] != state:
+            contents, alone = read(path)
+            try:
+                results = {n: result_from_dict(c, self.problem) for n, c in contents.items()}
+            except BadInput as error:
+                raise BadInput(f"{path}: {error}") from error
+            self._cache[path] = state, (results, alone)
+        return self._cache[path][1]
 
     def __repr__(self) -> str:
         return f"<Run {self.path}: {', '.join(self) or 'nothing yet'}>"
-
-
-def _read_file(path: Path, problem: Problem | None) -> Found:
-    """All values of a file by their names, and whether the only one is what the file is."""
-    with read(path) as tree:
-        try:
-            found = {str(name): _value(group, problem) for name, group in tree.children.items()}
-            return found, bool(tree.attrs["alone"])
-        except BadInput as error:
-            raise BadInput(f"{path}: {error}") from error
-
-
-def _value(group: DataTree, problem: Problem | None) -> Any:
-    told = about_in(group)
-    if told["content"] == "branch":
-        return restored(group, problem)
-    parts = {name: _value(group.children[name], problem) for name in told["parts"]}
-    return made_of(group, told, parts)
 
 
 def save(path: str | Path, *results: Any, **named: Any) -> None:
@@ -207,12 +200,12 @@ def save(path: str | Path, *results: Any, **named: Any) -> None:
     >>> bool((again["p"] == branch["p"]).all()), again[3].stability().stable
     (True, True)
     """
-    every = {**{f"branch{i}": one for i, one in enumerate(results, start=1)}, **named}
-    for one in results:
-        if isinstance(one, list | tuple):
+    every = {**{f"branch{i}": result for i, result in enumerate(results, start=1)}, **named}
+    for result in results:
+        if isinstance(result, list | tuple):
             raise BadInput(
-                f"save takes results one by one, got a {type(one).__name__}; those of a list are "
-                "save(path, *results)"
+                f"save takes results one by one, got a {type(result).__name__}; those of a list "
+                "are save(path, *results)"
             )
     if not every or len(every) < len(results) + len(named):
         raise BadInput(f"results with different names are expected, got {list(every) or 'none'}")
@@ -243,11 +236,10 @@ def load(path: str | Path, *, problem: Problem | Startable | None = None) -> Any
         If the file cannot be read, is not one of ours, is damaged or of a later version, or if
         `problem` has other names or is not solved by the points.
     """
-    own = None if problem is None else problem_in(problem)
-    run = Run(path, problem=own)
+    run = Run(path, problem=None if problem is None else problem_in(problem))
     if os.path.isdir(run.path):
         if not run.files:
             raise BadInput(f"cannot read {path}: there is no file in it that `save` wrote")
         return run
-    found, alone = run.inside(run.path)
-    return next(iter(found.values())) if alone else run
+    results, alone = run.inside(run.path)
+    return next(iter(results.values())) if alone else run

@@ -19,7 +19,7 @@ import os
 import re
 import time
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -53,17 +53,17 @@ from contbreather.errors import BadInput
 from contbreather.files import alone, named, write_whole
 from contbreather.lattice import Forcing, Fourier, Harmonic, Ring
 from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.finite import Finite, Lattice
+from contbreather.lattice.finite import Lattice
 from contbreather.parameters import NAMES
 from contbreather.progress import Bar, line_of
+from contbreather.storage.serialise import NotSerialisable, from_dict, to_dict
 
 EVERY = 5.0  # seconds between two files: what a crash may cost
 LARGEST = 4_000_000  # numbers in one file
 START = "start.npz"
 LOCK = "lock"
 NAME = re.compile(r"(\d{12,})-(\d{12,})\.npz")
-LATTICE = ("stiffness", "masses", "drive")
-SEAL = 32  # bytes of a checksum
+CHECKSUM = 32  # bytes of it
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,9 @@ class Recording:
     @property
     def files(self) -> list[Path]:
         """Finished files in order of time; a sentence where one between them is missing."""
-        found = sorted(p for p in _listed(self.path) if NAME.fullmatch(p.name))
+        files = sorted(p for p in _listed(self.path) if NAME.fullmatch(p.name))
         end, before = 0, START
-        for path in found:
+        for path in files:
             first, after = _span(path)
             if first != end:
                 raise BadInput(
@@ -102,7 +102,7 @@ class Recording:
                     f"{path.name} and those after it to go on from there."
                 )
             end, before = after, path.name
-        return found
+        return files
 
     @property
     def periods(self) -> int:
@@ -114,9 +114,9 @@ class Recording:
     def final(self) -> State:
         """The state after the last period on disk."""
         for path in reversed(self.files):
-            one = read(path)
-            if one.periods:
-                return State(one.u[-1], one.v[-1])
+            stretch = read(path)
+            if stretch.periods:
+                return State(stretch.u[-1], stretch.v[-1])
         return self.start
 
     @property
@@ -145,8 +145,8 @@ class Recording:
 
     def strobe(self, n: int | slice = slice(None)) -> State:
         """Stroboscopic displacements and velocities of one site, or of all of them."""
-        u = [self.start.u[None, n], *(one.u[:, n] for one in self.stretches())]
-        v = [self.start.v[None, n], *(one.v[:, n] for one in self.stretches())]
+        u = [self.start.u[None, n], *(s.u[:, n] for s in self.stretches())]
+        v = [self.start.v[None, n], *(s.v[:, n] for s in self.stretches())]
         return State(np.concatenate(u), np.concatenate(v))
 
 
@@ -221,10 +221,10 @@ def _go_on(run: Recording, done: int, count: int, progress: bool | Bar | None) -
     began = time.monotonic()
     machine = Machine(run.final, run.conditions, reduced(run.t0), run.sample)
     ahead = walk(machine, periods=count - done, first=done, progress=False)
-    with line_of(progress, lambda own: Bar(own, count)) as bar:
+    with line_of(progress, lambda shown: Bar(shown, count)) as bar:
         try:
-            for one in ahead:
-                pending.append(one)
+            for stretch in ahead:
+                pending.append(stretch)
                 size = sum(p.u.size + p.dense_u.size for p in pending) * 2
                 if time.monotonic() - began > EVERY or size > LARGEST:
                     done = _write(run, pending)
@@ -263,65 +263,65 @@ def open_recording(path: str | Path) -> Recording:
     arrays = _arrays(folder / START)
     with _as_written(folder / START):
         about = json.loads(str(arrays["about"]))
-        numbers = {name: about[name] for name in NAMES}
-        own = tuple((site, (low, high)) for site, low, high in about["walls"][1:])
-        walls = Walls(tuple(about["walls"][0]), own)
-        lattice = _lattice(arrays, about["lattice"])
-        forcing = _forcing(about["harmonics"])
-        conditions = ranged(Conditions(**numbers, forcing=forcing, walls=walls, lattice=lattice))
+        earlier = "conditions" not in about
+        conditions = _earlier(about, arrays) if earlier else from_dict(about["conditions"])
         sample = Sample(**about["sample"]) if about["sample"] else None
-        found = Recording(folder, conditions, about["t0"], sample, State(arrays["u"], arrays["v"]))
-    _ = found.files  # those that are missing are told of before anything is read
-    return found
+        start = State(arrays["u"], arrays["v"])
+        run = Recording(folder, ranged(conditions), about["t0"], sample, start)
+    _ = run.files  # those that are missing are told of before anything is read
+    return run
 
 
-def _forcing(harmonics: list[list[float]]) -> Forcing:
-    if harmonics == [[1, 1.0, 0.0]]:
-        return Harmonic()
-    return Fourier.from_response(
-        {int(m): c for m, c, _ in harmonics}, {int(m): s for m, _, s in harmonics}
+def _earlier(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Conditions:
+    """As versions wrote them whose forcings were harmonics and whose lattices were arrays."""
+    of_all, *of_sites = about["walls"]
+    parts = [arrays[name] for name in ("stiffness", "masses", "drive") if name in arrays]
+    return Conditions(
+        **{name: about[name] for name in NAMES},
+        forcing=_by_harmonics(about["harmonics"]),
+        walls=Walls(tuple(of_all), tuple((site, (low, high)) for site, low, high in of_sites)),
+        lattice=Lattice(*parts, name=about["lattice"]) if parts else Ring(arrays["u"].size),
     )
 
 
-def _lattice(arrays: Mapping[str, NDArray[Any]], name: str) -> Finite:
-    if "stiffness" not in arrays:
-        return Ring(arrays["u"].size)
-    return Lattice(*(arrays[part] for part in LATTICE), name=name)
+def _by_harmonics(harmonics: Iterable[Sequence[float]]) -> Forcing:
+    rows = [(int(m), float(c), float(s)) for m, c, s in harmonics]
+    if rows == [(1, 1.0, 0.0)]:
+        return Harmonic()
+    return Fourier.from_response({m: c for m, c, _ in rows}, {m: s for m, _, s in rows})
 
 
 def _about(run: Recording) -> dict[str, Any]:
-    c = run.conditions
-    sample = run.sample and {**vars(run.sample), "sites": list(run.sample.sites)}
-    harmonics = [[int(m), float(c), float(s)] for m, c, s in c.forcing.harmonics]
-    numbers = {name: float(getattr(c, name)) for name in NAMES}
-    walls = [list(c.walls.of_all), *([site, *pair] for site, pair in c.walls.own)]
-    where = {"walls": walls, "lattice": getattr(c.lattice, "name", "ring")}
-    return {**numbers, "t0": run.t0, "sample": sample, **where, "harmonics": harmonics}
+    on = run.conditions
+    try:
+        conditions = to_dict(on)
+    except NotSerialisable:  # somebody's own forcing: a run needs no more than its harmonics
+        conditions = to_dict(replace(on, forcing=_by_harmonics(on.forcing.harmonics)))
+    return {"conditions": conditions, "t0": run.t0, "sample": run.sample and vars(run.sample)}
 
 
 def _check_same(there: Recording, wanted: Recording) -> None:
-    old, new = _about(there), _about(wanted)
-    for name in old:
-        same = old[name] == new[name]
-        if name == "harmonics":  # those of F and of f are converted into each other on the way
-            same = np.shape(old[name]) == np.shape(new[name]) and np.allclose(
-                old[name], new[name], rtol=1e-14, atol=0
+    for name in (*NAMES, "forcing", "walls", "t0", "sample", "start", "lattice"):
+        old, new = (
+            getattr(run if hasattr(run, name) else run.conditions, name) for run in (there, wanted)
+        )
+        if name == "forcing":  # the harmonics of F and of f are converted into each other
+            rows, other = np.array([*old.harmonics]), np.array([*new.harmonics])
+            same = rows.shape == other.shape and np.allclose(rows, other, rtol=1e-14, atol=0)
+        else:
+            same = np.array_equal(old, new) if name == "start" else old == new
+        if not same and name == "start":
+            raise BadInput(
+                f"{there.path} holds a run from another state; choose another folder, or start "
+                f"from open_recording({str(there.path)!r}).start to go on with it."
             )
         if not same:
+            was, here = (x.describe() if hasattr(x, "describe") else x for x in (old, new))
+            what = f"is {was} there and {here}" if was != here else f"is another {here} than"
             raise BadInput(
-                f"{there.path} holds another run: {name} is {old[name]} there and {new[name]} "
-                "here; choose another folder, or the same settings to go on with it."
+                f"{there.path} holds another run: {name} {what} here; choose another folder, or "
+                "the same settings to go on with it."
             )
-    if not all(np.array_equal(a, b) for a, b in zip(there.start, wanted.start, strict=True)):
-        raise BadInput(
-            f"{there.path} holds a run from another state; choose another folder, or start from "
-            f"open_recording({str(there.path)!r}).start to go on with it."
-        )
-    if there.conditions.lattice != wanted.conditions.lattice:
-        raise BadInput(
-            f"{there.path} holds a run on another lattice, {there.conditions.lattice.describe()}; "
-            "choose another folder, or the same lattice to go on with it."
-        )
 
 
 def _make(run: Recording) -> None:
@@ -329,10 +329,8 @@ def _make(run: Recording) -> None:
     others = [p.name for p in _listed(run.path) if p.name != LOCK and p.suffix != ".part"]
     if others:
         raise BadInput(f"{run.path} is not empty and holds no run; choose another folder.")
-    lattice = run.conditions.lattice
-    parts = {x: getattr(lattice, x) for x in LATTICE} if isinstance(lattice, Lattice) else {}
-    about = {"about": np.array(json.dumps(_about(run)))}
-    save(run.path / START, {**about, **run.start._asdict(), **parts})
+    about = np.array(json.dumps(_about(run)))
+    save(run.path / START, {"about": about, **run.start._asdict()})
 
 
 @contextmanager
@@ -374,9 +372,9 @@ def _listed(folder: Path) -> list[Path]:
 
 def _span(path: Path) -> tuple[int, int]:
     """First period of a file, and the one after its last, by its name."""
-    found = NAME.fullmatch(path.name)
-    assert found is not None
-    return int(found[1]), int(found[2])
+    name = NAME.fullmatch(path.name)
+    assert name is not None
+    return int(name[1]), int(name[2])
 
 
 def _write(run: Recording, pieces: list[Stretch]) -> int:
@@ -389,7 +387,7 @@ def _write(run: Recording, pieces: list[Stretch]) -> int:
     done = last.first + last.periods
     path = run.path / f"{first.first:012d}-{done:012d}.npz"
     before = [run.path / START, *(p for p in run.files if p != path)][-1]
-    link = np.frombuffer(_bytes(before, last=SEAL), np.uint8)
+    link = np.frombuffer(_bytes(before, last=CHECKSUM), np.uint8)
     save(path, {**columns, **texts, "first": np.array(first.first), "link": link})
     return done
 
@@ -401,12 +399,12 @@ def read(path: Path, *, after: Path | None = None) -> Stretch:
         link = arrays.pop("link").tobytes()
         stop, first = str(arrays.pop("stop")), int(arrays.pop("first"))
         texts = {"reason": str(arrays.pop("reason")), "first": first}
-        found = Stretch(**arrays, **texts, stop=RunStop[stop] if stop else None)  # type: ignore[arg-type]
-        if _span(path) != (first, first + found.periods):
+        stretch = Stretch(**arrays, **texts, stop=RunStop[stop] if stop else None)  # type: ignore[arg-type]
+        if _span(path) != (first, first + stretch.periods):
             raise ValueError("its name is that of another file")
-    if after is not None and link != _bytes(after, last=SEAL):
+    if after is not None and link != _bytes(after, last=CHECKSUM):
         raise _damaged(path, f"it was not written after the {after.name} that is there")
-    return found
+    return stretch
 
 
 def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -414,14 +412,14 @@ def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # type: ignore[arg-type]
     # the last two bytes of a zip file are the length of the comment behind them
-    body = buffer.getvalue()[:-2] + SEAL.to_bytes(2, "little")
+    body = buffer.getvalue()[:-2] + CHECKSUM.to_bytes(2, "little")
     write_whole(path, lambda file: file.write(body + hashlib.sha256(body).digest()))
 
 
 def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of a file, once its checksum has shown that it is as it was written."""
     data = _bytes(path)
-    if len(data) < SEAL or hashlib.sha256(data[:-SEAL]).digest() != data[-SEAL:]:
+    if len(data) < CHECKSUM or hashlib.sha256(data[:-CHECKSUM]).digest() != data[-CHECKSUM:]:
         raise _damaged(path, "its checksum does not fit what is in it")
     with _as_written(path), np.load(io.BytesIO(data)) as file:
         return {name: file[name] for name in file.files}

@@ -24,7 +24,6 @@ from contbreather.continuation import Event, Point, Problem, maps
 from contbreather.continuation.cycles import Iterate, multiplier_matrix, shorter, with_period
 from contbreather.continuation.lift import Lift
 from contbreather.continuation.point import Counting
-from contbreather.continuation.recipes import Recipe
 from contbreather.dynamics.impacting import Run, advance, completed
 from contbreather.dynamics.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
 from contbreather.dynamics.states import HEAVIEST, PERIOD, On, State, check_state, reduced
@@ -32,7 +31,6 @@ from contbreather.dynamics.stretches import RunStop, Sample
 from contbreather.dynamics.tangent import variation
 from contbreather.errors import BadInput, ContbreatherError, NotConverged
 from contbreather.lattice.conditions import Conditions
-from contbreather.lattice.plain import plain
 from contbreather.parameters import NUMBERS, SMOOTH
 
 Array = NDArray[Any]
@@ -364,11 +362,12 @@ def _dressed(problem: Problem, back: Return) -> Problem:
         simpler=own.simpler,
         lifts={flip: own.lifted},
         label=f"{'symmetric ' if own.symmetric else ''}motion of period {2 * own.periods} pi",
-        recipe=Recipe(
-            "returning motion",
-            {"conditions": back.on, "t0": back.t0, "period": iterate.period},
-            plain,
-        ),
+        serialised={
+            "kind": "returning motion",
+            "conditions": back.on,
+            "t0": back.t0,
+            "period": iterate.period,
+        },
     )
 
 

@@ -40,10 +40,10 @@ from contbreather.kernels import Kernel
 from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
-from contbreather.lattice.plain import plain
 from contbreather.parameters import parameter
 from contbreather.progress import Bar
 from contbreather.signals import deferred
+from contbreather.storage.serialise import to_dict
 
 Array = NDArray[Any]
 
@@ -105,10 +105,10 @@ class SmoothConditions:
         """All parameters by name, those of the forcing last."""
         return {**{name: getattr(self, name) for name in OWN}, **self.forcing.params}
 
-    def plain(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """By numbers and names, for files."""
         numbers = {name: float(getattr(self, name)) for name in OWN}
-        return {**numbers, "forcing": plain(self.forcing), "lattice": plain(self.lattice)}
+        return {**numbers, "forcing": to_dict(self.forcing), "lattice": to_dict(self.lattice)}
 
     def at(self, params: Mapping[str, float]) -> SmoothConditions:
         """The same with other values of its parameters, or with the lam of another k."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contbreather.lattice import serialised  # noqa: F401 - enters the dicts of all of these
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, Samples
 from contbreather.lattice.formula import Symbolic, forcing_of
 from contbreather.lattice.means import Lattice, check_gamma

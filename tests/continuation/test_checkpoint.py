@@ -260,7 +260,7 @@ def test_folder_has_what_is_in_its_files_by_name(tmp_path: Path) -> None:
 def test_file_of_a_later_version_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from contbreather.continuation import netcdf
+    from contbreather.storage import netcdf
 
     branch = trace(parabola(), "mu", within={"x": (0.9, 1.1)})
     with monkeypatch.context() as patch:

@@ -15,13 +15,13 @@ from contbreather.continuation import (
     Steps,
     boundary,
     fold,
-    groups,
     trace,
     user,
 )
 from contbreather.continuation.location import calm
 from contbreather.continuation.recognition import lies_on, placed
 from contbreather.errors import BadInput, NotConverged
+from contbreather.storage import netcdf
 
 from .zoo import ALL, BRUSSELATOR, CUSP, LINE, PITCHFORK, TAKENS, TRANSCRITICAL, trace_case
 
@@ -109,12 +109,12 @@ def test_a_solution_lies_on_a_branch_to_a_millionth_or_a_thousandth_of_the_way()
 
 
 def test_names_and_words_of_a_file_are_as_long_as_it_takes() -> None:
-    groups.check_names("column", ["x" * 200, "é" * 100])
+    netcdf.check_names("column", ["x" * 200, "é" * 100])
     for name in ("x" * 201, "é" * 101, "", ".", "..", "a/b", " a", "a ", "a\n", "_nc4_a"):
         with pytest.raises(BadInput, match="cannot be the name of a column in a file: at most 200"):
-            groups.check_names("column", [name])
-    assert groups.text("é" * 9999 + "xyz") == "é".encode() * 9999 + b"xy"
-    assert groups.text("a\0b") == rb"a\0b"
+            netcdf.check_names("column", [name])
+    assert netcdf.text("é" * 9999 + "xyz") == "é".encode() * 9999 + b"xy"
+    assert netcdf.text("a\0b") == rb"a\0b"
 
 
 # --- units --------------------------------------------------------------------------------------

@@ -13,8 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 import contbreather as cb
-from contbreather.continuation import Event, netcdf
+from contbreather.continuation import Event
 from contbreather.errors import BadInput, NoSolution, NotConverged
+from contbreather.storage.netcdf import write_checked
 
 from .zoo import LINE, PITCHFORK
 
@@ -63,17 +64,11 @@ def test_a_file_with_more_unknowns_than_the_problem_is_refused(tmp_path: Path) -
 
 
 def test_netcdf_of_others_with_a_sound_end_is_refused(tmp_path: Path) -> None:
-    import io
-
     import xarray
 
-    buffer = io.BytesIO()
     tree = xarray.DataTree.from_dict({"/branch1": xarray.Dataset({"x": ("point", [1.0])})})
     tree.attrs["format"] = "branches of somebody else"
-    buffer.write(tree.to_netcdf(None, engine="h5netcdf"))
-    image = buffer.getvalue()
-    path = tmp_path / "other.nc"
-    path.write_bytes(image + netcdf._SEAL % netcdf._checksum(image))
+    path = write_checked(tmp_path / "other.nc", tree)
     with pytest.raises(BadInput, match=r"other\.nc holds nothing that this version's `save` wr"):
         cb.load(path)
 

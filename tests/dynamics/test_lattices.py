@@ -190,10 +190,10 @@ def test_streams_sweeps_and_verdicts_know_the_lattice(tmp_path):
     kept = open_recording(tmp_path / "run")
     assert kept.conditions.lattice == lattice
     assert len(kept.impacts) == len(whole.impacts)
-    with pytest.raises(BadInput, match="holds another run: lattice is graph there and ring here"):
+    with pytest.raises(BadInput, match="lattice is graph, 6 sites there and ring of 6"):
         record(tmp_path / "run", state, periods=40, **{**shared, "lattice": None})
     other = cb.Lattice.from_graph(nx.path_graph(6))
-    with pytest.raises(BadInput, match="on another lattice, graph, 6 sites"):
+    with pytest.raises(BadInput, match="another run: lattice is another graph, 6 sites than here"):
         record(tmp_path / "run", state, periods=40, **{**shared, "lattice": other})
     found = verdict(state, settle=300, periods=100, **shared)
     assert found.kind is Kind.PERIODIC

@@ -150,21 +150,23 @@ def test_a_folder_that_cannot_be_made_is_a_sentence(tmp_path) -> None:
 def test_a_file_that_this_version_does_not_write_is_refused(tmp_path) -> None:
     """Sound by its checksum, yet with another content: what is missing, or what is out of range."""
     kept = record(tmp_path / "run", STATE, **HERE, periods=2)
-    about = recording._about(kept)
     start = tmp_path / "run" / "start.npz"
+    about = json.loads(str(np.load(start)["about"]))
     for changed, words in (
         ({"gamma": 0.3}, r"^gamma = 0\.3"),
         ({"damping": -1.0}, r"^damping = -1\.0"),
-        ({"harmonics": [[2, 1.0, 0.0]]}, "must be antisymmetric"),
+        ({"forcing": {"kind": "fourier", "cos": [[2, 1.0]], "sin": []}}, "must be antisymmetric"),
+        ({"forcing": {"kind": "of somebody"}}, "'of somebody' is of no kind that is known here"),
     ):
-        text = np.array(json.dumps({**about, **changed}))
+        conditions = {**about["conditions"], **changed}
+        text = np.array(json.dumps({**about, "conditions": conditions}))
         recording.save(start, {"about": text, **kept.start._asdict()})
         with pytest.raises(BadInput, match=words):
             open_recording(tmp_path / "run")
-    for missing in ("k", "t0", "sample"):
+    for missing, word in (("conditions", "walls"), ("t0", "t0"), ("sample", "sample")):
         text = np.array(json.dumps({k: v for k, v in about.items() if k != missing}))
         recording.save(start, {"about": text, **kept.start._asdict()})
-        with pytest.raises(BadInput, match=rf"does not write such a file \('{missing}'\)"):
+        with pytest.raises(BadInput, match=rf"does not write such a file \('{word}'\)"):
             open_recording(tmp_path / "run")
     recording.save(start, {"about": np.array("no json"), **kept.start._asdict()})
     with pytest.raises(BadInput, match="this version does not write such a file"):
@@ -219,12 +221,12 @@ class Recorder(Executor):
 
     def __init__(self, workers: int, context: Any, *, initializer: Any, initargs: Any) -> None:
         Recorder.made = {"workers": workers, "method": context.get_start_method(),
-                         "told": initargs[0]}  # fmt: skip
+                         "ended": initargs[0]}  # fmt: skip
 
     def submit(self, call: Any, *given: Any) -> Any:
         from concurrent.futures import Future
 
-        assert not Recorder.made["told"].poll(0)
+        assert not Recorder.made["ended"].poll(0)
         done: Any = Future()
         done.set_result(call(*given))
         return done
@@ -239,7 +241,7 @@ def test_unless_told_otherwise_all_cores_compute_in_fresh_processes(monkeypatch)
     found = attraction(([0.0], [0.0]), *axes, a=0.1, gamma=0.0, k=0.8, periods=2)
     assert found.complete
     assert (Recorder.made["workers"], Recorder.made["method"]) == (7, "spawn")
-    assert Recorder.made["told"].poll(0)  # before the pool waits for what is under way
+    assert Recorder.made["ended"].poll(0)  # before the pool waits for what is under way
 
 
 def test_a_stop_of_a_walk_and_of_a_run_are_sentences() -> None:

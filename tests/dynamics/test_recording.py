@@ -113,7 +113,10 @@ def recording_elsewhere(tmp_path: Path, state):
     [
         ({"a": 0.21}, "holds another run: a is 0.2 there and 0.21 here"),
         ({"sample": Sample((0,), 4)}, "holds another run: sample is None there"),
-        ({"forcing": Fourier(cos={1: -1.0, 3: 0.1})}, "holds another run: harmonics"),
+        (
+            {"forcing": Fourier(cos={1: -1.0, 3: 0.1})},
+            "holds another run: forcing is .* there and .*0.1",
+        ),
         ({"state": ([0.0], [0.0])}, "holds a run from another state"),
     ],
 )

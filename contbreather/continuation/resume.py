@@ -9,10 +9,10 @@ from typing import Any, Literal
 from ..checks import check_kind, one_of
 from ..errors import BadInput, keeping, taking
 from .branch import Branch, Settings, Stop
+from .branch_from_dict import missing
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
 from .extended import event_of
 from .point import Event
-from .restored import missing
 from .starts import Within, all_of, windows
 from .steps import Steps, steps_of
 from .trace import trace
@@ -78,17 +78,17 @@ def extend(
         raise BadInput("a boundary goes on with the events it was asked for; leave events out")
     asked = _asked(branch, within, events, steps)
     done, over = [branch], dict[str, str]()
-    with checkpoint(save, "branch") as kept, keeping(lambda: done[-1]), taking(done.append):
+    with checkpoint(save, "branch") as file, keeping(lambda: done[-1]), taking(done.append):
         for side in ("last", "first") if end == "both" else (end,):
             why = _over(branch, side, asked)
             if why:
                 over[side] = why
             else:
-                done.append(_further(done[-1], side, asked, progress, kept))
+                done.append(_further(done[-1], side, asked, progress, file))
         if len(done) == 1:
             reasons = "; ".join(f"at its {side} point {why}" for side, why in over.items())
             raise BadInput(f"the {branch.problem.label or 'branch'} goes no further: {reasons}")
-        kept.finish(done[-1])
+        file.finish(done[-1])
     return done[-1]
 
 
@@ -120,14 +120,14 @@ def _over(branch: Branch, side: str, asked: Settings) -> str:
 def _edges(branch: Branch, at: int, within: Windows) -> list[str]:
     """The windows on whose edge an end is, which may be wider than those it stopped at: each with
     the place, and with what was asked for if that is another."""
-    found = []
+    edges = []
     for name, asked in within.items():
         value = float(branch[name][at])
         if any(abs(value - edge) <= _EDGE * (1.0 + abs(value)) for edge in asked):
-            own = branch.settings.within.get(name, asked) if branch.settings else asked
-            more = "" if own == asked else f", and {_span(asked)} was asked for"
-            found.append(f"{name} in {_span(own)}, at {name} = {value:g}{more}")
-    return found
+            walked = branch.settings.within.get(name, asked) if branch.settings else asked
+            more = "" if walked == asked else f", and {_span(asked)} was asked for"
+            edges.append(f"{name} in {_span(walked)}, at {name} = {value:g}{more}")
+    return edges
 
 
 def _span(window: tuple[float, float]) -> str:
@@ -135,7 +135,7 @@ def _span(window: tuple[float, float]) -> str:
 
 
 def _further(
-    branch: Branch, side: str, asked: Settings, progress: bool | None, kept: Checkpoint
+    branch: Branch, side: str, asked: Settings, progress: bool | None, file: Checkpoint
 ) -> Branch:
     """The branch with what lies beyond one end."""
     line = branch if side == "last" else branch.reversed()
@@ -144,7 +144,7 @@ def _further(
         longer = replace(line.join(piece), settings=asked)
         return longer if side == "last" else longer.reversed()
 
-    with piece_of(kept, whole, branch) as own:
+    with piece_of(file, whole, branch) as own:
         piece = trace(
             line[-1].problem,
             branch.free,

@@ -1,0 +1,291 @@
+"""A branch from a nested dict: with its equations, where the dict or the caller has them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from ..storage.serialise import can_read, from_dict
+from .boundary import boundary_problem
+from .branch import Branch, Settings, Stop, labelled
+from .curve import Curve
+from .cycles import Iterate, with_period
+from .equilibria import branch_point, fold, hopf
+from .newton import Undefined
+from .point import Counting, Event, Point
+from .points import Points
+from .problem import Problem
+from .scope import scope
+from .steps import Steps
+from .trail import measure
+
+Array = NDArray[Any]
+Content = Mapping[str, Any]
+
+_FITS = 1e-6  # relative residual at which points of a file solve the equations they are given
+
+
+def result_from_dict(content: Content, problem: Problem | None = None) -> Any:
+    """What it is the dict of; `problem` has the equations of its branches."""
+    if content["kind"] == "branch":
+        return branch_from_dict(content, problem)
+    groups = content.get("groups", {}).items()
+    inside = {name: result_from_dict(part, problem) for name, part in groups}
+    return from_dict({**content, "groups": inside} if inside else content)
+
+
+def branch_from_dict(content: Content, problem: Problem | None = None) -> Branch:
+    """The branch of a dict.
+
+    Parameters
+    ----------
+    content : mapping
+    problem : Problem, optional
+        Its equations (of a boundary those of the original problem), in place of those in the dict.
+
+    Raises
+    ------
+    BadInput
+        If the equations have other names, or the points do not solve them.
+    """
+    origin, groups = None, content.get("groups", {})
+    if "origin" in groups:  # it may be on a curve of other equations
+        born = _Stored(groups["origin"])
+        fits = problem is not None and set(problem.names) <= set(born.here)
+        curve, _, events = born.attached(problem if fits else None, None)
+        origin = replace(born.points(curve, events)[0], label=born.content["point_label"])
+    curve, settings, events = _Stored(content).attached(problem, origin)
+    points = _Stored(content).points(curve, events)
+    if content["parent"]:
+        points = points.put(0, replace(points[0], parent=origin))
+    doubtful, began = groups.get("doubtful"), content["began"]
+    return Branch(
+        labelled(points),
+        Stop[content["stop"]],
+        Stop[began] if began else None,
+        content["reason"],
+        content["began_reason"],
+        () if doubtful is None else tuple(_Stored(doubtful).points(curve, events)),
+        content["image_of"],
+        settings=settings,
+        origin=origin,
+    )
+
+
+class _Stored:
+    """The points of a dict, to be put on a curve."""
+
+    def __init__(self, content: Content) -> None:
+        self.content, self.columns = content, content["columns"]
+        names = (*content["unknowns"], *content["free"])
+        rows = [self.columns[name].reshape(self.columns["arclength"].size, -1) for name in names]
+        self.z = np.concatenate(rows, axis=1)
+
+    @cached_property
+    def here(self) -> dict[str, Any]:
+        """Unknowns and parameters at the first point."""
+        here = {name: _python(self.columns[name][0]) for name in self.content["unknowns"]}
+        return here | {
+            name: float(self.columns[name].flat[0]) for name in self.content["parameters"]
+        }
+
+    def attached(
+        self, problem: Problem | None, origin: Point | None
+    ) -> tuple[Curve, Settings | None, tuple[Event, ...]]:
+        """The curve of these points, how it was walked, and what can happen on it."""
+        content, here = self.content, self.here
+        if problem is None and can_read(content["equations"]):
+            start, params = ({name: here[name] for name in names} for names in content["base"])
+            problem = from_dict(content["equations"], start=start, params=params)
+        if problem is None:
+            return self._without_equations(), self._settings(()), ()
+        if content["period"] is not None and isinstance(problem.residual, Iterate):
+            # of the map that was given, another iterate
+            problem = with_period(problem, content["period"])
+        absent = [name for name in problem.names if name not in here]
+        if absent:
+            raise BadInput(f"the problem has {absent}, which the file has not: it has {list(here)}")
+        problem = problem.at(**{name: here[name] for name in problem.names})
+        candidates = (*problem.events, fold(), branch_point(), hopf())
+        settings = self._settings(candidates)
+        asked = settings or Settings()
+        if content["boundary"]:
+            longer, events = self._boundary(problem, asked, candidates, origin)
+        else:
+            longer, events = scope(problem, asked.events, inadmissible=asked.inadmissible)
+        curve = self._curve(longer)
+        if list(longer.start) != content["unknowns"] or set(longer.names) != set(here):
+            raise BadInput(f"the file has {list(here)}, the problem has {list(longer.names)}")
+        if not content["boundary"]:
+            _check_fit(curve)
+        return curve, settings, (*events, *candidates)
+
+    def _boundary(
+        self, problem: Problem, asked: Settings, candidates: Sequence[Event], origin: Point | None
+    ) -> tuple[Problem, tuple[Event, ...]]:
+        """The problem of a boundary: with the conditions that it had, those of its origin."""
+        free, released = self.content["free"][0], self.content["unknowns"][-1]
+        curve = Curve(problem, (released, free))
+        _check_fit(curve)
+        event = _event_from_dict(self.content["boundary"], candidates)
+        if event is None:
+            kind = self.content["boundary"]["kind"]
+            raise BadInput(f"this is a boundary of {kind}, which the problem has no event for")
+        born = {} if origin is None else origin.values
+        if set(problem.names) <= set(born):
+            curve = Curve(problem.at(**{name: born[name] for name in problem.names}), curve.free)
+        event = event.of(problem)
+        near = Point(curve, curve.start)
+        if origin is not None:
+            near = replace(near, kind=origin.ground.kind, event=event)
+        inadmissible = asked.inadmissible
+        make = partial(boundary_problem, near, event, (free, released), inadmissible=inadmissible)
+        longer = make(asked.events)
+        return longer, (*longer.events, *make(candidates).events)
+
+    def _without_equations(self) -> Curve:
+        """A curve that has its names and numbers alone."""
+        content = self.content
+        start, params = (
+            {name: self.here[name] for name in content[which]}
+            for which in ("unknowns", "parameters")
+        )
+        bare = Problem(missing, start, params, interpret=missing, label=content["label"])
+        curve = self._curve(bare)
+        if content["boundary"]:
+            curve.varied = (content["free"][0], content["unknowns"][-1])
+        return curve
+
+    def _curve(self, problem: Problem) -> Curve:
+        """The curve of a problem, with the columns that were recorded."""
+        z, record = self.z, dict(problem.record)
+        if problem.beneath is not None:
+            size = problem.residual.n  # type: ignore[attr-defined]
+            z = np.hstack([z[:, :size], z[:, -2:]])
+        for name in self.content["recorded"]:
+            function = problem.record.get(name, missing)
+            column = _Recorded(function, z, self.columns[name])
+            counts = isinstance(function, Counting)
+            record[name] = Counting(column, column.rows) if counts else column
+        return Curve(replace(problem, record=record), tuple(self.content["free"]))
+
+    def _settings(self, candidates: Sequence[Event]) -> Settings | None:
+        """How the walk was asked for; of its events those that can be made again."""
+        content = self.content["settings"]
+        if content is None:
+            return None
+        events = content["events"]
+        if events is not None:
+            every = (_event_from_dict(event, candidates) for event in events)
+            events = tuple(event for event in every if event is not None)
+        within = {name: (low, high) for name, (low, high) in content["within"].items()}
+        return Settings(within, events, Steps(**content["steps"]), content["inadmissible"])
+
+    def points(self, curve: Curve, events: Sequence[Event]) -> Points:
+        content, columns = self.content, self.columns
+        tangent, codes, brackets, arclength, residual = (
+            columns[name]
+            for name in ("point_tangent", "point_kind", "point_bracket", "arclength", "residual")
+        )
+        points = Points(curve, self.z, tangent, arclength, residual)
+        astray, bare = {*content["located"]}, np.isnan(tangent).any(axis=1)
+        more = {
+            *np.flatnonzero((codes != 0) | bare).tolist(),
+            *map(int, content["detail"]),
+            *astray,
+        }
+        for i in sorted(more):
+            detail = content["detail"].get(str(i))
+            point = replace(
+                points[i],
+                tangent=None if bare[i] else points[i].tangent,
+                kind=content["kinds"][codes[i]],
+                bracket=None if np.isnan(brackets[i][0]) else tuple(brackets[i].tolist()),
+                located=i not in astray,
+                detail=_detail_from_dict(detail) if detail else {},
+            )
+            points.made[i] = replace(point, event=_event_at(point, events))
+        return replace(points)
+
+
+def _detail_from_dict(content: Any) -> Any:
+    if isinstance(content, list):
+        return [_detail_from_dict(inner) for inner in content]
+    if not isinstance(content, Mapping):
+        return content
+    ((kind, value),) = content.items()
+    if kind == "dict":
+        return {name: _detail_from_dict(inner) for name, inner in value.items()}
+    if kind == "complex":
+        return complex(*value)
+    return np.array(value) if kind == "array" else np.array(value[0]) + 1j * np.array(value[1])
+
+
+def _check_fit(curve: Curve) -> None:
+    """Refuse equations that the first point does not solve."""
+    try:
+        off = float((abs(curve.equations(curve.start)) / curve.rows).max())
+    except Undefined as error:
+        raise BadInput(f"the points of the file lie outside this problem: {error}") from error
+    if off > _FITS:
+        raise BadInput(f"the points of the file do not solve this problem: residual {off:.2g}")
+
+
+def missing(*_: Any) -> Any:
+    """The equations of a branch that was loaded without them."""
+    raise BadInput(
+        "this branch was loaded without its equations; load(path, problem=...) attaches them"
+    )
+
+
+def _event_from_dict(content: Content, candidates: Iterable[Event]) -> Event | None:
+    """An event that was written down: made again, or the candidate of its kind."""
+    if "ends" not in content:
+        event: Event | None = from_dict(content) if can_read(content) else None
+        return event
+    alike = next((event for event in candidates if event.kind == content["kind"]), None)
+    return alike and replace(alike, ends=content["ends"])
+
+
+def _event_at(point: Point, events: Sequence[Event]) -> Event | None:
+    """The event of a special point: of its kind and, if there are several, the one whose test is
+    closest to zero; so where it has another name, as a vanishing impact among grazings."""
+    alike = {id(event): event for event in events if event.kind == point.kind}
+    if not alike and point.kind not in ("", "EP", "MX"):
+        alike = {id(event): event for event in events if event.examine is not None}
+    if len(alike) > 1:
+        off = {key: abs(measure(event, point)) for key, event in alike.items()}
+        return alike[min(off, key=lambda key: off[key] if off[key] >= 0.0 else math.inf)]
+    return next(iter(alike.values()), None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Recorded:
+    """A recorded column as it was stored; at other points the function that it was."""
+
+    function: Callable[[Point], Any]
+    z: Array  # of the original problem, on boundaries too
+    values: Array
+
+    def __call__(self, point: Point) -> Any:
+        i = self._numbers.get(point.z.tobytes())
+        return self.function(point) if i is None else _python(self.values[i])
+
+    def rows(self, points: Points) -> Array | None:
+        return self.values if np.array_equal(points.z, self.z) else None
+
+    @cached_property
+    def _numbers(self) -> dict[bytes, int]:
+        return {row.tobytes(): i for i, row in enumerate(self.z)}
+
+
+def _python(value: Any) -> Any:
+    """A number as Python's own, an array as it is."""
+    return value.item() if isinstance(value, np.generic) else value

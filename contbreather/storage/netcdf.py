@@ -1,0 +1,247 @@
+"""Nested dicts in one netCDF-4 file, and behind them a checksum of it all.
+
+Each dict is a group: its columns are variables, what JSON takes is one text, the variable `ABOUT`.
+Text is bytes everywhere, truth is 0 or 1 and a complex number a pair: netCDF's own strings and
+booleans are lost on Octave. HDF5 does not look at what comes after its own last byte, so others
+read such a file as it is. We read nothing from one with another checksum: of what is damaged HDF5
+makes other numbers, or goes on for ever.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import nullcontext
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.errors import BadInput
+from contbreather.files import opened, stream_of, writable, write_whole
+
+if TYPE_CHECKING:
+    from xarray import Dataset, DataTree
+
+Array = NDArray[Any]
+Column = tuple[tuple[str, ...], Any, dict[str, Any]]  # dimensions, values, attributes
+
+FORMAT, NUMBER = "run of contbreather", 3  # the number grows where older versions cannot read on
+ATLAS = "atlas of contbreather"
+ABOUT = "about_in_json"
+RESERVED = {ABOUT, "point", "doubtful"}  # names that no column has
+LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
+_TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_CHECKSUM = b"\nsha256 of all bytes before: %s\n"
+_LENGTH = len(_CHECKSUM % bytes(64))
+
+
+def target_of(path: str | Path) -> Path:
+    """Where a file is to be, or what is wrong with that: a table is something else."""
+    target = writable(path)
+    if stream_of(target):
+        raise BadInput(
+            f"cannot keep results in {target}: they are written again and again; name a file"
+        )
+    if target.suffix.lower() == ".csv":
+        raise BadInput(
+            f"cannot write {target}: what is kept is a netCDF-4 file, call it {target.stem}.nc; "
+            "tables are written by to_csv, or by --csv"
+        )
+    return target
+
+
+def write(path: str | Path, contents: Mapping[str, Mapping[str, Any]], *, alone: bool) -> Path:
+    """Write dicts by their names, all of a file at once; what was there stays until then.
+
+    `alone` says whether the one value is what the file is, rather than the first of several.
+    """
+    from xarray import Dataset, DataTree
+
+    target = target_of(path)
+    check_names("branch", contents)
+    groups = {"/": encoded(Dataset(attrs={**_root(), "alone": int(alone)}))}
+    for name, content in contents.items():
+        groups |= _groups(f"/{name}", **content)
+    return write_checked(target, DataTree.from_dict(groups))
+
+
+def _groups(
+    path: str,
+    *,
+    kind: str,
+    columns: Mapping[str, Column] | None = None,
+    groups: Mapping[str, Any] | None = None,
+    attributes: Mapping[str, str] | None = None,
+    **plain: Any,
+) -> Iterator[tuple[str, Dataset]]:
+    """A dict and those in it as datasets, by their paths in the file."""
+    from xarray import Dataset
+
+    columns, groups = columns or {}, groups or {}
+    check_names("column", columns)
+    dimensions = {dimension for column in columns.values() for dimension in column[0]}
+    within = {f"{name}_{dimension}" for name in groups for dimension in dimensions}
+    if taken := sorted((RESERVED | dimensions | within | set(groups)) & set(columns)):
+        raise BadInput(f"{taken[0]!r} is a name that the file needs itself; choose another")
+    about = {"content": kind, **plain, "parts": [*groups]}
+    image = json.dumps(about, separators=(",", ":")).encode()
+    words = {name: value for name, value in (attributes or {"content": kind}).items() if value}
+    yield path, encoded(Dataset({**columns, ABOUT: ((), np.array(image))}, attrs=words))
+    for name, inner in groups.items():
+        for where, data in _groups(f"{path}/{name}", **inner):
+            # xarray wants dimensions of one name to have one size in a group and in those inside it
+            longer = {size: f"{name}_{size}" for size in data.sizes} if columns else {}
+            yield where, data.rename_dims(longer)
+
+
+def encoded(data: Dataset) -> Dataset:
+    """With text as bytes, truth as 0 and 1, and complex numbers as pairs."""
+    from xarray import Dataset
+
+    columns = {}
+    for name, column in data.variables.items():
+        dimensions, values, flags = column.dims, column.values, {}
+        if values.dtype.kind == "c":
+            values = np.stack([values.real, values.imag], axis=-1)
+            dimensions = (*dimensions, "complex")
+        elif values.dtype.kind == "b":
+            values = values.astype("i1")
+            flags = {"flag_meanings": "false true", "flag_values": np.arange(2, dtype="i1")}
+        elif values.dtype.kind == "U":
+            values = np.array([text(word) for word in values.flat], "S").reshape(values.shape)
+        columns[name] = dimensions, values, _encoded(column.attrs | flags)
+    return Dataset(columns, attrs=_encoded(data.attrs))
+
+
+def _encoded(attributes: Mapping[Any, Any]) -> dict[Any, Any]:
+    return {n: text(value) if isinstance(value, str) else value for n, value in attributes.items()}
+
+
+def _decoded(variable: Any) -> Array:
+    values: Array = np.asarray(variable.values)
+    if variable.dims and str(variable.dims[-1]).endswith("complex"):
+        values = values[..., 0] + 1j * values[..., 1]
+    return values.astype(bool) if variable.attrs.get("flag_meanings") == "false true" else values
+
+
+def check_names(what: str, names: Iterable[str]) -> None:
+    """Refuse what netCDF takes for a path, or for its own, or not at all."""
+    for name in names:
+        good = isinstance(name, str) and name.isprintable() and name == name.strip()
+        good = good and "/" not in name and name not in ("", ".", "..")
+        good = good and len(name.encode()) <= LONGEST and not name.startswith("_nc4_")
+        if not good:
+            raise BadInput(
+                f"{name!r} cannot be the name of a {what} in a file: at most {LONGEST} printable "
+                "bytes without / were expected, and not . or ..; choose another name"
+            )
+
+
+def text(words: str) -> np.bytes_:
+    """Text as HDF5 and all that read it take it, neither null bytes nor what is no character."""
+    image = words.replace("\0", r"\0").encode(errors="backslashreplace")
+    return np.bytes_(image[:_TEXT].decode(errors="ignore").encode())
+
+
+def write_checked(path: str | Path, data: Dataset | DataTree) -> Path:
+    """Write a netCDF-4 file with its checksum, whole or not at all."""
+    # Where Dask has a cluster, xarray would have that lock a file, and there is none.
+    dask = sys.modules.get("dask")
+    with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
+        # in memory first: where a disk is full, HDF5 ends the interpreter
+        image = bytes(data.to_netcdf(engine="h5netcdf"))
+    return write_whole(path, lambda file: file.writelines((image, _CHECKSUM % _sha256(image))))
+
+
+def _root() -> dict[str, Any]:
+    """What others, and later versions, are told of the whole file."""
+    from importlib.metadata import PackageNotFoundError, version  # a tenth of a first breather
+
+    made_by = [f"Python {platform.python_version()}"]
+    for package in ("contbreather", "numpy", "scipy"):
+        try:
+            made_by.append(f"{package} {version(package)}")
+        except PackageNotFoundError:  # run from its source
+            made_by.append(package)
+    return {
+        "format": FORMAT,
+        "Conventions": "CF-1.11",
+        "made_by": ", ".join(made_by),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "format_number": NUMBER,
+    }
+
+
+def read(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
+    """The dicts of a file that `write` wrote, and whether the one there is what the file is.
+
+    Raises
+    ------
+    BadInput
+        If it is something else, damaged, or of a later version.
+    """
+    import xarray
+
+    image = io.BytesIO(_checked(path))
+    with xarray.open_datatree(image, engine="h5netcdf", decode_cf=False) as tree:
+        if tree.attrs.get("format") == ATLAS:
+            raise BadInput(
+                f"{path} is an atlas: xarray.open_dataset reads it, as does all that reads netCDF; "
+                "read here are branches, boundaries, diagrams, zones and runs"
+            )
+        if tree.attrs.get("format") != FORMAT:
+            raise BadInput(f"{path} holds nothing that this version's `save` wrote")
+        number = int(tree.attrs["format_number"])
+        if number > NUMBER:
+            raise BadInput(
+                f"{path} was written by a later version ({tree.attrs.get('made_by')}): its format "
+                f"is {number}, this version reads {NUMBER}; update contbreather"
+            )
+        contents = {str(name): _content(group) for name, group in tree.children.items()}
+        return contents, bool(tree.attrs["alone"])
+
+
+def _content(group: DataTree) -> dict[str, Any]:
+    """The dict of a group."""
+    variables = {str(n): column for n, column in group.to_dataset(inherit=False).variables.items()}
+    about = json.loads(variables.pop(ABOUT).values.tobytes())
+    about.pop("parts", None)
+    columns = {name: _decoded(variable) for name, variable in variables.items()}
+    groups = {str(name): _content(inner) for name, inner in group.children.items()}
+    parts = {"columns": columns, "groups": groups}
+    return {"kind": about.pop("content"), **about, **{n: p for n, p in parts.items() if p}}
+
+
+def _checked(path: str | Path) -> bytes:
+    """The bytes in front of a checksum that is theirs."""
+    with opened(path) as file:
+        if file.read(len(_SIGNATURE)) != _SIGNATURE:
+            raise BadInput(f"cannot read {path}: it is not a netCDF-4 file")
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - _LENGTH))
+        last = file.read()
+        if not (last.startswith(_CHECKSUM[:-3]) and last.endswith(_CHECKSUM[-1:])):
+            raise BadInput(
+                f"{path} holds nothing that `save` wrote, or it has lost its end: the checksum "
+                "that should be there is not"
+            )
+        file.seek(0)
+        image = file.read(size - _LENGTH)
+    if last != _CHECKSUM % _sha256(image):
+        raise BadInput(
+            f"{path} is damaged: its checksum is not the one that `save` wrote; restore a copy"
+        )
+    return image
+
+
+def _sha256(image: bytes) -> bytes:
+    return hashlib.sha256(image).hexdigest().encode()
