@@ -293,7 +293,7 @@ class OrbitMap:
         failed = code(data.ctypes.data, table.ctypes.data, work.ctypes.data, found.ctypes.data)
         return None if failed else found
 
-    def pairs(self) -> tuple[float, int]:
+    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
         """How far the next pair is off the circle, negative while an odd number is outside, and
         how many are."""
         outside = self.count().pairs
@@ -310,7 +310,7 @@ class OrbitMap:
         return OrbitMap.on_circle
 
     def nearest(self) -> float:
-        """kappa on the circle where a multiplier is closest to passing: a start for its angle."""
+        """Angle, over pi, at which a multiplier is closest to passing the circle."""
         kappa, F, _ = self._resolved
         x = kappa.real
         inner = np.flatnonzero((x > 0.0) & (x < 0.5))
@@ -318,7 +318,8 @@ class OrbitMap:
             step = F / np.gradient(F, x)
         best = inner[int(np.nanargmin(np.abs(step[inner])))]
         near = x[best] - step[best].real
-        return float(near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best])
+        kappa = near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best]
+        return 2.0 * float(kappa)
 
     def approach(self) -> float:
         """How close a complex pair comes to the circle: 0 on it, at most `FAR`.
