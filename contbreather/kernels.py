@@ -47,7 +47,7 @@ TEXTS = (  # the modules with kernels, each to be imported with nothing but nump
     "contbreather.continuation.stride",
     "contbreather.lattice.wave_loops",
     "contbreather.stability.arc_loops",
-    "contbreather.stability.orbit_loops",
+    "contbreather.stability.bordered",
     "contbreather.breathers.closed_loops",
     "contbreather.breathers.pair_loops",
     "contbreather.breathers.clearance_loops",

@@ -20,7 +20,7 @@ import cmath
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ from contbreather.breathers.lifts import from_arms
 from contbreather.breathers.normal_form import bends
 from contbreather.breathers.on_circle import OnCircle
 from contbreather.breathers.orbit import Orbit, orbit_at
-from contbreather.breathers.problem import counted, unstable_by
+from contbreather.breathers.problem import unstable_by
 from contbreather.breathers.section import Section
 from contbreather.checks import check_kind, real, shown
 from contbreather.continuation import Event, Locus, Point, Problem, branch_point
@@ -69,8 +69,8 @@ def events_of(section: Section, lattice: Any, threshold: float) -> tuple[Event, 
 
 
 def _certain_count(point: Point) -> float | int:
-    found = counted(solution_at(point).map)
-    return found.count if found.certain else math.nan
+    count = solution_at(point).map.count()
+    return count.count if count.certain else math.nan
 
 
 # --- a real multiplier ----------------------------------------------------------------------------
@@ -112,7 +112,7 @@ def _drifts(mu: float, orbit: Orbit) -> bool:
 def _beyond(mu: float, point: Point) -> int:
     """Of multipliers beyond mu: two that pass within one step are seen by it."""
     map = solution_at(point).map
-    return counted(map).count if isinstance(map, OrbitMap) else int(map.beyond(mu))
+    return map.count().count if isinstance(map, OrbitMap) else int(map.beyond(mu))
 
 
 def _real_locus(mu: float, point: Point) -> Locus:
@@ -172,12 +172,6 @@ def pair_leaves(lattice: Any, threshold: float, *, elsewhere: bool = False) -> E
     return Event("NS", pair.test, count=count, locus=pair.locus, examine=_examine_angle)
 
 
-@lru_cache(maxsize=512)
-def _asked(map: HalfMap | OrbitMap) -> tuple[float, int]:
-    """Kept: the test and the count of one event."""
-    return map.pairs()
-
-
 @dataclass(frozen=True)
 class _Pair:
     """The complex multipliers that are nearest to leaving a circle.
@@ -219,7 +213,8 @@ class _Pair:
         # there is no event
         if "k" in point.curve.varied and _is_elastic(map):
             map = replace(map, k=_ALL_BUT)
-        return _asked(map)
+        found: tuple[float, int] = map.pairs()
+        return found
 
     def locus(self, point: Point) -> Locus:
         map = self.map(point)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -23,7 +23,7 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.verdict import beyond
-from contbreather.stability.winding import Count, many_outside
+from contbreather.stability.winding import many_outside
 from contbreather.storage.serialise import serialised
 
 FloatArray = NDArray[np.float64]
@@ -119,7 +119,7 @@ def _unstable(threshold: float, lattice: Any, point: Point) -> float:
     map = point.solution.map
     if isinstance(map, HalfMap):
         return (map if lattice is None else map.on(lattice)).unstable(threshold)
-    return counted(map).count if isinstance(map, OrbitMap) else beyond(map, threshold)
+    return map.count().count if isinstance(map, OrbitMap) else beyond(map, threshold)
 
 
 def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
@@ -138,9 +138,3 @@ def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
         acceleration = a * on.forcing.d2f(phi) - p * on.lattice.means(gamma, "eta")
         b = 0.5 * (1.0 + k) ** 2 * acceleration / p
     return np.where(p > 0.0, many_outside(gamma, k, b), -1)
-
-
-@lru_cache(maxsize=512)
-def counted(map: OrbitMap) -> Count:
-    """Kept: an event asks at every step, the column of a table after the walk for the same."""
-    return map.count()
