@@ -46,12 +46,13 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.pairs import upper
+from contbreather.stability.section_map import ModalMap
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.storage.serialise import serialised
 
 ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
 DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it is located
-VANISHED = 1e-12  # an impulse this small has a saltation that is all rounding
+BLURRED = 1e-4  # of rounding in a multiplier: neither a sign nor a count is to be had from it
 _ZERO = 1e-8  # the scalar of a real multiplier where that is located, relative to its terms
 _ALL_BUT = 1.0 - 1e-15
 
@@ -96,22 +97,28 @@ def real_multiplier(kind: str, mu: float) -> Event:
 def _crosses(mu: float, point: Point) -> float:
     """Each impact brings a pole where its velocity vanishes, which is divided out."""
     orbit = solution_at(point)
+    if _is_blurred(orbit.map):
+        return math.nan
     pushes = [-impact.wall * impact.impulse for impact in orbit.impacts]
-    if min(map(abs, pushes)) < VANISHED or (_drifts(mu, orbit) and orbit.gamma < ADRIFT):
-        return math.nan  # the end of the branch, where rounding decides
     return float(orbit.map.crosses(mu) * math.prod(pushes))
+
+
+def _is_blurred(map: Any) -> bool:
+    return isinstance(map, ModalMap) and map.rounding > BLURRED
 
 
 def _drifts(mu: float, orbit: Orbit) -> bool:
     """Whether idle sites, held by their neighbours alone, have this multiplier without coupling,
     wherever they are."""
-    modal = mu > 0.0 and not isinstance(orbit.map, HalfMap | OrbitMap)
+    modal = mu > 0.0 and isinstance(orbit.map, ModalMap)
     return modal and orbit.lattice.sites > 1 and orbit.spring < ADRIFT
 
 
-def _beyond(mu: float, point: Point) -> int:
-    """Of multipliers beyond mu: two that pass within one step are seen by it."""
+def _beyond(mu: float, point: Point) -> float:
+    """How many multipliers are beyond mu: two that pass within one step are seen by it."""
     map = solution_at(point).map
+    if _is_blurred(map):
+        return math.nan
     return map.count().count if isinstance(map, OrbitMap) else int(map.beyond(mu))
 
 
@@ -149,7 +156,7 @@ def _branching_test(point: Point) -> float:
     return float(orbit.map.in_units_of_flight(whole, orbit.section.sign))
 
 
-def _beyond_closing(point: Point) -> int:
+def _beyond_closing(point: Point) -> float:
     return _beyond(solution_at(point).section.sign, point)
 
 

@@ -191,12 +191,14 @@ class ModalMap:
         return outermost(upper(self.coupled), radius) if found is None else found
 
     def pairs(self, radius: float) -> tuple[float, int]:
-        """How far the first pair is inside a circle, and nothing that counts. NaN where an impact
-        loses its velocity: one multiplier grows beyond all bounds, and with it the rounding of all
-        others, from which no pair can be told."""
-        if EPS * np.linalg.norm(self.matrix) > REAL:
-            return math.nan, 0
-        return -float(self.outermost(radius)), 0
+        """How far the first pair is inside a circle, and nothing that counts; NaN where no pair can
+        be told from two real ones."""
+        return (math.nan if self.rounding > REAL else -float(self.outermost(radius))), 0
+
+    @cached_property
+    def rounding(self) -> float:
+        """Of all multipliers: where an impact loses its velocity one grows beyond all bounds."""
+        return float(EPS * np.linalg.norm(self.matrix))
 
     def nearest(self) -> float:
         """Angle, over pi, of the pair with the largest modulus; NaN where there is none."""
