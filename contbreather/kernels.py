@@ -46,8 +46,8 @@ ASKED = "CONTBREATHER_COMPILE"  # in the environment; 0: nothing is compiled unl
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
     "contbreather.continuation.stride",
     "contbreather.lattice.wave_loops",
-    "contbreather.stability.arc_loops",
-    "contbreather.stability.orbit_loops",
+    "contbreather.stability.band_pairs",
+    "contbreather.stability.bordered",
     "contbreather.breathers.closed_loops",
     "contbreather.breathers.pair_loops",
     "contbreather.breathers.clearance_loops",

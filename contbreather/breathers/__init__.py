@@ -9,12 +9,17 @@ from contbreather.breathers.clearance import (
     neighbour_peak,
 )
 from contbreather.breathers.closure import Closure, smallest_amplitude
-from contbreather.breathers.events import grazing, neimark_sacker, period_doubling, pitchfork
 from contbreather.breathers.orbit import Orbit, orbit_of
+from contbreather.breathers.orbit_events import (
+    grazing,
+    neimark_sacker,
+    period_doubling,
+    pitchfork,
+    saddle_node,
+)
 from contbreather.breathers.regions import Region
 from contbreather.breathers.search import find_event, find_symmetric
 from contbreather.breathers.symmetric import symmetric, symmetric_roots
-from contbreather.breathers.symmetric_events import saddle_node
 from contbreather.breathers.zones import Zones, zones
 
 __all__ = [

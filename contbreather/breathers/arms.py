@@ -9,9 +9,9 @@ from contbreather.breathers.clearance import LIMIT
 from contbreather.breathers.lifts import OrbitLift, lift
 from contbreather.breathers.normal_form import pitchfork_form
 from contbreather.breathers.orbit import Orbit, orbit_at
+from contbreather.breathers.orbit_events import pitchfork
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.symmetric import symmetric
-from contbreather.breathers.symmetric_events import pitchfork
 from contbreather.checks import flag, one_of
 from contbreather.continuation import Problem, trace
 from contbreather.errors import NoSolution, keeping

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -196,6 +196,6 @@ class SymmetricFlight:
 
     # ----------------------------------------------------------------------------- stability
 
-    @property
+    @cached_property
     def map(self) -> HalfMap:
         return HalfMap(self.gamma, self.k, self.b, self.lattice)

@@ -1,16 +1,16 @@
 """GR: a site comes to touch a wall that it must not touch. One test, one locus for every orbit.
 
 The test is the clearance from the walls, the locus ``u = wall, u' = 0`` at an unknown time for the
-site that is closest. A road says how the motion of that site depends on its unknowns.
+site that is closest. VI: an impact itself loses its velocity, or two of them become one.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from contbreather.breathers.clearance import (
     Gap,
     Terms,
-    Watch,
     closest,
     gaps_of_idle,
     least_margin,
@@ -43,7 +42,10 @@ AT_IMPACT = 1e-9  # a contact this close to an impact of its site, in periods, i
 
 @dataclass(frozen=True)
 class Crest:
-    """One site whose crest is followed: it is on a wall, without velocity, at an unknown time."""
+    """One site whose crest is followed: it is on a wall, without velocity, at an unknown time.
+
+    The representation of an orbit knows how its motion depends on its unknowns.
+    """
 
     site: int
     slopes: Callable[[Curve, Orbit, float], Any]
@@ -51,7 +53,12 @@ class Crest:
     motion: Callable[[Orbit, float], Terms] | None = None
     """Of the site, unless it is that on which its clearance is measured."""
     loops: Callable[[float, Loops, int], Loops | None] | None = None
-    """The equations of the road with a contact at a wall, as functions that can be compiled."""
+    """The equations of an orbit with a contact at a wall, as functions that can be compiled."""
+    ends: tuple[Event, ...] = ()
+    """What else ends its curve besides another contact."""
+    scale: Callable[[Point], float] | None = None
+    """What margins of other contacts are divided by, where they vanish at such an end."""
+    meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
 
     def locus(self, wall: float, t: float, **more: Any) -> Locus:
         loops = self.loops and partial(self.loops, wall)
@@ -70,78 +77,35 @@ class Crest:
         return np.column_stack([self.slopes(curve, orbit, t), self._terms(orbit, t)[1:]])
 
 
-class Ends(NamedTuple):
-    """What else ends the grazing of a crest besides another one."""
-
-    events: tuple[Event, ...] = ()
-    scale: Callable[[Point], float] | None = None
-    meets: Mapping[str, tuple[Event, ...]] = {}
-
-
-def _nothing_else(orbit: Orbit) -> Ends:
-    return Ends()
-
-
-def _refused(orbit: Orbit) -> Locus:
-    raise Undefined("an impact itself loses its velocity: no grazing to follow")
-
-
-def grazing(
-    crest: Callable[[Orbit, int], Crest],
-    *,
-    ends: Callable[[Orbit], Ends] = _nothing_else,
-    shallow: Callable[[Orbit], Locus] = _refused,
-    weakly: Callable[[Orbit], Watch] | None = None,
-) -> Event:
-    """GR, and VI where an impact itself loses its velocity.
-
-    Parameters
-    ----------
-    crest : callable
-        How a road follows one site.
-    ends : callable, optional
-        What ends the curve of an orbit besides.
-    shallow : callable, optional
-        The locus of VI, where the road has one.
-    weakly : callable, optional
-        The same orbit with a little coupling: without it all idle sites climb alike, and the one
-        is meant that does highest with it.
-    """
-    contacts = _Contacts(crest, ends, shallow, weakly)
-    return Event("GR", _margin, ends="domain", locus=contacts, examine=_vanishing)
+def grazing() -> Event:
+    """GR, and VI where an impact itself loses its velocity."""
+    return Event("GR", _margin, ends="domain", locus=_locus, examine=_vanishing)
 
 
 def _margin(point: Point) -> float:
     return least_margin(solution_at(point).watch)
 
 
-@dataclass(frozen=True)
-class _Contacts:
-    """The locus of GR as a road has it."""
+def _locus(point: Point) -> Locus:
+    orbit = solution_at(point)
+    if _vanishing(point):  # with it may be others, that move alike
+        return shallow_impact(orbit)
+    worst = closest(orbit.watch)
+    # without coupling all idle sites climb alike, and the one is meant that does highest with it
+    weakly = orbit.road.weakly() if worst.flight < 0 and orbit.gamma < ALIKE else None
+    if weakly is not None:
+        worst = min(gaps_of_idle(weakly))
+    return _follow(orbit, worst.site, worst.time)
 
-    crest: Callable[[Orbit, int], Crest]
-    ends: Callable[[Orbit], Ends]
-    shallow: Callable[[Orbit], Locus]
-    weakly: Callable[[Orbit], Watch] | None
 
-    def __call__(self, point: Point) -> Locus:
-        orbit = solution_at(point)
-        if _vanishing(point):  # with it may be others, that move alike
-            return self.shallow(orbit)
-        worst = closest(orbit.watch)
-        if worst.flight < 0 and self.weakly is not None and orbit.gamma < ALIKE:
-            worst = min(gaps_of_idle(self.weakly(orbit)))
-        return self.follow(orbit, worst.site, worst.time)
-
-    def follow(self, orbit: Orbit, site: int, t: float) -> Locus:
-        if _is_impact(orbit, site, t):
-            return self.shallow(orbit)
-        there = orbit.watch.at(site, t)[0]
-        place = min(orbit.walls.at(site), key=lambda wall: abs(there - wall))
-        more = self.ends(orbit)
-        other = _Rival(site, _is_mirrored(orbit, site, t), more.scale, self)
-        events = (*more.events, other.event())
-        return self.crest(orbit, site).locus(place, t, events=events, meets=more.meets)
+def _follow(orbit: Orbit, site: int, t: float) -> Locus:
+    if _is_impact(orbit, site, t):
+        return shallow_impact(orbit)
+    there = orbit.watch.at(site, t)[0]
+    place = min(orbit.walls.at(site), key=lambda wall: abs(there - wall))
+    crest = orbit.road.crest(site)
+    other = _Rival(site, _is_mirrored(orbit, site, t), crest.scale)
+    return crest.locus(place, t, events=(*crest.ends, other.event()), meets=crest.meets)
 
 
 @lru_cache(maxsize=4)
@@ -180,7 +144,6 @@ class _Rival:
     site: int
     mirrored: bool
     scale: Callable[[Point], float] | None
-    contacts: _Contacts
 
     def event(self) -> Event:
         base = Event("GR", self.margin, ends="domain", locus=self.locus)
@@ -203,7 +166,42 @@ class _Rival:
 
     def locus(self, point: Point) -> Locus:
         where = point.detail
-        return self.contacts.follow(solution_at(point), where["site"], where["time"])
+        return _follow(solution_at(point), where["site"], where["time"])
+
+
+# --- an impact that vanishes ----------------------------------------------------------------------
+
+
+def shallow_impact(orbit: Orbit) -> Locus:
+    """An impact whose incoming velocity vanishes, where the equations hold with one of velocity 0.
+
+    Raises
+    ------
+    Undefined
+        Where they do not, or with k = 0.
+    """
+    j = int(abs(orbit.incoming).argmin())
+    slope = orbit.road.speed_slope(j)
+    if slope is None:
+        raise Undefined("an impact itself loses its velocity: no grazing to follow")
+    if orbit.k == 0.0:
+        raise Undefined("with k = 0 a site rests on its wall: no orbit of impacts continues")
+    # of multipliers there are none at velocity 0
+    meets: dict[str, tuple[Event, ...]] = dict.fromkeys(("BP", "PF", "PD", "NS"), ())
+    other = Event("VI-VI", partial(_others_last, j), ends="domain")
+    return Locus({}, partial(_velocity, j), slope, events=(other,), meets=meets)
+
+
+def _velocity(j: int, curve: Curve, z: Array, extra: Array) -> Array:
+    velocity: Array = Point(curve, z).solution.incoming[j : j + 1]
+    return velocity
+
+
+def _others_last(j: int, point: Point) -> float:
+    """Where one impact vanishes, the least velocity of another."""
+    orbit: Orbit = point.ground.solution
+    walls = [wall for _, wall in orbit.section.impacts]
+    return float(np.delete(walls * orbit.incoming, j).min(initial=1.0))
 
 
 # --- two impacts that become one ----------------------------------------------------------------

@@ -17,14 +17,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.modal_events import events_of
+from contbreather.breathers.grazing import Crest
 from contbreather.breathers.modal_flight import ModalFlight
+from contbreather.breathers.on_circle import OnCircle, by_impacts
 from contbreather.breathers.orbit import Orbit
+from contbreather.breathers.orbit_events import branching, events_of
 from contbreather.breathers.problem import orbit_problem, read_by, unstable_by
 from contbreather.breathers.road import Impacts, Offsets, road
 from contbreather.breathers.section import WEAK, Section, check_order, check_possible
 from contbreather.breathers.watched import ModalWatch
-from contbreather.continuation import Point, Problem
+from contbreather.continuation import Locus, Point, Problem, fold
+from contbreather.continuation.curve import Curve
 from contbreather.lattice import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NUMBERS
@@ -69,6 +72,18 @@ class Modes(ModalFlight):
 
     def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Modes:
         return replace(self, section=section, t=np.array([one.time for one in impacts]))
+
+    def weakly(self) -> None:
+        """Where there is no coupling, the closest site is meant."""
+
+    def locus(self, of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> Locus:
+        return of.locus(by_impacts, nu, **more)
+
+    def crest(self, site: int) -> Crest:
+        return Crest(site, partial(_slopes_at, site))
+
+    def speed_slope(self, j: int) -> Any:
+        return partial(_speed_slope, j)
 
     def lifted(self) -> Problem:
         orbit = Orbit(self)
@@ -171,7 +186,7 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         start={**times, "q": flight.q, "r": flight.r},
         params=on.params,
         derivatives=shooting.derivatives,
-        events=events_of(section, threshold),
+        events=(fold(), branching(), *events_of(section, on.lattice, threshold)),
         record=_columns(section, threshold),
         domain={**bounds, "gamma": (least, on.lattice.highest_gamma)},
         label=f"shooting, {on.lattice.describe()}, {section.describe()}",
@@ -202,3 +217,13 @@ def _columns(section: Section, threshold: float) -> dict[str, Any]:
 
 def _momentum(j: int, point: Point) -> float:
     return 0.5 * abs(float(point.solution.impulses[j]))
+
+
+def _slopes_at(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:
+    found: FloatArray = orbit.flight.slopes_at(site, t, curve.free)
+    return found
+
+
+def _speed_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    flight: Modes = Point(curve, z).solution.flight
+    return flight.tangents(curve.free).speeds[j : j + 1]

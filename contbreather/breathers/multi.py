@@ -17,7 +17,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
-from contbreather.breathers.modal_events import contact
+from contbreather.breathers.grazing import grazing
 from contbreather.breathers.modal_road import Modes
 from contbreather.breathers.one_site import symmetric_orbits
 from contbreather.breathers.orbit import Orbit, orbit_at
@@ -180,7 +180,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
     if on.gamma <= first:
         curve = Curve(start, ("gamma",))
         return Branch((Point(curve, curve.start),), Stop.START)
-    ends = (replace(fold(), ends="branch"), contact())
+    ends = (replace(fold(), ends="branch"), grazing())
     return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
 
 

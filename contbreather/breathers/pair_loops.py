@@ -23,15 +23,15 @@ from contbreather.breathers.closed_loops import (
     mean,
 )
 from contbreather.kernels import bound, listed
-from contbreather.stability import arc_loops
+from contbreather.stability import band_pairs
 
 MORE = 512
-# for a pair: eta and its slope; coupling, k, q, b and angle for `arc_loops`, its answer, its
+# for a pair: eta and its slope; coupling, k, q, b, angle, spring for `band_pairs`, its answer, its
 # scratch and its table; then the expansion of eta
 ETA, DETA, ARC = MORE, MORE + 1, MORE + 2
-ANSWER = ARC + 5
+ANSWER = ARC + 6
 SCRATCH = ANSWER + 12
-TABLE = SCRATCH + 129
+TABLE = SCRATCH + band_pairs.WAVE
 MEAN_OF_ETA = TABLE + 440
 # for a contact: the wall and how far away the site is; amplitudes of its flight and their slopes in
 # gamma; moments of the chain at that distance, and the weights of these in the amplitudes
@@ -43,13 +43,13 @@ WEIGHTS = MOMENTS + TERMS
 MOTION = WEIGHTS + POWERS * TERMS  # displacement, velocity, acceleration; then those in gamma
 
 
-# where `arc_loops` find what they ask for
+# where `band_pairs` find what they ask for
 on_arc = bound(
-    arc_loops.on_arc,
-    **{name: ARC + getattr(arc_loops, name) for name in ("GAMMA", "K", "ENTRY", "NU")},
+    band_pairs.on_arc,
+    **{name: ARC + getattr(band_pairs, name) for name in ("GAMMA", "K", "ENTRY", "NU", "SPRING")},
     **{
-        name: SCRATCH + getattr(arc_loops, name)
-        for name in ("REGULAR", "IN_NU", "IN_GAMMA", "IN_SPRING", "TAIL")
+        name: SCRATCH + getattr(band_pairs, name)
+        for name in ("REGULAR", "IN_NU", "IN_GAMMA", "IN_SPRING", "TAIL", "PASCAL", "MEANS")
     },
     ANSWER=ANSWER,
     TABLE=TABLE,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.orbit import Orbit, with_parameters
@@ -16,10 +17,13 @@ from contbreather.breathers.road import Road
 from contbreather.breathers.section import Section
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.point import Counting
+from contbreather.continuation.points import Points
+from contbreather.lattice import InfiniteChain
 from contbreather.lattice.conditions import Conditions
+from contbreather.stability.half_period import HalfMap
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.verdict import beyond
-from contbreather.stability.winding import Count
+from contbreather.stability.winding import many_outside
 from contbreather.storage.serialise import serialised
 
 FloatArray = NDArray[np.float64]
@@ -105,18 +109,32 @@ def _simpler(point: Point) -> Problem | None:
     return found if len(found.start) < len(point.curve.problem.start) else None
 
 
-def unstable_by(threshold: float) -> Counting:
+def unstable_by(threshold: float, lattice: Any = None) -> Counting:
     """The column of the multipliers outside: isolated ones on the infinite chain, those beyond the
-    threshold on a finite lattice."""
-    return Counting(partial(_unstable, threshold))
+    threshold on a finite lattice; of a symmetric breather also as one of another lattice."""
+    return Counting(partial(_unstable, threshold, lattice), partial(_rows, lattice))
 
 
-def _unstable(threshold: float, point: Point) -> float:
-    found = point.solution.map
-    return counted(found).count if isinstance(found, OrbitMap) else beyond(found, threshold)
+def _unstable(threshold: float, lattice: Any, point: Point) -> float:
+    map = point.solution.map
+    if isinstance(map, HalfMap):
+        return (map if lattice is None else map.on(lattice)).unstable(threshold)
+    return map.count().count if isinstance(map, OrbitMap) else beyond(map, threshold)
 
 
-@lru_cache(maxsize=512)
-def counted(map: OrbitMap) -> Count:
-    """Kept: an event asks at every step, the column of a table after the walk for the same."""
-    return map.count()
+def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
+    """Of all points of a branch at once, -1 where each has to be asked; None where none can be: but
+    for symmetric breathers of the infinite chain without springs."""
+    curve, on = points.curve, points[0].solution.flight
+    closed = isinstance(on, SymmetricFlight) and isinstance(on.lattice, InfiniteChain)
+    if not closed or on.lattice.spring or not isinstance(lattice, InfiniteChain | None):
+        return None
+    if not {*curve.free} <= {"a", "gamma", "k"}:
+        return None
+    p, phi, *free = points.z.T
+    values = curve.fixed | dict(zip(curve.free, free, strict=True))
+    a, gamma, k = (np.broadcast_to(values[name], p.shape) for name in ("a", "gamma", "k"))
+    with np.errstate(all="ignore"):
+        acceleration = a * on.forcing.d2f(phi) - p * on.lattice.means(gamma, "eta")
+        b = 0.5 * (1.0 + k) ** 2 * acceleration / p
+    return np.where(p > 0.0, many_outside(gamma, k, b), -1)

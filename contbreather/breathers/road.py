@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.clearance import Watch
 from contbreather.breathers.section import Impact, Section
-from contbreather.continuation import Problem
+from contbreather.continuation import Locus, Point, Problem
 from contbreather.lattice.conditions import Conditions
 
 FloatArray = NDArray[np.float64]
@@ -77,6 +77,19 @@ class Road(Protocol):
     @property
     def watch(self) -> Watch:
         """What the clearance from the walls is measured on."""
+
+    def weakly(self) -> Watch | None:
+        """The same with a little coupling, if that is at hand: it tells idle sites apart."""
+
+    def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> Locus:
+        """Where a multiplier is on a circle, `OnCircle`; as a complex one from an angle on."""
+
+    def crest(self, site: int) -> Any:
+        """How the motion of a site is followed, `grazing.Crest`."""
+
+    def speed_slope(self, j: int) -> Any:
+        """The derivative, as that of a `Locus`, of the velocity of the site before an impact; None
+        where the equations do not hold with one of velocity 0."""
 
     def lifted(self) -> Problem:
         """The problem of orbits that leave this one where its symmetry or its period breaks."""

@@ -10,20 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from contbreather.breathers.clearance import LIMIT
+from contbreather.breathers import closed_slopes
+from contbreather.breathers.clearance import LIMIT, Watch
 from contbreather.breathers.closed_form import HALF, SymmetricFlight
 from contbreather.breathers.closure import Closure, roots, sprung
+from contbreather.breathers.grazing import ALIKE, Crest
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.one_site import symmetric_orbits
 from contbreather.breathers.orbit import Orbit, orbit_at, orbit_of, with_parameters
-from contbreather.breathers.problem import on_ring
+from contbreather.breathers.orbit_events import events_of, saddle_node
+from contbreather.breathers.problem import on_ring, unstable_by
 from contbreather.breathers.road import Impacts, Offsets, Road, road
 from contbreather.breathers.section import Section
-from contbreather.breathers.symmetric_events import grazing, neimark_sacker, pitchfork, saddle_node
 from contbreather.breathers.wave_road import asymmetric_problem
 from contbreather.checks import real
-from contbreather.continuation import Event, Point, Problem
-from contbreather.continuation.point import Judged
+from contbreather.continuation import Event, Locus, Point, Problem
 from contbreather.errors import BadInput
 from contbreather.lattice import (
     Forcing,
@@ -37,7 +38,7 @@ from contbreather.lattice import (
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.held import held
 from contbreather.parameters import NEEDED, NUMBERS, parameter
-from contbreather.stability.verdict import THRESHOLD
+from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.storage.serialise import serialised
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
@@ -63,6 +64,19 @@ class ClosedForm(SymmetricFlight):
         p, phi = -0.5 * float(impulses[0]), float(times[0])
         drive = held(on.forcing, on.spring) if on.spring else on.forcing
         return cls(on.a, on.gamma, on.k, p, phi, drive, on.lattice)
+
+    def weakly(self) -> Watch:
+        watch: Watch = replace(self, gamma=ALIKE).watch
+        return watch
+
+    def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> Locus:
+        return closed_slopes.locus(of, point, nu, **more)
+
+    def crest(self, site: int) -> Crest:
+        return closed_slopes.crest(self, site)
+
+    def speed_slope(self, j: int) -> None:
+        """(11) has no root with p = 0."""
 
     def lifted(self) -> Problem:
         """That of asymmetric breathers, in which a pitchfork is a regular point."""
@@ -101,7 +115,6 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     """
     forcing, lattice = breather.flight.forcing, breather.lattice
     closure = Closure(forcing, lattice)
-    events = events_on(lattice, threshold)
     flight = breather.flight
     return Problem(
         closure.residual,
@@ -110,8 +123,8 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         jacobian=closure.jacobian,
         sensitivity=closure.sensitivity,
         loops=closure.loops,
-        events=events,
-        record=next(event for event in events if isinstance(event, Judged)).record,
+        events=events_on(lattice, threshold),
+        record={"unstable": unstable_by(threshold)},
         domain=_domain(breather),
         interpret=partial(_interpreted, forcing, lattice),
         lifts={"PF": lift},
@@ -172,8 +185,9 @@ def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
 
 def events_on(lattice: Lattice, threshold: float = THRESHOLD) -> tuple[Event, ...]:
     """All events of a symmetric breather; on a ring Neimark-Sacker by the paper's rule."""
-    on = lattice if isinstance(lattice, Ring) else None
-    return (saddle_node(), pitchfork(), neimark_sacker(on=on, threshold=threshold), grazing())
+    if isinstance(lattice, Ring):
+        check_threshold(threshold)
+    return (saddle_node(), *events_of(HALF, lattice, threshold))
 
 
 def symmetric(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -13,29 +13,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
-from contbreather.breathers.grazing import merging
+from contbreather.breathers.clearance import Terms
+from contbreather.breathers.grazing import Crest, solution_at
+from contbreather.breathers.images import simpler_than
 from contbreather.breathers.lifts import from_arms, lift
+from contbreather.breathers.on_circle import OnCircle, by_differences, off_the_edge
 from contbreather.breathers.orbit import Orbit, orbit_of
+from contbreather.breathers.orbit_events import events_of
 from contbreather.breathers.problem import on_ring, orbit_problem, read_by, unstable_by
 from contbreather.breathers.road import Impacts, Offsets, Road, road
 from contbreather.breathers.section import Impact, Section, check_order
-from contbreather.breathers.watched import GreenWatch
-from contbreather.breathers.wave_events import (
-    EQUAL,
-    events_on,
-    orbit_fold,
-    pitchfork_of_arms,
-    symmetric_again,
-)
+from contbreather.breathers.watched import GreenWatch, moved
 from contbreather.breathers.waves import GreenFlight, OrbitEquations, Params
-from contbreather.continuation import Point, Problem, branch_point, fold
+from contbreather.continuation import Event, Lift, Locus, Point, Problem, branch_point, fold
+from contbreather.continuation.boundary import meeting
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.newton import Undefined
+from contbreather.continuation.point import Always
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.stability.verdict import THRESHOLD
+from contbreather.lattice.periodic import Wave, wave, wave_slope
+from contbreather.stability.verdict import THRESHOLD, check_threshold
 
 FloatArray = NDArray[np.float64]
 
+EQUAL = 1e-9  # flights that differ by less are equal
 LEAST = 1e-12  # an impulse smaller than this is none
 ACROSS = Section(((0, 1), (0, -1)))
 
@@ -90,6 +93,19 @@ class Waves(GreenFlight):
     def watch(self) -> GreenWatch:
         return GreenWatch(Orbit(self))
 
+    def weakly(self) -> None:
+        """Where there is no coupling, the closest site is meant."""
+
+    def locus(self, of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> Locus:
+        endless = self.conditions.lattice.sites is None
+        return of.locus(by_differences if nu is None or not endless else off_the_edge, nu, **more)
+
+    def crest(self, site: int) -> Crest:
+        return _crest(Orbit(self), site)
+
+    def speed_slope(self, j: int) -> None:
+        """An impulse of 0 pushes away from no wall."""
+
     def lifted(self) -> Problem:
         return Orbit(self).doubled().problem
 
@@ -135,13 +151,18 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         events=(
             fold(),
             from_arms(branch_point()),
-            *events_on(orbit.lattice, threshold),
-            *merging(orbit.section),
+            *_events(orbit, threshold),
         ),
         record=record,
         domain=domain_of(equations),
         label="orbit with impacts",
     )
+
+
+def _events(orbit: Orbit, threshold: float) -> tuple[Event, ...]:
+    if isinstance(orbit.lattice, Ring):
+        check_threshold(threshold)
+    return events_of(orbit.section, orbit.lattice, threshold)
 
 
 def _params(orbit: Orbit) -> dict[str, float]:
@@ -182,7 +203,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         params=_params(orbit),
         jacobian=equations.jacobian,
         sensitivity=equations.sensitivity,
-        events=(pitchfork_of_arms(), orbit_fold(), *events_on(orbit.lattice, threshold)),
+        events=(pitchfork_of_arms(), fold_of_arms(), *_events(orbit, threshold)),
         record={"asymmetry": _asymmetry, "unstable": unstable_by(threshold)},
         domain={
             "gamma": (0.0, 0.25),
@@ -203,3 +224,136 @@ def _asymmetry(point: Point) -> float:
 def _mirror_image(x: FloatArray, params: Mapping[str, float]) -> tuple[FloatArray, ...]:
     p, t1, t2, c = x
     return (np.array((p, t2 - math.pi, t1 + math.pi, -c)),)
+
+
+def pitchfork_of_arms() -> Event:
+    """PF of an orbit with two impacts: both flights become equal, ``t2 - t1 = pi``.
+
+    Nothing changes sign there but the asymmetry itself: both arms are mirror images.
+    """
+    return Event("PF", _unequal, locus=Always(Locus({}, _equal_flights, _equal_flights_slope)))
+
+
+def _unequal(point: Point) -> float:
+    return solution_at(point).asymmetry
+
+
+def _equal_flights(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    return np.array([z[curve.slots["t2"]] - z[curve.slots["t1"]] - math.pi])
+
+
+def _equal_flights_slope(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    row = np.zeros((1, z.size))
+    row[0, curve.slots["t2"]], row[0, curve.slots["t1"]] = 1.0, -1.0
+    return row
+
+
+def symmetric_again(point: Point) -> Lift:
+    """The branch of symmetric breathers, in its own problem."""
+    breather = simpler_than(solution_at(point))
+    if breather is None:
+        raise Undefined("the flights are not equal here")
+    return Lift(breather.problem, point.curve.free[-1])
+
+
+def fold_of_arms() -> Event:
+    """LP of an orbit with two impacts and unequal flights.
+
+    Where its flights become equal the branch turns back as well, but that is its pitchfork. There
+    the test of a fold and the asymmetry vanish together, and their ratio does not.
+    """
+    return replace(_off_pitchfork(fold()), locus=_fold_locus)
+
+
+def _off_pitchfork(event: Event) -> Event:
+    return replace(event, test=partial(_per_asymmetry, event))
+
+
+def _per_asymmetry(event: Event, point: Point) -> float:
+    asymmetry = _unequal(point.ground)
+    return math.nan if asymmetry == 0.0 else event.value(point) / asymmetry
+
+
+def _fold_locus(point: Point) -> Locus:
+    # on its curve, so does the test of a cusp where both folds of mirror images meet
+    own = fold().locus
+    assert own is not None
+    locus = own(point)
+    return replace(locus, events=tuple(map(_off_pitchfork, locus.events)))
+
+
+# --- a site that grazes -------------------------------------------------------------------------
+
+
+def _crest(orbit: Orbit, site: int) -> Crest:
+    """A site with its share of the offsets as it is where the curve sets out.
+
+    The grazing of an arm ends at its pitchfork, on the side of the arm. There that of the other arm
+    begins: the margin of the mirrored crest vanishes together with the asymmetry, and their ratio
+    does not. So that this end is known by one name, margins are those per asymmetry.
+    """
+    share = _offset_share(orbit, site)
+    followed = Crest(site, partial(_motion_slopes, site, share), partial(_motion, site, share))
+    asymmetry = orbit.asymmetry if orbit.section.two_impacts else 0.0
+    if abs(asymmetry) <= EQUAL:
+        return replace(followed, meets={"PF": ()})
+    side = math.copysign(1.0, asymmetry)
+    pitchfork = meeting("GR", pitchfork_of_arms())
+    end = replace(pitchfork, test=partial(_towards, side), ends="domain")
+    scale = partial(_while_asymmetric, side)
+    return replace(followed, ends=(end,), scale=scale, meets={"PF": ()})
+
+
+def _motion(site: int, share: FloatArray, orbit: Orbit, t: float) -> Terms:
+    u, v, w = moved(orbit, site, t)
+    return u + float(share @ orbit.offsets), v, w
+
+
+def _offset_share(orbit: Orbit, site: int) -> FloatArray:
+    """Weights of the offsets in the static displacement of a site.
+
+    On a boundary that runs into gamma = 0 a site keeps to what holds for gamma > 0.
+    """
+    size = len(orbit.offsets)
+    if orbit.gamma == 0.0 and site not in orbit.section.hit:
+        return np.zeros(size)
+    flight = orbit.flight
+    unit = [replace(flight, offsets=tuple(row)).offset(site) for row in np.eye(size).tolist()]
+    return np.array(unit, dtype=float)
+
+
+def _motion_slopes(
+    site: int, share: FloatArray, curve: Curve, orbit: Orbit, t: float
+) -> FloatArray:
+    """Of displacement and velocity at a fixed time."""
+    f, a, impulses = orbit.forcing, orbit.a, orbit.impulses
+    answers = _answers(orbit, site, t, wave)
+    slopes: dict[str, Any] = {"a": (f.f(t), f.df(t)), "k": (0.0, 0.0), "c": (share[0], 0.0)}
+    slopes["p"] = 2.0 * np.sign(impulses) @ answers[:, :2]
+    for i, (row, impulse) in enumerate(zip(answers, impulses, strict=True), start=1):
+        slopes[f"J{i}"], slopes[f"t{i}"] = row[:2], -impulse * row[1:]
+    slopes |= {f"c{i}": (own, 0.0) for i, own in enumerate(share, start=1)}
+    if "gamma" in curve.free:
+        slopes["gamma"] = impulses @ _answers(orbit, site, t, wave_slope)[:, :2]
+    for name in {*f.params} & {*curve.free}:
+        slopes[name] = a * f.f_param(name, t, 0), a * f.f_param(name, t, 1)
+    return np.array([slopes[name] for name in (*curve.problem.start, *curve.free)]).T
+
+
+def _answers(orbit: Orbit, site: int, t: float, make: Callable[..., Wave]) -> FloatArray:
+    """What a unit impulse of each impact does to a site: value, slope, curvature."""
+    lattice, found = orbit.lattice, []
+    for one in orbit.impacts:
+        distance = lattice.distance(site - one.site)
+        answer = make(lattice, orbit.gamma, distance, orbit.section.turns)
+        found.append(answer.at(t - one.time)[:3])
+    return np.array(found)
+
+
+def _towards(side: float, point: Point) -> float:
+    return side * solution_at(point.ground).asymmetry
+
+
+def _while_asymmetric(side: float, point: Point) -> float:
+    asymmetry = _towards(side, point)
+    return asymmetry if asymmetry > EQUAL else math.nan

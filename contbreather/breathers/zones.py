@@ -21,7 +21,6 @@ from contbreather.breathers.closure import folds
 from contbreather.breathers.orbit import Orbit
 from contbreather.breathers.regions import PROBES, Box, Region, regions
 from contbreather.breathers.symmetric import events_on, symmetric_problem, symmetric_roots
-from contbreather.breathers.symmetric_events import unstable
 from contbreather.checks import flag
 from contbreather.columns import Columns, stacked
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
@@ -177,7 +176,7 @@ class Zones(Columns, Shown):
         threshold of these zones: of several breathers the fewest, None where there is none of the
         families that the diagram is of."""
         counts = [
-            unstable(breather.flight, breather.lattice, self.threshold)
+            breather.map.unstable(self.threshold)
             for breather in self.breathers(x, y)
             if breather.flight.family in self.families
         ]

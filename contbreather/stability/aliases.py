@@ -60,15 +60,14 @@ def tables() -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=256)
-def tail_coefficients(
-    gamma: float, sites: int | None, spring: float = 0.0
-) -> tuple[Array, Array, Array]:
+def tail_coefficients(gamma: float, sites: int | None, spring: float = 0.0) -> tuple[Array, Array]:
     """Coefficients in nu^2 of the tails of (R/nu, B, C), ``[3, POWERS]``, and their derivatives
-    with respect to gamma and the spring."""
+    with respect to gamma."""
     lattice = InfiniteChain().held(spring) if sites is None else Ring(sites)
-    rows = (lattice.powers, lattice.dpowers, lattice.spring_powers)
-    powers, by_gamma, by_spring = (tables() @ of(gamma, 0)[:ORDERS] for of in rows)
-    return powers, by_gamma, by_spring
+    powers, by_gamma = (
+        tables() @ of(gamma, 0)[:ORDERS] for of in (lattice.powers, lattice.dpowers)
+    )
+    return powers, by_gamma
 
 
 class Alias(NamedTuple):
@@ -89,7 +88,7 @@ def sprung(gamma: float, s: Array, spring: float) -> Alias:
     return Alias(np.asarray(h), h * (2.0 / s - s * (A + edge) / (A * edge)), 2.0 * h / edge)
 
 
-def alias(gamma: Any, s: Array, sites: int | None = None, spring: float = 0.0) -> Array:
+def alias(gamma: float, s: Array, sites: int | None = None, spring: float = 0.0) -> Array:
     """``h = -s^2 g(s)``, g the resolvent of the chain (``sites=None``) or ring, off the band."""
     if spring:
         return sprung(gamma, s, spring).h
@@ -133,26 +132,13 @@ def _powers(x: Array) -> Array:
     return np.multiply.accumulate(rows, axis=0, out=rows)
 
 
-def _tails(gamma: Any, nu: Array, sites: int | None, spring: float) -> Array:
-    """The tails of R/nu, B, C; of many couplings for the infinite chain without springs."""
-    if np.ndim(gamma) == 0:
-        tail = tail_coefficients(gamma, sites, spring)[0] @ _powers(nu * nu)
-        return np.asarray(tail.reshape(3, *nu.shape))
-    moments = InfiniteChain().moments(0)[:ORDERS, None] * _powers(4.0 * gamma)[:ORDERS]
-    rows = (tables() @ moments).reshape(3, POWERS, *gamma.shape)
-    total = np.zeros((3, *nu.shape))
-    for power in range(POWERS - 1, -1, -1):
-        total = total * (nu * nu) + rows[:, power]
-    return total
-
-
-def regular(gamma: Any, nu: Array, sites: int | None = None, spring: float = 0.0) -> Regular:
-    """R, B, C at ``|Re nu| <= 1, |Im nu| <= 1`` (real arithmetic for real nu); on the infinite
-    chain without springs gamma may be an array, too."""
+def regular(gamma: float, nu: Array, sites: int | None = None, spring: float = 0.0) -> Regular:
+    """R, B, C at ``|Re nu| <= 1, |Im nu| <= 1`` (real arithmetic for real nu)."""
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
     h = alias(gamma, s, sites, spring)
     hs = h / s
-    r, b, c = _tails(gamma, nu, sites, spring)
+    tails = tail_coefficients(gamma, sites, spring)[0] @ _powers(nu * nu)
+    r, b, c = tails.reshape(3, *nu.shape)
     return Regular(
         nu * r - hs.sum(0) / math.pi,
         b + (hs / s).sum(0) / math.pi,
@@ -167,7 +153,7 @@ def regular_slopes(
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
     found = sprung(gamma, s, spring) if spring else alias_slopes(gamma, s, sites)
     h, h_s, h_gamma = found
-    coefficients, in_gamma, _ = tail_coefficients(gamma, sites, spring)
+    coefficients, in_gamma = tail_coefficients(gamma, sites, spring)
     powers = _powers(nu * nu)
     r, b, c, r_g, b_g, c_g = (np.concatenate([coefficients, in_gamma]) @ powers).reshape(
         6, *nu.shape
@@ -190,21 +176,6 @@ def regular_slopes(
         c_g - h_gamma.sum(0) / math.pi,
     )
     return value, in_nu, by_gamma
-
-
-def regular_by_spring(gamma: float, nu: Array, spring: float) -> Regular:
-    """Derivatives of `regular` on the infinite chain with respect to the spring."""
-    s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
-    A = s * s - spring
-    edge = A - 4.0 * gamma
-    h = sprung(gamma, s, spring).h * 0.5 * (A + edge) / (A * edge)
-    tail = tail_coefficients(gamma, None, spring)[2] @ _powers(nu * nu)
-    r, b, c = tail.reshape(3, *nu.shape)
-    return Regular(
-        nu * r - (h / s).sum(0) / math.pi,
-        b + (h / (s * s)).sum(0) / math.pi,
-        c - h.sum(0) / math.pi,
-    )
 
 
 def slope_at_zero(gamma: float) -> float:

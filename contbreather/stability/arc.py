@@ -29,17 +29,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, shown
 from contbreather.errors import BadInput
+from contbreather.kernels import Kernel
 from contbreather.lattice import InfiniteChain, check_gamma
-from contbreather.stability import arc_loops
-from contbreather.stability.aliases import regular, regular_by_spring, regular_slopes, tables
+from contbreather.stability import band_pairs
+from contbreather.stability.aliases import regular, tables
+from contbreather.stability.band_pairs import GRID, ON_ARC, WINDOW
 from contbreather.stability.saltation import check_finite, check_kb
 
 Array = NDArray[Any]
-
-GRID = 64  # intervals of the remembered grid in alpha; refinement does the rest
-COARSE = 24  # of the grid for many windows at once
-_ENOUGH = 1e-7  # in alpha, for these
-_ON_ARC, _WINDOW = arc_loops.ON_ARC, arc_loops.WINDOW
 
 
 class Arc(NamedTuple):
@@ -54,13 +51,13 @@ class Arc(NamedTuple):
     C: Any
 
 
-def angle(gamma: Any, alpha: Any, spring: float = 0.0) -> Any:
+def angle(gamma: float, alpha: Any, spring: float = 0.0) -> Any:
     """nu, the frequency of the wave ``theta = 2 alpha``."""
     sine = 2.0 * np.sqrt(gamma) * np.sin(alpha)
     return np.sqrt(spring + sine * sine) if spring else sine
 
 
-def sample(gamma: Any, alpha: Array, spring: float = 0.0) -> Arc:
+def sample(gamma: float, alpha: Array, spring: float = 0.0) -> Arc:
     """R, B, C at ``nu^2 = spring + 4 gamma sin(alpha)^2``."""
     nu = angle(gamma, alpha, spring)
     v = 4.0 * gamma * np.sin(alpha) * np.cos(alpha)
@@ -146,67 +143,24 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
     """
     gamma = check_gamma(gamma, spring)
     check_finite(k, b)
-    x, low, high = on_band(gamma, nu, spring)
-    code = _ON_ARC.code() if spring == 0.0 and not x.ndim else None
-    if code is not None:
-        return OnArc(*_called(code, (gamma, k, 0.0, b, float(x))).reshape(6, 2))
-    value, in_nu, in_gamma = regular_slopes(gamma, x, None, spring)
-    by_spring = regular_by_spring(gamma, x, spring)
-    v, nothing = np.sqrt(low * high), (0.0, 0.0, 0.0)
-    arc = Arc(x, x, v, *value)
-    directions = (
-        (Arc(0.0, 1.0, x * (high - low) / v, *in_nu), 0.0, 0.0),
-        (Arc(0.0, 0.0, 2.0 * low / v, *in_gamma), 0.0, 0.0),
-        (Arc(0.0, 0.0, 0.0, *nothing), 1.0, 0.0),
-        (Arc(0.0, 0.0, 0.0, *nothing), 0.0, 1.0),
-        (Arc(0.0, 0.0, 0.5 * (low - high) / v, *by_spring), 0.0, 0.0),
-    )
-    found = [curve(arc, k, b)[0], *(_slope(arc, k, b, *one) for one in directions)]
-    return OnArc(*(np.array([one.real, one.imag]) for one in found))
+    x, *_ = on_band(gamma, nu, spring)
+    rows = [_filled(ON_ARC, gamma, k, b, spring, float(angle)) for angle in x.ravel()]
+    return OnArc(*np.transpose(rows).reshape(6, 2, *x.shape))
 
 
-def _slope(arc: Arc, k: float, b: float, by: Arc, by_k: float, by_b: float) -> Array:
-    """The derivative of `curve`, F, in one direction: its product rule, term by term."""
-    _, nu, v, R, B, C = arc
-    c, d = 1.0 + k, 0.5 * (1.0 - k)
-    cc, by_cc, by_cd = c * c, 2.0 * c * by_k, by_k * (d - 0.5 * c)
-    a, by_a = d + 1j * c * R, by_k * (1j * R - 0.5) + 1j * c * by.R
-    beta, by_beta = b - cc * C, by_b - by_cc * C - cc * by.C
-    wave = nu * (2.0 * R + nu * B)
-    by_wave = 2.0 * by.nu * (R + nu * B) + nu * (2.0 * by.R + nu * by.B)
-    smooth = by.v * (a * a + B * beta) + v * (2.0 * a * by_a + by.B * beta + B * by_beta)
-    pole = 2.0 * (by_cd * nu + c * d * by.nu) + 1j * (by_cc * wave + cc * by_wave + by_beta)
-    return np.asarray(smooth + pole / math.pi)
-
-
-def _called(code: Callable[..., int], data: tuple[float, ...]) -> Array:
-    """What a function of `arc_loops` fills in."""
-    given, scratch, found = np.array(data), np.empty(arc_loops.SIZE), np.zeros(12)
-    table = arc_table()
-    code(given.ctypes.data, table.ctypes.data, scratch.ctypes.data, found.ctypes.data)
+def _filled(kernel: Kernel, gamma: float, k: float, b: float, spring: float, nu: float) -> Array:
+    """What a function of `band_pairs` fills in."""
+    data = np.array([gamma, k, (1.0 - k) / (1.0 + k), b, nu, spring])
+    found = np.zeros(12)
+    kernel(data, arc_table(), np.empty(band_pairs.SIZE), found)
     return found
 
 
 @lru_cache(maxsize=1)
 def arc_table() -> Array:
-    """What `arc_loops` ask for besides their data."""
-    moments = InfiniteChain().moments(0)[: arc_loops.ORDERS]
+    """What `band_pairs` ask for besides their data."""
+    moments = InfiniteChain().moments(0)[: band_pairs.ORDERS]
     return np.concatenate([tables().ravel(), moments])
-
-
-def _angle_equation(gamma: Any, arc: Arc, q: Any, spring: float) -> Array:
-    """(v/nu) times the equation for a Neimark-Sacker angle: negative at both ends of the band."""
-    alpha, nu, v, R, B, _ = arc
-    root = v / nu if spring else 2.0 * np.sqrt(gamma) * np.cos(alpha)
-    square = (R + nu * B) ** 2 - 0.25 * q * q
-    return np.asarray(root * square - q * (1.0 / math.pi - math.pi * v * root * R * B))
-
-
-def _needed(arc: Arc, k: Any) -> Array:
-    """The b that brings D to zero at an angle, where the equation for the angle holds."""
-    _, nu, v, R, B, C = arc
-    q = (1.0 - k) / (1.0 + k)
-    return np.asarray((1.0 + k) ** 2 * (C - nu * (2.0 * R + nu * B) - math.pi * q * v * R))
 
 
 class NeimarkSacker(NamedTuple):
@@ -229,81 +183,11 @@ def neimark_sacker(gamma: float, k: float, spring: float = 0.0) -> tuple[Neimark
     """
     gamma = check_gamma(gamma, spring)
     k, _ = check_kb(k, 0.0)
-    q = (1.0 - k) / (1.0 + k)
-    if gamma == 0.0 or q <= 0.0:
+    if gamma == 0.0 or k == 1.0:
         return ()
-    alpha, values = grid(gamma, spring).alpha, _on_grid(gamma, q, spring)
-    if values.max() <= 0.0:  # a pair of roots between two nodes?
-        crest = _crest(gamma, q, values, spring)
-        if crest.y[1] <= 0.0:
-            return ()
-        place = int(np.searchsorted(alpha, crest.arc.alpha[1]))
-        alpha, values = (
-            np.insert(column, place, at[1])
-            for column, at in ((alpha, crest.arc.alpha), (values, crest.y))
-        )
-    up = np.flatnonzero((values[:-1] > 0.0) != (values[1:] > 0.0))
-    found = _roots(gamma, q, alpha[[up, up + 1]], values[[up, up + 1]], spring)
-    arc = sample(gamma, found, spring)
-    return tuple(map(NeimarkSacker, arc.nu.tolist(), _needed(arc, k).tolist()))
-
-
-def _on_grid(gamma: float, q: float, spring: float) -> Array:
-    values = _angle_equation(gamma, grid(gamma, spring), q, spring)
-    values[[0, -1]] = -q / math.pi  # next to gamma = 1/4 rounding of cos(pi/2) would hide it
-    return values
-
-
-class _Crest(NamedTuple):
-    """Three neighbouring samples around the crest of the equation for the angle, and its vertex,
-    in steps from the middle one."""
-
-    arc: Arc
-    y: Array
-    bend: float
-    vertex: float
-    height: float
-
-
-def _crest(gamma: float, q: float, values: Array, spring: float) -> _Crest:
-    """The equation for the angle has one crest; only one next to zero is looked at closely."""
-    arc = grid(gamma, spring)
-    i = int(np.clip(values.argmax(), 1, GRID - 1))
-    found = _parabola(Arc(*(column[i - 1 : i + 2] for column in arc)), values[i - 1 : i + 2])
-    step = 0.5 * math.pi / GRID
-    while step > 1e-4 and abs(found.height) < found.bend:
-        top = float(found.arc.alpha[1]) + step * found.vertex
-        step *= 0.05
-        top = min(max(top, step), 0.5 * math.pi - step)
-        arc = sample(gamma, top + step * np.array([-1.0, 0.0, 1.0]), spring)
-        found = _parabola(arc, _angle_equation(gamma, arc, q, spring))
-    return found
-
-
-def _parabola(arc: Arc, y: Array) -> _Crest:
-    bend, tilt = float(2.0 * y[1] - y[0] - y[2]), float(y[2] - y[0])
-    vertex = min(max(0.5 * tilt / bend, -1.0), 1.0) if bend > 0.0 else 0.0
-    return _Crest(arc, y, bend, vertex, float(y[1]) + 0.25 * tilt * vertex)
-
-
-def _roots(gamma: Any, q: Any, x: Array, y: Array, spring: float, close: float = 4e-16) -> Array:
-    """One root in each bracket, columns of x, with the values y there: secants, kept inside."""
-    (low, high), rising = x.copy(), y[1] > y[0]
-    (old, new), (before, after) = x, y
-    for _ in range(80):
-        slope = (after - before) / np.where(new == old, 1.0, new - old)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(after == 0.0, 0.0, new - after / slope)
-        step = np.where(after == 0.0, new, step)
-        inside = (low <= step) & (step <= high)
-        old, before = new, after
-        new = np.where(inside | (after == 0.0), step, 0.5 * (low + high))
-        if np.all(np.abs(new - old) <= close):
-            break
-        after = _angle_equation(gamma, sample(gamma, new, spring), q, spring)
-        under = (after < 0.0) == rising
-        low, high = np.where(under, new, low), np.where(under, high, new)
-    return np.asarray(new)
+    found = _filled(WINDOW, gamma, k, 0.0, spring, 0.0)
+    b, nu = found[5:9].reshape(2, 2)[:, : int(found[4])].tolist()
+    return tuple(sorted(map(NeimarkSacker, nu, b)))
 
 
 class Window(NamedTuple):
@@ -352,45 +236,8 @@ def window(gamma: float, k: float, spring: float = 0.0) -> Window:
         found = [_neutral_until(gamma, spring), _neutral_from(gamma, spring)]
         if found[0] >= found[1]:
             return Window(found[1], -1.0)
-        angles = []
-    else:
-        code = None if spring else _WINDOW.code()
-        if code is not None:
-            return Window(*_called(code, (gamma, k, (1.0 - k) / (1.0 + k)))[:4].tolist())
-        ends = sorted(neimark_sacker(gamma, k, spring), key=lambda point: point.b)
-        found, angles = [point.b for point in ends], [point.nu for point in ends]
-    if len(found) == 2:
-        return Window(0.5 * (found[0] + found[1]), 0.25 * (found[0] - found[1]) ** 2, *angles)
-    q = (1.0 - k) / (1.0 + k)
-    crest = _crest(gamma, q, _on_grid(gamma, q, spring), spring)
-    b, x = _needed(crest.arc, k), crest.vertex
-    slope = 0.5 * float(b[2] - b[0])
-    centre = float(b[1]) + x * slope + 0.5 * x * x * float(b[0] - 2.0 * b[1] + b[2])
-    # b at the two roots of the parabola, were it high enough: centre +- slope sqrt(2 height/bend)
-    square = 2.0 * crest.height * slope * slope / crest.bend if crest.bend > 0.0 else -1.0
-    return Window(centre, min(square, 0.0))
-
-
-def windows(gamma: Array, k: Array) -> tuple[Array, Array]:
-    """Centre and square of many windows of the chain without springs, to about 1e-7; NaN where
-    `window` has to look closer."""
-    q, every = (1.0 - k) / (1.0 + k), gamma[:, None]
-    alpha = np.linspace(0.0, 0.5 * math.pi, COARSE + 1)
-    values = _angle_equation(every, sample(every, alpha), q[:, None], 0.0)
-    values[:, 0] = values[:, -1] = -q / math.pi
-    passed = (values[:, :-1] > 0.0) != (values[:, 1:] > 0.0)
-    passed &= (passed.sum(axis=1) == 2)[:, None]
-    row, up = np.nonzero(passed)
-    brackets = np.array([up, up + 1])
-    found = _roots(gamma[row], q[row], alpha[brackets], values[row, brackets], 0.0, _ENOUGH)
-    first, last = _needed(sample(gamma[row], found), k[row]).reshape(-1, 2).T
-    centre, square = np.full((2, q.size), math.nan)
-    centre[row[::2]], square[row[::2]] = 0.5 * (first + last), 0.25 * (first - last) ** 2
-    top = np.clip(values.argmax(axis=1), 1, COARSE - 1)
-    before, crest, after = np.take_along_axis(values, top[:, None] + [-1, 0, 1], axis=1).T
-    below = crest + 0.5 * (2.0 * crest - before - after) < 0.0  # four times what a parabola asks
-    centre[below], square[below] = 0.0, -1.0
-    return centre, square
+        return Window(0.5 * (found[0] + found[1]), 0.25 * (found[0] - found[1]) ** 2)
+    return Window(*_filled(WINDOW, gamma, k, 0.0, spring, 0.0)[:4].tolist())
 
 
 def _neutral_until(gamma: float, spring: float) -> float:

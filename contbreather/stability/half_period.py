@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability.arc import on_arc, window
-from contbreather.stability.characteristic import D, checked
+from contbreather.stability.arc import OnArc, on_arc, window
+from contbreather.stability.characteristic import D, D_gradient, Gradient, checked
 from contbreather.stability.half_map import even_multipliers, half_multipliers
-from contbreather.stability.isolated import unstable_multipliers
+from contbreather.stability.isolated import closest_approach, unstable_multipliers
+from contbreather.stability.pairs import farthest, outermost, upper
 from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
-from contbreather.stability.winding import Count, ends_of, unstable_count
+from contbreather.stability.winding import Count, ends_of, outside, unstable_count
 
 Array = NDArray[Any]
+
+_ROUNDED = 1e-13  # of the entry b and 1: what is left of a difference that is zero
 
 
 @dataclass(frozen=True)
@@ -44,28 +49,77 @@ class HalfMap:
         """Of the orbit, two half maps."""
         return 2.0 * math.pi
 
+    def on(self, lattice: Any) -> HalfMap:
+        """That of the same breather as one of another lattice."""
+        if lattice.sites is None:
+            return self if self.lattice.sites is None else replace(self, lattice=lattice)
+        if self.lattice.spring:
+            raise BadInput(
+                f"on = Ring({lattice.sites}): with springs the multipliers on a ring are those "
+                f"of the ring's own orbit; trace breather.on(Ring({lattice.sites})) instead."
+            )
+        return replace(self, lattice=lattice)
+
     def crosses(self, mu: float) -> float:
         """D at mu = 1, without the pole that it has there where no spring holds the sites, or at
         mu = -1: a multiple of the scalar of the pitchfork, of that of the fold."""
-        beta0, _, fold, _ = ends_of(self.gamma, self.k, self.b, self.lattice)
+        beta0, _, fold, _ = self._ends
         return fold if mu < 0.0 else -beta0
+
+    @cached_property
+    def _ends(self) -> tuple[float, ...]:
+        return ends_of(self.gamma, self.k, self.b, self.lattice)
 
     def beyond(self, place: float) -> int:
         """How many real multipliers are farther out than 1 or -1, on its side: one or none."""
         return int(self.crosses(place) < 0.0)
 
-    def pairs(self) -> tuple[float, int]:
-        """On the infinite chain, by the window of b in which a pair is outside."""
-        own = window(self.gamma, self.k, self.lattice.spring)
-        return own.miss(self.b), own.passed(self.b)
+    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
+        """On the infinite chain by the window of b in which a pair is outside: how far b is from
+        it, and how many of both ends are below b; two that are passed in one step are seen. At
+        k = 1 it has an end where the pitchfork is: on a curve of pitchforks that is rounding."""
+        if self.lattice.sites is not None:
+            return -outermost(upper(self.coupled), radius), 0
+        ends = window(self.gamma, self.k, self.lattice.spring)
+        off = ends.miss(self.b)
+        rounded = self.k == 1.0 and abs(off) <= _ROUNDED * (1.0 + abs(self.b))
+        return (0.0 if rounded else off), ends.passed(self.b)
+
+    def nearest(self) -> float:
+        """Angle, over pi, of the pair that is closest to leaving: on the infinite chain at the
+        nearer end of the window; NaN where there is no pair."""
+        if self.lattice.sites is not None:
+            return farthest(self.coupled)
+        ends = window(self.gamma, self.k, self.lattice.spring)
+        angle = ends.low if self.b < ends.centre else ends.high
+        return angle or closest_approach(self.gamma, self.k, self.b, self.lattice.spring).nu
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
-        """D at ``radius exp(i pi angle)``; on the band of the infinite chain F of `on_arc`."""
+        """D at ``radius exp(i pi angle)``; on the band of the infinite chain F of `on_arc`; of real
+        ones the scalar."""
+        if radius == 1.0 and angle in (0.0, 1.0):
+            return self.crosses(1.0 - 2.0 * angle)
         if self.lattice.sites is None and radius == 1.0:
             real, imag = on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring).value
             return complex(real, imag)
-        nu = angle - 1j * math.log(radius) / math.pi
-        return complex(D(self.gamma, nu, self.k, self.b, self.lattice))
+        return complex(D(self.gamma, _depth(angle, radius), self.k, self.b, self.lattice))
+
+    def gradient(self, angle: float, radius: float = 1.0) -> OnArc | Gradient:
+        """`on_circle` of a complex multiplier, with its derivatives in the angle and in gamma, k, b
+        and the spring."""
+        if self.lattice.sites is not None:
+            on = self.gamma, _depth(angle, radius), self.k, self.b, self.lattice
+            return D_gradient(*on)
+        found = on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring)
+        return OnArc(*(np.array(complex(*parts)) for parts in found))
+
+    def unstable(self, threshold: float) -> int:
+        """How many multipliers are outside: isolated ones on the infinite chain, of a ring those
+        beyond a threshold over the period."""
+        if self.lattice.sites is None:
+            return outside(self.gamma, self.k, self.b, self.lattice)
+        radius = math.sqrt(threshold)
+        return unstable_count(self.gamma, self.k, self.b, self.lattice, radius=radius).count
 
     def count(self) -> Count:
         """Multipliers outside the unit circle of the infinite chain."""
@@ -78,10 +132,10 @@ class HalfMap:
     @property
     def over_period(self) -> Array:
         """On a ring: the squares of the multipliers of the modes that the impact sees."""
-        return self.half**2
+        return self.coupled**2
 
     @cached_property
-    def half(self) -> Array:
+    def coupled(self) -> Array:
         """On a ring: those of QS of the modes that the impact sees."""
         ring = Ring(self.lattice.sites)
         return even_multipliers(ring, self.gamma, self.k, self.b)
@@ -102,3 +156,8 @@ class HalfMap:
     def over_reflects(self) -> bool:
         """Whether they do."""
         return over_reflects(self.gamma, self.k, self.b, self.lattice.spring)
+
+
+def _depth(angle: float, radius: float) -> complex:
+    """nu with ``exp(i pi nu) = radius exp(i pi angle)``."""
+    return angle - 1j * math.log(radius) / math.pi

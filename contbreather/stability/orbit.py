@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -35,29 +35,35 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain
 from contbreather.lattice.periodic import check_coupling
 from contbreather.parameters import parameter
-from contbreather.stability import orbit_loops as loops
-from contbreather.stability.propagators import (
-    DEEP,
-    Entries,
-    Propagators,
-    constants,
-    held,
-    inverse,
-    passed_on,
-    propagators,
+from contbreather.stability.bordered import (
+    APPROACH,
+    AROUND,
+    CERTAIN,
+    END,
+    EVERYWHERE,
+    FARTHEST,
+    FLAT,
+    HIGHEST,
+    LEAST,
+    MOST,
+    NEAR,
+    ON_CIRCLE,
+    POWERS,
+    RESOLVED,
+    START,
+    TURNING,
+    WHERE,
+    Impacts,
+    Room,
+    Told,
 )
+from contbreather.stability.propagators import DEEP, deep, inverse, moments, series
 from contbreather.stability.saltation import Kick, saltation
 from contbreather.stability.winding import Count
-from contbreather.stability.zeros import distinct, multipliers_of, newton, refined
+from contbreather.stability.zeros import distinct, multipliers_of, newton
 
 Array = NDArray[Any]
 
-GRID = 24  # samples between two singular places of the circle; refinement does the rest
-CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
-FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
-ON_CIRCLE = 1e-14  # how far off in kappa a multiplier is on the circle to within rounding
-FAR = 0.25  # of a pair from the circle: beyond that it is all the same
-_ORBIT = loops.ORBIT
 ALIASES = (-1, 0, 1)  # that may lie in the band, or, the last, reach its end from outside
 
 
@@ -135,34 +141,39 @@ class OrbitMap:
         return sites, np.abs(sites[:, None] - sites)
 
     @cached_property
-    def _propagators(self) -> list[tuple[Array, Array, Propagators]]:
-        """Pairs (i, j) of impacts and their propagators, by distance."""
-        times = np.array([kick.time for kick in self.kicks]) / self.periods
-        apart = times[:, None] - times
-        found = []
-        for distance in np.unique(self._sites[1]):
-            i, j = np.nonzero(self._sites[1] == distance)
-            same = propagators(self.scaled, int(distance), apart[i, j])
-            found.append((i, j, same))
-        return found
+    def _impacts(self) -> Impacts:
+        """Those of the kernels, with room for what their propagators are expanded in."""
+        m, n, sites = len(self.kicks), self.periods, self._sites[0]
+        return Impacts(
+            self.scaled,
+            -(1.0 + self.k),
+            np.array([kick.time / n for kick in self.kicks]),
+            np.array([n * kick.b for kick in self.kicks]),
+            sites,
+            moments(self.scaled, int(sites.max())),
+            np.empty((m * m, 3 * POWERS, 2)),
+            np.empty((m * m, 2 * NEAR + 1, 2)),
+        )
 
-    @cached_property
-    def _jumps(self) -> Array:
-        """``S_j - 1`` with velocities in units of 1/n, shape (m, 2, 2)."""
-        one = np.eye(2)
-        return np.array([saltation(self.k, self.periods * kick.b) - one for kick in self.kicks])
+    def _room(self, most: int) -> Room:
+        rows, distances = 2 * len(self.kicks) + 3, len(self._impacts.moments)
+        answers, matrix = np.empty((2 * NEAR + 1, distances, 2)), np.empty((rows, rows, 2))
+        return Room(np.empty(HIGHEST), answers, matrix, np.empty((most, 4)), np.empty((most, 4)))
 
-    def _less(self, of: Callable[[Propagators], Entries], size: int) -> Array:
-        """``1 - X (S - 1)``, shape (K, 2m, 2m)."""
-        m = len(self.kicks)
-        X = np.empty((size, m, 2, m, 2), dtype=complex)
-        for i, j, pairs in self._propagators:
-            one = of(pairs)
-            X[:, i, 0, j, 0] = X[:, i, 1, j, 1] = one.turn.T
-            X[:, i, 0, j, 1] = one.reach.T
-            X[:, i, 1, j, 0] = one.pull.T
-        kicked = np.einsum("kiajb,jbc->kiajc", X, self._jumps).reshape(-1, 2 * m, 2 * m)
-        return np.asarray(np.eye(2 * m) - kicked)
+    def _deep(self, kappa: Array) -> Array:
+        """``det(1 - X (S - 1))`` far off the circle."""
+        m, apart = len(self.kicks), self._sites[1]
+        times = self._impacts.times[:, None] - self._impacts.times
+        X = np.empty((kappa.size, m, 2, m, 2), dtype=complex)
+        for distance in np.unique(apart):
+            i, j = np.nonzero(apart == distance)
+            entries = deep(self.scaled, int(distance), times[i, j], kappa)
+            X[:, i, 0, j, 0] = X[:, i, 1, j, 1] = entries.turn.T
+            X[:, i, 0, j, 1] = entries.reach.T
+            X[:, i, 1, j, 0] = entries.pull.T
+        jumps = [saltation(self.k, self.periods * kick.b) - np.eye(2) for kick in self.kicks]
+        kicked = np.einsum("kiajb,jbc->kiajc", X, jumps).reshape(-1, 2 * m, 2 * m)
+        return np.asarray(np.linalg.det(np.eye(2 * m) - kicked))
 
     def D(self, kappa: Any) -> Array:
         """The reduced determinant at ``mu = exp(2 pi i kappa)``, Im kappa <= 0.
@@ -174,47 +185,23 @@ class OrbitMap:
         mirrored = values.real < 0.0  # D at -conj(kappa) is conj(D)
         values = np.abs(values.real) + 1j * values.imag
         out = np.empty_like(values)
-        deep = values.imag <= -DEEP
-        if np.any(deep):
-            below = values[deep]
-            out[deep] = np.linalg.det(self._less(lambda pairs: pairs.deep(below), below.size))
-        if not np.all(deep):
-            near = values[~deep]
+        far = values.imag <= -DEEP
+        if np.any(far):
+            out[far] = self._deep(values[far])
+        if not np.all(far):
+            near = values[~far]
             poles = [inverse(self.scaled, near + alias) for alias in ALIASES]
             with np.errstate(divide="ignore", invalid="ignore"):
-                out[~deep] = -self.F(near) / np.prod(poles, axis=0)
+                out[~far] = -self.F(near) / np.prod(poles, axis=0)
         return np.where(mirrored, out.conj(), out).reshape(np.shape(kappa))
 
     def F(self, kappa: Array) -> Array:
         """D over the resolvents of three aliases, one negative: bounded for kappa in [0, 1/2]."""
-        size = 2 * len(self.kicks)
-        kappa = np.asarray(kappa, dtype=complex)
-        matrix = np.zeros((kappa.size, size + 3, size + 3), dtype=complex)
-        part = matrix[:, :size, :size]
-        part += self._less(lambda pairs: pairs.near(kappa, ALIASES), kappa.size)
-        sites = self._sites[0]
-        for row, alias in enumerate(ALIASES, size):
-            at = kappa + alias
-            to, of = self._waves(at, alias)
-            if sites.any():
-                apart = held(self.scaled, at, sites)
-                part -= np.einsum("kij,kia,kjb->kiajb", apart, to, of).reshape(part.shape)
-                reached = passed_on(self.scaled, at)[:, None, None] ** sites[:, None]
-                to, of = to * reached, of * reached
-            matrix[:, :size, row] = to.reshape(-1, size)
-            matrix[:, row, :size] = of.reshape(-1, size)
-            matrix[:, row, row] = inverse(self.scaled, at)
-        return np.asarray(-np.linalg.det(matrix))
-
-    def _waves(self, kappa: Array, alias: int) -> tuple[Array, Array]:
-        """What an alias does to each impact, and each impact to it: the two vectors of its part of
-        X (S - 1), each shape (K, m, 2)."""
-        times = np.array([kick.time for kick in self.kicks]) / self.periods
-        wave = np.exp(1j * alias * times)[:, None]
-        one, speed = np.broadcast_arrays(1.0, 1j * kappa[:, None, None])
-        row = wave.conj() * np.concatenate([speed, one], axis=-1) / (2.0 * math.pi)
-        column = wave * np.concatenate([one, speed], axis=-1)
-        return column, np.einsum("kja,jab->kjb", row, self._jumps)
+        places = np.ascontiguousarray(kappa, dtype=complex)
+        values = np.empty(places.shape, dtype=complex)
+        pairs = (places.view(float).reshape(-1, 2), values.view(float).reshape(-1, 2))
+        EVERYWHERE(self._impacts, series(), self._room(0), *pairs)
+        return values
 
     # --- real multipliers as scalars ---
 
@@ -237,13 +224,13 @@ class OrbitMap:
 
         ``D/(1 + |g|^2)`` at mu = -1, real: bounded also where the band's edge passes there.
         """
-        told = self.__dict__.get("_circle")
-        told = self._told(whole=False) if told is None else told
-        if told is not None:
-            return float(told[loops.MINUS])
-        half = np.array([0.5])
-        size, third = (abs(inverse(self.scaled, at)[0]) for at in (half, half + 1.0))
-        return float(self.F(half)[0].real / third / (1.0 + size * size))
+        if self.gamma == 0.0:
+            F = self.F(np.array([0.5]))[0].real
+        else:
+            F = self._circle.samples[-1, 2]
+        size = abs(1.0 - 16.0 * self.scaled) / 16.0  # 1/|g|^2 at kappa = 1/2, and 1/g at 3/2
+        third = 1.5 * math.sqrt(2.25 - 4.0 * self.scaled)
+        return float(F / third / (1.0 + size))
 
     # --- counting ---
 
@@ -258,42 +245,30 @@ class OrbitMap:
         """
         if self.gamma == 0.0:
             return _counted(self._uncoupled())
-        if (told := self._circle) is not None:
-            least, where = told[loops.LEAST], told[loops.WHERE]
-            ends = told[loops.START], told[loops.END]
-            return _turned(told[loops.TURNING], told[loops.RESOLVED], least, where, *ends)
-        kappa, F, resolved = self._resolved
-        F = F.copy()
-        # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1;
-        # a real multiplier on the circle to within rounding is not outside
-        for ahead, inside in ((F, -1.0), (F[::-1], 1.0)):
-            blurred = abs(ahead) <= CERTAIN * self._terms
-            near = ahead[: blurred.argmin()]
-            near[:] = inside * np.maximum(abs(near), 1e-300)
-        turns, size = np.angle(F[1:] * F[:-1].conj()), np.abs(F) / self._terms
-        turning = np.sum(np.where(turns < -loops.HALF, -turns, turns))
-        i = int(size.argmin())
-        resolved &= bool(self._chords[0].min(initial=1.0) > ON_CIRCLE)
-        return _turned(turning, resolved, size[i], kappa[i].real, F[0].real, F[-1].real)
+        found = self._circle.found
+        half_turns = round(found[TURNING] / math.pi)
+        certain = found[RESOLVED] and found[LEAST] > CERTAIN
+        certain = certain and abs(found[TURNING] / math.pi - half_turns) < 0.01
+        pairs = (1 - half_turns - int(found[START] > 0.0) - int(found[END] < 0.0)) // 2
+        nu = 2.0 * float(found[WHERE])
+        return Count(1 - half_turns, bool(certain), float(found[LEAST]), nu, pairs)
+
+    @property
+    def _circle(self) -> Told:
+        return _around(self)
 
     @cached_property
-    def _circle(self) -> Array | None:
-        """What compiled code tells of F on the circle; None where there is none."""
-        return self._told(whole=True)
+    def _terms(self) -> float:
+        """Size of what may cancel in F."""
+        return float(np.prod([1.0 + abs(self.periods * kick.b) for kick in self.kicks]))
 
-    def _told(self, *, whole: bool) -> Array | None:
-        single = not self._sites[0].any()
-        code = _ORBIT.code() if single and (self.gamma > 0.0 or not whole) else None
-        if code is None:
-            return None
-        n = self.periods
-        kicks = [entry for kick in self.kicks for entry in (kick.time / n, n * kick.b)]
-        data = np.array([self.scaled, self.k, self._terms, len(self.kicks), whole, *kicks])
-        table, work, found = constants(), np.empty(loops.SIZE), np.empty(8)
-        failed = code(data.ctypes.data, table.ctypes.data, work.ctypes.data, found.ctypes.data)
-        return None if failed else found
+    @property
+    def _samples(self) -> tuple[Array, Array]:
+        """kappa in [0, 1/2] and F there, so close that F turns by less than a radian between."""
+        _, kappa, real, imag = self._circle.samples.T
+        return kappa, real + 1j * imag
 
-    def pairs(self) -> tuple[float, int]:
+    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
         """How far the next pair is off the circle, negative while an odd number is outside, and
         how many are."""
         outside = self.count().pairs
@@ -310,67 +285,25 @@ class OrbitMap:
         return OrbitMap.on_circle
 
     def nearest(self) -> float:
-        """kappa on the circle where a multiplier is closest to passing: a start for its angle."""
-        kappa, F, _ = self._resolved
-        x = kappa.real
+        """Angle, over pi, at which a multiplier is closest to passing the circle."""
+        x, F = self._samples
         inner = np.flatnonzero((x > 0.0) & (x < 0.5))
         with np.errstate(divide="ignore", invalid="ignore"):
             step = F / np.gradient(F, x)
         best = inner[int(np.nanargmin(np.abs(step[inner])))]
         near = x[best] - step[best].real
-        return float(near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best])
+        kappa = near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best]
+        return 2.0 * float(kappa)
 
     def approach(self) -> float:
-        """How close a complex pair comes to the circle: 0 on it, at most `FAR`.
+        """How close a complex pair comes to the circle: 0 on it, at most `FARTHEST`.
 
         The distance of a zero of F from the circle over that from +1 and -1, which are not meant:
         on straight lines between the samples, F/F' is how far off its zero is.
         """
         if self.gamma == 0.0:
-            return FAR
-        if self._circle is not None:
-            return float(self._circle[loops.APPROACH])
-        off, at = self._chords
-        inner = (at > 0.0) & (at < 0.5)
-        off, at = off[inner], at[inner]
-        return float(np.min(off * (1.0 / at + 1.0 / (0.5 - at)), initial=FAR))
-
-    @cached_property
-    def _chords(self) -> tuple[Array, Array]:
-        """How far a zero is off the circle, by the straight line between two samples of F, and
-        where."""
-        kappa, F, _ = self._resolved
-        step, rise = np.diff(kappa.real), np.diff(F)
-        # pieces of the circle share their ends: nothing is between them
-        between = (step > 1e-14 * kappa.real[1:]) & (rise != 0.0)
-        step, rise, F, x = step[between], rise[between], F[:-1][between], kappa.real[:-1][between]
-        t = np.clip(-(F * rise.conj()).real / np.abs(rise) ** 2, 0.0, 1.0)
-        return np.abs(F + t * rise) / np.abs(rise) * step, x + t * step
-
-    @cached_property
-    def _terms(self) -> float:
-        """Size of what may cancel in F."""
-        return float(np.prod([1.0 + abs(self.periods * kick.b) for kick in self.kicks]))
-
-    @cached_property
-    def _resolved(self) -> tuple[Array, Array, bool]:
-        """kappa in [0, 1/2] and F there, so close that F turns by less than a radian between; False
-        where that could not be."""
-        places, values, enough = [], [], True
-        for low, high in self._pieces():
-            x = np.linspace(0.0, 1.0, GRID + 1)
-            place = _ends_resolved(low, high)
-            x, F, resolved = refined(x, place, self.F, FLAT * self._terms)
-            enough &= resolved
-            places.append(place(x))
-            values.append(F)
-        return np.concatenate(places), np.concatenate(values), enough
-
-    def _pieces(self) -> list[tuple[float, float]]:
-        """[0, 1/2] cut where an edge of the band lies: F has square roots there."""
-        edges = {edge for edge in (self.edge, 1.0 - self.edge) if 0.0 < edge < 0.5}
-        places = [0.0, *sorted(edges), 0.5]
-        return [piece for piece in pairwise(places) if piece[1] > piece[0]]
+            return FARTHEST
+        return float(self._circle.found[APPROACH])
 
     # --- sites without coupling ---
 
@@ -421,7 +354,7 @@ class OrbitMap:
 
     def _starts(self, more: int) -> Array:
         """kappa of the upper half plane of mu, outside the circle."""
-        kappa, F, _ = self._resolved
+        kappa, F = self._samples
         # F is straight between its samples: those next to a zero know where it is
         step = np.diff(kappa)
         with np.errstate(all="ignore"):
@@ -433,14 +366,12 @@ class OrbitMap:
         return np.concatenate([found[found.imag < 0.0], (across - 1j * depth).ravel()])
 
 
-def _turned(
-    turning: float, resolved: float, least: float, where: float, start: float, end: float
-) -> Count:
-    """The count that F says on the upper half of the circle, from mu = 1 on."""
-    half_turns = round(turning / math.pi)
-    certain = bool(resolved) and least > CERTAIN and abs(turning / math.pi - half_turns) < 0.01
-    pairs = (1 - half_turns - int(start > 0.0) - int(end < 0.0)) // 2
-    return Count(1 - half_turns, bool(certain), float(least), 2.0 * float(where), pairs)
+@lru_cache(maxsize=512)
+def _around(map: OrbitMap) -> Told:
+    """Samples of F along half the circle, and what they tell: events and columns ask in turn."""
+    told = Told(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
+    AROUND(map._impacts, series(), map._room(MOST + 1), map._terms, told)
+    return told._replace(samples=told.samples[: told.used[0]].copy())
 
 
 def _pair(M: Array) -> Array:
@@ -461,11 +392,6 @@ def _counted(mu: Array) -> Count:
     pairs = int(np.count_nonzero(outside.imag > 0.0))
     nu = abs(float(np.angle(mu[nearest]))) / math.pi
     return Count(outside.size, distance > CERTAIN, distance, nu, pairs)
-
-
-def _ends_resolved(low: float, high: float) -> Callable[[Array], Array]:
-    """kappa from x in [0, 1], so that a square root at either end is smooth in x."""
-    return lambda x: 0.5 * (low + high) - 0.5 * (high - low) * np.cos(math.pi * x) + 0j
 
 
 def _zeros(D: Callable[[Array], Array], kappa: Array, edge: float = 0.0) -> Array:

@@ -26,3 +26,14 @@ def outermost(mu: Array, radius: float = 1.0) -> float:
     """
     pairs = np.abs(mu[mu.imag > 0.0])
     return float(pairs.max()) / radius - 1.0 if pairs.size else math.nan
+
+
+def upper(mu: Array) -> Array:
+    """Complex ones in the upper half plane; those of modes without impacts never leave."""
+    return np.asarray(mu[mu.imag > REAL])
+
+
+def farthest(mu: Array) -> float:
+    """Angle, over pi, of the complex pair with the largest modulus; NaN if there is none."""
+    pairs = upper(mu)
+    return float(np.angle(pairs[abs(pairs).argmax()])) / math.pi if pairs.size else math.nan

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from contbreather.flows.modes import Turn, free_multipliers, turn
 from contbreather.lattice import Ring
-from contbreather.stability.pairs import REAL, beyond, outermost
+from contbreather.stability.pairs import REAL, beyond, farthest, outermost, upper
 from contbreather.stability.saltation import Kick, saltation
 from contbreather.stability.secular import Secular
 
@@ -28,6 +28,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Array = NDArray[Any]
 
+EPS = float(np.finfo(float).eps)
 LARGE = 90  # multipliers: of more, those next to a circle are found without all others
 BESIDE = 1e-6  # how far off the poles of free modes on the circle multipliers beyond are looked for
 _SHORT = 0.7  # of the longest: below that, not the one of several alike that comes first
@@ -40,10 +41,8 @@ class Map(Protocol):
     """The map of small perturbations over a section of an orbit.
 
     No matrix is promised: on the infinite chain +1 is the end of the band, and a pair leaves the
-    unit circle in a limit from outside; ``pairs()`` are a float that changes sign where one does,
-    and a number that changes wherever one does. On finite lattices ``over_period`` has the
-    multipliers over the period of the modes that impacts see, ``idle`` the largest modulus of all
-    others.
+    unit circle in a limit from outside. On finite lattices ``over_period`` has the multipliers over
+    the period of the modes that impacts see, ``idle`` the largest modulus of all others.
     """
 
     @property
@@ -56,6 +55,13 @@ class Map(Protocol):
 
     def crosses(self, mu: float) -> float:
         """A smooth scalar that changes sign where a multiplier over the section is mu, 1 or -1."""
+
+    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
+        """Of complex pairs: a float that changes sign where one leaves a circle, negative outside,
+        and on the infinite chain a number that changes wherever one does."""
+
+    def nearest(self) -> float:
+        """Angle, over pi, of the pair that is closest to leaving; NaN where there is none."""
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
         """Vanishes where ``radius exp(i pi angle)`` is a multiplier over the section; real where
@@ -182,7 +188,21 @@ class ModalMap:
         found = None
         if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and radius > 1.0:
             found = self._secular.outermost(radius)
-        return outermost(self.coupled[self.coupled.imag > REAL], radius) if found is None else found
+        return outermost(upper(self.coupled), radius) if found is None else found
+
+    def pairs(self, radius: float) -> tuple[float, int]:
+        """How far the first pair is inside a circle, and nothing that counts; NaN where no pair can
+        be told from two real ones."""
+        return (math.nan if self.rounding > REAL else -float(self.outermost(radius))), 0
+
+    @cached_property
+    def rounding(self) -> float:
+        """Of all multipliers: where an impact loses its velocity one grows beyond all bounds."""
+        return float(EPS * np.linalg.norm(self.matrix))
+
+    def nearest(self) -> float:
+        """Angle, over pi, of the pair with the largest modulus; NaN where there is none."""
+        return farthest(self.coupled)
 
     def beyond(self, place: float) -> int:
         """How many real multipliers are farther out than 1 or -1, on its side."""

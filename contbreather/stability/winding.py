@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from contbreather.checks import real
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, check_gamma
-from contbreather.stability.arc import Arc, angle, curve, grid, sample, window, windows
+from contbreather.stability.arc import Arc, angle, curve, grid, sample, window
 from contbreather.stability.characteristic import D, checked
 from contbreather.stability.saltation import check_kb
 from contbreather.stability.zeros import refined, steep
@@ -40,7 +40,6 @@ ROUNDING = 1e-13  # of F's own terms: closer than that to zero, a count is not c
 RIM = 1e-10  # of 1/4 - gamma: nearer, the band's edge and -1 are told apart by rounding
 NOISE = 1e-15  # of F's own terms: what their rounding amounts to
 NEAR = 1e-5  # of its terms: what many counts at once leave to one by one
-ROWS = 256  # of them together stay in the cache
 MOST = 2**20  # samples on a circle, when a ring's count asks for more there is no telling
 
 
@@ -179,15 +178,15 @@ def many_outside(gamma: Array, k: Array, b: Array) -> NDArray[np.int64]:
     call, or not for such numbers."""
     found = np.full(b.size, -1)
     inside = (gamma > 0.0) & (gamma < 0.25) & (k >= 0.0) & (k < 1.0) & (abs(b) < 1.0 / NOISE)
-    rows = np.flatnonzero(inside)
-    for at in np.array_split(rows, rows.size // ROWS + 1):
-        found[at] = _outside(gamma[at], k[at], b[at])
+    if inside.any():
+        found[inside] = _outside(gamma[inside], k[inside], b[inside])
     return found
 
 
 def _outside(gamma: Array, k: Array, b: Array) -> Array:
-    places, place = np.unique(np.stack([gamma, k]), axis=1, return_inverse=True)
-    centre, square = np.stack(windows(*places))[:, place.ravel()]
+    places, which = np.unique(np.stack([gamma, k]), axis=1, return_inverse=True)
+    windows = np.array([window(*place)[:2] for place in places.T.tolist()])
+    centre, square = windows[which.ravel()].T
     psi, eta, chi = (InfiniteChain().means(gamma, name) for name in ("psi", "eta", "chi"))
     beta0, beta0_size, fold, fold_size = ends(k, b, psi, eta, chi)
     # each as a sum of terms, whose size is known

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from contbreather.breathers import neimark_sacker, pitchfork, symmetric
+from contbreather.breathers import neimark_sacker, period_doubling, pitchfork, symmetric
 from contbreather.breathers.arms import asymmetric, beside
 from contbreather.breathers.asymmetric import AsymmetricEquations, divided
 from contbreather.breathers.images import shifted, simpler_than
@@ -19,7 +19,6 @@ from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.refusals import Inadmissible
 from contbreather.breathers.section import Section
 from contbreather.breathers.shooting import shooting
-from contbreather.breathers.wave_events import orbit_neimark_sacker, period_doubling
 from contbreather.breathers.waves import OrbitEquations
 from contbreather.continuation import Steps, Stop, boundary, trace
 from contbreather.continuation.diagram import diagram
@@ -412,7 +411,7 @@ def test_neimark_sacker_line_in_k_and_gamma_follows_the_edge_of_the_band_to_elas
 
 def test_a_pair_leaves_the_circle_where_its_locus_says():
     point = pitchfork_point(0.06, 0.95, inadmissible=True)
-    arm = switch(point, events=[orbit_neimark_sacker()], within={"a": (0, 0.95)})[0]
+    arm = switch(point, events=[neimark_sacker()], within={"a": (0, 0.95)})[0]
     assert arm["margin"][-1] < 0 < arm["margin"][0]
     event = arm.first("NS")
     nu = event.detail["nu"]

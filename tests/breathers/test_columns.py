@@ -10,16 +10,15 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers import symmetric_events
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.orbit import orbit_at
 from contbreather.breathers.section import Section
 from contbreather.breathers.shooting import shooting
-from contbreather.breathers.symmetric_events import unstable
 from contbreather.breathers.wave_road import impact_problem
 from contbreather.continuation import Problem
 from contbreather.errors import NotConverged
+from contbreather.stability.half_period import HalfMap
 
 BASE = {"a", "gamma", "k", "arclength", "residual", "unstable"}
 
@@ -183,10 +182,8 @@ def test_a_whole_column_of_counts_is_that_of_its_points_for_a_fraction_of_the_wo
     branch = cb.trace(breather, free, within=within, towards="both", steps=steps)
     single = [point["unstable"] for point in branch]
     assert len(set(single)) > 1
-    asked = []
-    monkeypatch.setattr(
-        symmetric_events, "unstable", lambda *one: asked.append(one) or unstable(*one)
-    )
+    asked, unstable = [], HalfMap.unstable
+    monkeypatch.setattr(HalfMap, "unstable", lambda *map: asked.append(map) or unstable(*map))
     assert branch["unstable"].tolist() == single
     assert branch["unstable"].dtype.kind == "i"
     assert len(asked) < 0.05 * len(branch)
@@ -208,7 +205,7 @@ def test_on_the_boundary_of_a_bifurcation_nobody_counts(monkeypatch: pytest.Monk
     branch = cb.trace(cb.symmetric(0.5, 0.05, 0.8), "a", within={"a": (0.06, 0.95)}, towards="both")
     window = {"gamma": (0.04, 0.06), "a": (0.0, 1.5)}
     line = cb.boundary(branch.first("PF"), ("gamma", "a"), within=window)
-    monkeypatch.setattr(symmetric_events, "unstable", None)
+    monkeypatch.setattr(HalfMap, "unstable", None)
     assert np.isnan(line["unstable"]).all()
 
 

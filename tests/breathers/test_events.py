@@ -10,11 +10,10 @@ import pytest
 from scipy.optimize import brentq
 
 import contbreather as cb
-from contbreather.breathers import symmetric_events
 from contbreather.breathers.arms import asymmetric
+from contbreather.breathers.grazing import shallow_impact
 from contbreather.breathers.lifts import lift
-from contbreather.breathers.modal_events import _shallow_locus
-from contbreather.breathers.wave_events import symmetric_again
+from contbreather.breathers.wave_road import symmetric_again
 from contbreather.continuation.newton import Undefined
 from contbreather.stability import G, dense_half_map, neimark_sacker, unstable_count
 
@@ -312,8 +311,8 @@ def event_of(problem: Any, kind: str) -> Any:
 
 def test_what_cannot_be_followed_from_a_point_says_why() -> None:
     near = {"a": (0.74, 0.76)}
-    ring = symmetric_events.neimark_sacker(on=cb.Ring(1))
     alike = cb.trace(cb.symmetric(0.75, 0.0, 0.8), "a", within=near)
+    ring = cb.neimark_sacker(on=cb.Ring(1)).of(alike.problem)
     shot = cb.trace(cb.shooting(cb.symmetric(0.75, 0.0, 0.8), sites=1), "a", within=near)
     near = {"a": (0.81, 0.83)}
     arm = cb.trace(asymmetric(0.82, 0.04, 0.8).problem, "a", within=near)
@@ -326,13 +325,13 @@ def test_what_cannot_be_followed_from_a_point_says_why() -> None:
         (lambda: event_of(shot.problem, "NS").locus(shot[0]), "no complex multipliers on this"),
         (lambda: event_of(alone.problem, "NS").locus(alone[0]), "no band for a pair to come out"),
         (lambda: symmetric_again(arm[0]), "the flights are not equal here"),
-        (lambda: _shallow_locus(plastic[0].solution), "with k = 0 a site rests on its wall"),
+        (lambda: shallow_impact(plastic[0].solution), "with k = 0 a site rests on its wall"),
     ):
         with pytest.raises(Undefined, match=words):
             what()
     assert event_of(arm.problem, "NS").locus(arm[0]).extra["nu"] > 0.0
     # an impact that is slow is another matter
-    assert _shallow_locus(shot[0].solution).extra == {}
+    assert shallow_impact(shot[0].solution).extra == {}
 
 
 def test_a_pair_without_an_angle_is_none_but_where_impacts_are_elastic() -> None:

@@ -58,7 +58,7 @@ def test_on_another_chain_the_label_of_the_first_one_is_replaced() -> None:
 
 
 def test_what_is_seen_as_a_pitchfork_and_is_none_is_told_apart(monkeypatch) -> None:
-    from contbreather.breathers import symmetric_events as own
+    from contbreather.stability.half_period import HalfMap
 
     branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.05, 0.9)})
     (event,) = (event for event in branch.problem.events if event.kind == "PF")
@@ -66,6 +66,6 @@ def test_what_is_seen_as_a_pitchfork_and_is_none_is_told_apart(monkeypatch) -> N
     assert found["criticality"] in ("supercritical", "subcritical")
     assert "is not zero" in event.examine(branch.first("LP"))
     assert "is not zero" in event.examine(branch[0])
-    monkeypatch.setattr(own, "_fold", lambda breather: 0.0)
+    monkeypatch.setattr(HalfMap, "crosses", lambda map, mu: 0.0)
     words = event.examine(branch.first("PF"))
     assert words == "a fold of the closure, not a pitchfork"

@@ -22,7 +22,6 @@ from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.clearance import _limits
 from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
-from contbreather.breathers.modal_events import contact, events_of
 from contbreather.breathers.modal_flight import ModalFlight
 from contbreather.breathers.modal_road import Modes, ShootingEquations
 from contbreather.breathers.orbit import Orbit, orbit_at
@@ -777,7 +776,7 @@ def test_margin_vanishes_with_the_velocity_of_an_impact() -> None:
     """On the lower branch of (13) p -> 0 as a -> 1: there the impact itself is lost."""
     low = min(cb.breathers.symmetric_roots(0.5, 0.04, 0.8, lattice=cb.Ring(1)), key=lambda b: b.p)
     branch = cb.trace(
-        shooting(low), "a", within={"a": (0.4, 1.2)}, towards="up", events=[contact()]
+        shooting(low), "a", within={"a": (0.4, 1.2)}, towards="up", events=[cb.grazing()]
     )
     assert branch[-1]["a"] == pytest.approx(1.0, abs=1e-9)
     assert branch[-1].solution.p == pytest.approx(0.0, abs=1e-9)
@@ -1048,8 +1047,8 @@ def test_orbit_of_one_ring_goes_to_another_or_says_why_not() -> None:
     with pytest.raises(cb.BadInput, match="not shot as a symmetric one"):
         shooting(tilted(), symmetric=True)
     with pytest.raises(cb.BadInput, match="threshold = 0"):
-        events_of(in_phase().section, 0.5)
-    assert [event.kind for event in events_of(in_phase().section)] == [
+        in_phase().road.problem(0.5)
+    assert [event.kind for event in in_phase().problem.events] == [
         "LP", "BP", "PF", "NS", "GR",
     ]  # fmt: skip
 

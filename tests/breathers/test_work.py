@@ -12,12 +12,13 @@ import pytest
 
 import contbreather as cb
 from contbreather import kernels
-from contbreather.breathers import clearance_loops, symmetric_events
+from contbreather.breathers import clearance_loops
 from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.grazing import solution_at
 from contbreather.breathers.rivals import rivals_data
 from contbreather.continuation import Steps, strider
 from contbreather.continuation.curve import Curve
+from contbreather.stability import half_period
 from contbreather.stability.arc import neimark_sacker, window
 
 FINE = Steps(first=0.005, largest=0.01)
@@ -68,7 +69,7 @@ def test_the_angle_of_a_pair_is_known_from_its_window(monkeypatch: pytest.Monkey
     def never(*given: Any) -> Any:
         raise AssertionError(given)
 
-    monkeypatch.setattr(symmetric_events, "closest_approach", never)
+    monkeypatch.setattr(half_period, "closest_approach", never)
     start = cb.symmetric(a=0.2, gamma=0.05, k=0.8)
     found = cb.trace(start, "gamma", within={"gamma": (0.0, 0.2)}).first("NS")
     ends = sorted(neimark_sacker(found["gamma"], 0.8), key=lambda point: point.b)

@@ -32,8 +32,8 @@ def half_by_modes(sites: int, gamma: float, k: float, b: float, damping: float =
 @pytest.mark.parametrize("b", [-0.8, 0.3, 1.4])
 def test_half_a_ring_and_its_modes_have_the_same_multipliers_and_verdict(b: float) -> None:
     half, modes = HalfMap(0.11, 0.8, b, Ring(30)), half_by_modes(30, 0.11, 0.8, b)
-    assert np.sort(abs(half.half)) == pytest.approx(np.sort(abs(modes.coupled)), abs=1e-10)
-    first = outermost(half.half[half.half.imag > 0.0], 1.001)
+    assert np.sort(abs(half.coupled)) == pytest.approx(np.sort(abs(modes.coupled)), abs=1e-10)
+    first = outermost(half.coupled[half.coupled.imag > 0.0], 1.001)
     assert first == pytest.approx(modes.outermost(1.001), abs=1e-10)
     assert half.idle == modes.idle == 1.0
     one, other = verdict(half), verdict(modes)

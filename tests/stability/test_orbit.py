@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import brentq
 
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Ring
+from contbreather.kernels import Kernel
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import D, neimark_sacker, orbit, unstable_count, unstable_multipliers
 from contbreather.stability.orbit import OrbitMap
-from contbreather.stability.propagators import propagators
 from contbreather.stability.saltation import Kick
 from contbreather.stability.section_map import ring_map
 from contbreather.stability.verdict import verdict
@@ -89,27 +89,71 @@ def test_reduced_determinant_is_that_of_the_whole_matrix():
 @pytest.mark.parametrize("gamma", [0.001, 0.04, 0.1, 0.2499])
 @pytest.mark.parametrize("distance", [0, 1, 4])
 def test_mean_propagators_are_means_over_the_modes(gamma, distance):
-    times = np.array([0.0, 0.3, -1.2, 3.0, -6.2, 6.1])
-    pairs = propagators(gamma, distance, times)
+    """Through the determinant of two impacts, next to the circle and far from it."""
+    times, k, b = np.array([0.0, 2.4]), 0.7, (0.4, -1.3)
+    map = OrbitMap(gamma, k, [(0, times[0], b[0]), (distance, times[1], b[1])])
     theta, weight, w = Ring(4000).nodes(gamma)
-    share = weight * np.cos(distance * theta)
 
     def of_modes(s):
-        drift = s * np.sinc(w * s / np.pi)
-        return np.array([np.cos(w * s), drift, -w * np.sin(w * s)])
+        return np.array([np.cos(w * s), s * np.sinc(w * s / np.pi), -w * np.sin(w * s)])
 
-    for depth in (0.1, 0.3, 0.6):
-        kappa = np.array([0.0, 0.2, 0.5, -0.3]) - 1j * depth
-        found = [pairs.near(kappa)] + ([pairs.deep(kappa)] if depth > 0.5 else [])
-        for i, s in enumerate(times):
-            late = s + 2 * np.pi * (s <= 0)
-            for j, mu in enumerate(np.exp(2j * np.pi * kappa)):
-                mode = 1 - 2 * np.cos(2 * np.pi * w) / mu + mu**-2
-                exact = (of_modes(late) - of_modes(late - 2 * np.pi) / mu) / mode @ share
-                exact = exact * np.exp(-1j * kappa[j] * late)
-                for entries in found:
-                    values = np.array([one[i, j] for one in entries])
-                    assert np.abs(values - exact).max() < 1e-13 * max(1, np.abs(exact).max())
+    def block(s, apart, mu):
+        """What the one does to the other, as ``[[turn, reach], [pull, turn]]``."""
+        late = s + 2 * np.pi * (s <= 0)
+        mode = 1 - 2 * np.cos(2 * np.pi * w) / mu + mu**-2
+        now, before = of_modes(late), of_modes(late - 2 * np.pi)
+        turn, reach, pull = (now - before / mu) / mode @ (weight * np.cos(apart * theta))
+        # a late one meets what grew by mu
+        return np.array([[turn, reach], [pull, turn]]) / (mu if s <= 0 else 1.0)
+
+    for kappa in (0.0 - 0.1j, 0.2 - 0.3j, 0.5 - 0.6j, -0.3 - 0.1j, 0.2 - 0.7j):
+        mu = np.exp(2j * np.pi * kappa)
+        whole = np.eye(4, dtype=complex)
+        for i in range(2):
+            for j in range(2):
+                X = block(times[i] - times[j], distance if i != j else 0, mu)
+                jump = np.array([[-1 - k, 0.0], [b[j], -1 - k]])
+                whole[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] -= X @ jump
+        assert map.D(kappa) == pytest.approx(np.linalg.det(whole), rel=1e-11)
+
+
+MAPS = [
+    OrbitMap(0.2, 0.7, [(0, -0.03, 1.4), (0, 0.5, 1.75), (0, 3.15, -1.9)]),
+    OrbitMap(0.05, 0.3, [(0, 0.8, -1.4), (0, 7.1, 1.6)], 2),
+    OrbitMap(0.03, 0.9, [(0, 1.0, 0.2), (0, 1.0, 0.4)]),
+    OrbitMap(0.06, 0.8, [(2, 0.0, 0.9), (0, 1.1, -0.4), (3, 3.0, 0.9)]),
+    # on its pitchfork: a real multiplier on the circle to within rounding
+    OrbitMap(0.04, 0.8, [(0, t, 1.62 * InfiniteChain().psi(0.04)) for t in (0.0, math.pi)]),
+]
+
+
+@pytest.mark.parametrize("map", MAPS, ids=repr)
+def test_compiled_or_not_an_orbit_tells_the_same(map, monkeypatch):
+    def told():
+        orbit._around.cache_clear()
+        values = map.count(), map.crosses(-1.0), map.pairs(), map.nearest(), map.on_circle(0.3)
+        return *values, map.D(0.2 - 0.3j)
+
+    found = told()
+    monkeypatch.setattr(Kernel, "code", lambda kernel: None)
+    assert told() == found
+
+
+@pytest.mark.parametrize("gamma", [0.01, 0.025, 0.03, 0.06])
+def test_several_multipliers_at_1_are_not_outside(gamma):
+    """Elastic impacts have them at the pitchfork, and rounding alone puts them on a side."""
+    b = 2.0 * InfiniteChain().psi(gamma)
+    count = OrbitMap(gamma, 1.0, [(0, 0.0, b), (0, math.pi, b)]).count()
+    assert (count.count, count.certain) == (0, False)
+
+
+@pytest.mark.parametrize("many", [1, 9])
+def test_any_number_of_impacts_is_counted(many):
+    """Alike, as on a ring that is long enough."""
+    kicks = [(0, 0.6 * i, 0.1) for i in range(many)]
+    map, ring = OrbitMap(0.1, 0.8, kicks), on_ring(60, 0.1, 0.8, kicks, 1)
+    outside = int((abs(ring.over_period) > 1.05).sum())
+    assert map.count().count == outside == len(map.unstable_multipliers())
 
 
 def test_symmetric_breather_is_its_half_map_twice():
@@ -145,7 +189,7 @@ def test_just_beside_the_circle_the_count_of_the_whole_period_is_that_of_half_of
             whole = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])
             assert whole.count().count == unstable_count(gamma, k, b).count
             assert whole.count().certain
-            assert whole.nearest() == pytest.approx(min(root.nu, 1 - root.nu), abs=off)
+            assert 0.5 * whole.nearest() == pytest.approx(min(root.nu, 1 - root.nu), abs=off)
             assert whole.approach() < 10 * off
             seen.add(whole.count().count)
         assert max(seen) - min(seen) == 2

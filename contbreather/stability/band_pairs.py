@@ -1,7 +1,8 @@
-"""The equations of a Neimark-Sacker point of the infinite chain, as text that can be compiled.
+"""The equations of a Neimark-Sacker point of the infinite chain, and where they have roots.
 
-The same as `arc` without springs, in numbers and loops. `table` holds the tails of `aliases`, three
-times `POWERS` rows of `ORDERS` numbers, and after them the moments of the chain.
+Letters and formulas are those of `contbreather.stability.arc`, at one angle of the band at a time.
+`table` holds the tails of `aliases`, three times `POWERS` rows of `ORDERS` numbers, and after them
+the moments of the chain.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from contbreather.kernels import Kernel
+from contbreather.kernels import Kernel, Vector
 
 POWERS, ORDERS, EXACT = 13, 11, 3  # as in `aliases`
 GRID = 64  # as in `arc`
@@ -17,34 +18,52 @@ TAILS = 3 * POWERS * ORDERS
 TABLE = ANSWER = 0  # where table and answer begin
 ROUNDING = 4e-16
 
-# data: coupling, restitution, q, then b and the angle of `on_arc`
-GAMMA, K, Q, ENTRY, NU = range(5)
+# data: coupling, restitution, q, then b and the angle of `on_arc`, and the spring
+GAMMA, K, Q, ENTRY, NU, SPRING = range(6)
 # out: where R, B, C are left, and their slopes in nu, gamma and the spring; then tails at gamma, in
-# powers of nu^2, with their slopes; then v and nu at the latest angle
+# powers of nu^2, with their slopes; then a row of Pascal's triangle, and means of powers of w^2
+# with their slopes; then v and nu at the latest angle
 REGULAR, IN_NU, IN_GAMMA, IN_SPRING, TAIL = 0, 3, 6, 9, 12
-WAVE = TAIL + 9 * POWERS
+PASCAL = TAIL + 9 * POWERS
+MEANS = PASCAL + ORDERS + 1
+WAVE = MEANS + 3 * ORDERS
 VALUES = WAVE + 2  # of the equation for the angle on the grid
 FOUND = VALUES + GRID + 1  # three samples of angle, equation and b; then bend, vertex and height
 SIZE = FOUND + 12
 
 
-def tails(data: Any, table: Any, out: Any) -> None:
-    """Of R/nu, B, C at this coupling, and their slopes in gamma and the spring."""
+def means(data: Any, table: Any, out: Any) -> None:
+    """<w^2j> over the band, ``w^2 = spring + w_0^2`` with w_0 of the chain without springs, and
+    their slopes in gamma and the spring."""
     x = 4.0 * data[GAMMA]
-    for row in range(3 * POWERS):
-        value = in_gamma = in_spring = 0.0
-        power = below = 1.0  # x^j, x^(j-1)
-        for j in range(ORDERS):
-            own = table[TABLE + row * ORDERS + j]
-            value += own * table[TABLE + TAILS + j] * power
-            if j > 0:
-                in_gamma += own * table[TABLE + TAILS + j] * 4.0 * j * below
-                in_spring += own * j * table[TABLE + TAILS + j - 1] * below
+    for i in range(ORDERS + 1):
+        out[PASCAL + i] = 1.0 if i == 0 else 0.0
+    for j in range(ORDERS):
+        value = in_gamma = 0.0
+        power = below = 1.0  # x^i, x^(i-1)
+        for i in range(j + 1):
+            own = out[PASCAL + i] * table[TABLE + TAILS + i]
+            value += own * power
+            if i > 0:
+                in_gamma += own * 4.0 * i * below
             below = power
             power = power * x
-        out[TAIL + row] = value
-        out[TAIL + 3 * POWERS + row] = in_gamma
-        out[TAIL + 6 * POWERS + row] = in_spring
+        out[MEANS + j], out[MEANS + ORDERS + j] = value, in_gamma
+        out[MEANS + 2 * ORDERS + j] = j * out[MEANS + j - 1] if j > 0 else 0.0
+        for i in range(j + 1, 0, -1):  # binomials times powers of the spring
+            out[PASCAL + i] = data[SPRING] * out[PASCAL + i] + out[PASCAL + i - 1]
+        out[PASCAL] = data[SPRING] * out[PASCAL]
+
+
+def tails(data: Any, table: Any, out: Any) -> None:
+    """Of R/nu, B, C at this coupling, and their slopes in gamma and the spring."""
+    means(data, table, out)
+    for row in range(3 * POWERS):
+        for which in range(3):
+            total = 0.0
+            for j in range(ORDERS):
+                total += table[TABLE + row * ORDERS + j] * out[MEANS + which * ORDERS + j]
+            out[TAIL + which * 3 * POWERS + row] = total
 
 
 def tail(out: Any, which: int, z: float) -> float:
@@ -70,7 +89,8 @@ def regular(data: Any, out: Any, nu: float) -> None:
     for m in range(-EXACT, EXACT + 1):
         if m != 0:
             s = nu + 2.0 * m
-            h = 1.0 / math.sqrt(1.0 - x / (s * s))
+            A = s * s - data[SPRING]
+            h = s * s / A / math.sqrt(1.0 - x / A)
             R -= h / s / math.pi
             B += h / (s * s) / math.pi
             C += (1.0 - h) / math.pi
@@ -90,15 +110,16 @@ def regular_slopes(data: Any, out: Any, nu: float) -> None:
     for m in range(-EXACT, EXACT + 1):
         if m != 0:
             s = nu + 2.0 * m
-            s2 = s * s
-            rest = 1.0 - x / s2
-            h = 1.0 / math.sqrt(rest)
-            h_s = -h * x / (s2 * s * rest)
+            s2, spring = s * s, data[SPRING]
+            A = s2 - spring
+            edge = A - x
+            h = s2 / A / math.sqrt(1.0 - x / A)
+            h_s = -h * (A * x + spring * (A + edge)) / (s * A * edge)
             out[IN_NU] -= (h_s - h / s) / s / math.pi
             out[IN_NU + 1] += (h_s - 2.0 * h / s) / s2 / math.pi
             out[IN_NU + 2] -= h_s / math.pi
-            by_gamma = 2.0 * h / (s2 * rest)
-            by_spring = 0.5 * h * (s2 + s2 * rest) / (s2 * s2 * rest)
+            by_gamma = 2.0 * h / edge
+            by_spring = 0.5 * h * (A + edge) / (A * edge)
             for place, slope in ((IN_GAMMA, by_gamma), (IN_SPRING, by_spring)):
                 out[place] -= slope / s / math.pi
                 out[place + 1] += slope / s2 / math.pi
@@ -108,13 +129,13 @@ def regular_slopes(data: Any, out: Any, nu: float) -> None:
 # --- the two equations and their derivatives ------------------------------------------------
 
 
-def on_arc(data: Any, table: Any, out: Any, found: Any) -> int:
+def on_arc(data: Vector, table: Vector, out: Vector, found: Vector) -> int:
     """F at an angle, and its derivatives in nu, gamma, k, b and the spring: six pairs."""
     gamma, nu = data[GAMMA], data[NU]
     tails(data, table, out)
     regular(data, out, nu)
     regular_slopes(data, out, nu)
-    low = nu * nu
+    low = nu * nu - data[SPRING]
     high = 4.0 * gamma - low
     v = math.sqrt(low * high)
     pair(data, out, found, v)
@@ -164,11 +185,15 @@ def slope(
 
 
 def equation(data: Any, out: Any, alpha: float) -> float:
-    """The equation for the angle of a Neimark-Sacker point, ``nu = 2 sqrt(gamma) sin(alpha)``."""
+    """(v/nu) times the equation for the angle of a Neimark-Sacker point: negative at both ends of
+    the band, where alpha is 0 and pi/2, ``nu^2 = spring + 4 gamma sin(alpha)^2``."""
     gamma, q = data[GAMMA], data[Q]
     sine, cosine = math.sin(alpha), math.cos(alpha)
     edge = 2.0 * math.sqrt(gamma)
     nu, v, root = edge * sine, 4.0 * gamma * sine * cosine, edge * cosine
+    if data[SPRING] > 0.0:
+        nu = math.sqrt(data[SPRING] + nu * nu)
+        root = v / nu
     regular(data, out, nu)
     R, B = out[REGULAR], out[REGULAR + 1]
     out[WAVE], out[WAVE + 1] = nu, v
@@ -183,8 +208,9 @@ def needed(data: Any, out: Any) -> float:
     return float(c * c * (C - nu * (2.0 * R + nu * B) - math.pi * data[Q] * v * R))
 
 
-def window(data: Any, table: Any, out: Any, found: Any) -> int:
-    """Centre and square of the `Window`, and the angles at its ends, 0 where it has none."""
+def window(data: Vector, table: Vector, out: Vector, found: Vector) -> int:
+    """Centre and square of the `Window`, and the angles at its ends, 0 where it has none; how many
+    roots there are, the b of each and their angles."""
     tails(data, table, out)
     step, top = 0.5 * math.pi / GRID, 0
     for i in range(1, GRID):
@@ -207,6 +233,9 @@ def window(data: Any, table: Any, out: Any, found: Any) -> int:
                                out[VALUES + i], out[FOUND + 4])  # fmt: skip
             roots += bracketed(data, out, found, roots, middle, i * step + step,
                                out[FOUND + 4], out[VALUES + i + 1])  # fmt: skip
+    found[4] = roots
+    for i in range(4):
+        found[5 + i] = found[i]
     if roots == 2:
         one, other = found[0], found[1]
         found[0], found[1] = 0.5 * (one + other), 0.25 * (one - other) * (one - other)
@@ -290,4 +319,4 @@ def unopened(out: Any, found: Any) -> None:
     found[1] = min(square, 0.0)
 
 
-ON_ARC, WINDOW = Kernel(on_arc, "pppp"), Kernel(window, "pppp")
+ON_ARC, WINDOW = Kernel(on_arc), Kernel(window)

@@ -1,0 +1,482 @@
+"""The bordered determinant F of an orbit with impacts, and its turning along the unit circle.
+
+With time in units of n forcing periods and mu = exp(2 pi i kappa), perturbations at the impacts
+answer each other by the mean propagators ``X_ij = [[turn, reach], [pull, turn]]``, sums over the
+aliases ``kappa_a = kappa + a`` of
+
+    ``exp(i a s) g r^d (i kappa_a, 1, (i kappa_a)^2) / (2 pi)``,   s = t_i - t_j,  d sites apart,
+
+g the resolvent of the chain and r what a site passes on to the next. Far aliases are expanded in
+w/kappa_a and then in kappa (`expand`, once for each orbit). The parts of the three that may lie in
+the band, or reach its end from outside, are matrices of rank one with square roots in g: they
+border the rest,
+
+    ``F = -det [[1 - X (S - 1), to], [of, 1/g]]``,   2 m + 3 rows for m impacts,
+
+which is bounded along the whole circle. Complex numbers in arrays are pairs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector
+
+NEAR = 5  # aliases |a| <= 5 are exact
+ORDERS = 11  # of w^2/kappa_a^2 <= 1/30: below rounding
+POWERS = 22  # of kappa/(6 - w) <= 1/5: 4e-16
+FAR = 64  # |a| up to which high powers of 1/a are summed: 64^-9 < 1e-16
+CLOSED = 9  # lower powers come from Bernoulli polynomials
+HIGHEST = 2 * ORDERS + POWERS
+BORDER = 1  # aliases |a| <= 1 border the determinant
+
+GRID = 24  # samples between two singular places of the circle; refinement does the rest
+STEEP = 0.6  # largest step between neighbouring samples, relative to their modulus
+DEPTH = 40  # halvings of one interval
+MOST = 2**12  # samples of one piece: one that asks for more has a zero on it, or is rounding
+SHARP = 1e-13  # an interval that is not halved any more
+CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
+FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
+ON_CIRCLE = 1e-14  # how far off in kappa a multiplier is on the circle to within rounding
+FARTHEST = 0.25  # of a pair from the circle: beyond that it is all the same
+HALF = 3.1  # F turns as far in one step past a multiplier on the circle only: it is not outside
+TWO_PI = 2.0 * math.pi
+
+
+class Series(NamedTuple):
+    """What is the same for all orbits, see `contbreather.stability.propagators`."""
+
+    number: Cube  # (3, ORDERS, POWERS): of turn, reach, pull the factor of kappa^p <w^2l>, and
+    which: Cube  # with which of the sums over far aliases; -1 where there is none
+    bernoulli: Matrix
+    powers: Matrix  # of 1/a beyond `NEAR`
+
+
+class Impacts(NamedTuple):
+    """Those of one period; times and entries b in units of n forcing periods."""
+
+    gamma: float
+    loss: float  # -(1 + k), on the diagonal of S - 1
+    times: Vector
+    entries: Vector
+    sites: Counts  # from the first that impacts on
+    moments: Matrix  # by distance: <w^2l cos(d theta)> of the chain over (4 gamma)^l
+    tails: Cube  # by pairs of impacts: powers of kappa in turn, reach, pull of far aliases
+    phases: Cube  # by pairs: exp(i a s)
+
+
+class Room(NamedTuple):
+    """To work in."""
+
+    sums: Vector
+    answers: Cube  # by near alias, g r^d for each distance d
+    matrix: Cube
+    here: Matrix  # samples: place x, kappa, real and imaginary part of F
+    there: Matrix
+
+
+class Told(NamedTuple):
+    """What the samples along half the circle tell."""
+
+    samples: Matrix  # as those of a piece, one after the other
+    used: Counts
+    # turning; least |F| over its terms, and where; real part of F at both ends; whether it was
+    # resolved; how close a pair comes to the circle
+    found: Vector
+
+
+TURNING, LEAST, WHERE, START, END, RESOLVED, APPROACH = range(7)
+
+
+# --- what does not depend on kappa ----------------------------------------------------------
+
+
+def expand(orbit: Impacts, series: Series, sums: Vector) -> None:
+    """Fill in tails and phases of all pairs of impacts."""
+    m = orbit.times.size
+    for i in range(m):
+        for j in range(m):
+            pair, s = i * m + j, orbit.times[i] - orbit.times[j]
+            if i == j and i > 0:  # the same for each impact with itself
+                for n in range(3 * POWERS):
+                    put(orbit.tails, pair, n, at(orbit.tails, 0, n))
+            else:
+                far_sums(series, s, sums)
+                far_powers(orbit, series, sums, pair, abs(orbit.sites[i] - orbit.sites[j]))
+            for a in range(-NEAR, NEAR + 1):
+                put(orbit.phases, pair, a + NEAR, complex(math.cos(a * s), math.sin(a * s)))
+
+
+def far_sums(series: Series, s: float, sums: Vector) -> None:
+    """``sum over |a| > NEAR of exp(ias)/a^p`` for p = 1 and on, but for its factor 2 or 2i."""
+    y = math.pi - (s - TWO_PI * math.floor(s / TWO_PI))
+    for p in range(HIGHEST):
+        sums[p] = 0.0
+    for p in range(CLOSED):
+        total = 0.0
+        for i in range(CLOSED, -1, -1):
+            total = total * y + series.bernoulli[p, i]
+        sums[p] = total if p > 0 or s != 0.0 else 0.0  # the mean of its jump
+    for a in range(1, FAR + 1):
+        cosine, sine = math.cos(a * s), math.sin(a * s)
+        if a <= NEAR:
+            power = 1.0
+            for p in range(CLOSED):
+                power /= a
+                sums[p] -= power * (cosine if p % 2 else sine)
+        else:
+            for p in range(CLOSED, HIGHEST):
+                sums[p] += series.powers[a - NEAR - 1, p - CLOSED] * (cosine if p % 2 else sine)
+
+
+def far_powers(orbit: Impacts, series: Series, sums: Vector, pair: int, distance: int) -> None:
+    """Taylor coefficients in kappa of what far aliases add to turn, reach and pull."""
+    for c in range(3):
+        for p in range(POWERS):
+            real = imag = 0.0
+            for order in range(ORDERS):
+                which = int(series.which[c, order, p])
+                if which >= 0:
+                    term = 2.0 * series.number[c, order, p] * orbit.moments[distance, order]
+                    # over a and -a: twice the cosine where the power is even, or 2i times the sine
+                    if which % 2:
+                        real += term * sums[which]
+                    else:
+                        imag += term * sums[which]
+            if c == 0:  # turn has one factor i more
+                real, imag = -imag, real
+            orbit.tails[pair, c * POWERS + p, 0] = real
+            orbit.tails[pair, c * POWERS + p, 1] = imag
+
+
+# --- F --------------------------------------------------------------------------------------------
+
+
+def at(values: Cube, i: int, j: int) -> complex:
+    return complex(values[i, j, 0], values[i, j, 1])
+
+
+def put(values: Cube, i: int, j: int, value: complex) -> None:
+    values[i, j, 0], values[i, j, 1] = value.real, value.imag
+
+
+def over(z: complex) -> complex:
+    return z.conjugate() * (1.0 / (z.real * z.real + z.imag * z.imag))
+
+
+def root_of(x: float, y: float) -> complex:
+    """The square root of x + iy with y >= 0, in the first quadrant."""
+    if y == 0.0:
+        return complex(math.sqrt(x), 0.0) if x >= 0.0 else complex(0.0, math.sqrt(-x))
+    large = math.sqrt(0.5 * (abs(x) + math.sqrt(x * x + y * y)))
+    small = 0.5 * y / large
+    return complex(large, small) if x >= 0.0 else complex(small, large)
+
+
+def band_root(gamma: float, kappa: complex) -> complex:
+    """``sqrt(kappa^2 - 4 gamma)``, like kappa far off, for Im kappa <= 0; on the band its limit
+    from below. As a product of two roots it is exact next to either edge, and zero at them."""
+    edge, depth = 2.0 * math.sqrt(gamma), abs(kappa.imag)
+    return (root_of(kappa.real - edge, depth) * root_of(kappa.real + edge, depth)).conjugate()
+
+
+def power(z: complex, n: int) -> complex:
+    product = complex(1.0, 0.0)
+    for _ in range(n):
+        product = product * z
+    return product
+
+
+def bordered(orbit: Impacts, room: Room, kappa: complex) -> complex:
+    """F at ``mu = exp(2 pi i kappa)``, Im kappa <= 0; on the band the limit from |mu| > 1."""
+    m = orbit.times.size
+    for a in range(-NEAR, NEAR + 1):
+        if abs(a) > BORDER:
+            here = kappa + a
+            root = band_root(orbit.gamma, here)
+            answer, share = over(-here * root), complex(0.0, 0.0)
+            if orbit.moments.shape[0] > 1:
+                share = over(here + root)
+            r = -4.0 * orbit.gamma * (share * share)
+            for d in range(orbit.moments.shape[0]):
+                put(room.answers, a + NEAR, d, answer)
+                answer = answer * r
+    turn, reach, pull = propagators(orbit, room, kappa, 0, 0)
+    for i in range(m):
+        kicked(orbit, room, i, i, turn, reach, pull)
+    for i in range(m):
+        for j in range(i):
+            turn, reach, pull = propagators(orbit, room, kappa, i, j)
+            kicked(orbit, room, i, j, turn, reach, pull)
+            if kappa.imag == 0.0:  # there the far aliases are real, and back is the conjugate
+                turn, reach, pull = -turn.conjugate(), reach.conjugate(), pull.conjugate()
+            else:
+                turn, reach, pull = propagators(orbit, room, kappa, j, i)
+            kicked(orbit, room, j, i, turn, reach, pull)
+    for i in range(2 * m):
+        room.matrix[i, i, 0] += 1.0
+    for row in range(2 * BORDER + 1):
+        border(orbit, room, kappa + (row - BORDER), row - BORDER, 2 * m + row)
+    return -determinant(room.matrix, 2 * m + 2 * BORDER + 1)
+
+
+def propagators(
+    orbit: Impacts, room: Room, kappa: complex, i: int, j: int
+) -> tuple[complex, complex, complex]:
+    """Turn, reach and pull from impact j to impact i, over 2 pi, without what the border brings."""
+    pair = i * orbit.times.size + j
+    distance = abs(orbit.sites[i] - orbit.sites[j])
+    turn = reach = pull = complex(0.0, 0.0)
+    for p in range(POWERS - 1, -1, -1):
+        turn = turn * kappa + at(orbit.tails, pair, p)
+        reach = reach * kappa + at(orbit.tails, pair, POWERS + p)
+        pull = pull * kappa + at(orbit.tails, pair, 2 * POWERS + p)
+    for a in range(-NEAR, NEAR + 1):
+        phase = at(orbit.phases, pair, a + NEAR)
+        if abs(a) > BORDER:
+            here = kappa + a
+            answer = at(room.answers, a + NEAR, distance) * phase
+            turn += complex(-here.imag, here.real) * answer
+            reach += answer
+            pull -= here * here * answer
+        if distance == 0:  # what a site does to itself at once
+            pull -= phase
+    return turn, reach, pull
+
+
+def kicked(
+    orbit: Impacts, room: Room, i: int, j: int, turn: complex, reach: complex, pull: complex
+) -> None:
+    """Enter ``-X_ij (S_j - 1)``."""
+    if orbit.sites[i] == orbit.sites[j] and orbit.times[i] == orbit.times[j]:
+        turn = turn - math.pi  # not its own kick: what earlier periods left, G'(0) - 1/2
+    loss, b = -orbit.loss / TWO_PI, -orbit.entries[j] / TWO_PI
+    put(room.matrix, 2 * i, 2 * j, loss * turn + b * reach)
+    put(room.matrix, 2 * i, 2 * j + 1, loss * reach)
+    put(room.matrix, 2 * i + 1, 2 * j, loss * pull + b * turn)
+    put(room.matrix, 2 * i + 1, 2 * j + 1, loss * turn)
+
+
+def border(orbit: Impacts, room: Room, kappa: complex, alias: int, last: int) -> None:
+    """The column, the row and the corner of an alias that may lie in the band.
+
+    With several sites its part stays infinite at the band's ends between the first of them and
+    itself only: sites answer each other as on a chain that is held at the first, ``g r^|n - m|``
+    less the image ``g r^(n + m)``, plus what the motion of that one brings.
+    """
+    m, matrix, root = orbit.times.size, room.matrix, band_root(orbit.gamma, kappa)
+    speed, share = complex(-kappa.imag, kappa.real), complex(0.0, 0.0)
+    if orbit.moments.shape[0] > 1:
+        share = over(kappa + root)
+    square = share * share  # r = -4 gamma of it: what a site passes on to the next
+    for i in range(m):
+        angle = alias * orbit.times[i]
+        wave = complex(math.cos(angle), math.sin(angle))
+        back = wave.conjugate() * (1.0 / TWO_PI)
+        row = back * (speed * orbit.loss + orbit.entries[i])
+        reached = power(-4.0 * orbit.gamma * square, orbit.sites[i])
+        put(matrix, 2 * i, last, wave * reached)
+        put(matrix, 2 * i + 1, last, wave * speed * reached)
+        put(matrix, last, 2 * i, row * reached)
+        put(matrix, last, 2 * i + 1, back * orbit.loss * reached)
+    for i in range(m):
+        for j in range(m):
+            if orbit.sites[i] > 0 and orbit.sites[j] > 0:
+                answer_held(orbit, room, speed, square, alias, i, j)
+    for i in range(2 * BORDER + 1):
+        if 2 * m + i != last:
+            put(matrix, last, 2 * m + i, complex(0.0, 0.0))
+    put(matrix, last, last, -kappa * root)
+
+
+def answer_held(
+    orbit: Impacts, room: Room, speed: complex, square: complex, alias: int, i: int, j: int
+) -> None:
+    """Less what impact j does to impact i by one alias, on a chain that is held. As ``g (1/r - r) =
+    1/gamma``, that is a short sum of powers of r, bounded at the ends of the band."""
+    nearer = min(orbit.sites[i], orbit.sites[j])
+    farther = max(orbit.sites[i], orbit.sites[j])
+    r, total = -4.0 * orbit.gamma * square, complex(0.0, 0.0)
+    for n in range(nearer):
+        total = total + power(r, farther - nearer + 2 * n)
+    angle = alias * (orbit.times[i] - orbit.times[j])
+    wave = complex(math.cos(angle), math.sin(angle))
+    total = wave * (-4.0 / TWO_PI) * (total * square)
+    first, second = total * (speed * orbit.loss + orbit.entries[j]), total * orbit.loss
+    for row in range(2):
+        value = at(room.matrix, 2 * i + row, 2 * j) - first
+        put(room.matrix, 2 * i + row, 2 * j, value)
+        value = at(room.matrix, 2 * i + row, 2 * j + 1) - second
+        put(room.matrix, 2 * i + row, 2 * j + 1, value)
+        first, second = first * speed, second * speed
+
+
+def determinant(matrix: Cube, rows: int) -> complex:
+    """By elimination with the largest pivot of each column."""
+    product = complex(1.0, 0.0)
+    for c in range(rows):
+        best, pivot = -1.0, c
+        for r in range(c, rows):
+            size = matrix[r, c, 0] * matrix[r, c, 0] + matrix[r, c, 1] * matrix[r, c, 1]
+            if size > best:
+                best, pivot = size, r
+        if pivot != c:
+            product = -product
+            for j in range(c, rows):
+                value = at(matrix, c, j)
+                put(matrix, c, j, at(matrix, pivot, j))
+                put(matrix, pivot, j, value)
+        product = product * at(matrix, c, c)
+        if not best > 0.0:
+            break
+        inverse = over(at(matrix, c, c))
+        for r in range(c + 1, rows):
+            factor = at(matrix, r, c) * inverse
+            for j in range(c + 1, rows):
+                put(matrix, r, j, at(matrix, r, j) - factor * at(matrix, c, j))
+    return product
+
+
+def everywhere(orbit: Impacts, series: Series, room: Room, kappa: Matrix, values: Matrix) -> None:
+    """F at many places."""
+    expand(orbit, series, room.sums)
+    for i in range(kappa.shape[0]):
+        value = bordered(orbit, room, complex(kappa[i, 0], kappa[i, 1]))
+        values[i, 0], values[i, 1] = value.real, value.imag
+
+
+# --- along the circle -------------------------------------------------------------------------
+
+
+def around(orbit: Impacts, series: Series, room: Room, terms: float, told: Told) -> None:
+    """Samples of F on half the circle, cut where an edge of the band lies, and what they tell.
+
+    Closer wherever F moves by much of its modulus, unless that is nothing but rounding of terms of
+    such a size. F has square roots at the edges.
+    """
+    expand(orbit, series, room.sums)
+    edge = 2.0 * math.sqrt(orbit.gamma)
+    first, second = min(edge, 1.0 - edge), max(edge, 1.0 - edge)
+    found = told.found
+    found[TURNING], found[LEAST], found[RESOLVED], found[APPROACH] = 0.0, math.inf, 1.0, FARTHEST
+    told.used[0], low = 0, 0.0
+    for which in range(3):
+        high = min(0.5, first if which == 0 else second if which == 1 else 0.5)
+        if high > low:
+            piece(orbit, room, terms, told, low, high)
+            low = high
+
+
+def piece(orbit: Impacts, room: Room, terms: float, told: Told, low: float, high: float) -> None:
+    """One of them."""
+    here, there, count = room.here, room.there, GRID + 1
+    for i in range(count):
+        sample(orbit, room, here, i, i / GRID, low, high)
+    for _ in range(DEPTH):
+        more = 0
+        for i in range(count - 1):
+            more += 1 if is_wide(here, count, i, terms) else 0
+        if more == 0:
+            break
+        if count + more > MOST:
+            told.found[RESOLVED] = 0.0
+            break
+        to = 0
+        for i in range(count):
+            for c in range(4):
+                there[to, c] = here[i, c]
+            to += 1
+            if i + 1 < count and is_wide(here, count, i, terms):
+                sample(orbit, room, there, to, 0.5 * (here[i, 0] + here[i + 1, 0]), low, high)
+                to += 1
+        here, there, count = there, here, to
+    start = told.used[0]
+    for i in range(count):
+        for c in range(4):
+            told.samples[start + i, c] = here[i, c]
+    told.used[0] = start + count
+    tell(here, count, terms, told, low == 0.0, high == 0.5)
+
+
+def sample(
+    orbit: Impacts, room: Room, to: Matrix, i: int, x: float, low: float, high: float
+) -> None:
+    """F at a place of a piece; a square root at either end is smooth in x."""
+    kappa = 0.5 * (low + high) - 0.5 * (high - low) * math.cos(math.pi * x)
+    value = bordered(orbit, room, complex(kappa, 0.0))
+    to[i, 0], to[i, 1], to[i, 2], to[i, 3] = x, kappa, value.real, value.imag
+
+
+def is_wide(here: Matrix, count: int, i: int, terms: float) -> bool:
+    """Whether F moves by much of its modulus over an interval or one next to it."""
+    if here[i + 1, 0] - here[i, 0] <= SHARP:
+        return False
+    wide = False
+    for j in range(max(i - 1, 0), min(i + 2, count - 1)):
+        a, b, c, d = here[j, 2], here[j, 3], here[j + 1, 2], here[j + 1, 3]
+        start, end = math.sqrt(a * a + b * b), math.sqrt(c * c + d * d)
+        moved = math.sqrt((c - a) * (c - a) + (d - b) * (d - b))
+        steep = moved > STEEP * min(start, end)
+        wide = wide or (steep and max(start, end) > FLAT * terms)
+    return wide
+
+
+def tell(
+    here: Matrix, count: int, terms: float, told: Told, from_one: bool, to_minus_one: bool
+) -> None:
+    """What the samples of one piece tell."""
+    found = told.found
+    for i in range(count - 1):
+        approach(here, i, found)
+    # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1; a
+    # real multiplier on the circle to within rounding is not outside
+    if from_one:
+        inside(here, 0, 1, count, CERTAIN * terms, -1.0)
+        found[START] = here[0, 2]
+    if to_minus_one:
+        inside(here, count - 1, -1, count, CERTAIN * terms, 1.0)
+        found[END] = here[count - 1, 2]
+    for i in range(count):
+        a, b = here[i, 2], here[i, 3]
+        size = math.sqrt(a * a + b * b) / terms
+        if size < found[LEAST]:
+            found[LEAST], found[WHERE] = size, here[i, 1]
+        if i + 1 < count:
+            c, d = here[i + 1, 2], here[i + 1, 3]
+            turn = math.atan2(d * a - c * b, c * a + d * b)
+            found[TURNING] += -turn if turn < -HALF else turn
+
+
+def inside(here: Matrix, first: int, step: int, count: int, least: float, sign: float) -> None:
+    """Give samples that are rounding, from one end on, the sign of a multiplier inside."""
+    for n in range(count):
+        i = first + n * step
+        size = math.sqrt(here[i, 2] * here[i, 2] + here[i, 3] * here[i, 3])
+        if size > least:
+            return
+        here[i, 2], here[i, 3] = sign * max(size, 1e-300), 0.0
+
+
+def approach(here: Matrix, i: int, found: Vector) -> None:
+    """How far a zero is off the circle, by a straight line between two samples, over its distance
+    from +1 and -1, which are not meant."""
+    step = here[i + 1, 1] - here[i, 1]
+    a, b = here[i, 2], here[i, 3]
+    rise, lift = here[i + 1, 2] - a, here[i + 1, 3] - b
+    square = rise * rise + lift * lift
+    # pieces of the circle share their ends: nothing is between them
+    if step <= 1e-14 * here[i + 1, 1] or square == 0.0:
+        return
+    t = min(max(-(a * rise + b * lift) / square, 0.0), 1.0)
+    re, im = a + t * rise, b + t * lift
+    kappa = here[i, 1] + t * step
+    off = math.sqrt((re * re + im * im) / square) * step
+    if off <= ON_CIRCLE:
+        found[RESOLVED] = 0.0
+    if 0.0 < kappa < 0.5:
+        off *= 1.0 / kappa + 1.0 / (0.5 - kappa)
+        found[APPROACH] = min(found[APPROACH], off)
+
+
+EVERYWHERE, AROUND = Kernel(everywhere), Kernel(around)
