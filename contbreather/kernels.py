@@ -18,14 +18,14 @@ import stat
 import struct
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache, cached_property, lru_cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,24 +33,26 @@ from numpy.typing import NDArray
 from contbreather.files import alone
 
 Function = Callable[..., Any]
+T = TypeVar("T")
 
 # What kernels take, besides float, int, bool and NamedTuples of all these.
 Vector = Annotated[NDArray[np.float64], "f8", 1]
 Matrix = Annotated[NDArray[np.float64], "f8", 2]
 Cube = Annotated[NDArray[np.float64], "f8", 3]
 Counts = Annotated[NDArray[np.int64], "i8", 1]
+Table = Annotated[NDArray[np.int64], "i8", 2]
 Signs = Annotated[NDArray[np.int8], "i1", 1]
 
 OBJECTS = Path(__file__).parent / "_objects"  # what was compiled when the package was installed
 ASKED = "CONTBREATHER_COMPILE"  # in the environment; 0: nothing is compiled unless somebody asks
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
     "contbreather.continuation.stride",
-    "contbreather.lattice.wave_loops",
+    "contbreather.lattice.responses",
     "contbreather.stability.band_pairs",
     "contbreather.stability.bordered",
     "contbreather.breathers.closed_loops",
     "contbreather.breathers.pair_loops",
-    "contbreather.breathers.clearance_loops",
+    "contbreather.breathers.margins",
     "contbreather.dynamics.cruise",
     "contbreather.dynamics.tangent_flow",
     "contbreather.dynamics.smooth_flow",
@@ -101,8 +103,8 @@ class Kernel:
 
     Examples
     --------
-    >>> from contbreather.breathers import clearance_loops
-    >>> clearance_loops.MARGIN.function is clearance_loops.margin
+    >>> from contbreather.breathers import margins
+    >>> margins.MARGINS.function is margins.margins
     True
     """
 
@@ -140,8 +142,23 @@ class Kernel:
         if code is None:
             _as_it_is(self.function, *values)
         else:
-            frame = _framed(values, self.takes)
-            code(*len(FRAME) * [frame.ctypes.data])
+            frame = self._framed(values)
+            code(*len(FRAME) * [_begin(frame)])
+
+    def _framed(self, values: Iterable[Any]) -> NDArray[np.float64]:
+        """Its arguments in words of eight bytes."""
+        words = self._reader(*values)
+        frame = np.empty(len(words))
+        self._struct.pack_into(frame.data, 0, *words)
+        return frame
+
+    @cached_property
+    def _reader(self) -> Callable[..., list[Any]]:
+        return _reader(self.takes)
+
+    @cached_property
+    def _struct(self) -> struct.Struct:
+        return struct.Struct("".join(map(_letters, self.takes)))
 
     def following(self, *values: Any) -> Callable[[float], None]:
         """The same, of its first argument, a number, with all others given: these are looked up
@@ -149,8 +166,8 @@ class Kernel:
         code, function = self.code(), self.function
         if code is None:
             return lambda first: _as_it_is(function, first, *values)
-        frame = _framed((0.0, *values), self.takes)
-        at = len(FRAME) * [frame.ctypes.data]
+        frame = self._framed((0.0, *values))
+        at = len(FRAME) * [_begin(frame)]
 
         def go(first: float, keep: Any = values) -> None:  # the arrays, whose addresses are known
             frame[0] = first
@@ -183,6 +200,15 @@ def inlined(function: Function) -> Function:
 
 
 INLINED: set[Any] = set()
+
+
+def fixed(kind: T) -> T:
+    """A NamedTuple whose makers hand the same one over many times: looked up once."""
+    FIXED.add(kind)
+    return kind
+
+
+FIXED: set[Any] = set()
 
 
 @lru_cache(maxsize=256)
@@ -245,34 +271,67 @@ def _shape(name: str, hint: Any) -> Shape:
     return Shape(name, "", parts=_shapes(hint), made_by=hint)
 
 
-def _framed(values: Iterable[Any], shapes: Iterable[Shape]) -> NDArray[np.float64]:
-    """Numbers, and of arrays addresses and lengths, in words of eight bytes."""
-    letters: list[str] = []
-    words: list[Any] = []
-    for letter, word in _flattened(values, shapes):
-        letters.append(letter)
-        words.append(word)
-    frame = np.empty(len(words))
-    struct.pack_into("".join(letters), frame.data, 0, *words)
-    return frame
+def _letters(shape: Shape) -> str:
+    """One for each of its words, for `struct`."""
+    if shape.made_by:
+        return "".join(map(_letters, shape.parts))
+    return (1 + shape.axes) * "q" if shape.axes or shape.kind != "f8" else "d"
 
 
-def _flattened(values: Iterable[Any], shapes: Iterable[Shape]) -> Iterator[tuple[str, Any]]:
-    for value, (name, kind, axes, parts, made_by) in zip(values, shapes, strict=True):
-        if made_by:
-            yield from _flattened(value, parts)
-        elif axes:
-            lengths = value.shape
-            if len(lengths) != axes or value.dtype != kind or not value.flags.c_contiguous:
-                raise TypeError(
-                    f"{name} is {value.dtype} {lengths}; {kind} with {axes} axes, row by row, was "
-                    "expected"
-                )
-            yield "q", value.ctypes.data
-            for length in lengths:
-                yield "q", length
-        else:
-            yield ("d" if kind == "f8" else "q"), value
+def _reader(shapes: tuple[Shape, ...]) -> Callable[..., list[Any]]:
+    """Words of arguments, numbers, and of arrays addresses and lengths: written out as one list, as
+    a loop over them takes longer than many a kernel."""
+    scope: dict[str, Any] = {"array": _of_array, "fixed": _of_fixed}
+    words = ", ".join(_reading(shape, shape.name, scope) for shape in shapes)
+    names = ", ".join(shape.name for shape in shapes)
+    reader: Callable[..., list[Any]] = eval(f"lambda {names}: [{words}]", scope)
+    return reader
+
+
+def _reading(shape: Shape, path: str, scope: dict[str, Any]) -> str:
+    scope[name := f"shape{len(scope)}"] = shape
+    if shape.axes:
+        return f"*array({path}, {name})"
+    if shape.made_by in FIXED:
+        return f"*fixed({path}, {name})"
+    if shape.made_by:
+        return ", ".join(_reading(part, f"{path}.{part.name}", scope) for part in shape.parts)
+    return path
+
+
+def _of_array(array: NDArray[Any], shape: Shape) -> tuple[int, ...]:
+    lengths = array.shape
+    if len(lengths) != shape.axes or array.dtype != shape.kind or not array.flags.c_contiguous:
+        raise TypeError(
+            f"{shape.name} is {array.dtype} {lengths}; {shape.kind} with {shape.axes} axes, row by "
+            "row, was expected"
+        )
+    return _begin(array), *lengths
+
+
+def _begin(array: NDArray[Any]) -> int:
+    if not array.size:
+        return 0
+    try:
+        # sooner than by `array.ctypes`
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))  # type: ignore[arg-type]
+    except TypeError:  # not to be written to
+        return array.ctypes.data
+
+
+_words_of: dict[int, tuple[Any, list[Any]]] = {}  # by where a tuple is, as long as it is here
+
+
+def _of_fixed(value: Any, shape: Shape) -> list[Any]:
+    entry = _words_of.get(id(value))
+    if entry is None:
+        if len(_words_of) >= 64:
+            _words_of.clear()
+        entry = _words_of[id(value)] = value, _reader_of(shape.parts)(*value)
+    return entry[1]
+
+
+_reader_of = lru_cache(maxsize=64)(_reader)
 
 
 # --- what is at hand ------------------------------------------------------------------------------

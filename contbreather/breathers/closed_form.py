@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from contbreather.breathers.closure import EPS, Closure, sprung
 from contbreather.breathers.section import Impact, Section
-from contbreather.breathers.watched import ClosedWatch
+from contbreather.breathers.site_motion import ClosedFormMotion
 from contbreather.checks import real
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
@@ -190,9 +190,9 @@ class SymmetricFlight:
         return s - 0.5 * math.pi, np.where(flights % 2.0 == 0.0, 1.0, -1.0)
 
     @property
-    def watch(self) -> ClosedWatch:
+    def watch(self) -> ClosedFormMotion:
         """What its clearance from the walls is measured on."""
-        return ClosedWatch(self)
+        return ClosedFormMotion(self)
 
     # ----------------------------------------------------------------------------- stability
 

@@ -21,7 +21,7 @@ from contbreather.breathers import closed_loops, pair_loops
 from contbreather.breathers.closed_form import SymmetricFlight, flight_slope_of
 from contbreather.breathers.grazing import Crest
 from contbreather.breathers.on_circle import OnCircle
-from contbreather.breathers.watched import phase
+from contbreather.breathers.site_motion import phase
 from contbreather.continuation import Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.strider import Loops

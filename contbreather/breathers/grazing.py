@@ -15,16 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import (
-    Gap,
-    Terms,
-    closest,
-    gaps_of_idle,
-    least_margin,
-)
+from contbreather.breathers.clearance import Clearance, closest, closest_idle, least_margin
 from contbreather.breathers.orbit import Orbit
-from contbreather.breathers.rivals import least_rival, rivals
+from contbreather.breathers.other_contacts import closest_other
 from contbreather.breathers.section import Section
+from contbreather.breathers.site_motion import Terms
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
@@ -94,7 +89,7 @@ def _locus(point: Point) -> Locus:
     # without coupling all idle sites climb alike, and the one is meant that does highest with it
     weakly = orbit.road.weakly() if worst.flight < 0 and orbit.gamma < ALIKE else None
     if weakly is not None:
-        worst = min(gaps_of_idle(weakly))
+        worst = closest_idle(weakly)
     return _follow(orbit, worst.site, worst.time)
 
 
@@ -149,13 +144,12 @@ class _Rival:
         base = Event("GR", self.margin, ends="domain", locus=self.locus)
         return Meeting("GR-GR", self.test, ends="domain", base=base, examine=self.examine)
 
-    def closest(self, point: Point) -> Gap:
+    def closest(self, point: Point) -> Clearance:
         watch = solution_at(point).watch
-        return min(rivals(watch, self.site, point["t"], mirrored=self.mirrored))
+        return closest_other(watch, self.site, point["t"], mirrored=self.mirrored)
 
     def margin(self, point: Point) -> float:
-        watch = solution_at(point).watch
-        return least_rival(watch, self.site, point["t"], mirrored=self.mirrored)
+        return self.closest(point).margin
 
     def test(self, point: Point) -> float:
         return self.margin(point) / (1.0 if self.scale is None else self.scale(point))

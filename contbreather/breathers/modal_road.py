@@ -25,7 +25,7 @@ from contbreather.breathers.orbit_events import branching, events_of
 from contbreather.breathers.problem import orbit_problem, read_by, unstable_by
 from contbreather.breathers.road import Impacts, Offsets, road
 from contbreather.breathers.section import WEAK, Section, check_order, check_possible
-from contbreather.breathers.watched import ModalWatch
+from contbreather.breathers.site_motion import ModalMotion
 from contbreather.continuation import Locus, Point, Problem, fold
 from contbreather.continuation.curve import Curve
 from contbreather.lattice import Ring
@@ -97,8 +97,8 @@ class Modes(ModalFlight):
     guess = problem
 
     @property
-    def watch(self) -> ModalWatch:
-        return ModalWatch(Orbit(self))
+    def watch(self) -> ModalMotion:
+        return ModalMotion(Orbit(self))
 
     def on(self, lattice: Any) -> Orbit | None:
         """From ring to ring the sites around the one that impacts keep their motion, new ones move

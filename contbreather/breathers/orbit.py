@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.breathers.clearance import Admissibility, Watch, clearance
+from contbreather.breathers.clearance import Admissibility, clearance
 from contbreather.breathers.road import ROADS, Road
 from contbreather.breathers.section import Impact, Section, check_order
+from contbreather.breathers.site_motion import SiteMotion
 from contbreather.checks import check_kind, flag, number, numbers, row, shown
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.curve import Curve
@@ -372,7 +373,7 @@ class Orbit(Shown):
         return clearance(self.watch)
 
     @property
-    def watch(self) -> Watch:
+    def watch(self) -> SiteMotion:
         """What that is measured on."""
         return self.road.watch
 

@@ -8,8 +8,8 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.clearance import Watch
 from contbreather.breathers.section import Impact, Section
+from contbreather.breathers.site_motion import SiteMotion
 from contbreather.continuation import Locus, Point, Problem
 from contbreather.lattice.conditions import Conditions
 
@@ -75,10 +75,10 @@ class Road(Protocol):
         """The problem for what need not be a solution yet."""
 
     @property
-    def watch(self) -> Watch:
+    def watch(self) -> SiteMotion:
         """What the clearance from the walls is measured on."""
 
-    def weakly(self) -> Watch | None:
+    def weakly(self) -> SiteMotion | None:
         """The same with a little coupling, if that is at hand: it tells idle sites apart."""
 
     def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> Locus:

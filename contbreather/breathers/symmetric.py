@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from contbreather.breathers import closed_slopes
-from contbreather.breathers.clearance import LIMIT, Watch
+from contbreather.breathers.clearance import LIMIT
 from contbreather.breathers.closed_form import HALF, SymmetricFlight
 from contbreather.breathers.closure import Closure, roots, sprung
 from contbreather.breathers.grazing import ALIKE, Crest
@@ -22,6 +22,7 @@ from contbreather.breathers.orbit_events import events_of, saddle_node
 from contbreather.breathers.problem import on_ring, unstable_by
 from contbreather.breathers.road import Impacts, Offsets, Road, road
 from contbreather.breathers.section import Section
+from contbreather.breathers.site_motion import SiteMotion
 from contbreather.breathers.wave_road import asymmetric_problem
 from contbreather.checks import real
 from contbreather.continuation import Event, Locus, Point, Problem
@@ -65,8 +66,8 @@ class ClosedForm(SymmetricFlight):
         drive = held(on.forcing, on.spring) if on.spring else on.forcing
         return cls(on.a, on.gamma, on.k, p, phi, drive, on.lattice)
 
-    def weakly(self) -> Watch:
-        watch: Watch = replace(self, gamma=ALIKE).watch
+    def weakly(self) -> SiteMotion:
+        watch: SiteMotion = replace(self, gamma=ALIKE).watch
         return watch
 
     def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> Locus:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.breathers.asymmetric import NAMES, AsymmetricEquations
-from contbreather.breathers.clearance import Terms
 from contbreather.breathers.grazing import Crest, solution_at
 from contbreather.breathers.images import simpler_than
 from contbreather.breathers.lifts import from_arms, lift
@@ -23,7 +22,7 @@ from contbreather.breathers.orbit_events import events_of
 from contbreather.breathers.problem import on_ring, orbit_problem, read_by, unstable_by
 from contbreather.breathers.road import Impacts, Offsets, Road, road
 from contbreather.breathers.section import Impact, Section, check_order
-from contbreather.breathers.watched import GreenWatch, moved
+from contbreather.breathers.site_motion import GreenMotion, Terms, moved
 from contbreather.breathers.waves import GreenFlight, OrbitEquations, Params
 from contbreather.continuation import Event, Lift, Locus, Point, Problem, branch_point, fold
 from contbreather.continuation.boundary import meeting
@@ -90,8 +89,8 @@ class Waves(GreenFlight):
         return impact_problem(Orbit(self))
 
     @property
-    def watch(self) -> GreenWatch:
-        return GreenWatch(Orbit(self))
+    def watch(self) -> GreenMotion:
+        return GreenMotion(Orbit(self))
 
     def weakly(self) -> None:
         """Where there is no coupling, the closest site is meant."""

@@ -19,7 +19,7 @@ multi-site and period-n breathers, on rings and on the infinite chain, are all t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
@@ -35,9 +35,10 @@ from contbreather.breathers.section import (
     told_apart_slopes,
 )
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice, wave_loops
+from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, restitution_ratio
-from contbreather.lattice.periodic import check_coupling, wave, wave_slope, wave_table
+from contbreather.lattice.periodic import check_coupling, responses, wave
+from contbreather.lattice.responses import MEETINGS
 from contbreather.parameters import parameter
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.saltation import Kick
@@ -45,10 +46,6 @@ from contbreather.stability.section_map import ModalMap, ring_map
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
-
-FEW = 8  # up to so many pairs of impacts a loop over floats beats numpy
-_MEETINGS = wave_loops.MEETINGS
-_EVEN_ODD = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
 
 
 @dataclass(frozen=True)
@@ -114,51 +111,15 @@ class OrbitEquations:
             stiffness[j, i] += 1.0 / bonds
         return stiffness
 
-    @cached_property
-    def _pairs(self) -> dict[int, list[tuple[int, int]]]:
-        """Pairs i > j of impacts, and (0, 0) for an impact with itself, by distance."""
-        pairs: dict[int, list[tuple[int, int]]] = {0: []}
-        for i, (site, _) in enumerate(self.section.impacts):
-            for j, (other, _) in enumerate(self.section.impacts[:i]):
-                pairs.setdefault(self.lattice.distance(site - other), []).append((i, j))
-        return pairs
-
-    @cached_property
-    def _rows(self) -> tuple[tuple[int, ...], list[int]]:
-        """Distances between impacts, and which of them each pair has."""
-        sites = [site for site, _ in self.section.impacts]
-        apart = [self.lattice.distance(one - other) for one in sites for other in sites]
-        distances = tuple(sorted(set(apart)))
-        return distances, [distances.index(one) for one in apart]
-
     def meetings(self, gamma: float, times: FloatArray, *, slope: bool = False) -> FloatArray:
         """``h_ij`` and its first three derivatives at t_i - t_j, shape (4, m, m).
 
         On the diagonal the first derivative is left out: its jump is in the reset law.
         """
-        m, turns = self.section.count, self.section.turns
-        code = None if slope else _MEETINGS.code()
-        distances, rows = self._rows
-        table = None if code is None else wave_table(self.lattice, gamma, distances, turns)
-        if code is not None and table is not None:
-            return _called(code, np.array([m, turns, *times, *rows], dtype=float), table)
-        out = np.zeros((4, m, m))
-        make = wave_slope if slope else wave
-        for distance, pairs in self._pairs.items():
-            answer = make(self.lattice, gamma, distance, turns)
-            if distance == 0:
-                value, _, curvature, _ = answer.at(0.0)
-                out[0].flat[:: m + 1], out[2].flat[:: m + 1] = value, curvature
-            if not pairs:
-                continue
-            i, j = (list(index) for index in zip(*pairs, strict=True))
-            if len(pairs) <= FEW:
-                apart = [float(times[a]) - float(times[b]) for a, b in pairs]
-                four = np.array([answer.at(s) for s in apart]).T
-            else:
-                four = np.array(answer.at(times[i] - times[j]))
-            out[:, i, j] = four
-            out[:, j, i] = four * _EVEN_ODD  # h is even
+        sites = tuple(site for site, _ in self.section.impacts)
+        mutual = responses(self.lattice, gamma, sites, sites, self.section.turns, slope=slope)
+        out = np.empty((4, times.size, times.size))
+        MEETINGS(mutual, np.ascontiguousarray(times, dtype=float), out)
         return out
 
     def _in_turn(self, h: FloatArray, times: FloatArray) -> FloatArray:
@@ -410,10 +371,3 @@ class GreenFlight:
         if on.lattice.sites is not None:
             return ring_map(on.lattice, on.gamma, on.k, tuple(kicks), T)
         return OrbitMap(on.gamma, on.k, tuple(kicks), self.section.turns)
-
-
-def _called(code: Callable[..., int], data: FloatArray, table: FloatArray) -> FloatArray:
-    m = int(data[0])
-    out = np.empty((4, m, m))
-    code(data.ctypes.data, table.ctypes.data, out.ctypes.data)
-    return out

@@ -111,6 +111,12 @@ def _shift(spring: float) -> FloatArray:
     return np.asarray(np.tril(rows))
 
 
+@lru_cache(maxsize=64)
+def moments_of(lattice: Any, sites: tuple[int, ...]) -> FloatArray:
+    """Its moments of several sites, in rows."""
+    return np.array([lattice.moments(site) for site in sites]).reshape(len(sites), TERMS + 1)
+
+
 @lru_cache(maxsize=1024)
 def q_moments(sites: int | None, n: int) -> FloatArray:
     """``<q^j cos(n theta)>`` for j = 0..TERMS with ``q = sin^2(theta/2)``; read-only.
@@ -201,10 +207,11 @@ class Lattice:
         counts = [series.constant, len(series.poles), len(series.powers)]
         return [*counts, *poles, *series.powers, *series.slopes]
 
-    def powers(self, gamma: float, n: int) -> FloatArray:
-        """``<w^2j cos(n theta)>`` for j = 0, 1, ..."""
-        own = self.moments(n) * (4.0 * gamma) ** np.arange(TERMS + 1)
-        return _shift(self.spring) @ own if self.spring else own
+    def powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
+        """``<w^2j cos(n theta)>`` for j = 0, 1, ...; of several sites in rows."""
+        moments = moments_of(self, n) if isinstance(n, tuple) else self.moments(n)
+        powers = moments * (4.0 * gamma) ** np.arange(TERMS + 1)
+        return powers @ _shift(self.spring).T if self.spring else powers
 
     def dpowers(self, gamma: float, n: int) -> FloatArray:
         """Derivative of `powers` with respect to gamma."""

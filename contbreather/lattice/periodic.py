@@ -30,8 +30,9 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice.green import TERMS
-from contbreather.lattice.means import Lattice, check_gamma
+from contbreather.lattice.means import Lattice, check_gamma, moments_of
 from contbreather.lattice.modes import Ring
+from contbreather.lattice.responses import Responses
 from contbreather.lattice.zeta import zeta
 
 FloatArray = NDArray[np.float64]
@@ -326,7 +327,7 @@ def wave_table(
     scaled = check_coupling(lattice, gamma, periods)
     if scaled >= 0.25:
         return None
-    moments = _moments(lattice, distances) * (4.0 * scaled) ** _ORDERS
+    moments = moments_of(lattice, distances) * (4.0 * scaled) ** _ORDERS
     n = np.array(distances)
     first = np.asarray(lattice.first_harmonic(scaled, n)) - moments.sum(axis=1)
     second = 0.25 * np.asarray(lattice.first_harmonic(0.25 * scaled, n)) - moments @ _QUARTERS
@@ -336,11 +337,6 @@ def wave_table(
     table[:, POWERS + 1] = second / -math.pi
     table *= periods
     return table
-
-
-@lru_cache(maxsize=64)
-def _moments(lattice: Lattice, distances: tuple[int, ...]) -> FloatArray:
-    return np.array([lattice.moments(distance) for distance in distances])
 
 
 def wave_basis(s: FloatArray, periods: int = 1) -> FloatArray:
@@ -355,20 +351,51 @@ def wave_basis(s: FloatArray, periods: int = 1) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def wave_rows(
-    lattice: Lattice, gamma: float, distances: tuple[int, ...], periods: int = 1
-) -> FloatArray | None:
-    """`wave_table` with one more column: no less than what the answer of each site comes to."""
-    table = wave_table(lattice, gamma, distances, periods)
-    if table is None:
-        return None
-    # a harmonic beyond the second is too small for a maximum to hide between these places
-    largest = abs(table @ _all_around()).max(axis=1)
-    rows = np.empty((len(table), POWERS + 3))
-    rows[:, :-1], rows[:, -1] = table, 1.01 * largest
-    return rows
+def responses(
+    lattice: Lattice,
+    gamma: float,
+    sites: tuple[int, ...],
+    hits: tuple[int, ...],
+    periods: int = 1,
+    *,
+    slope: bool = False,
+) -> Responses:
+    """`wave` of sites to impacts at others, or `wave_slope`, as kernels take them."""
+    apart = [[lattice.distance(site - hit) for hit in hits] for site in sites]
+    distances, places = np.unique(apart, return_inverse=True)
+    which = places.reshape(len(sites), len(hits))
+    table = None if slope else wave_table(lattice, gamma, tuple(distances.tolist()), periods)
+    if table is not None:
+        no_waves, largest = np.empty((len(table), 0)), bounds(table, _basis())
+        modes = no_waves[0], no_waves, no_waves
+        return Responses(which, falling(table), *modes, largest, float(periods), False)
+    make = wave_slope if slope else wave
+    answers = [make(lattice, gamma, distance, periods) for distance in distances.tolist()]
+    table = periods * np.array(
+        [[*answer.powers, answer.first, answer.second] for answer in answers]
+    )
+    none = np.empty(0)
+    no_modes = Modes(none, none, none, 0.0)
+    W, even, odd, constant = zip(*(answer.modes or no_modes for answer in answers), strict=True)
+    table[:, 0] += periods * np.array(constant)
+    modes = W[0], periods * np.array(even), periods * np.array(odd)
+    largest = np.full(len(table), math.inf)
+    return Responses(which, falling(table), *modes, largest, float(periods), False)
+
+
+def falling(table: FloatArray) -> FloatArray:
+    """With the coefficient of the highest power first."""
+    other = table.copy()
+    other[:, :-2] = table[:, -3::-1]
+    return other
+
+
+def bounds(table: FloatArray, basis: FloatArray) -> FloatArray:
+    """No less than the largest value of each response: harmonics beyond the second are too small
+    for a maximum to hide between the places of a basis."""
+    return np.asarray(1.01 * abs(table @ basis).max(axis=1))
 
 
 @lru_cache(maxsize=1)
-def _all_around() -> FloatArray:
+def _basis() -> FloatArray:
     return wave_basis(np.linspace(0.0, math.pi, 65))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from types import SimpleNamespace
 
 import mpmath as mp
 import numpy as np
@@ -17,16 +16,17 @@ from contbreather.breathers import (
     centre_margin,
     clearance,
     highest_neighbour,
+    margins,
     neighbour_peak,
     smallest_amplitude,
     symmetric,
     symmetric_roots,
 )
-from contbreather.breathers.clearance import Between, Gap
+from contbreather.breathers.clearance import Clearance
 from contbreather.breathers.orbit import orbit_at
-from contbreather.breathers.rivals import rivals
+from contbreather.breathers.other_contacts import other_contacts
 from contbreather.breathers.shooting import shooting
-from contbreather.breathers.watched import phase
+from contbreather.breathers.site_motion import phase
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples
 
@@ -256,9 +256,9 @@ def test_a_dip_between_the_last_of_the_grid_and_the_impact_is_found_at_its_botto
 # ------------------------------------------------------------------- besides a grazing crest
 
 
-def undone(rival: Gap, size: float) -> float:
+def undone(contact: Clearance, size: float) -> float:
     """The margin m of ``m/(|m| + size)``."""
-    return size * rival.margin / (1 - abs(rival.margin))
+    return size * contact.margin / (1 - abs(contact.margin))
 
 
 GRAZING = [Harmonic(), TWO, Fourier(cos={1: -1.0, 3: -0.15}, sin={3: 0.3, 5: 0.2})]
@@ -276,7 +276,7 @@ def test_besides_the_graze_of_site_0_the_least_of_its_own_flight_is_told(forcing
     s = s[abs(s - dip) > 1e-2]
     room = (s + k) * s * (math.pi - s) * (s - dip) ** 2
     ratio = (1 - b.displacement(0, b.phi + s) ** 2) / room
-    own = rivals(b.watch, 0, t)[0]
+    own = other_contacts(b.watch, 0, t)[0]
     assert own.site == 0
     assert undone(own, b.p) == pytest.approx(float(ratio.min()), rel=1e-3)
     # both a dip and the very end, where it falls off, may be the least
@@ -294,7 +294,7 @@ def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(
     wall = math.copysign(1.0, float(b.displacement(site, t)))
     s = np.linspace(1e-2, 2 * math.pi - 1e-2, 100001)
     ratio = (1 - wall * b.displacement(site, t + s)) / (1 - np.cos(s))
-    own = rivals(b.watch, site, t)[0]
+    own = other_contacts(b.watch, site, t)[0]
     assert own.site == site
     assert undone(own, b.p * gamma**site) == pytest.approx(float(ratio.min()), rel=1e-5)
     apart = (own.time - t - float(s[ratio.argmin()]) + math.pi) % (2 * math.pi) - math.pi
@@ -307,7 +307,7 @@ def test_where_a_flat_crest_grazes_the_least_besides_is_its_own_curvature(gamma)
     forcing, site, h = Fourier.from_response(cos={1: 1.0, 3: -0.1}), 2, 1e-4
     b, t = touching(site, gamma, 1.0, 0.3, forcing=forcing)
     bend = float(b.velocity(site, t + h) - b.velocity(site, t - h)) / (2 * h)
-    own = rivals(b.watch, site, t)[0]
+    own = other_contacts(b.watch, site, t)[0]
     assert 0.05 < abs(bend) < 0.2
     assert undone(own, b.p * gamma**site) == pytest.approx(abs(bend), rel=1e-5)
     assert abs(own.time - t) % (2 * math.pi) < 1e-3
@@ -318,18 +318,18 @@ def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_m
     b = upper(0.6, 0.1, 0.8)
     verdict = b.admissibility()
     t = neighbour_peak(b, 1)[0] if site else verdict.places["centre"][1]
-    found = {rival.site: rival for rival in rivals(b.watch, site, t)[1:]}
+    found = {contact.site: contact for contact in other_contacts(b.watch, site, t)[1:]}
     assert site not in found
-    for n, rival in found.items():
+    for n, contact in found.items():
         margin = 1 - neighbour_peak(b, n)[1] if n else verdict.centre
-        assert undone(rival, b.p * b.gamma ** min(n, site)) == pytest.approx(margin, rel=1e-12)
+        assert undone(contact, b.p * b.gamma ** min(n, site)) == pytest.approx(margin, rel=1e-12)
     assert set(found) >= {1 - site}
 
 
 def test_without_coupling_no_neighbour_is_told_from_a_graze_by_rounding() -> None:
     b = upper(0.9, 0.0, 0.8)
     t, _ = neighbour_peak(b, 1)
-    own, centre = rivals(b.watch, 1, t)
+    own, centre = other_contacts(b.watch, 1, t)
     assert (own.margin, own.site) == (1.0, 1)
     assert centre.site == 0
     assert undone(centre, b.p) == pytest.approx(centre_margin(b), rel=1e-12)
@@ -408,10 +408,10 @@ def test_the_impacting_site_has_no_peak_to_ask_for(n):
 
 def test_repr_is_one_line_with_the_verdict_and_what_is_closest() -> None:
     good, bad = upper(0.5, 0.04, 0.8).admissibility(), upper(0.95, 0.1, 0.8).admissibility()
-    for margins, word in ((good, "ok"), (bad, "not ok")):
-        shown = repr(margins)
-        assert shown.startswith(f"<Admissibility {word}, margin {margins.margin:.6g}: ")
-        assert margins.reason.rstrip(".") in shown
+    for verdict, word in ((good, "ok"), (bad, "not ok")):
+        shown = repr(verdict)
+        assert shown.startswith(f"<Admissibility {word}, margin {verdict.margin:.6g}: ")
+        assert verdict.reason.rstrip(".") in shown
         assert "\n" not in shown
 
 
@@ -427,9 +427,9 @@ def test_the_phase_of_a_single_time_is_that_of_an_array_in_any_flight() -> None:
 def test_a_rule_that_is_broken_is_the_one_of_whoever_breaks_it() -> None:
     watch = upper(0.5, 0.04, 0.8).watch
     for gap, rule in (
-        (Gap(-0.05, None, 0.0), "|a f| <= 1"),
-        (Gap(-0.05, 1, 0.0), "(15)"),
-        (Gap(-0.05, 0, watch.start + 1.0, 0), "(B3)"),
+        (Clearance(-0.05, None, 0.0), "|a f| <= 1"),
+        (Clearance(-0.05, 1, 0.0), "(15)"),
+        (Clearance(-0.05, 0, watch.start + 1.0, 0), "(B3)"),
     ):
         said = clearance._reason(watch, gap)
         assert said.startswith("no breather: ")
@@ -440,44 +440,8 @@ def test_a_rule_that_is_broken_is_the_one_of_whoever_breaks_it() -> None:
             assert clearance._reason(watch, gap._replace(margin=margin)).startswith(
                 "at the limit: "
             )
-    far = clearance._reason(watch, Gap(-0.05, None, 0.0))
+    far = clearance._reason(watch, Clearance(-0.05, None, 0.0))
     assert "the far field follows the forcing and reaches |u| = 1.05;" in far
-
-
-class Moving:
-    """A site in motion over a section, and what `clearance` asks of it."""
-
-    sign, start, length, k = 1, 0.0, 2.0 * math.pi, 0.5
-
-    def __init__(self, motion) -> None:
-        self.motion = motion
-
-    def at(self, site, t):
-        return self.motion(t)
-
-    def walls(self, site):
-        return (-1.0, 1.0)
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize("sharp", [5.0, 20.0])
-def test_a_crest_is_climbed_even_where_newton_s_step_leads_far_away(side, sharp) -> None:
-    """``log cosh`` is all but straight away from its crest."""
-
-    def peak(t):
-        x = sharp * (t - 0.3)
-        u = 0.9 - (abs(x) + math.log1p(math.exp(-2 * abs(x))) - math.log(2.0)) / sharp
-        return side * u, -side * math.tanh(x), -side * sharp / math.cosh(x) ** 2
-
-    for start in np.linspace(0.12, 0.48, 13).tolist():
-        gap = clearance._crest(Moving(peak), 4, (-1.0, 1.0), start, 0.2)
-        assert gap == Gap(pytest.approx(0.1, abs=1e-14), 4, pytest.approx(0.3, abs=1e-7))
-
-
-def test_impacts_of_one_site_that_have_changed_places_have_a_margin_below_zero() -> None:
-    lost = [Between(3, 1.0, 1.0 - late, -late, 0.4, 0.3, 0.2) for late in (0.0, 0.1)]
-    moving = SimpleNamespace(flights=lost, k=0.5, highest=1)
-    assert list(clearance.gaps_of_flights(moving)) == [Gap(0.0, 3, 1.0, 0), Gap(-0.1, 3, 0.9, 1)]
 
 
 @pytest.mark.parametrize("wall", [1, -1])
@@ -488,24 +452,23 @@ def test_an_orbit_upside_down_keeps_off_its_one_wall_as_well(wall: int) -> None:
     orbit = orbit_at(shooting({"t1": start}, sequence=[(0, wall)], walls={0: pair}, **on))
     s = np.linspace(0, orbit.period, 4001)[1:-1]
     room = 0.58 - wall * orbit.displacement(0, orbit.times[0] + s)
-    ratio = room / clearance.denominator(0.5, orbit.period, s)
+    ratio = room / ((s + 0.5) * s * (orbit.period - s))
     scale = 0.25 * orbit.period**2 * (0.5 * orbit.period + 0.5)
     ends = abs(orbit.incoming[0]) / orbit.period / np.array([1.0, orbit.period + 0.5])
-    margins = orbit.admissibility()
-    assert margins.margin == pytest.approx(scale * min(ratio.min(), *ends), abs=1e-6)
-    (own,) = orbit.watch.flights
+    assert orbit.admissibility().margin == pytest.approx(scale * min(ratio.min(), *ends), abs=1e-6)
+    q = margins.Quotient(0, orbit.times[0], *orbit.walls.at(0), orbit.period)
     for t in (0.4, 2.0, 5.5):  # the ratio's own slopes, by differences
         h = 1e-5
-        of = [clearance.flown(orbit.watch, own, clearance.Room(*orbit.walls.at(0)), t + d)
+        of = [margins.terms(q, 0.5, t + d, *orbit.watch.at(0, q.origin + t + d))
               for d in (-h, 0.0, h)]  # fmt: skip
-        for before, here, after in zip(*of, strict=True):
-            assert here[1] == pytest.approx((after[0] - before[0]) / (2 * h), abs=1e-6)
-            assert here[2] == pytest.approx((after[1] - before[1]) / (2 * h), abs=1e-6)
+        before, here, after = np.array(of).reshape(3, 2, 3)
+        assert here[:, 1] == pytest.approx((after[:, 0] - before[:, 0]) / (2 * h), abs=1e-6)
+        assert here[:, 2] == pytest.approx((after[:, 1] - before[:, 1]) / (2 * h), abs=1e-6)
 
 
 def test_a_dip_half_a_period_later_is_the_same_dip() -> None:
     b = upper(0.6, 0.1, 0.8)
     t = b.admissibility().places["centre"][1]
-    first, later = (rivals(b.watch, 0, t + half * math.pi) for half in (0, 1))
+    first, later = (other_contacts(b.watch, 0, t + half * math.pi) for half in (0, 1))
     assert [gap.site for gap in later] == [gap.site for gap in first]
     assert [gap.margin for gap in later] == pytest.approx([gap.margin for gap in first], abs=1e-12)

@@ -17,7 +17,7 @@ import contbreather as cb
 from contbreather.breathers import pitchfork
 from contbreather.breathers.arms import asymmetric
 from contbreather.breathers.orbit import orbit_of
-from contbreather.breathers.rivals import rivals
+from contbreather.breathers.other_contacts import other_contacts
 from contbreather.breathers.section import Section
 from contbreather.breathers.shooting import shooting
 from contbreather.breathers.wave_road import impact_problem
@@ -215,8 +215,8 @@ def test_beside_the_crest_that_grazes_all_others_are_watched() -> None:
         ]
         grazing = max(height for _, height in crests(orbit, 1))
         assert grazing == pytest.approx(1.0, abs=1e-6)
-        own, *others = rivals(orbit.watch, 1, point["t"])
-        size = orbit.watch.felt(1)  # a margin m of those that vanish together is m/(m + size)
+        own, *others = other_contacts(orbit.watch, 1, point["t"])
+        size = orbit.watch.influence(1)  # a margin m of those that vanish together is m/(m + size)
         margins = [size * gap.margin / (1.0 - gap.margin) for gap in others if gap.flight < 0]
         assert min(margins) == pytest.approx(1.0 - max(heights), rel=1e-4)
         least = min(gap.margin for gap in (own, *others))

@@ -81,7 +81,7 @@ def test_the_highest_idle_site_is_found_among_all():
 def test_a_ring_in_resonance_looks_at_every_site():
     impacts = [(0, 1, 0.0, -1.0), (0, -1, 3.0, 0.8), (0, 1, 6.5, -0.7), (0, -1, 9.0, 0.9)]
     orbit = orbit_from(impacts, turns=2, gamma=0.2, lattice=Ring(30))
-    assert orbit.watch.idle.size == 29
+    assert len(orbit.watch.idle) == 15  # of two alike one
     assert highest_neighbour(orbit)[2] == pytest.approx(brute(orbit), abs=1e-4)
 
 

@@ -19,7 +19,6 @@ from scipy.optimize import brentq
 import contbreather as cb
 from contbreather.breathers import centre_margin
 from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.clearance import _limits
 from contbreather.breathers.images import images_of, simpler_than
 from contbreather.breathers.lifts import lift
 from contbreather.breathers.modal_flight import ModalFlight
@@ -739,16 +738,6 @@ def test_margins_are_those_of_the_symmetric_breather() -> None:
             assert ours.neighbours == pytest.approx(theirs.neighbours, abs=1e-11)
             assert ours.centre == pytest.approx(theirs.centre, abs=1e-9)
             assert ours.ok == theirs.ok
-
-
-def test_ends_of_a_flight_are_limits_of_its_ratio() -> None:
-    for orbit in (tilted(), in_phase()):
-        for own in orbit.watch.flights:
-            s = np.array([1e-6, own.length - 1e-6])
-            u = orbit.displacement(own.site, own.start + s)
-            ratio = (1 - u * u) / ((s + orbit.k) * s * (own.length - s))
-            wanted = [at for at, _ in _limits(orbit.k, own, 2.0)]
-            assert ratio == pytest.approx(wanted, rel=1e-5)
 
 
 def test_inadmissible_orbit_says_which_site_and_when() -> None:

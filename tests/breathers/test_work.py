@@ -12,10 +12,10 @@ import pytest
 
 import contbreather as cb
 from contbreather import kernels
-from contbreather.breathers import clearance_loops
+from contbreather.breathers import margins
 from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.breathers.grazing import solution_at
-from contbreather.breathers.rivals import rivals_data
+from contbreather.breathers.other_contacts import other_contacts
 from contbreather.continuation import Steps, strider
 from contbreather.continuation.curve import Curve
 from contbreather.stability import half_period
@@ -93,13 +93,11 @@ def test_a_kink_that_stays_clear_of_zero_is_left_early(floor: float, most: int) 
     assert len(looks) <= most  # 36 to find out where it is least to six digits
 
 
-def test_sites_that_cannot_be_the_next_to_graze_are_passed_by(counted) -> None:
+def test_sites_that_cannot_be_the_next_to_graze_are_passed_by(counted, monkeypatch) -> None:
     found = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a", within={"a": (0.3, 1)}).first("GR")
-    orbit, filled = solution_at(found), counted(clearance_loops, "fill")
-    packed = orbit.watch.packed()
-    data = rivals_data(orbit.watch, packed, 1, found.detail["t"], mirrored=False).tolist()
-    grid, out = [0.0] * packed.points, [0.0] * packed.own
-    clearance_loops.rivals(data, packed.table.ravel().tolist(), grid, out)
+    orbit, filled = solution_at(found), counted(margins, "fill")
+    monkeypatch.setattr(kernels.Kernel, "code", lambda kernel: None)
+    other_contacts(orbit.watch, 1, found.detail["t"])
     assert filled["fill"] <= 4  # of thirteen
 
 

@@ -13,12 +13,14 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.periodic import (
     check_coupling,
     is_resonant,
+    responses,
     sinc,
     wave,
     wave_basis,
     wave_slope,
     wave_table,
 )
+from contbreather.lattice.responses import MEETINGS
 from tests.lattice.by_hand import ring_mean
 
 CHAIN = InfiniteChain()
@@ -181,3 +183,28 @@ def test_infinite_chain_refuses_a_period_whose_harmonic_it_radiates():
 def test_periods_are_whole_numbers(periods):
     with pytest.raises(BadInput, match="whole number of forcing periods"):
         check_coupling(CHAIN, 0.1, periods)
+
+
+@pytest.mark.parametrize("slope", [False, True])
+@pytest.mark.parametrize(
+    ("lattice", "gamma", "sites", "periods"),
+    [
+        (CHAIN, 0.05, (0, 0), 1),
+        (CHAIN, 0.05, (0, 3, 0, 3), 2),
+        (Ring(7), 0.12, (0, 2, 5), 1),
+        (Ring(10), 0.1, (0, 3, 0), 2),  # mode by mode
+    ],
+)
+def test_what_impacts_do_to_each_other_is_told_by_kernels_alike(
+    lattice, gamma, sites, periods, slope
+):
+    assert is_resonant(lattice, gamma, periods) == (lattice == Ring(10))
+    times = np.array([0.1, 0.1, 7.0, 11.4][: len(sites)])
+    found = np.empty((4, len(sites), len(sites)))
+    MEETINGS(responses(lattice, gamma, sites, sites, periods, slope=slope), times, found)
+    of = wave_slope if slope else wave
+    for i, j in np.ndindex(len(sites), len(sites)):
+        one = of(lattice, gamma, lattice.distance(sites[i] - sites[j]), periods)
+        wanted = np.array(one.at(float(abs(times[i] - times[j]))))
+        wanted[1::2] *= (i != j) * (1.0 if i > j else -1.0)
+        assert found[:, i, j] == pytest.approx(wanted, rel=1e-12, abs=1e-13)

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from contbreather.breathers import clearance, clearance_loops, pair_loops, rivals
+from contbreather.breathers import pair_loops
 from contbreather.kernels import Kernel
-from contbreather.lattice import green, periodic, wave_loops
+from contbreather.lattice import green
 from contbreather.stability import aliases, arc, band_pairs
 from contbreather.stability.characteristic import D
 from contbreather.stability.half_period import HalfMap
@@ -25,7 +25,6 @@ PLACES += [(0.0969, 0.8), (0.09514, 0.8), (0.0951, 0.8), (1e-6, 0.9), (0.2499, 0
 def test_both_forms_share_their_constants() -> None:
     shared = {
         band_pairs: {aliases: "EXACT ORDERS POWERS"},
-        clearance_loops: {clearance: "CLOSE", rivals: "BESIDE ALIKE TELLING MIRRORED"},
         pair_loops: {green: "POWERS"},
     }
     for loops, others in shared.items():
@@ -33,7 +32,6 @@ def test_both_forms_share_their_constants() -> None:
             for name in names.split():
                 assert getattr(loops, name) == getattr(other, name), (loops.__name__, name)
     assert pair_loops.TERMS == green.TERMS + 1
-    assert clearance_loops.EVEN == wave_loops.EVEN == periodic.POWERS
 
 
 @pytest.mark.parametrize("spring", [0.0, 0.3])
