@@ -124,6 +124,8 @@ def _form(point: Point) -> PitchforkForm:
             f"{orbit!r} is no pitchfork: the least singular value of its equations is "
             f"{sizes[-1]:.2g}, not 0."
         )
+    if sizes.size > 1 and sizes[-2] <= _SINGULAR * sizes[0]:
+        raise Undefined("a second multiplier is 1, as of idle sites without coupling")
     shifts = right[-1][_slots(curve, 1)] - right[-1][_slots(curve, 0)]
     # so that s is the asymmetry
     v, w = right[-1] / shifts[abs(shifts).argmax()], left[:, -1]

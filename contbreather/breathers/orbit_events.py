@@ -55,6 +55,7 @@ DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it 
 BLURRED = 1e-4  # of rounding in a multiplier: neither a sign nor a count is to be had from it
 _ZERO = 1e-8  # the scalar of a real multiplier where that is located, relative to its terms
 _ALL_BUT = 1.0 - 1e-15
+_NEARLY = 1.0 - 1e-9  # what is on the circle at 1 is inside by more than rounding
 
 # As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, on an
 # arm to its pitchfork like sqrt(1 - k): within rounding of that the curve cannot be followed.
@@ -218,7 +219,9 @@ class _Pair:
     def _on_chain(self, map: Any, point: Point) -> tuple[float, int]:
         # along a curve in k elastic impacts are the limit of those before: what is neutral only
         # there is no event
-        if "k" in point.curve.varied and _is_elastic(map):
+        if map.k == 1.0 and isinstance(map, OrbitMap):
+            map = replace(map, k=_NEARLY)  # on the circle itself a side is rounding
+        elif "k" in point.curve.varied and _is_elastic(map):
             map = replace(map, k=_ALL_BUT)
         found: tuple[float, int] = map.pairs()
         return found
