@@ -20,8 +20,7 @@ from contbreather.errors import BadInput
 from contbreather.plotting import new_figure, plot, plot_multipliers, plot_zones, save_figure
 from contbreather.plotting.canvas import MARKERS, MEETING, PAGE, marker, size
 from contbreather.plotting.labels import Labels
-
-searched = sys.modules[zones.__module__]
+from contbreather.stability.half_period import HalfMap
 
 
 @pytest.fixture(scope="module")
@@ -336,7 +335,7 @@ def test_count_at_a_place(diagram: Zones, gamma: float, a: float, count: int | N
 def test_letters_follow_the_count_and_not_the_side_of_a_curve(
     diagram: Zones, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(searched, "unstable", lambda *_: 0)
+    monkeypatch.setattr(HalfMap, "unstable", lambda *_: 0)
     assert {region.verdict for region in replace(diagram).regions} == {"S", ""}
 
 
@@ -344,7 +343,7 @@ def test_region_whose_points_disagree_gets_no_letter(
     diagram: Zones, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flips = itertools.cycle([0, 1])
-    monkeypatch.setattr(searched, "unstable", lambda *_: next(flips))
+    monkeypatch.setattr(HalfMap, "unstable", lambda *_: next(flips))
     assert {region.verdict for region in replace(diagram).regions} == {""}
 
 

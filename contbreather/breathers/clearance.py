@@ -105,7 +105,7 @@ def measure(
     *,
     ceiling: float = math.inf,
     touching: int | None = None,
-    time: float = 0.0,
+    time: float = math.nan,
 ) -> Measured:
     """All margins that `margins` is asked for."""
     motion, sites = orbit.of(idle, near, touching)
@@ -132,12 +132,13 @@ def clearance(orbit: SiteMotion) -> Admissibility:
     idle = of_idle(orbit, measured)
     neighbours = least(idle) if idle else _nobody(orbit)
     places = {"neighbours": neighbours, "centre": centre, "far": far}
-    worst = min(places.values(), key=lambda least: least.margin)
+    worst = least([centre, neighbours, far])  # an impact that vanishes before what comes with it
+    margin = min(place.margin for place in places.values())
     heights = [_height(orbit, near) for near in idle if near.site in orbit.beside]
     return Admissibility(
-        ok=worst.margin > 0.0,
+        ok=margin > 0.0,
         max_neighbour=max(heights, default=0.0),
-        margin=worst.margin,
+        margin=margin,
         reason=_reason(orbit, worst),
         site=worst.site,
         time=worst.time,

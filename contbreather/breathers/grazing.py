@@ -49,7 +49,7 @@ class Crest:
     """Of the site, unless it is that on which its clearance is measured."""
     loops: Callable[[float, Loops, int], Loops | None] | None = None
     """The equations of an orbit with a contact at a wall, as functions that can be compiled."""
-    ends: tuple[Event, ...] = ()
+    further: tuple[Event, ...] = ()
     """What else ends its curve besides another contact."""
     scale: Callable[[Point], float] | None = None
     """What margins of other contacts are divided by, where they vanish at such an end."""
@@ -100,7 +100,7 @@ def _follow(orbit: Orbit, site: int, t: float) -> Locus:
     place = min(orbit.walls.at(site), key=lambda wall: abs(there - wall))
     crest = orbit.road.crest(site)
     other = _Rival(site, _is_mirrored(orbit, site, t), crest.scale)
-    return crest.locus(place, t, events=(*crest.ends, other.event()), meets=crest.meets)
+    return crest.locus(place, t, events=(*crest.further, other.event()), meets=crest.meets)
 
 
 @lru_cache(maxsize=4)

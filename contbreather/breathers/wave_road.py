@@ -300,7 +300,7 @@ def _crest(orbit: Orbit, site: int) -> Crest:
     pitchfork = meeting("GR", pitchfork_of_arms())
     end = replace(pitchfork, test=partial(_towards, side), ends="domain")
     scale = partial(_while_asymmetric, side)
-    return replace(followed, ends=(end,), scale=scale, meets={"PF": ()})
+    return replace(followed, further=(end,), scale=scale, meets={"PF": ()})
 
 
 def _motion(site: int, share: FloatArray, orbit: Orbit, t: float) -> Terms:
