@@ -113,6 +113,17 @@ class Sheet:
             table.add_row(*row)
         return table
 
+    def __str__(self) -> str:
+        from rich.console import Console
+
+        console = Console()
+        with console.capture() as drawn:
+            console.print(self)
+        return drawn.get().rstrip()
+
+    def _repr_html_(self) -> str:
+        return self.html()
+
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         yield self.table(width=options.max_width)
 

@@ -341,3 +341,12 @@ def test_progress_is_shown_before_the_first_item_is_done(monkeypatch, capsys) ->
     with progress.Bar(False, 7, "rows"):
         pass
     assert capsys.readouterr().err == ""
+
+
+def test_a_table_is_one_wherever_it_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    branch = cb.trace(cb.symmetric(0.6, 0.04, 0.8), "a", within={"a": (0.5, 0.8)})
+    print(branch.table())
+    out = capsys.readouterr().out
+    assert "PF1" in out
+    assert "Column(" not in out
+    assert branch.table()._repr_html_().startswith("<table>")

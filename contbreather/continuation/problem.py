@@ -12,6 +12,7 @@ import numpy as np
 
 from ..checks import check_kind, kind_of, number, numbers, real
 from ..errors import BadInput, NotConverged
+from ..storage.serialise import check_serialised
 from .curve import Curve, Params
 from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, approach, newton, rounding
 from .sparse import Matrix, Pattern
@@ -74,7 +75,8 @@ class Problem:
         `sensitivity`: in `x` and the named parameters.
     serialised : dict, optional
         What the equations are made of, where a file can say it and make them again: their ``kind``,
-        known to `contbreather.storage`, and the values that its reader takes.
+        entered by `contbreather.storage.serialise.serialised`, and the values that its reader takes
+        by name, besides ``start`` and ``params``.
     sparsity : array_like or scipy.sparse array, shape (n, n), optional
         Which entries of the derivative in `x` may differ from zero, in place of `jacobian`: large
         problems are then differentiated with as few residuals as that allows, and solved as with a
@@ -139,6 +141,7 @@ class Problem:
             given = getattr(self, what)
             if not isinstance(given, Mapping):
                 raise BadInput(f"{what} must be a dict of names and values, got {given!r}")
+        check_serialised(self.serialised)
         for what in ("residual", "jacobian", "sensitivity"):
             function = getattr(self, what)
             if not (callable(function) or (function is None and what != "residual")):

@@ -35,9 +35,10 @@ class InfiniteChain(Lattice):
     spring: float = 0.0  # to the ground, at every site
 
     def __post_init__(self) -> None:
-        wanted = "0 <= spring < 1, a band below the drive (above that take a ring of 40 sites)"
+        wanted = "at least 0 and below 1, where the band reaches the drive (above that take a ring)"
         spring = number("spring", self.spring, 0.0, 1.0, wanted)
         check_gamma(0.0, spring)
+        object.__setattr__(self, "spring", spring)
         object.__setattr__(self, "_expansions", means(None, spring))
         object.__setattr__(self, "_limit", 0.25 * (1.0 - spring))
 

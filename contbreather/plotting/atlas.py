@@ -76,6 +76,9 @@ def plot_atlas(
     """
     plane = _words(atlas, "plane")
     over = over or _only(atlas, at or {})
+    if over not in atlas.variables:
+        fixed = ", ".join(_words(atlas, "fixed"))
+        raise BadInput(f"over = {over!r}: this atlas has no values of it, but of {fixed}.")
     lines = _lines(atlas, (plane[0], over, plane[1]), at or {}, kinds)
     if not any(lines.values()):
         raise BadInput(f"this atlas has no curves of {', '.join(kinds)} at {dict(at or {})}")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
+import contbreather as cb
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.green import flight
 from contbreather.stability import (
@@ -186,3 +188,10 @@ def test_no_spring_is_the_limit_of_a_weak_one() -> None:
         assert counts[0] == counts[1]
     nu = np.array([0.3 - 0.2j, 0.8 - 0.01j])
     assert D(0.1, nu, 0.8, 0.4, weak) == pytest.approx(D(0.1, nu, 0.8, 0.4), abs=1e-6)
+
+
+@pytest.mark.parametrize("spring", [np.array(0.1), np.float64(0.1), Fraction(1, 10)])
+def test_a_spring_is_whatever_is_a_number(spring) -> None:
+    on = {"a": 0.5, "gamma": 0.05, "k": 0.8}
+    assert cb.symmetric(**on, spring=spring).p == cb.symmetric(**on, spring=0.1).p
+    assert cb.symmetric(**on, spring=spring).stability().stable

@@ -95,3 +95,9 @@ def test_a_dict_that_no_reader_takes_is_refused(content, sentence: str) -> None:
 def test_a_parameter_may_be_called_kind() -> None:
     forcing = cb.Symbolic("-cos(t) - kind*cos(3*t)", kind=0.1)
     assert from_dict(to_dict(forcing)) == forcing
+
+
+@pytest.mark.parametrize("content", [{}, {"r": 1}, {"kind": 3}, "mine"])
+def test_what_no_file_could_read_is_refused_where_it_is_given(content) -> None:
+    with pytest.raises(cb.BadInput, match="a dict with a 'kind'"):
+        cb.Problem(lambda x, p: x - p["m"], {"x": 0.0}, {"m": 0.0}, serialised=content)
