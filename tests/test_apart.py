@@ -58,7 +58,7 @@ def what_pytest_says(folder: Path, text: str, *options: str) -> str:
         shutil.copy(HERE / name, folder / "tests")
     (folder / "pytest.ini").write_text("[pytest]\naddopts = --import-mode=importlib\n")
     (folder / "tests" / "test_these.py").write_text(text)
-    done = ended("-m", "pytest", "-q", "-rfEs", *options, cwd=folder)
+    done = ended("-m", "pytest", "-q", "-rfEs", "-p", "no:randomly", *options, cwd=folder)
     return done.stdout + done.stderr
 
 

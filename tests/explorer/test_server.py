@@ -10,6 +10,7 @@ import subprocess
 import sys
 from base64 import b64encode
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +30,18 @@ def port_of(url: str) -> int:
     return int(found[1])
 
 
-@pytest.fixture(scope="module")
-def served() -> Iterator[tuple[subprocess.Popen[str], str]]:
+@contextmanager
+def serving() -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The command itself, and where it says that it is."""
     with begun("-m", "contbreather", "explore", "--headless") as process:
         assert process.stdout is not None
         yield process, process.stdout.readline().split()[4]
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[tuple[subprocess.Popen[str], str]]:
+    with serving() as server:
+        yield server
 
 
 def answer(url: str, request: str) -> str:
@@ -73,10 +80,10 @@ def test_pages_from_elsewhere_may_not_talk_to_it(served: Any) -> None:
     assert answer(url, handshake(own)).split()[1] != "403"
 
 
-def test_ctrl_c_ends_it_with_130_and_one_line(served: Any) -> None:
-    process, _ = served
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate()
+def test_ctrl_c_ends_it_with_130_and_one_line() -> None:
+    with serving() as (process, _):
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate()
     assert process.returncode == 130
     assert errors.splitlines()[-1] == "contbreather: interrupted"
     assert "KeyboardInterrupt" not in errors
