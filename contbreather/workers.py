@@ -20,13 +20,13 @@ from concurrent.futures import (
     Executor,
     Future,
     ProcessPoolExecutor,
-    as_completed,
 )
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
 from multiprocessing import current_process, get_context
+from queue import SimpleQueue
 from typing import Any
 
 from .checks import whole
@@ -227,14 +227,18 @@ class _Work:
         `packed` by us, and then each fault is a sentence.
         """
         sent: dict[Future[Any], Sequence[int]] = {}
+        ended: SimpleQueue[Future[Any]] = SimpleQueue()
         try:
             for numbers in chunks:
                 items = [self.items[number] for number in numbers]
                 call = (_unpacked, _packed(self.work, items)) if packed else None
-                with suppress(BrokenExecutor):
-                    sent[pool.submit(*(call or (_several, self.work, items)))] = numbers
-            for future in as_completed(sent):
-                with _losing():
+                with suppress(BrokenExecutor), _unbroken():
+                    future = pool.submit(*(call or (_several, self.work, items)))
+                    sent[future] = numbers
+                    future.add_done_callback(ended.put)
+            for _ in range(len(sent)):
+                future = ended.get()
+                with _losing(), _unbroken():
                     self.results.update(zip(sent[future], future.result(), strict=True))
                 yield
         finally:
@@ -275,6 +279,12 @@ def _unpacked(packed: bytes) -> list[Any]:
     except (ImportError, AttributeError) as error:
         raise BadInput(UNKNOWN.format(error)) from error
     return _several(work, items)
+
+
+def _unbroken() -> AbstractContextManager[None]:
+    """What a signal raises while a future is locked leaves it locked, and its pool never ends: so
+    waiting is done by a queue, and whatever else is asked of futures waits for no signal."""
+    return deferred(signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager

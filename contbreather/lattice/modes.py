@@ -35,7 +35,7 @@ class InfiniteChain(Lattice):
     spring: float = 0.0  # to the ground, at every site
 
     def __post_init__(self) -> None:
-        wanted = "at least 0 and below 1, where the band reaches the drive (above that take a ring)"
+        wanted = "0 <= spring < 1, a band below the drive (above that take a ring of 40 sites)"
         spring = number("spring", self.spring, 0.0, 1.0, wanted)
         check_gamma(0.0, spring)
         object.__setattr__(self, "spring", spring)
