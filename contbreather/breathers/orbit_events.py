@@ -34,7 +34,7 @@ from contbreather.breathers.normal_form import bends
 from contbreather.breathers.on_circle import OnCircle
 from contbreather.breathers.orbit import Orbit, orbit_at
 from contbreather.breathers.problem import unstable_by
-from contbreather.breathers.section import Section
+from contbreather.breathers.section import WEAK, Section
 from contbreather.checks import check_kind, real, shown
 from contbreather.continuation import Event, Locus, Point, Problem, branch_point
 from contbreather.continuation.branch_points import bordered
@@ -50,7 +50,6 @@ from contbreather.stability.section_map import ModalMap
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.storage.serialise import serialised
 
-ADRIFT = 1e-6  # coupling below which idle sites cannot be told from free ones
 DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it is located
 BLURRED = 1e-4  # of rounding in a multiplier: neither a sign nor a count is to be had from it
 _ZERO = 1e-8  # the scalar of a real multiplier where that is located, relative to its terms
@@ -112,7 +111,7 @@ def _drifts(mu: float, orbit: Orbit) -> bool:
     """Whether idle sites, held by their neighbours alone, have this multiplier without coupling,
     wherever they are."""
     modal = mu > 0.0 and isinstance(orbit.map, ModalMap)
-    return modal and orbit.lattice.sites > 1 and orbit.spring < ADRIFT
+    return modal and orbit.lattice.sites > 1 and orbit.spring < WEAK
 
 
 def _beyond(mu: float, point: Point) -> float:
@@ -126,7 +125,7 @@ def _beyond(mu: float, point: Point) -> float:
 def _real_locus(mu: float, point: Point) -> Locus:
     orbit = solution_at(point)
     locus = orbit.road.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
-    return replace(locus, domain={"gamma": (ADRIFT, math.inf)}) if _drifts(mu, orbit) else locus
+    return replace(locus, domain={"gamma": (WEAK, math.inf)}) if _drifts(mu, orbit) else locus
 
 
 def _examine_real(mu: float, point: Point) -> Examined:

@@ -32,8 +32,8 @@ EPS = float(np.finfo(float).eps)
 LARGE = 90  # multipliers: of more, those next to a circle are found without all others
 BESIDE = 1e-6  # how far off the poles of free modes on the circle multipliers beyond are looked for
 _SHORT = 0.7  # of the longest: below that, not the one of several alike that comes first
-DRIFTS = 1e-10  # a squared frequency of no account
-ROUNDING = 1e-15
+DRIFTS = 1e-10  # squared frequency below which a mode only drifts over a section
+ROUNDING = 1e-15  # of |mu - exp(i w T)|^2, where that is zero
 DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
 
 

@@ -63,7 +63,7 @@ def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("orbit", ORBITS, ids=repr)
 def test_the_least_margin_is_the_least_of_those_that_are_told(orbit: Orbit) -> None:
     verdict = orbit.admissibility()
-    assert least_margin(orbit.watch) == pytest.approx(verdict.margin, abs=1.1e-13)
+    assert least_margin(orbit.watch) == pytest.approx(verdict.margin, abs=1e-13)
     assert verdict.margin == min(verdict.neighbours, verdict.centre, verdict.far)
 
 
